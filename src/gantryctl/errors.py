@@ -1,0 +1,65 @@
+"""The exception tree. Exceptions live at the edges; inside the scan there are alarm values instead.
+
+GantryctlError                 everything this package raises on purpose
+├── CriterionNotMet            a run finished and its criterion failed               exit code 1
+├── UsageError                 a command or argument that makes no sense             exit code 2
+│   ├── ConfigError            a machine file with wrong fields (all of them listed)  exit code 2
+│   └── CommandRefused         understood, but not possible in this state             exit code 2
+├── DeviceError                drive, encoder, state directory or file trouble       exit code 3
+│   └── StateError             retained memory or simulator state cannot be used     exit code 3
+└── AlarmStop                  the axis was stopped by an alarm                      exit code 4
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+class GantryctlError(Exception):
+    """Base of every error that a user may see; `exit_code` is what the command line returns."""
+
+    exit_code = 1
+
+
+class CriterionNotMet(GantryctlError):
+    """A measurement finished, and its result is outside the criterion."""
+
+    exit_code = 1
+
+
+class UsageError(GantryctlError):
+    """An argument that cannot be used; the message names the value, the limit, the unit and what to do."""
+
+    exit_code = 2
+
+
+class ConfigError(UsageError):
+    """A machine file that cannot be used.
+
+    Attributes:
+        problems: one finished line per wrong field ("file: key = value: allowed range, unit; hint").
+    """
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class CommandRefused(UsageError):
+    """A command that was understood and refused; nothing moved."""
+
+
+class DeviceError(GantryctlError):
+    """A drive, an instrument or a file that does not do what it must."""
+
+    exit_code = 3
+
+
+class StateError(DeviceError):
+    """Retained memory or simulator state that is missing, locked, damaged or of another machine."""
+
+
+class AlarmStop(GantryctlError):
+    """The axis was stopped by an alarm; the message is the alarm's text."""
+
+    exit_code = 4

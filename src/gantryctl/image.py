@@ -1,0 +1,145 @@
+"""What a scan sees and says.
+
+A scan is a function of the retained state and one frozen `InputImage`; it returns one whole `OutputImage` whose
+defaults are safe. All images are NamedTuples: cheap to build, impossible to change by accident.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+from typing import NamedTuple
+
+
+class DriveState(IntEnum):
+    """CiA 402 drive states. UNKNOWN is a state of its own and leads to a safe word."""
+
+    UNKNOWN = 0
+    NOT_READY_TO_SWITCH_ON = 1
+    SWITCH_ON_DISABLED = 2
+    READY_TO_SWITCH_ON = 3
+    SWITCHED_ON = 4
+    OPERATION_ENABLED = 5
+    QUICK_STOP_ACTIVE = 6
+    FAULT_REACTION_ACTIVE = 7
+    FAULT = 8
+
+
+class DriveRequest(IntEnum):
+    """What the program asks of the drive. The device walks the CiA 402 states; the program never sees a controlword."""
+
+    DISABLE = 0
+    """Torque off; a brake owned by the drive closes."""
+    ENABLE = 1
+    """Operation enabled, following `vel_cmd_rad_s`."""
+    QUICK_STOP = 2
+    """The drive's own ramp to zero at its quick-stop deceleration, then held at zero speed until DISABLE."""
+    FAULT_RESET = 3
+    """Clear a drive fault; never enables."""
+
+
+class EncoderFlag(IntFlag):
+    """Status of the encoder reading (EnDat style)."""
+
+    NONE = 0
+    CRC_ERROR = 1
+    ALARM = 2
+    WARNING = 4
+
+
+class DigitalInputs(NamedTuple):
+    """Hard-wired inputs. The safe state of every one is False."""
+
+    estop_ok: bool = True
+    enabling_switch: bool = True
+    limit_minus_ok: bool = True
+    limit_plus_ok: bool = True
+    mains_ready: bool = True
+
+
+class DriveFeedback(NamedTuple):
+    """What a drive reports once per scan. Motor side; the unit of position is the encoder's own fine count."""
+
+    state: DriveState
+    pos_act_counts: int
+    """Unwrapped count since the encoder's own zero; one count is `DriveIdentity.counts_per_turn` of a motor turn."""
+    vel_act_rad_s: float
+    torque_act_nm: float
+    brake_open: bool
+    """Brake feedback contact: True when the brake is open."""
+    torque_limited: bool
+    overload: float
+    """Part of the drive's I2t budget used, 0..1."""
+    encoder: EncoderFlag = EncoderFlag.NONE
+    error_code: int = 0
+    warning: bool = False
+    age_scans: int = 0
+    """Age of this reading in scans: 0 when it belongs to this scan."""
+    inputs: DigitalInputs = DigitalInputs()
+
+
+class DriveIdentity(NamedTuple):
+    """What is behind a drive port; read once, before the first scan."""
+
+    name: str
+    encoder_serial: str
+    counts_per_turn: int
+    """Fine counts per motor turn (2048 lines x 2048 for the simulated drive)."""
+    turns: int
+    """Multiturn range in motor turns; the absolute reading wraps after `turns` turns."""
+
+
+class Mode(IntEnum):
+    """Motion mode of `GantryProgram`. After a start the mode is NONE and nothing moves."""
+
+    NONE = 0
+    CONTINUOUS = 1
+    INCREMENTAL = 2
+
+
+class OperatorCommand(NamedTuple):
+    """What the operator wants now: levels, not events; the program finds the edges. Angles at the gantry."""
+
+    power: bool = False
+    mode: Mode = Mode.NONE
+    forward: bool = False
+    reverse: bool = False
+    speed_rad_s: float = 0.0
+    increment_rad: float = 0.0
+    move: bool = False
+    """A rising edge starts MoveAbsolute to `target_rad` (any mode, at standstill or aborting a move)."""
+    target_rad: float = 0.0
+    halt: bool = False
+    """Controlled stop on the normal ramp; the axis stays enabled."""
+    stop: bool = False
+    """Stop on the jog-release ramp, held in Stopping while TRUE."""
+    quick_stop: bool = False
+    reset: bool = False
+    override: float = 1.0
+    """Speed override 0..1."""
+    lease: int = 0
+    """Hold-to-run: any new value renews the 250 ms lease; an unchanged value lets it run out."""
+
+
+class InputImage(NamedTuple):
+    """Everything one scan may know."""
+
+    scan: int
+    time_s: float
+    """Nominal time of this scan: `scan * scan period`."""
+    drive: DriveFeedback
+    operator: OperatorCommand
+
+
+class OutputImage(NamedTuple):
+    """Everything one scan says to the drive. The defaults are safe: torque off, brake closed, no speed."""
+
+    request: DriveRequest = DriveRequest.DISABLE
+    vel_cmd_rad_s: float = 0.0
+    """Speed command, motor side."""
+    torque_ff_nm: float = 0.0
+    """Torque preload or feed-forward, motor side (CiA 402: 60B2)."""
+    brake_open: bool = False
+    """Brake release command; a drive that owns the brake may ignore it while not enabled."""
+
+
+SAFE_OUTPUT = OutputImage()

@@ -1,0 +1,110 @@
+"""The ports of the scan engine: what it needs from the world, and nothing concrete.
+
+Parameters are the nominal period and integers; no port reads a clock except `Clock`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
+
+from gantryctl.image import DriveFeedback, DriveIdentity, InputImage, OperatorCommand, OutputImage
+
+
+@runtime_checkable
+class Drive(Protocol):
+    """A servo drive with its motor, encoder, brake and hard-wired inputs.
+
+    One scan is `read()` then `write()`. A simulated drive advances its plant by one scan period inside `write()`;
+    a real one sends and returns at once.
+    """
+
+    def identity(self) -> DriveIdentity:
+        """What is connected; raises DeviceError when it cannot be read."""
+        ...
+
+    def read(self) -> DriveFeedback:
+        """The state at the beginning of this scan."""
+        ...
+
+    def write(self, output: OutputImage) -> None:
+        """The command of this scan."""
+        ...
+
+    def close(self) -> None:
+        """Leave the drive without torque and with the brake closed; may be called twice."""
+        ...
+
+
+@runtime_checkable
+class Truth(Protocol):
+    """What only a simulator knows (the load side). Never part of an input image: it goes to traces and instruments."""
+
+    truth_columns: tuple[str, ...]
+    """Column names as in the trace, e.g. pos_load_rad, vel_load_rad_s, pos_base_rad, torque_mesh_nm."""
+
+    def truth(self) -> tuple[float, ...]:
+        """The true state at the beginning of this scan, in the order of `truth_columns`."""
+        ...
+
+
+class Instrument(Protocol):
+    """What measures the angle of the load from outside the control loop: tracker, load-side encoder, a person."""
+
+    name: str
+    measures_load: bool
+    """False for motor-side readings, which get no accuracy verdict."""
+
+    def reading_rad(self, samples_rad: Sequence[float]) -> float:
+        """One reading, rad, from the true angles (mean first) of one dwell."""
+        ...
+
+
+class Operator(Protocol):
+    """Where commands come from: a command line, a script, the gateway."""
+
+    def poll(self, time_s: float) -> OperatorCommand:
+        """The command levels valid at this scan."""
+        ...
+
+
+class Program(Protocol):
+    """A PLC program: one call per scan, a pure function of its retained state and the image."""
+
+    trace_columns: tuple[str, ...]
+
+    def scan(self, image: InputImage) -> OutputImage:
+        """One scan."""
+        ...
+
+    def trace_row(self) -> tuple[float, ...]:
+        """The values of the last scan, in the order of `trace_columns`."""
+        ...
+
+
+class Clock(Protocol):
+    """Paces the scans: virtual (returns at once) or real (absolute deadlines)."""
+
+    def start(self) -> None:
+        """Time zero of the first scan."""
+        ...
+
+    def wait_for(self, scan: int) -> float:
+        """Wait until the start of `scan`; the lateness in seconds (0 for virtual time)."""
+        ...
+
+    def elapsed_s(self) -> float:
+        """Seconds since the start of the present scan; 0 in virtual time."""
+        ...
+
+
+class Recorder(Protocol):
+    """Takes one row per scan."""
+
+    def record(self, row: tuple[float, ...]) -> None:
+        """Append one row (columns fixed at construction)."""
+        ...
+
+    def close(self) -> None:
+        """Finish the recording; may be called twice."""
+        ...

@@ -1,0 +1,31 @@
+"""The only place that converts units: radians and SI inside, degrees at the edge."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+RAD_PER_DEG: Final = math.pi / 180.0
+DEG_PER_RAD: Final = 180.0 / math.pi
+RAD_S_PER_R_MIN: Final = 2.0 * math.pi / 60.0
+DEG_S_PER_R_MIN: Final = 6.0
+
+
+def rad(angle_deg: float) -> float:
+    """Degrees to radians (also deg/s, deg/s2, deg/s3)."""
+    return angle_deg * RAD_PER_DEG
+
+
+def deg(angle_rad: float) -> float:
+    """Radians to degrees (also rad/s, rad/s2, rad/s3)."""
+    return angle_rad * DEG_PER_RAD
+
+
+def rad_s_from_r_min(speed_r_min: float) -> float:
+    """Revolutions per minute to rad/s."""
+    return speed_r_min * RAD_S_PER_R_MIN
+
+
+def r_min_from_rad_s(speed_rad_s: float) -> float:
+    """Rad/s to revolutions per minute."""
+    return speed_rad_s / RAD_S_PER_R_MIN
