@@ -1,0 +1,90 @@
+# Daily commands; CONTRIBUTING.md says when to use which.  PYTHON=python3.12 make setup  picks another interpreter.
+PYTHON ?= python3
+CLANG_FILES = $(shell find core benchmarks -name '*.hpp' -o -name '*.cpp')
+CORE_FILES := $(shell find core -name '*.hpp' -o -name '*.cpp') CMakeLists.txt pyproject.toml
+PIP_INSTALL := .venv/bin/python -m pip --disable-pip-version-check install --quiet
+LOCK := uv pip compile --quiet --upgrade --generate-hashes --no-header --no-annotate --no-emit-index-url --universal \
+        --python-version 3.11
+export PATH := $(CURDIR)/.venv/bin:$(PATH)
+
+.NOTPARALLEL:
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core format lock wheel clean
+help:
+	@echo "make demo       the accuracy test on the virtual gantry, with a report"
+	@echo "make test       lint, types, layers, the core's tests, the Python tests: what CI runs"
+	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  format  lock  wheel  clean"
+
+# --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
+.venv/run.stamp: requirements/run.txt requirements/build.txt
+	@test -x .venv/bin/python || { echo "creating .venv"; $(PYTHON) -m venv .venv; }
+	@echo "installing what the program needs"
+	@$(PIP_INSTALL) --require-hashes -r requirements/run.txt -r requirements/build.txt
+	@touch $@
+
+.venv/dev.stamp: .venv/run.stamp requirements/dev.txt
+	@echo "installing what the tests need"
+	@$(PIP_INSTALL) --require-hashes -r requirements/dev.txt
+	@touch $@
+
+.venv/core.stamp: .venv/run.stamp $(CORE_FILES)
+	@echo "building the core"
+	@$(PIP_INSTALL) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+core: .venv/core.stamp
+setup: .venv/dev.stamp .venv/core.stamp
+
+# --- use --------------------------------------------------------------------------------------------------------------
+demo: core
+	.venv/bin/gantryctl accuracy run --ensemble 8 --out demo_report --fresh
+
+# --- checks -----------------------------------------------------------------------------------------------------------
+test: setup lint types layers test-core pytest
+
+pytest: setup
+	.venv/bin/python -m pytest -n 2
+
+test-slow: setup
+	.venv/bin/python -m pytest -m slow
+
+lint: .venv/dev.stamp
+	.venv/bin/ruff check
+	.venv/bin/ruff format --check
+	.venv/bin/clang-format --dry-run --Werror $(CLANG_FILES)
+	.venv/bin/python tools/check_core_layers.py
+
+types: setup
+	.venv/bin/mypy
+
+layers: setup
+	.venv/bin/lint-imports --no-cache
+
+# The core's own tests: once as shipped, once with the address and undefined-behaviour sanitizers (optimised little,
+# assertions on).
+test-core: .venv/dev.stamp
+	cmake -S . -B build/core-tests -G Ninja -DGANTRYCTL_PYTHON=OFF -DGANTRYCTL_CORE_TESTS=ON --log-level=WARNING
+	cmake --build build/core-tests
+	ctest --test-dir build/core-tests --output-on-failure --no-tests=error
+	cmake -S . -B build/core-tests-sanitized -G Ninja -DGANTRYCTL_PYTHON=OFF -DGANTRYCTL_CORE_TESTS=ON \
+	    -DGANTRYCTL_SANITIZE=address,undefined -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g" --log-level=WARNING
+	cmake --build build/core-tests-sanitized
+	ctest --test-dir build/core-tests-sanitized --output-on-failure --no-tests=error
+
+# --- upkeep -----------------------------------------------------------------------------------------------------------
+format: .venv/dev.stamp
+	.venv/bin/ruff check --fix-only --quiet
+	.venv/bin/ruff format
+	.venv/bin/clang-format -i $(CLANG_FILES)
+
+# Needs `uv` on the path (`pip install uv` anywhere); nobody else does. Each list is held to the ones before it.
+lock:
+	$(LOCK) pyproject.toml -o requirements/run.txt
+	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
+	$(LOCK) --group pyproject.toml:dev -c requirements/run.txt -c requirements/build.txt -o requirements/dev.txt
+
+wheel: .venv/run.stamp
+	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .
+
+clean:
+	rm -rf build dist .venv demo_report .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
+	rm -f src/gantryctl/_core.pyi src/gantryctl/configs
