@@ -1,0 +1,37 @@
+"""The package as installed: the compiled core, its stub and the machine files are where they belong."""
+
+import tomllib
+from importlib import import_module, metadata, resources
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_the_compiled_core_is_importable() -> None:
+    assert import_module("gantryctl._core").__doc__
+
+
+def test_the_package_is_typed() -> None:
+    assert resources.files("gantryctl").joinpath("py.typed").is_file()
+
+
+def test_the_machine_files_are_package_data() -> None:
+    configs = resources.files("gantryctl").joinpath("configs")
+    assert {file.name for file in configs.iterdir()} == {file.name for file in (ROOT / "configs").iterdir()}
+
+
+def test_the_version_is_the_one_in_pyproject() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert metadata.version("gantryctl") == project["version"]
+
+
+def test_every_runtime_dependency_is_locked() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    locked = (ROOT / "requirements" / "run.txt").read_text(encoding="utf-8")
+    for dependency in project["dependencies"]:
+        assert f"\n{dependency.split('>=')[0]}==" in f"\n{locked}"
+
+
+def test_no_lock_file_names_a_host() -> None:
+    for file in (ROOT / "requirements").iterdir():
+        assert "://" not in file.read_text(encoding="utf-8")
