@@ -1,9 +1,10 @@
-// gantryctl._core: what Python sees of the compiled laws and physics. Further parts live in bindings_*.cpp.
-#include <nanobind/nanobind.h>
-
-namespace nb = nanobind;
+// gantryctl._core: what Python sees of the compiled laws and physics.
+#include "core/bindings.hpp"
 
 NB_MODULE(_core, m) {
-  m.doc() = "Compiled laws and physics of gantryctl.";
-  m.def("abi", [] { return 1; }, "A number that changes when the compiled interface does.");
+  m.doc() =
+      "Compiled laws and physics of gantryctl: set-point sampling, position law, drive, plant, closed loop.";
+  bind_control(m);
+  bind_plant(m);
+  bind_loop(m);
 }

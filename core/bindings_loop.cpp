@@ -1,0 +1,86 @@
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include <stdexcept>
+#include <tuple>
+
+#include "core/bindings.hpp"
+#include "core/loop/closed_loop.hpp"
+
+namespace nb = nanobind;
+using namespace gantry;
+using Sim = GantrySim<double>;
+using Table = nb::ndarray<double, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+using Cube = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
+
+namespace {
+
+// One row per log column, so that each column lies in one piece.
+void run_closed_loop(Sim& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
+                     Table out) {
+#define X(name) +1
+  constexpr std::size_t kColumns = 0 GANTRY_LOG_COLUMNS(X);
+#undef X
+  if (out.shape(0) != kColumns) throw std::invalid_argument("out must have one row per log column");
+  const std::size_t scans = out.shape(1);
+  double* data = out.data();
+  nb::gil_scoped_release release;
+  run_plan(sim, law, plan, zero_counts, static_cast<long>(scans), [&](long k, const LogRow& row) {
+    double* to = data + k;
+#define X(name)   \
+  *to = row.name; \
+  to += scans;
+    GANTRY_LOG_COLUMNS(X)
+#undef X
+  });
+}
+
+Cube run_legs_array(const std::vector<Sim*>& sims, const PositionLawParams& law,
+                    const std::vector<std::tuple<Segments, long, long>>& legs,
+                    const std::vector<double>& zero_counts, int threads) {
+  if (zero_counts.size() != sims.size()) throw std::invalid_argument("one zero offset per plant is needed");
+  if (threads < 1) throw std::invalid_argument("threads must be at least 1");
+  std::vector<Leg> native;
+  for (const auto& [plan, scans, average] : legs) {
+    if (scans < 1 || average < 1 || average > scans)
+      throw std::invalid_argument("a leg needs 1 <= average <= scans");
+    native.push_back({plan, scans, average});
+  }
+  std::vector<std::vector<LegResult>> results;
+  {
+    nb::gil_scoped_release release;
+    results = run_legs(sims, law, native, zero_counts, threads);
+  }
+  constexpr std::size_t kColumns = sizeof(LegResult) / sizeof(double);
+  auto* data = new double[sims.size() * native.size() * kColumns + 1];
+  nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+  double* to = data;
+  for (const auto& plant : results)
+    for (const LegResult& r : plant) {
+#define X(name) *to++ = r.name;
+      GANTRY_LEG_COLUMNS(X)
+#undef X
+    }
+  return Cube(data, {sims.size(), native.size(), kColumns}, owner);
+}
+
+}  // namespace
+
+void bind_loop(nb::module_& m) {
+#define X(name) #name,
+  m.attr("LOG_COLUMNS") = nb::cast(std::vector<std::string>{GANTRY_LOG_COLUMNS(X)});
+  m.attr("LEG_COLUMNS") = nb::cast(std::vector<std::string>{GANTRY_LEG_COLUMNS(X)});
+#undef X
+  m.def("run_closed_loop", &run_closed_loop, nb::arg("sim"), nb::arg("law"), nb::arg("plan"),
+        nb::arg("zero_counts"), nb::arg("out"),
+        "Run out.shape[1] scans of one plan, enabled and with the brake open; fill one row of `out` per log "
+        "column.\n\n"
+        "The same laws and physics as the scan engine, so the same bits; the plant in `sim` moves on.");
+  m.def("run_legs", &run_legs_array, nb::arg("sims"), nb::arg("law"), nb::arg("legs"), nb::arg("zero_counts"),
+        nb::arg("threads") = 1,
+        "Every plant through every leg (plan, scans, scans to average at its end).\n\n"
+        "Returns an array [plant, leg, LEG_COLUMNS]; plants are shared out to threads without any effect on "
+        "the result.");
+}

@@ -1,0 +1,206 @@
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+
+#include <cmath>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <tuple>
+
+#include "core/bindings.hpp"
+#include "core/plant/gantry_sim.hpp"
+
+namespace nb = nanobind;
+using namespace gantry;
+using Plant1 = PlantParams<double>;
+using Drive1 = DriveParams<double>;
+using Sim = GantrySim<double>;
+using StateMap = std::map<std::string, double>;
+
+namespace {
+
+// Whole drive cycles in a time; a time that is none is refused by the machine file already.
+int cycles(double time_s, double cycle_s) { return static_cast<int>(std::lround(time_s / cycle_s)); }
+
+Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, const std::string& scheme,
+             int rk4_steps) {
+  if (scheme != "one_evaluation" && scheme != "rk4")
+    throw std::invalid_argument("scheme must be 'one_evaluation' or 'rk4', got '" + scheme + "'");
+  const int per_scan = cycles(scan_period_s, drive.cycle_s);
+  if (per_scan < 1 || std::fabs(per_scan * drive.cycle_s - scan_period_s) > 1e-9)
+    throw std::invalid_argument("the scan period must be a whole number of drive cycles");
+  if (rk4_steps < 1) throw std::invalid_argument("rk4_steps must be at least 1");
+  return {plant,
+          drive,
+          per_scan,
+          cycles(drive.brake_close_s, drive.cycle_s),
+          cycles(drive.brake_open_s, drive.cycle_s),
+          drive.cycle_s,
+          scheme == "rk4" ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation,
+          rk4_steps};
+}
+
+StateMap get_state(const Sim& sim) {
+  StateMap m;
+#define X(name, meaning) m[#name] = sim.x.name;
+  GANTRY_PLANT_STATE(X)
+#undef X
+#define X(name, meaning) m["drive_" #name] = sim.s.name;
+  GANTRY_DRIVE_STATE(X)
+#undef X
+  m["brake_closed"] = sim.brake.closed ? 1.0 : 0.0;
+  m["count_offset"] = sim.count_offset;
+  return m;
+}
+
+void set_state(Sim& sim, const StateMap& m) {
+  const auto value = [&m](const std::string& name) {
+    const auto found = m.find(name);
+    if (found == m.end()) throw std::invalid_argument("the state lacks '" + name + "'");
+    if (!std::isfinite(found->second))
+      throw std::invalid_argument("the state has a non-finite '" + name + "'");
+    return found->second;
+  };
+  Sim copy = sim;
+#define X(name, meaning) copy.x.name = value(#name);
+  GANTRY_PLANT_STATE(X)
+#undef X
+#define X(name, meaning) copy.s.name = value("drive_" #name);
+  GANTRY_DRIVE_STATE(X)
+#undef X
+  copy.brake.closed = value("brake_closed") != 0.0;
+  copy.brake.countdown = 0;
+  copy.count_offset = value("count_offset");
+  sim = copy;
+}
+
+DriveMode mode_of(int mode) {
+  if (mode < 0 || mode > 2) throw std::invalid_argument("mode must be 0 (off), 1 (speed) or 2 (quick stop)");
+  return static_cast<DriveMode>(mode);
+}
+
+void bind_params(nb::module_& m) {
+  nb::class_<Plant1> plant(m, "PlantParams",
+                           "Parameters of the plant, SI, at the gantry unless motor is said.");
+  plant.def(nb::init<>()).def("copy", [](const Plant1& p) { return p; }, "An independent copy.");
+#define X(name, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
+  GANTRY_PLANT_PARAMS(X)
+#undef X
+  plant.def_rw("error_ring", &Plant1::error_ring, "gear error, n = 1..12 cycles per gantry turn, rad")
+      .def_rw("phase_ring", &Plant1::phase_ring, "rad");
+#define X(name, type, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
+  GANTRY_PLANT_SWITCHES(X)
+#undef X
+
+  nb::class_<Drive1> drive(m, "DriveParams", "Parameters of the simulated drive, SI, motor side.");
+  drive.def(nb::init<>()).def("copy", [](const Drive1& p) { return p; }, "An independent copy.");
+#define X(name, value, meaning) drive.def_rw(#name, &Drive1::name, meaning);
+  GANTRY_DRIVE_PARAMS(X)
+#undef X
+  drive.def_rw("delay_cycles", &Drive1::delay_cycles,
+               "0 or 1: cycles between computing a torque and its effect");
+}
+
+using Feedback = std::tuple<double, double, double, bool, bool, double, double>;
+using Truth = std::tuple<double, double, double, double, double, double, double>;
+
+void bind_sim(nb::module_& m) {
+  nb::class_<Sim>(m, "GantrySim", "Drive, brake, encoder and gantry: one call advances one scan.")
+      .def(
+          "__init__",
+          [](Sim* self, const Plant1& plant, const Drive1& drive, double scan_period_s,
+             const std::string& scheme,
+             int rk4_steps) { new (self) Sim(make_sim(plant, drive, scan_period_s, scheme, rk4_steps)); },
+          nb::arg("plant"), nb::arg("drive"), nb::arg("scan_period_s"), nb::arg("scheme") = "one_evaluation",
+          nb::arg("rk4_steps") = 2)
+      .def("static_start", &Sim::static_start, nb::arg("theta_rad"), nb::arg("servo_on"),
+           "Stand still at an angle: servo on and holding the load, or drive off and the brake holding it.")
+      .def(
+          "scan",
+          [](Sim& sim, int mode, double vel_cmd_rad_s, double torque_ff_nm, bool brake_open) {
+            sim.scan({mode_of(mode), vel_cmd_rad_s, torque_ff_nm}, brake_open);
+          },
+          nb::arg("mode"), nb::arg("vel_cmd_rad_s"), nb::arg("torque_ff_nm"), nb::arg("brake_open"),
+          "Advance one scan. mode: 0 off, 1 speed, 2 quick stop; commands at the motor.")
+      .def(
+          "advance", [](Sim& sim, double torque_nm, double dt_s) { sim.advance(torque_nm, dt_s); },
+          nb::arg("torque_nm"), nb::arg("dt_s"),
+          "The plant alone for one drive cycle with a given torque set-point; no drive, no encoder.")
+      .def(
+          "feedback",
+          [](const Sim& sim, double count_rad) {
+            return Feedback(sim.counts(count_rad), sim.vel_report(), sim.x.torque_motor, !sim.brake.closed,
+                            sim.limited(), sim.overload(), sim.s.ramp);
+          },
+          nb::arg("count_rad"),
+          "(counts, speed rad/s, torque N m, brake open, torque limited, overload 0..1, speed ramp rad/s), "
+          "motor side.\n\n"
+          "count_rad is the motor angle of one count; counts are whole numbers unless the encoder is ideal.")
+      .def(
+          "truth",
+          [](const Sim& sim) {
+            return Truth(sim.x.pos_load, sim.x.vel_load, sim.x.pos_motor, sim.x.vel_motor, sim.x.pos_base,
+                         sim.x.vel_base, sim.torque_mesh());
+          },
+          "(load angle, load speed, motor angle, motor speed, base angle, base speed, mesh torque), rad, "
+          "rad/s, N m.")
+      .def(
+          "copy", [](const Sim& sim) { return sim; }, "An independent copy, state included.")
+      .def_rw("count_offset", &Sim::count_offset, "Encoder mounting, counts: added to every reading.")
+      .def_prop_rw("state", &get_state, &set_state,
+                   "The whole state by name; a float survives JSON bit for bit.")
+      .def_prop_ro("scan_period_s", &Sim::scan_period_s);
+}
+
+// The equations one by one, so that tests can hold each against its closed form.
+void bind_equations(nb::module_& m) {
+  using Pair = std::tuple<double, double>;
+  m.def(
+      "ring_error",
+      [](const Plant1& p, double rho) {
+        const auto e = GearError<double>(p).ring_error(rho);
+        return Pair(e.error, e.slope);
+      },
+      nb::arg("plant"), nb::arg("rho_rad"), "Gear error of the ring and its slope (S2).");
+  m.def(
+      "motor_error",
+      [](const Plant1& p, double pos_motor) {
+        const auto e = GearError<double>(p).motor_error(p, pos_motor, sincos(pos_motor));
+        return Pair(e.error, e.slope);
+      },
+      nb::arg("plant"), nb::arg("pos_motor_rad"), "Gear error of reducer and pinion and its slope (S2).");
+  m.def(
+      "spring_torque",
+      [](const Plant1& p, double windup) {
+        const Plant<double> plant(p);
+        return windup < 0.0 ? -plant.spring(-windup) : plant.spring(windup);
+      },
+      nb::arg("plant"), nb::arg("windup_rad"), "Torque of the three-slope transmission, N m (S3).");
+  m.def(
+      "windup",
+      [](const Plant1& p, double torque) { return sign(torque) * Plant<double>(p).windup(vabs(torque)); },
+      nb::arg("plant"), nb::arg("torque_nm"),
+      "Wind-up of the three-slope transmission, rad: inverse of spring_torque.");
+  m.def("sliding_gate", &sliding_gate<double>, nb::arg("v"), nb::arg("z"), nb::arg("z_ss"),
+        nb::arg("ep_ratio"), "Elasto-plastic gate alpha(v, z, z_ss): 0 elastic, 1 sliding (S3).");
+  m.def("clamp", &clamp<double>, nb::arg("x"), nb::arg("lo"), nb::arg("hi"),
+        "Limit x to lo..hi; NaN passes through.");
+  m.def(
+      "sincos",
+      [](double x) {
+        const auto r = sincos(x);
+        return Pair(r.sin, r.cos);
+      },
+      nb::arg("x"), "Sine and cosine of the kernels, |x| < 1e6.");
+  m.def("exp", &vexp<double>, nb::arg("x"), "Exponential of the kernels.");
+}
+
+}  // namespace
+
+void bind_plant(nb::module_& m) {
+  bind_params(m);
+  bind_sim(m);
+  bind_equations(m);
+}

@@ -1,0 +1,82 @@
+// Sine, cosine and exponential with + - * / only: the same bits on every compiler, processor and vector
+// width. Taylor series on a reduced argument; error below 1e-15 (tests compare with the C library).
+#pragma once
+
+#include "core/lane/lane.hpp"
+
+namespace gantry {
+
+template <class T>
+struct SinCos {
+  T sin;
+  T cos;
+};
+
+// |x| < 1e6 rad. Reduction by pi/2 in three parts of 33 bits (n * part is exact), then sin and cos on [-pi/4,
+// pi/4].
+template <class T>
+SinCos<T> sincos(T x) {
+  constexpr double kTwoOverPi = 0.6366197723675814;
+  constexpr double kPart1 = 0x1.921fb544p+0;
+  constexpr double kPart2 = 0x1.0b4611a6p-34;
+  constexpr double kPart3 = 2.0222662487959506e-21;
+  const T n = vround(x * T(kTwoOverPi));
+  const T r = ((x - n * T(kPart1)) - n * T(kPart2)) - n * T(kPart3);
+  const T z = r * r;
+  const T z2 = z * z;
+  const T z4 = z2 * z2;
+  const T ps = ((T(-1.0 / 6.0) + T(1.0 / 120.0) * z) + (T(-1.0 / 5040.0) + T(1.0 / 362880.0) * z) * z2) +
+               ((T(-1.0 / 39916800.0) + T(1.0 / 6227020800.0) * z) +
+                (T(-1.0 / 1307674368000.0) + T(1.0 / 355687428096000.0) * z) * z2) *
+                   z4;
+  const T pc = ((T(-1.0 / 2.0) + T(1.0 / 24.0) * z) + (T(-1.0 / 720.0) + T(1.0 / 40320.0) * z) * z2) +
+               ((T(-1.0 / 3628800.0) + T(1.0 / 479001600.0) * z) +
+                (T(-1.0 / 87178291200.0) + T(1.0 / 20922789888000.0) * z) * z2) *
+                   z4;
+  const T s = r + r * z * ps;
+  const T c = T(1.0) + z * pc;
+  // n = 4 m + 2 h + o: o swaps sine and cosine, h changes both signs.
+  const T half = vround(n * T(0.5) - T(0.25));
+  const T o = n - half - half;
+  const T quarter = vround(half * T(0.5) - T(0.25));
+  const T flip = T(1.0) - T(2.0) * (half - quarter - quarter);
+  const auto odd = o > T(0.5);
+  return {flip * select(odd, c, s), flip * select(odd, -s, c)};
+}
+
+// exp(x) for x <= 709; below -708 the result stays at exp(-708), so nothing becomes subnormal.
+template <class T>
+T vexp(T x) {
+  constexpr double kLog2e = 1.4426950408889634;
+  constexpr double kLn2High = 0x1.62e42fef00000p-1;
+  constexpr double kLn2Low = 7.440617110012397e-11;
+  const T y = select(x < T(-708.0), T(-708.0), x);
+  const T n = vround(y * T(kLog2e));
+  const T r = (y - n * T(kLn2High)) - n * T(kLn2Low);
+  const T r2 = r * r;
+  const T r4 = r2 * r2;
+  const T r8 = r4 * r4;
+  const T p =
+      ((T(1.0) + r) + (T(1.0 / 2.0) + T(1.0 / 6.0) * r) * r2) +
+      ((T(1.0 / 24.0) + T(1.0 / 120.0) * r) + (T(1.0 / 720.0) + T(1.0 / 5040.0) * r) * r2) * r4 +
+      ((T(1.0 / 40320.0) + T(1.0 / 362880.0) * r) + (T(1.0 / 3628800.0) + T(1.0 / 39916800.0) * r) * r2 +
+       (T(1.0 / 479001600.0) + T(1.0 / 6227020800.0) * r) * r4) *
+          r8;
+  return p * pow2(n);
+}
+
+// sin(n a), cos(n a) from sin a, cos a for a whole number n >= 1: the complex number to the power n, by
+// squaring.
+template <class T>
+SinCos<T> multiple_angle(SinCos<T> base, int n) {
+  SinCos<T> result{T(0.0), T(1.0)};
+  while (n > 0) {
+    if (n & 1)
+      result = {result.sin * base.cos + result.cos * base.sin, result.cos * base.cos - result.sin * base.sin};
+    base = {T(2.0) * base.sin * base.cos, base.cos * base.cos - base.sin * base.sin};
+    n >>= 1;
+  }
+  return result;
+}
+
+}  // namespace gantry

@@ -1,0 +1,126 @@
+// The closed loop without Python: set-point sampling, position law, drive and plant, scan after scan. The
+// scan engine calls the same functions one by one, so both give the same bits as long as no monitor acts.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <thread>
+#include <vector>
+
+#include "core/control/position_law.hpp"
+#include "core/control/segments.hpp"
+#include "core/plant/gantry_sim.hpp"
+
+namespace gantry {
+
+// clang-format off
+// One row of a log: the state at the start of the scan, the set-point sampled and the command computed from them.
+#define GANTRY_LOG_COLUMNS(X)                                                                             \
+  X(pos_ref_rad) X(vel_ref_rad_s) X(acc_ref_rad_s2) X(pos_act_rad) X(pos_err_rad) X(vel_cmd_rad_s)        \
+  X(torque_act_nm) X(pos_load_rad) X(vel_load_rad_s) X(pos_motor_rad) X(vel_motor_rad_s) X(pos_base_rad)  \
+  X(vel_base_rad_s) X(torque_mesh_nm) X(counts)
+
+// What is kept of a leg. mean_*: over its last scans; max_*: largest absolute value over the whole leg.
+// Speed and position errors at the gantry against the set-point: motor side vel_motor/i, load side vel_load.
+#define GANTRY_LEG_COLUMNS(X)                                                                             \
+  X(mean_pos_load_rad) X(mean_pos_ring_rad) X(mean_pos_act_rad) X(max_vel_err_motor_rad_s)                \
+  X(max_vel_err_load_rad_s) X(max_pos_err_motor_rad) X(max_pos_err_load_rad) X(max_torque_motor_nm)       \
+  X(max_torque_mesh_nm)
+// clang-format on
+
+struct LogRow {
+#define X(name) double name;
+  GANTRY_LOG_COLUMNS(X)
+#undef X
+};
+
+struct LegResult {
+#define X(name) double name = 0.0;
+  GANTRY_LEG_COLUMNS(X)
+#undef X
+};
+
+// A stretch of a run: one plan, how many scans it lasts, and over how many of the last ones the readings are
+// averaged.
+struct Leg {
+  Segments plan;
+  long scans = 0;
+  long average = 0;
+};
+
+// One scan: log the state at t, compute the command, advance by one period.
+inline LogRow closed_loop_scan(GantrySim<double>& sim, const PositionLawParams& law, const Segments& plan,
+                               double t, double zero_counts) {
+  const SetPoint r = plan.sample(t);
+  const double counts = sim.counts(law.rad_per_count) - zero_counts;
+  const auto command = position_law(law, r.pos, r.vel, counts);
+  const LogRow row{r.pos,
+                   r.vel,
+                   r.acc,
+                   command.pos_act_rad,
+                   command.pos_err_rad,
+                   command.vel_cmd_rad_s,
+                   sim.x.torque_motor,
+                   sim.x.pos_load,
+                   sim.x.vel_load,
+                   sim.x.pos_motor,
+                   sim.x.vel_motor,
+                   sim.x.pos_base,
+                   sim.x.vel_base,
+                   sim.torque_mesh(),
+                   counts};
+  sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, 0.0}, true);
+  return row;
+}
+
+// Runs `scans` scans of one plan and hands every row to `sink`.
+template <class Sink>
+void run_plan(GantrySim<double>& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
+              long scans, Sink&& sink) {
+  const double period = sim.scan_period_s();
+  for (long k = 0; k < scans; ++k)
+    sink(k, closed_loop_scan(sim, law, plan, static_cast<double>(k) * period, zero_counts));
+}
+
+inline LegResult run_leg(GantrySim<double>& sim, const PositionLawParams& law, const Leg& leg,
+                         double zero_counts) {
+  LegResult r;
+  const auto largest = [](double& so_far, double x) { so_far = std::max(so_far, std::fabs(x)); };
+  run_plan(sim, law, leg.plan, zero_counts, leg.scans, [&](long k, const LogRow& row) {
+    largest(r.max_vel_err_motor_rad_s, row.vel_motor_rad_s / law.ratio - row.vel_ref_rad_s);
+    largest(r.max_vel_err_load_rad_s, row.vel_load_rad_s - row.vel_ref_rad_s);
+    largest(r.max_pos_err_motor_rad, row.pos_err_rad);
+    largest(r.max_pos_err_load_rad, row.pos_ref_rad - row.pos_load_rad);
+    largest(r.max_torque_motor_nm, row.torque_act_nm);
+    largest(r.max_torque_mesh_nm, row.torque_mesh_nm);
+    if (k < leg.scans - leg.average) return;
+    r.mean_pos_load_rad += row.pos_load_rad;
+    r.mean_pos_ring_rad += row.pos_load_rad - row.pos_base_rad;
+    r.mean_pos_act_rad += row.pos_act_rad;
+  });
+  const double n = static_cast<double>(leg.average);
+  r.mean_pos_load_rad /= n;
+  r.mean_pos_ring_rad /= n;
+  r.mean_pos_act_rad /= n;
+  return r;
+}
+
+// Every plant through every leg; plants are shared out to threads, so the result does not depend on their
+// number.
+inline std::vector<std::vector<LegResult>> run_legs(std::vector<GantrySim<double>*> sims,
+                                                    const PositionLawParams& law,
+                                                    const std::vector<Leg>& legs,
+                                                    const std::vector<double>& zero_counts, int threads) {
+  std::vector<std::vector<LegResult>> results(sims.size());
+  const auto work = [&](std::size_t first) {
+    for (std::size_t n = first; n < sims.size(); n += static_cast<std::size_t>(threads))
+      for (const Leg& leg : legs) results[n].push_back(run_leg(*sims[n], law, leg, zero_counts[n]));
+  };
+  std::vector<std::thread> pool;
+  for (int k = 1; k < threads; ++k) pool.emplace_back(work, static_cast<std::size_t>(k));
+  work(0);
+  for (std::thread& t : pool) t.join();
+  return results;
+}
+
+}  // namespace gantry

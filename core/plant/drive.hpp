@@ -1,0 +1,118 @@
+// The servo drive: speed PI at 125 us with anti-windup, torque limit with I2t, quick-stop ramp, encoder
+// evaluation. It is hardware to the controller; plant_equations S7 gives the order of operations.
+#pragma once
+
+#include "core/lane/lane.hpp"
+
+namespace gantry {
+
+enum class DriveMode { kOff, kSpeed, kQuickStop };
+
+// clang-format off
+#define GANTRY_DRIVE_PARAMS(X)                                                                        \
+  X(cycle_s, 125e-6, "drive cycle Ts")                                                                \
+  X(kvp, 0.0, "speed loop gain, N m s/rad")                                                           \
+  X(tvi_s, 1.0, "speed loop integral time")                                                           \
+  X(torque_rated, 1.0, "N m; drawn for ever")                                                         \
+  X(torque_max, 1.0, "N m; drawn for overload_time_s, object 6072")                                   \
+  X(overload_time_s, 60.0, "from cold at torque_max until the limit falls to torque_rated")           \
+  X(vel_max, 1e9, "speed ceiling, rad/s at the motor, object 6080")                                   \
+  X(quick_dec, 1.0, "quick-stop deceleration, rad/s2 at the motor, object 6085")                      \
+  X(speed_count, 0.0, "resolution of the speed feedback, rad at the motor; 0: ideal")                 \
+  X(position_count, 0.0, "resolution of the reported position, rad at the motor; 0: ideal")           \
+  X(latency_s, 0.0, "age of an encoder reading")                                                      \
+  X(speed_filter, 0.0, "first-order filter of the speed feedback: exp(-Ts/T); 0: none")               \
+  X(brake_close_s, 0.0, "dead time until the brake has its torque")                                   \
+  X(brake_open_s, 0.0, "time from the command until the brake is free")
+
+#define GANTRY_DRIVE_STATE(X)                                                                         \
+  X(integral, "I of the speed loop, rad/s")                                                           \
+  X(pos_last, "last encoder evaluation, rad")                                                         \
+  X(vel_filtered, "filtered speed feedback, rad/s")                                                   \
+  X(torque_set, "u of the last cycle, N m")                                                           \
+  X(ramp, "speed set-point of the quick-stop ramp, rad/s")                                            \
+  X(overload, "I2t account, (T/T_rated)^2 s")
+// clang-format on
+
+template <class T>
+struct DriveParams {
+#define X(name, value, meaning) T name = T(value);
+  GANTRY_DRIVE_PARAMS(X)
+#undef X
+  int delay_cycles = 0;  // 0 or 1: the torque acts in the cycle after the one that computed it
+};
+
+template <class T>
+struct DriveState {
+#define X(name, meaning) T name = T(0.0);
+  GANTRY_DRIVE_STATE(X)
+#undef X
+};
+
+template <class T>
+struct DriveCommand {
+  DriveMode mode = DriveMode::kOff;
+  T vel_cmd = T(0.0);    // rad/s at the motor
+  T torque_ff = T(0.0);  // N m, added to the output of the speed loop
+};
+
+// Position as the encoder gives it: `latency_s` old and in whole counts (0: ideal).
+template <class T>
+T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor, T count) {
+  const T pos = pos_motor - vel_motor * p.latency_s;
+  const auto real = count > T(0.0);
+  if (!any(real)) return pos;
+  return select(real, count * vround(pos / select(real, count, T(1.0))), pos);
+}
+
+// Speed feedback by backward difference of the encoder over one cycle, filtered if asked for.
+template <class T>
+T speed_feedback(const DriveParams<T>& p, DriveState<T>& s, T pos_motor, T vel_motor) {
+  const T pos = encoder_position(p, pos_motor, vel_motor, p.speed_count);
+  const T raw = (pos - s.pos_last) / p.cycle_s;
+  s.pos_last = pos;
+  s.vel_filtered = raw + (s.vel_filtered - raw) * p.speed_filter;
+  return s.vel_filtered;
+}
+
+// Torque limit now; while more than the rated torque flows the account grows, below it shrinks.
+template <class T>
+T torque_limit(const DriveParams<T>& p, DriveState<T>& s) {
+  const T load = s.torque_set / p.torque_rated;
+  const T ratio = p.torque_max / p.torque_rated;
+  const T budget = (ratio * ratio - T(1.0)) * p.overload_time_s;
+  s.overload = clamp(s.overload + (load * load - T(1.0)) * p.cycle_s, T(0.0), budget);
+  return select(s.overload < budget, p.torque_max,
+                select(p.torque_max < p.torque_rated, p.torque_max, p.torque_rated));
+}
+
+// One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
+template <class T>
+T drive_cycle(const DriveParams<T>& p, const DriveCommand<T>& command, DriveState<T>& s, T pos_motor,
+              T vel_motor, bool& limited) {
+  const T vel = speed_feedback(p, s, pos_motor, vel_motor);
+  const T limit = torque_limit(p, s);
+  if (command.mode == DriveMode::kOff) {
+    s.integral = T(0.0);
+    s.torque_set = T(0.0);
+    s.ramp = vel;
+    return T(0.0);
+  }
+  if (command.mode == DriveMode::kSpeed) {
+    s.ramp = clamp(command.vel_cmd, -p.vel_max, p.vel_max);
+  } else {
+    const T step = p.quick_dec * p.cycle_s;
+    s.ramp = select(vabs(s.ramp) > step, s.ramp - sign(s.ramp) * step, T(0.0));
+  }
+  const T error = s.ramp - vel;
+  const T wanted = p.kvp * (error + s.integral) + command.torque_ff;
+  const T given = clamp(wanted, -limit, limit);
+  const auto free = either(given == wanted, (wanted - given) * error < T(0.0));
+  s.integral = select(free, s.integral + error * p.cycle_s / p.tvi_s, s.integral);
+  if (!limited) limited = any(negate(given == wanted));
+  const T acting = p.delay_cycles > 0 ? s.torque_set : given;
+  s.torque_set = given;
+  return acting;
+}
+
+}  // namespace gantry

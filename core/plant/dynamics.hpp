@@ -1,0 +1,201 @@
+// Torques and accelerations of the plant (plant_equations S3 to S6).
+#pragma once
+
+#include "core/plant/friction.hpp"
+#include "core/plant/gear_error.hpp"
+#include "core/plant/params.hpp"
+
+namespace gantry {
+
+// Parameters and what follows from them, computed once.
+template <class T>
+struct Plant {
+  PlantParams<T> p;
+  GearError<T> gear;
+  FrictionParams<T> roller, motor, brake;
+  T break_1, break_2;  // wind-up at which the slope changes, rad
+  T inertia_rigid;     // J/i^2 + Jm
+
+  Plant() : Plant(PlantParams<T>()) {}
+  explicit Plant(const PlantParams<T>& params) : p(params), gear(params) {
+    roller = {p.roller_coulomb,
+              p.roller_breakaway,
+              p.roller_stribeck,
+              p.roller_viscous,
+              p.roller_coulomb / p.roller_presliding,
+              T(0.0)};
+    roller.damping = p.roller_micro_damping * vsqrt(roller.stiffness * p.inertia_load);
+    motor = {p.motor_coulomb,
+             p.motor_breakaway,
+             p.motor_stribeck,
+             p.motor_viscous,
+             p.motor_coulomb / p.motor_presliding,
+             T(0.0)};
+    motor.damping = p.motor_micro_damping * vsqrt(motor.stiffness * p.inertia_motor);
+    // The brake is dry friction of one level: a Stribeck speed so high that its sigma1 does not fall with
+    // speed.
+    brake = {p.brake_torque, p.brake_torque, T(1e9), T(0.0), p.brake_torque / p.brake_presliding, T(0.0)};
+    brake.damping = T(1.4) * vsqrt(brake.stiffness * p.inertia_motor);
+    break_1 = p.torque_1 / p.stiffness_1;
+    break_2 = break_1 + (p.torque_2 - p.torque_1) / p.stiffness_2;
+    inertia_rigid = p.inertia_load / (p.ratio * p.ratio) + p.inertia_motor;
+  }
+
+  // S(x), x >= 0: torque of the three-slope spring.
+  T spring(T x) const {
+    const T first = p.stiffness_1 * x;
+    const T second = p.torque_1 + p.stiffness_2 * (x - break_1);
+    const T third = p.torque_2 + p.stiffness_3 * (x - break_2);
+    return select(x < break_1, first, select(x < break_2, second, third));
+  }
+
+  // S^-1(torque), torque >= 0.
+  T windup(T torque) const {
+    const T second = break_1 + (torque - p.torque_1) / p.stiffness_2;
+    const T third = break_2 + (torque - p.torque_2) / p.stiffness_3;
+    return select(torque < p.torque_1, torque / p.stiffness_1, select(torque < p.torque_2, second, third));
+  }
+};
+
+// Everything that acts at one instant.
+template <class T>
+struct Forces {
+  T acc_motor = T(0.0), acc_load = T(0.0), acc_base = T(0.0);
+  T torque_mesh = T(0.0);      // Tg, at the gantry
+  T hysteresis_rate = T(0.0);  // Th'
+  Friction<T> roller, motor, brake;
+};
+
+template <class T>
+struct Mesh {
+  T torque = T(0.0);
+  T hysteresis_rate = T(0.0);
+};
+
+// Spring, damper, hysteresis and gap between motor and ring (S3); twist = D, twist_rate = D'.
+template <class T>
+Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) {
+  const PlantParams<T>& p = plant.p;
+  const T side = sign(twist);
+  const T windup = vabs(twist) - p.half_backlash;  // |De|, negative in the gap
+  const T spring = plant.spring(select(windup > T(0.0), windup, T(0.0)));
+  Mesh<T> m;
+  m.torque = side * spring + p.damping * twist_rate + hysteresis;
+  if (p.hysteresis) {
+    const T h = p.hysteresis_torque + p.hysteresis_load_ratio * spring;
+    const T gate = sliding_gate(twist_rate, hysteresis, h, p.friction_ep_ratio);
+    m.hysteresis_rate = (h / p.hysteresis_length) * (twist_rate - gate * vabs(twist_rate) * hysteresis / h);
+  }
+  if (p.backlash) {
+    constexpr double kGapDecay = 0.01;  // s
+    const auto gap = windup <= T(0.0);
+    const auto pulling = m.torque * side < T(0.0);
+    m.torque = select(either(gap, pulling), T(0.0), m.torque);
+    m.hysteresis_rate = select(gap, -hysteresis / T(kGapDecay), m.hysteresis_rate);
+  }
+  return m;
+}
+
+template <class T>
+T ripple_torque(const PlantParams<T>& p, SinCos<T> motor, T torque_motor) {
+  const T load = vabs(torque_motor) / p.ripple_full_torque;
+  return p.ripple_torque * multiple_angle(motor, p.ripple_order).sin * select(load < T(1.0), load, T(1.0));
+}
+
+// Where the gear error of the ring is evaluated once per drive cycle and continued linearly inside it (S9).
+template <class T>
+struct RingPoint {
+  T rho = T(0.0);
+  ErrorValue<T> value;
+};
+
+template <class T>
+RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>& x) {
+  RingPoint<T> point;
+  if (plant.p.gear_error) {
+    point.rho = x.pos_load - x.pos_base;
+    point.value = plant.gear.ring_error(point.rho);
+  }
+  return point;
+}
+
+// Friction of the motor, brake and ripple: the torque on the motor shaft besides Te and the mesh.
+template <class T>
+T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed, SinCos<T> motor,
+                    T torque_mesh, Forces<T>& f) {
+  const PlantParams<T>& p = plant.p;
+  T torque = x.torque_motor;
+  if (p.ripple) torque = torque + ripple_torque(p, motor, x.torque_motor);
+  if (p.motor_friction) {
+    f.motor = friction(plant.motor, x.vel_motor, x.motor_z, p.motor_load_ratio * vabs(torque_mesh) / p.ratio,
+                       p.friction_ep_ratio);
+    torque = torque - f.motor.torque;
+  }
+  if (brake_closed) {
+    f.brake = friction(plant.brake, x.vel_motor, x.brake_z, T(0.0), p.friction_ep_ratio);
+    torque = torque - f.brake.torque;
+  }
+  return torque;
+}
+
+template <class T>
+T eccentric_torque(const PlantParams<T>& p, T pos_load) {
+  return p.eccentric_moment * sincos(pos_load - p.eccentric_angle).sin;
+}
+
+template <class T>
+Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<T>& ring, bool brake_closed) {
+  const PlantParams<T>& p = plant.p;
+  Forces<T> f;
+  const T rho = x.pos_load - x.pos_base;
+  const T vel_ring = x.vel_load - x.vel_base;
+  SinCos<T> motor{T(0.0), T(1.0)};
+  if (p.gear_error || p.ripple) motor = sincos(x.pos_motor);
+  T slope_motor = T(1.0) / p.ratio;
+  T slope_ring = T(1.0);
+  T twist = x.pos_motor / p.ratio - rho;
+  if (p.gear_error) {
+    const ErrorValue<T> em = plant.gear.motor_error(p, x.pos_motor, motor);
+    twist = twist + em.error + (ring.value.error + ring.value.slope * (rho - ring.rho));
+    slope_motor = slope_motor + em.slope;
+    slope_ring = slope_ring - ring.value.slope;
+  }
+  const Mesh<T> mesh =
+      mesh_torque(plant, twist, x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
+  f.torque_mesh = mesh.torque;
+  f.hysteresis_rate = mesh.hysteresis_rate;
+  const T motor_torque = motor_side_torque(plant, x, brake_closed, motor, mesh.torque, f);
+  f.acc_motor = (motor_torque - mesh.torque * slope_motor) / p.inertia_motor;
+  T on_ring = mesh.torque * slope_ring;
+  if (p.roller_friction) {
+    f.roller = friction(plant.roller, vel_ring, x.roller_z, T(0.0), p.friction_ep_ratio);
+    on_ring = on_ring - f.roller.torque;
+  }
+  f.acc_load = (on_ring + eccentric_torque(p, x.pos_load)) / p.inertia_load;
+  if (p.base)
+    f.acc_base = (-on_ring - p.base_stiffness * x.pos_base - p.base_damping * x.vel_base) / p.base_inertia;
+  return f;
+}
+
+// The rigid switch (S6): one inertia on the motor shaft, theta = theta_m / i; friction of both sides acts on
+// it.
+template <class T>
+Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed) {
+  const PlantParams<T>& p = plant.p;
+  Forces<T> f;
+  SinCos<T> motor{T(0.0), T(1.0)};
+  if (p.ripple) motor = sincos(x.pos_motor);
+  T torque = eccentric_torque(p, x.pos_load);
+  f.torque_mesh = -torque;
+  if (p.roller_friction) {
+    f.roller = friction(plant.roller, x.vel_load, x.roller_z, T(0.0), p.friction_ep_ratio);
+    torque = torque - f.roller.torque;
+  }
+  f.acc_motor =
+      (motor_side_torque(plant, x, brake_closed, motor, torque, f) + torque / p.ratio) / plant.inertia_rigid;
+  f.acc_load = f.acc_motor / p.ratio;
+  f.torque_mesh = p.inertia_load * f.acc_load - torque;
+  return f;
+}
+
+}  // namespace gantry

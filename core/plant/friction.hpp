@@ -1,0 +1,71 @@
+// Elasto-plastic friction (plant_equations S3, S4; Dupont et al. 2002): one element for rollers, motor and
+// brake.
+#pragma once
+
+#include "core/lane/elementary.hpp"
+
+namespace gantry {
+
+// How far the element slides: 0 elastic, 1 sliding, a sine blend between ep_ratio and 1.
+// z_ss is the state at which it slides steadily.
+template <class T>
+T sliding_gate(T v, T z, T z_ss, T ep_ratio) {
+  const T a = vabs(z) / z_ss;
+  const auto loading = v * z > T(0.0);
+  const auto blending = both(loading, both(a > ep_ratio, a < T(1.0)));
+  T gate = select(both(loading, a >= T(1.0)), T(1.0), T(0.0));
+  if (any(blending)) {
+    constexpr double kPi = 3.141592653589793;
+    const T x = T(kPi) * (a - T(0.5) * (T(1.0) + ep_ratio)) / (T(1.0) - ep_ratio);
+    gate = select(blending, T(0.5) + T(0.5) * sincos(x).sin, gate);
+  }
+  return gate;
+}
+
+template <class T>
+struct FrictionParams {
+  T coulomb, breakaway, stribeck, viscous;
+  T stiffness;  // sigma0
+  T damping;    // sigma1 at standstill
+};
+
+template <class T>
+struct Friction {
+  T torque = T(0.0);
+  T z_rate = T(0.0);     // z'
+  T slip_rate = T(0.0);  // lambda = alpha |v| / z_ss: z' = v - lambda z
+};
+
+// sigma1 falls with speed as exp(-(v/5 vs)^2) and the Stribeck term is its 25th power: one exponential serves
+// both. Beyond an exponent of 28 both are below 1e-12 of themselves and taken as zero.
+template <class T>
+Friction<T> friction(const FrictionParams<T>& p, T v, T z, T load_torque, T ep_ratio) {
+  const T x = v / (T(5.0) * p.stribeck);
+  const T exponent = x * x;
+  const auto fast = exponent > T(28.0);
+  T slow = T(0.0);
+  if (any(negate(fast))) slow = select(fast, T(0.0), vexp(-exponent));
+  const T s2 = slow * slow;
+  const T s4 = s2 * s2;
+  const T s8 = s4 * s4;
+  const T stribeck = s8 * s8 * s8 * slow;
+  const T g = p.coulomb + (p.breakaway - p.coulomb) * stribeck + load_torque;
+  const T z_ss = g / p.stiffness;
+  Friction<T> f;
+  f.slip_rate = sliding_gate(v, z, z_ss, ep_ratio) * vabs(v) / z_ss;
+  f.z_rate = v - f.slip_rate * z;
+  f.torque = p.stiffness * z + p.damping * slow * f.z_rate + p.viscous * v;
+  return f;
+}
+
+// Exact step of z' = v - lambda z with v and lambda held (S9).
+template <class T>
+T friction_step(T z, const Friction<T>& f, T dt) {
+  const T x = f.slip_rate * dt;
+  const auto sliding = x >= T(1e-5);
+  T length = dt;
+  if (any(sliding)) length = select(sliding, (T(1.0) - vexp(-x)) / select(sliding, f.slip_rate, T(1.0)), dt);
+  return z + f.z_rate * length;
+}
+
+}  // namespace gantry

@@ -1,0 +1,156 @@
+// Drive, brake and plant together: what hangs behind a simulated drive port. One call advances one scan.
+#pragma once
+
+#include "core/plant/drive.hpp"
+#include "core/plant/integration.hpp"
+
+namespace gantry {
+
+// The holding brake: commanded, and closed or open after its dead times.
+struct Brake {
+  bool closed = true;
+  int countdown = 0;  // drive cycles until `closed` follows the command
+
+  // One drive cycle.
+  void cycle(bool open_command, int close_cycles, int open_cycles) {
+    if (open_command != closed) {
+      countdown = 0;
+      return;
+    }
+    const int needed = closed ? open_cycles : close_cycles;
+    if (++countdown >= needed) {
+      closed = !closed;
+      countdown = 0;
+    }
+  }
+};
+
+template <class T>
+class GantrySim {
+ public:
+  GantrySim() = default;
+  GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, int cycles_per_scan,
+            int brake_close_cycles, int brake_open_cycles, double cycle_s, Scheme scheme, int rk4_steps)
+      : plant_(plant),
+        drive_(drive),
+        current_(plant, cycle_s),
+        cycle_s_(cycle_s),
+        cycles_per_scan_(cycles_per_scan),
+        close_cycles_(brake_close_cycles),
+        open_cycles_(brake_open_cycles),
+        scheme_(scheme),
+        rk4_steps_(rk4_steps) {}
+
+  // Standing still at theta0 (S8): servo on and holding the load, or drive off and the closed brake holding
+  // it.
+  void static_start(T theta0, bool servo_on) {
+    const PlantParams<T>& p = plant_.p;
+    x = PlantState<T>();
+    s = DriveState<T>();
+    brake.closed = !servo_on;
+    brake.countdown = 0;
+    const T torque_mesh = -eccentric_torque(p, theta0);
+    const T torque_motor = torque_mesh / p.ratio;
+    x.pos_load = theta0;
+    x.pos_motor = p.ratio * theta0;
+    if (!p.rigid) settle_gears(theta0, torque_mesh);
+    torque_mesh_ = torque_mesh;
+    if (servo_on) {
+      x.torque_motor = torque_motor;
+      s.torque_set = torque_motor;
+      s.integral = torque_motor / drive_.kvp;
+    } else {
+      x.brake_z = -torque_motor / plant_.brake.stiffness;
+    }
+    s.pos_last = encoder_position(drive_, x.pos_motor, x.vel_motor, drive_.speed_count);
+    vel_report_ = T(0.0);
+  }
+
+  // One scan: the drive cycles that fit into it, with the command held.
+  void scan(const DriveCommand<T>& command, bool brake_open) {
+    limited_ = false;
+    const T start = s.pos_last;
+    const T dt = T(cycle_s_);
+    for (int k = 0; k < cycles_per_scan_; ++k) {
+      brake.cycle(brake_open, close_cycles_, open_cycles_);
+      if (!brake.closed) x.brake_z = T(0.0);
+      const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, limited_);
+      advance(u, dt);
+    }
+    vel_report_ = (s.pos_last - start) / (dt * T(cycles_per_scan_));
+    flush();
+  }
+
+  // One drive cycle of the plant alone, torque u; for tests without a controller.
+  void advance(T u, T dt) {
+    if (scheme_ == Scheme::kOneEvaluation)
+      step_one_evaluation(plant_, current_, u, brake.closed, dt, x, torque_mesh_);
+    else
+      step_runge_kutta(plant_, current_, u, brake.closed, dt, rk4_steps_, x, torque_mesh_);
+  }
+
+  // Encoder counts since its own zero; whole numbers unless the encoder is ideal.
+  T counts(T count) const {
+    const T resolution = drive_.position_count;
+    return encoder_position(drive_, x.pos_motor, x.vel_motor, resolution) / count + count_offset;
+  }
+
+  T overload() const {
+    const T ratio = drive_.torque_max / drive_.torque_rated;
+    const T budget = (ratio * ratio - T(1.0)) * drive_.overload_time_s;
+    return select(budget > T(0.0), s.overload / select(budget > T(0.0), budget, T(1.0)), T(0.0));
+  }
+
+  T torque_mesh() const { return torque_mesh_; }
+  T vel_report() const { return vel_report_; }
+  bool limited() const { return limited_; }
+  const Plant<T>& plant() const { return plant_; }
+  const DriveParams<T>& drive() const { return drive_; }
+  double scan_period_s() const { return cycle_s_ * cycles_per_scan_; }
+  double cycle_s() const { return cycle_s_; }
+
+  PlantState<T> x;
+  DriveState<T> s;
+  Brake brake;
+  T count_offset = T(0.0);  // where the encoder is mounted on the shaft, counts; turns it has lost
+
+ private:
+  // Base deflection, wind-up and gear error for a static mesh torque, by fixed-point iteration.
+  void settle_gears(T theta0, T torque_mesh) {
+    const PlantParams<T>& p = plant_.p;
+    if (p.base) x.pos_base = -torque_mesh / p.base_stiffness;
+    const T rho = theta0 - x.pos_base;
+    const auto loaded = vabs(torque_mesh) > T(0.0);
+    const T twist =
+        sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, p.half_backlash, T(0.0)));
+    const T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
+    for (int k = 0; k < 50; ++k) {
+      const T em = p.gear_error ? plant_.gear.motor_error(p, x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
+      x.pos_motor = p.ratio * (rho + twist - em - ring);
+    }
+  }
+
+  void flush() {
+#define X(name, meaning) x.name = flush_subnormal(x.name);
+    GANTRY_PLANT_STATE(X)
+#undef X
+    s.integral = flush_subnormal(s.integral);
+    s.vel_filtered = flush_subnormal(s.vel_filtered);
+    s.torque_set = flush_subnormal(s.torque_set);
+  }
+
+  Plant<T> plant_;
+  DriveParams<T> drive_;
+  CurrentLoop<T> current_;
+  double cycle_s_ = 125e-6;
+  int cycles_per_scan_ = 8;
+  int close_cycles_ = 0;
+  int open_cycles_ = 0;
+  Scheme scheme_ = Scheme::kOneEvaluation;
+  int rk4_steps_ = 2;
+  T torque_mesh_ = T(0.0);
+  T vel_report_ = T(0.0);
+  bool limited_ = false;
+};
+
+}  // namespace gantry

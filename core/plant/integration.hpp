@@ -1,0 +1,108 @@
+// Integration over one drive cycle (plant_equations S9): one force evaluation, or classical Runge-Kutta.
+#pragma once
+
+#include "core/plant/dynamics.hpp"
+
+namespace gantry {
+
+enum class Scheme { kOneEvaluation, kRungeKutta4 };
+
+// Current loop: Te' = wc (u - Te), exact for u held over dt.
+template <class T>
+struct CurrentLoop {
+  bool ideal = true;
+  T decay = T(0.0);  // exp(-wc dt)
+  T bandwidth = T(0.0);
+
+  CurrentLoop() = default;
+  CurrentLoop(const PlantParams<T>& p, double dt) : bandwidth(p.current_bandwidth) {
+    ideal = !any(p.current_bandwidth > T(0.0));
+    decay = vexp(-p.current_bandwidth * T(dt));
+  }
+};
+
+// All forces at the start of the cycle; then the exact step of current and friction states, semi-implicit
+// Euler of speeds and positions. One evaluation instead of eight; S9 gives its error, the tests hold it to
+// that.
+template <class T>
+void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed, T dt,
+                         PlantState<T>& x, T& torque_mesh) {
+  const PlantParams<T>& p = plant.p;
+  if (current.ideal) x.torque_motor = u;
+  const Forces<T> f =
+      p.rigid ? forces_rigid(plant, x, brake_closed) : forces(plant, x, ring_point(plant, x), brake_closed);
+  torque_mesh = f.torque_mesh;
+  if (!current.ideal) x.torque_motor = u + (x.torque_motor - u) * current.decay;
+  if (p.roller_friction) x.roller_z = friction_step(x.roller_z, f.roller, dt);
+  if (p.motor_friction) x.motor_z = friction_step(x.motor_z, f.motor, dt);
+  if (brake_closed) x.brake_z = friction_step(x.brake_z, f.brake, dt);
+  if (p.hysteresis) x.hysteresis = x.hysteresis + f.hysteresis_rate * dt;
+  x.vel_motor = x.vel_motor + dt * f.acc_motor;
+  x.pos_motor = x.pos_motor + dt * x.vel_motor;
+  if (p.rigid) {
+    x.vel_load = x.vel_motor / p.ratio;
+    x.pos_load = x.pos_motor / p.ratio;
+    return;
+  }
+  x.vel_load = x.vel_load + dt * f.acc_load;
+  x.pos_load = x.pos_load + dt * x.vel_load;
+  if (p.base) {
+    x.vel_base = x.vel_base + dt * f.acc_base;
+    x.pos_base = x.pos_base + dt * x.vel_base;
+  }
+}
+
+// x' = f(x): all eleven states.
+template <class T>
+PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed,
+                         const RingPoint<T>& ring, const PlantState<T>& x, T& torque_mesh) {
+  const PlantParams<T>& p = plant.p;
+  const Forces<T> f = p.rigid ? forces_rigid(plant, x, brake_closed) : forces(plant, x, ring, brake_closed);
+  torque_mesh = f.torque_mesh;
+  PlantState<T> d;
+  d.pos_motor = x.vel_motor;
+  d.vel_motor = f.acc_motor;
+  d.pos_load = p.rigid ? x.vel_motor / p.ratio : x.vel_load;
+  d.vel_load = f.acc_load;
+  d.pos_base = x.vel_base;
+  d.vel_base = f.acc_base;
+  if (!current.ideal) d.torque_motor = current.bandwidth * (u - x.torque_motor);
+  if (p.hysteresis) d.hysteresis = f.hysteresis_rate;
+  if (p.roller_friction) d.roller_z = f.roller.z_rate;
+  if (p.motor_friction) d.motor_z = f.motor.z_rate;
+  if (brake_closed) d.brake_z = f.brake.z_rate;
+  return d;
+}
+
+template <class T>
+PlantState<T> advanced(const PlantState<T>& x, const PlantState<T>& d, T dt) {
+  PlantState<T> y = x;
+#define X(name, meaning) y.name = x.name + dt * d.name;
+  GANTRY_PLANT_STATE(X)
+#undef X
+  return y;
+}
+
+// Classical fourth order, `steps` sub-steps per cycle.
+template <class T>
+void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed, T dt,
+                      int steps, PlantState<T>& x, T& torque_mesh) {
+  if (current.ideal) x.torque_motor = u;
+  const RingPoint<T> ring = ring_point(plant, x);
+  const T h = dt / T(steps);
+  const auto slope = [&](const PlantState<T>& at) {
+    return derivative(plant, current, u, brake_closed, ring, at, torque_mesh);
+  };
+  for (int k = 0; k < steps; ++k) {
+    const PlantState<T> k1 = slope(x);
+    const PlantState<T> k2 = slope(advanced(x, k1, T(0.5) * h));
+    const PlantState<T> k3 = slope(advanced(x, k2, T(0.5) * h));
+    const PlantState<T> k4 = slope(advanced(x, k3, h));
+#define X(name, meaning) \
+  x.name = x.name + h / T(6.0) * (k1.name + T(2.0) * k2.name + T(2.0) * k3.name + k4.name);
+    GANTRY_PLANT_STATE(X)
+#undef X
+  }
+}
+
+}  // namespace gantry
