@@ -57,7 +57,7 @@ types: setup
 	.venv/bin/mypy
 
 layers: setup
-	.venv/bin/lint-imports --no-cache
+	.venv/bin/lint-imports --no-cache --no-logo
 
 # The core's own tests: once as shipped, once with the address and undefined-behaviour sanitizers (optimised little,
 # assertions on).
