@@ -1,0 +1,23 @@
+"""The scan engine with its clocks, operators, recorders and retained memory; it knows ports only."""
+
+from gantryctl.runtime.clocks import RealClock, VirtualClock
+from gantryctl.runtime.engine import NOTHING_READ, Engine, trace_columns
+from gantryctl.runtime.operators import HeldOperator, ScriptedOperator
+from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
+from gantryctl.runtime.recorder import MemoryRecorder
+from gantryctl.runtime.statistics import Histogram, ScanStatistics
+
+__all__ = [
+    "NOTHING_READ",
+    "Engine",
+    "HeldOperator",
+    "Histogram",
+    "MemoryRecorder",
+    "OverrunLimits",
+    "OverrunPolicy",
+    "RealClock",
+    "ScanStatistics",
+    "ScriptedOperator",
+    "VirtualClock",
+    "trace_columns",
+]

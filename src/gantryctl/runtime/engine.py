@@ -1,0 +1,237 @@
+"""The scan engine: read, program, write, record. The caller drives it; there is no hidden thread."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Final
+
+from gantryctl.errors import AlarmStop, DeviceError, GantryctlError, UsageError
+from gantryctl.image import (
+    SAFE_OUTPUT,
+    DriveFeedback,
+    DriveRequest,
+    DriveState,
+    EncoderFlag,
+    InputImage,
+    OperatorCommand,
+    OutputImage,
+)
+from gantryctl.ports import Clock, Drive, Operator, Program, Recorder, Truth
+from gantryctl.runtime.clocks import VirtualClock
+from gantryctl.runtime.interrupts import HeldInterrupt
+from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
+from gantryctl.runtime.statistics import ScanStatistics
+from gantryctl.runtime.stopping import StopProgram, quick_stop_output
+from gantryctl.trace import TIME_COLUMN
+
+_new = tuple.__new__  # builds an image in half the time of its constructor
+
+NOTHING_READ: Final = InputImage(
+    scan=-1,
+    time_s=math.nan,
+    drive=DriveFeedback(
+        DriveState.UNKNOWN, 0, math.nan, math.nan, False, False, math.nan, EncoderFlag.ALARM, age_scans=-1
+    ),
+    operator=OperatorCommand(),
+)
+"""`Engine.image` before the first scan."""
+
+
+def trace_columns(program: Program, truth: Truth | None = None) -> tuple[str, ...]:
+    """The columns of the rows that an engine with this program and truth records."""
+    return (TIME_COLUMN, *program.trace_columns, *(truth.truth_columns if truth is not None else ()))
+
+
+class Engine:
+    """Runs a program on a drive, scan by scan.
+
+    One scan: wait for its time, `drive.read()`, `operator.poll()`, `program.scan()`, `drive.write()`, one
+    trace row. Row k is the state at `k x period`: the truth is sampled before the write.
+
+    When anything in a scan raises, the drive gets a quick stop in place of the program's output and the
+    error goes on as a `GantryctlError`. Scans that the caller still makes bring the axis to rest, close the
+    brake and take the torque off, without the program. A recorder that fails loses the rest of its
+    recording, and the axis goes on.
+
+    Attributes:
+        scan: scans done so far, which is the number of the next one.
+        image: input of the last scan, `NOTHING_READ` before the first.
+        output: what the drive was told last.
+        statistics: how well real time was kept; nothing is measured in virtual time.
+        failure: what ended the program, or None.
+        overrun_limits: when the policy acts; the caller may set others.
+        overrun_stop: text of the alarm when the overrun policy stopped the axis, or None.
+        recording_fault: why the recording ended early, or None.
+    """
+
+    def __init__(
+        self,
+        drive: Drive,
+        program: Program,
+        operator: Operator,
+        clock: Clock,
+        period_s: float,
+        recorder: Recorder | None = None,
+        truth: Truth | None = None,
+        overrun_policy: OverrunPolicy = OverrunPolicy.CONTINUE,
+    ) -> None:
+        if not (math.isfinite(period_s) and period_s > 0.0):
+            raise UsageError(f"scan period must be above 0 s, got {period_s} s")
+        self.drive, self.program, self.operator, self.clock = drive, program, operator, clock
+        self.period_s = period_s
+        self.recorder, self.truth = recorder, truth
+        self.overrun_policy, self.overrun_limits = overrun_policy, OverrunLimits()
+        self.scan = 0
+        self.image: InputImage = NOTHING_READ
+        self.output: OutputImage = SAFE_OUTPUT
+        self.statistics = ScanStatistics(period_s)
+        self.failure: BaseException | None = None
+        self.overrun_stop: str | None = None
+        self.recording_fault: str | None = None
+        self._active: Program = program
+        self._record = recorder.record if recorder is not None else None
+        self._truth = truth.truth if truth is not None and recorder is not None else tuple
+        self._overruns = RecentOverruns()
+        self._hold = HeldInterrupt()
+
+    @property
+    def time_s(self) -> float:
+        """Nominal time of the next scan: `scan x period`, never a sum."""
+        return self.scan * self.period_s
+
+    def step(self) -> None:
+        """One scan. Ctrl-C inside it is a failure (quick stop); `run_for` and `run_until` hold it back."""
+        self._guarded(self.scan + 1, None)
+
+    def run_for(self, seconds: float) -> None:
+        """As many whole scans as `seconds` needs."""
+        self._run(self.scan + self._scans(seconds), None)
+
+    def run_until(self, condition: Callable[[Engine], bool], timeout_s: float) -> bool:
+        """Scan until `condition(engine)` holds after a scan; False when `timeout_s` is over before."""
+        return self._run(self.scan + self._scans(timeout_s), condition)
+
+    def close(self) -> None:
+        """Leave the drive without torque, then finish the recording; may be called twice."""
+        try:
+            self.drive.close()
+        finally:
+            if self.recorder is not None:
+                self.recorder.close()
+
+    def _scans(self, seconds: float) -> int:
+        if not (math.isfinite(seconds) and seconds >= 0.0):
+            raise UsageError(f"time to run must be a number of seconds from 0 up, got {seconds}")
+        return math.ceil(seconds / self.period_s - 1e-6)
+
+    def _run(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
+        """Scan up to `end` or until the condition holds; Ctrl-C takes effect between scans."""
+        with self._hold:
+            return self._guarded(end, condition)
+
+    def _guarded(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
+        """Whatever a scan raises, the drive is told to stop first."""
+        loop = self._virtual if isinstance(self.clock, VirtualClock) else self._timed
+        try:
+            return loop(end, condition)
+        except BaseException as failure:
+            silent = self._stop_drive(failure)
+            if not isinstance(failure, Exception):
+                raise
+            if silent is not None:
+                text = f"{failure} · the drive did not take the quick stop: {silent}"
+                raise DeviceError(text) from failure
+            if isinstance(failure, GantryctlError):
+                raise
+            raise AlarmStop(self._failure_text(failure)) from failure
+
+    def _virtual(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
+        """Scans in virtual time: the same as `_timed` without the clock, for speed."""
+        read, write, poll = self.drive.read, self.drive.write, self.operator.poll
+        program_scan, trace_row, truth = self._active.scan, self._active.trace_row, self._truth
+        hold, period_s, record = self._hold, self.period_s, self._record
+        scan = self.scan
+        while scan < end and not hold.pending:
+            time_s = scan * period_s
+            image = self.image = _new(InputImage, (scan, time_s, read(), poll(time_s)))
+            output = program_scan(image)
+            true_row = truth()
+            write(output)
+            self.output = output
+            self.scan = scan = scan + 1
+            if record is not None:
+                try:
+                    record((time_s, *trace_row(), *true_row))
+                except DeviceError as fault:
+                    record = None
+                    self._stop_recording(fault)
+            if condition is not None and condition(self):
+                return True
+        return False
+
+    def _timed(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
+        """Scans paced by the clock, measured, under the overrun policy."""
+        clock, hold = self.clock, self._hold
+        if self.scan == 0:
+            clock.start()
+        while self.scan < end and not hold.pending:
+            scan, time_s = self.scan, self.time_s
+            lateness_s = clock.wait_for(scan)
+            if self.overrun_policy is OverrunPolicy.QUICK_STOP and self.overrun_stop is None:
+                self.overrun_stop = self._overruns.reason_to_stop(time_s, lateness_s, self.overrun_limits)
+            feedback = self.drive.read()
+            command = self.operator.poll(time_s)
+            if self.overrun_stop is not None:
+                command = command._replace(quick_stop=True)
+            self.image = InputImage(scan, time_s, feedback, command)
+            output = self._active.scan(self.image)
+            if self.overrun_stop is not None and output.request is DriveRequest.ENABLE:
+                output = quick_stop_output(output.brake_open)
+            true_row = self._truth()
+            self.drive.write(output)
+            self.output = output
+            self.scan = scan + 1
+            if self._record is not None:
+                try:
+                    self._record((time_s, *self._active.trace_row(), *true_row))
+                except DeviceError as fault:
+                    self._stop_recording(fault)
+            if self.statistics.add(scan, lateness_s, clock.elapsed_s()):
+                self._overruns.add(time_s)
+            if condition is not None and condition(self):
+                return True
+        return False
+
+    def _stop_recording(self, fault: DeviceError) -> None:
+        """The axis is more important than its recording."""
+        self.recording_fault = f"recording ended at t = {self.time_s:.3f} s: {fault}"
+        self._record = None
+
+    def _stop_drive(self, failure: BaseException) -> Exception | None:
+        """Quick stop in place of the scan that failed, `StopProgram` from now on.
+
+        Returns:
+            Why the drive did not take it, or None.
+        """
+        self.failure = self.failure or failure
+        output = quick_stop_output(self.output.brake_open)
+        self._active = StopProgram(output.brake_open, self.program.trace_columns)
+        try:
+            with suppress(Exception):
+                if self._record is not None:
+                    self._record((self.time_s, *self._active.trace_row(), *self._truth()))
+            self.drive.write(output)
+            self.output = output
+            self.scan += 1
+        except Exception as silent:
+            return silent
+        return None
+
+    def _failure_text(self, failure: Exception) -> str:
+        return (
+            f"SYS-09 STOP · {type(failure).__name__} in scan {self.image.scan} "
+            f"(t = {self.image.time_s:.3f} s): {failure} · quick stop · "
+            "correct the program; the traceback shows the line"
+        )

@@ -1,0 +1,43 @@
+"""Ctrl-C between scans, never inside one."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+
+
+class HeldInterrupt:
+    """While active, the first Ctrl-C only sets `pending`; leaving raises the KeyboardInterrupt.
+
+    So a scan is always finished: read, program, write and trace row belong together. A second Ctrl-C is
+    raised at once (a program that hangs). Acts only where Python's own handler is in force, in the main
+    thread: a handler that the caller installed keeps its meaning.
+    """
+
+    def __init__(self) -> None:
+        self.pending = False
+        self._active = False
+
+    def __enter__(self) -> HeldInterrupt:
+        self.pending = False
+        self._active = (
+            signal.getsignal(signal.SIGINT) is signal.default_int_handler
+            and threading.current_thread() is threading.main_thread()
+        )
+        if self._active:
+            signal.signal(signal.SIGINT, self._hold)
+        return self
+
+    def _hold(self, number: int, frame: FrameType | None) -> None:
+        if self.pending:
+            signal.default_int_handler(number, frame)
+        self.pending = True
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._active:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+        if self.pending and error is None:
+            raise KeyboardInterrupt

@@ -1,0 +1,60 @@
+"""Overruns: what counts as too many, and what is done about it."""
+
+from __future__ import annotations
+
+from collections import deque
+from enum import Enum
+from typing import Final, NamedTuple
+
+WINDOW_S: Final = 1.0
+"""Time over which overruns are counted, s."""
+
+
+class OverrunPolicy(Enum):
+    """What the engine does when scans are late. Missed deadlines are always skipped and counted."""
+
+    CONTINUE = "continue"
+    """Go on with the next deadline; the statistics tell. For simulation in real time."""
+    QUICK_STOP = "quick stop"
+    """One scan later than the limit, or too many overruns in a second: from this scan on the drive gets a
+    quick stop where the program would move, the program sees `operator.quick_stop`, and
+    `Engine.overrun_stop` says why. It lasts as long as the engine. For everything that moves."""
+
+
+class OverrunLimits(NamedTuple):
+    """When `OverrunPolicy.QUICK_STOP` acts."""
+
+    late_s: float = 0.030
+    """A single scan that starts later than this, s."""
+    frozen_s: float = 0.050
+    """From here on it is reported as a frozen controller (SYS-03), not as an overrun (SYS-02), s."""
+    per_window: int = 5
+    """More overruns than this within `WINDOW_S`."""
+
+
+class RecentOverruns:
+    """The overruns of the last second, and whether they are a reason to stop."""
+
+    def __init__(self) -> None:
+        self._times_s: deque[float] = deque()
+
+    def add(self, time_s: float) -> None:
+        """The scan of `time_s` ended after the next one was due."""
+        self._times_s.append(time_s)
+
+    def reason_to_stop(self, time_s: float, late_s: float, limits: OverrunLimits) -> str | None:
+        """The alarm for the scan of `time_s` that starts `late_s` too late, or None."""
+        times_s = self._times_s
+        while times_s and time_s - times_s[0] > WINDOW_S:
+            times_s.popleft()
+        if late_s > limits.frozen_s:
+            seen = f"SYS-03 STOP · controller frozen for {late_s:.3f} s"
+        elif late_s > limits.late_s:
+            seen = f"SYS-02 STOP · scan {late_s * 1e3:.1f} ms late (limit {limits.late_s * 1e3:g} ms)"
+        elif len(times_s) > limits.per_window:
+            seen = f"SYS-02 STOP · {len(times_s)} overruns within {WINDOW_S:g} s (limit {limits.per_window})"
+        else:
+            return None
+        return (
+            f"{seen} at t = {time_s:.3f} s · quick stop · find what kept the processor busy, then start again"
+        )

@@ -1,0 +1,58 @@
+"""What the engine does on its own when the program has failed: bring the axis to rest and hold it."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.image import DriveRequest, InputImage, OutputImage
+
+REST_SPEED_RAD_S: Final = 0.5
+"""Motor speed below which the quick stop counts as finished: 0.025 deg/s at the gantry."""
+REST_TIME_S: Final = 0.05
+"""How long it must stay below."""
+RAMP_TIME_S: Final = 3.0
+"""The brake closes at the latest after this time: twice what a quick stop from full speed takes."""
+BRAKE_TIME_S: Final = 0.3
+"""Time for the brake to close before the torque goes off."""
+
+
+def quick_stop_output(brake_open: bool) -> OutputImage:
+    """The drive's own ramp to zero; the brake stays as it was.
+
+    A brake that closes on a turning gantry loads the reducer far more than the ramp does.
+    """
+    return OutputImage(request=DriveRequest.QUICK_STOP, brake_open=brake_open)
+
+
+class StopProgram:
+    """Takes the place of a failed program: quick stop, then brake, then torque off; its trace row is NaN.
+
+    It reads only the motor speed, and does not trust it for longer than `RAMP_TIME_S`.
+    """
+
+    def __init__(self, brake_open: bool, columns: tuple[str, ...]) -> None:
+        self.trace_columns = columns
+        self._brake_open = brake_open
+        self._row = (math.nan,) * len(columns)
+        self._begin_s: float | None = None
+        self._moving_s = 0.0
+        self._closed_s = math.inf
+
+    def scan(self, image: InputImage) -> OutputImage:
+        """One scan of the stop."""
+        now_s = image.time_s
+        if self._begin_s is None:
+            self._begin_s = self._moving_s = now_s
+        if not abs(image.drive.vel_act_rad_s) < REST_SPEED_RAD_S:  # NaN counts as moving
+            self._moving_s = now_s
+        rested = now_s - self._moving_s >= REST_TIME_S or now_s - self._begin_s >= RAMP_TIME_S
+        if rested and self._closed_s == math.inf:
+            self._brake_open, self._closed_s = False, now_s
+        if now_s - self._closed_s >= BRAKE_TIME_S:
+            return OutputImage()
+        return quick_stop_output(self._brake_open)
+
+    def trace_row(self) -> tuple[float, ...]:
+        """Nothing is known of the program's own values."""
+        return self._row

@@ -1,0 +1,16 @@
+"""What a recording is: column names, `Trace`, reading and exporting."""
+
+from gantryctl.trace.columns import TIME_COLUMN, Unit, in_degrees, unit_of, validate_columns
+from gantryctl.trace.table import Floats, Metadata, Trace, TraceHash
+
+__all__ = [
+    "TIME_COLUMN",
+    "Floats",
+    "Metadata",
+    "Trace",
+    "TraceHash",
+    "Unit",
+    "in_degrees",
+    "unit_of",
+    "validate_columns",
+]

@@ -1,0 +1,105 @@
+"""`Trace`: a recording in memory. One row per scan; row k holds the state at `k x period`."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gantryctl.errors import UsageError
+from gantryctl.trace.columns import TIME_COLUMN
+
+Floats: TypeAlias = NDArray[np.float64]
+Metadata: TypeAlias = Mapping[str, "str | int | float | bool | None"]
+"""What a recording says of itself: `machine`, `config_hash`, `version`, `seed`, `epoch`, `period_s` ..."""
+
+
+class TraceHash:
+    """SHA-256 over the column names and the rows, each value as its eight bytes; grows with the recording."""
+
+    def __init__(self, columns: Sequence[str]) -> None:
+        self._digest = hashlib.sha256("\n".join(columns).encode() + b"\0")
+        self._width = len(columns)
+
+    def update(self, rows: Floats) -> None:
+        """Add whole rows, an array of shape (rows, columns)."""
+        if rows.ndim != 2 or rows.shape[1] != self._width:
+            raise UsageError(f"trace hash: rows of {self._width} values expected, got shape {rows.shape}")
+        self._digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
+
+    def hexdigest(self) -> str:
+        """The hash of everything so far."""
+        return self._digest.hexdigest()
+
+
+class Trace:
+    """Columns by name: `trace["pos_ref_rad"]` is a numpy array.
+
+    Attributes:
+        columns: the names, `time_s` first.
+        metadata: what the recording says about itself.
+        complete: False when the recording was never closed (a killed process): the rows up to there are good.
+    """
+
+    def __init__(
+        self, data: Mapping[str, Floats], metadata: Metadata | None = None, *, complete: bool = True
+    ) -> None:
+        self._data = {name: np.asarray(values, dtype=np.float64) for name, values in data.items()}
+        if len({values.shape for values in self._data.values()}) > 1:
+            lengths = ", ".join(f"{name} {len(values)}" for name, values in self._data.items())
+            raise UsageError(f"columns of a trace must be equally long, got {lengths}")
+        self.columns = tuple(self._data)
+        self.metadata = dict(metadata or {})
+        self.complete = complete
+
+    @classmethod
+    def from_rows(cls, columns: Sequence[str], rows: Floats, metadata: Metadata | None = None) -> Trace:
+        """From an array of shape (rows, columns)."""
+        return cls(dict(zip(columns, np.ascontiguousarray(rows.T), strict=True)), metadata)
+
+    def __getitem__(self, name: str) -> Floats:
+        try:
+            return self._data[name]
+        except KeyError:
+            raise UsageError(
+                f"the trace has no column {name!r}; there are: {', '.join(self.columns)}"
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._data
+
+    def __len__(self) -> int:
+        return len(next(iter(self._data.values()))) if self._data else 0
+
+    def __repr__(self) -> str:
+        return f"<Trace {len(self)} rows, {self.duration_s:.3f} s, {len(self.columns)} columns>"
+
+    @property
+    def time_s(self) -> Floats:
+        """Nominal time of every row, s."""
+        return self[TIME_COLUMN]
+
+    @property
+    def duration_s(self) -> float:
+        """From the first row to the last, s."""
+        return float(self.time_s[-1] - self.time_s[0]) if len(self) else 0.0
+
+    def slice(self, start_s: float, end_s: float) -> Trace:
+        """The rows with `start_s <= time_s <= end_s`."""
+        kept = (self.time_s >= start_s) & (self.time_s <= end_s)
+        data = {name: values[kept] for name, values in self._data.items()}
+        return Trace(data, self.metadata, complete=self.complete)
+
+    def rows(self, start: int = 0, stop: int | None = None) -> Floats:
+        """Rows `start` to `stop` as one array of shape (rows, columns)."""
+        return np.column_stack([values[start:stop] for values in self._data.values()])
+
+    def hash(self) -> str:
+        """SHA-256 over names and values, bit for bit: the same seed gives the same hash."""
+        digest = TraceHash(self.columns)
+        for start in range(0, len(self), 10_000):
+            digest.update(self.rows(start, start + 10_000))
+        return digest.hexdigest()
