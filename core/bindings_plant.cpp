@@ -167,7 +167,7 @@ void bind_equations(nb::module_& m) {
   m.def(
       "motor_error",
       [](const Plant1& p, double pos_motor) {
-        const auto e = GearError<double>(p).motor_error(p, pos_motor, sincos(pos_motor));
+        const auto e = GearError<double>(p).motor_error(pos_motor, sincos(pos_motor));
         return Pair(e.error, e.slope);
       },
       nb::arg("plant"), nb::arg("pos_motor_rad"), "Gear error of reducer and pinion and its slope (S2).");
@@ -183,8 +183,13 @@ void bind_equations(nb::module_& m) {
       [](const Plant1& p, double torque) { return sign(torque) * Plant<double>(p).windup(vabs(torque)); },
       nb::arg("plant"), nb::arg("torque_nm"),
       "Wind-up of the three-slope transmission, rad: inverse of spring_torque.");
-  m.def("sliding_gate", &sliding_gate<double>, nb::arg("v"), nb::arg("z"), nb::arg("z_ss"),
-        nb::arg("ep_ratio"), "Elasto-plastic gate alpha(v, z, z_ss): 0 elastic, 1 sliding (S3).");
+  m.def(
+      "sliding_gate",
+      [](double v, double z, double z_ss, double ep_ratio) {
+        return sliding_gate(v, z, 1.0 / z_ss, ep_ratio);
+      },
+      nb::arg("v"), nb::arg("z"), nb::arg("z_ss"), nb::arg("ep_ratio"),
+      "Elasto-plastic gate alpha(v, z, z_ss): 0 elastic, 1 sliding (S3).");
   m.def("clamp", &clamp<double>, nb::arg("x"), nb::arg("lo"), nb::arg("hi"),
         "Limit x to lo..hi; NaN passes through.");
   m.def(

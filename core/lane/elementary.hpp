@@ -65,18 +65,10 @@ T vexp(T x) {
   return p * pow2(n);
 }
 
-// sin(n a), cos(n a) from sin a, cos a for a whole number n >= 1: the complex number to the power n, by
-// squaring.
+// Sine and cosine of a + b from those of a and b.
 template <class T>
-SinCos<T> multiple_angle(SinCos<T> base, int n) {
-  SinCos<T> result{T(0.0), T(1.0)};
-  while (n > 0) {
-    if (n & 1)
-      result = {result.sin * base.cos + result.cos * base.sin, result.cos * base.cos - result.sin * base.sin};
-    base = {T(2.0) * base.sin * base.cos, base.cos * base.cos - base.sin * base.sin};
-    n >>= 1;
-  }
-  return result;
+SinCos<T> angle_sum(const SinCos<T>& a, const SinCos<T>& b) {
+  return {a.sin * b.cos + a.cos * b.sin, a.cos * b.cos - a.sin * b.sin};
 }
 
 }  // namespace gantry

@@ -42,6 +42,27 @@ struct DriveParams {
   int delay_cycles = 0;  // 0 or 1: the torque acts in the cycle after the one that computed it
 };
 
+// Parameters and what follows from them, computed once.
+template <class T>
+struct Drive {
+  DriveParams<T> p;
+  T cycle_inverse = T(0.0);      // 1/Ts
+  T integral_step = T(0.0);      // Ts/Tvi
+  T rated_inverse = T(0.0);      // 1/T_rated
+  T budget = T(0.0);             // I2t account at which the limit falls, s
+  T torque_continuous = T(0.0);  // the limit then
+
+  Drive() : Drive(DriveParams<T>()) {}
+  explicit Drive(const DriveParams<T>& params) : p(params) {
+    cycle_inverse = T(1.0) / p.cycle_s;
+    integral_step = p.cycle_s / p.tvi_s;
+    rated_inverse = T(1.0) / p.torque_rated;
+    const T ratio = p.torque_max * rated_inverse;
+    budget = (ratio * ratio - T(1.0)) * p.overload_time_s;
+    torque_continuous = select(p.torque_max < p.torque_rated, p.torque_max, p.torque_rated);
+  }
+};
+
 template <class T>
 struct DriveState {
 #define X(name, meaning) T name = T(0.0);
@@ -67,31 +88,29 @@ T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor, T count) {
 
 // Speed feedback by backward difference of the encoder over one cycle, filtered if asked for.
 template <class T>
-T speed_feedback(const DriveParams<T>& p, DriveState<T>& s, T pos_motor, T vel_motor) {
-  const T pos = encoder_position(p, pos_motor, vel_motor, p.speed_count);
-  const T raw = (pos - s.pos_last) / p.cycle_s;
+T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_motor, T vel_motor) {
+  const T pos = encoder_position(drive.p, pos_motor, vel_motor, drive.p.speed_count);
+  const T raw = (pos - s.pos_last) * drive.cycle_inverse;
   s.pos_last = pos;
-  s.vel_filtered = raw + (s.vel_filtered - raw) * p.speed_filter;
+  s.vel_filtered = raw + (s.vel_filtered - raw) * drive.p.speed_filter;
   return s.vel_filtered;
 }
 
 // Torque limit now; while more than the rated torque flows the account grows, below it shrinks.
 template <class T>
-T torque_limit(const DriveParams<T>& p, DriveState<T>& s) {
-  const T load = s.torque_set / p.torque_rated;
-  const T ratio = p.torque_max / p.torque_rated;
-  const T budget = (ratio * ratio - T(1.0)) * p.overload_time_s;
-  s.overload = clamp(s.overload + (load * load - T(1.0)) * p.cycle_s, T(0.0), budget);
-  return select(s.overload < budget, p.torque_max,
-                select(p.torque_max < p.torque_rated, p.torque_max, p.torque_rated));
+T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
+  const T load = s.torque_set * drive.rated_inverse;
+  s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget);
+  return select(s.overload < drive.budget, drive.p.torque_max, drive.torque_continuous);
 }
 
 // One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
 template <class T>
-T drive_cycle(const DriveParams<T>& p, const DriveCommand<T>& command, DriveState<T>& s, T pos_motor,
+T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& command, DriveState<T>& s, T pos_motor,
               T vel_motor, bool& limited) {
-  const T vel = speed_feedback(p, s, pos_motor, vel_motor);
-  const T limit = torque_limit(p, s);
+  const DriveParams<T>& p = drive.p;
+  const T vel = speed_feedback(drive, s, pos_motor, vel_motor);
+  const T limit = torque_limit(drive, s);
   if (command.mode == DriveMode::kOff) {
     s.integral = T(0.0);
     s.torque_set = T(0.0);
@@ -108,7 +127,7 @@ T drive_cycle(const DriveParams<T>& p, const DriveCommand<T>& command, DriveStat
   const T wanted = p.kvp * (error + s.integral) + command.torque_ff;
   const T given = clamp(wanted, -limit, limit);
   const auto free = either(given == wanted, (wanted - given) * error < T(0.0));
-  s.integral = select(free, s.integral + error * p.cycle_s / p.tvi_s, s.integral);
+  s.integral = select(free, s.integral + error * drive.integral_step, s.integral);
   if (!limited) limited = any(negate(given == wanted));
   const T acting = p.delay_cycles > 0 ? s.torque_set : given;
   s.torque_set = given;

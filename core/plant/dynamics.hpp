@@ -13,32 +13,29 @@ struct Plant {
   PlantParams<T> p;
   GearError<T> gear;
   FrictionParams<T> roller, motor, brake;
-  T break_1, break_2;  // wind-up at which the slope changes, rad
-  T inertia_rigid;     // J/i^2 + Jm
+  T break_1, break_2;                                          // wind-up at which the slope changes, rad
+  T ratio_inverse;                                             // 1/i
+  T motor_inverse, load_inverse, base_inverse, rigid_inverse;  // 1/Jm, 1/J, 1/Jb, 1/(J/i^2 + Jm)
+  T ripple_inverse, hysteresis_inverse;
 
   Plant() : Plant(PlantParams<T>()) {}
   explicit Plant(const PlantParams<T>& params) : p(params), gear(params) {
-    roller = {p.roller_coulomb,
-              p.roller_breakaway,
-              p.roller_stribeck,
-              p.roller_viscous,
-              p.roller_coulomb / p.roller_presliding,
-              T(0.0)};
-    roller.damping = p.roller_micro_damping * vsqrt(roller.stiffness * p.inertia_load);
-    motor = {p.motor_coulomb,
-             p.motor_breakaway,
-             p.motor_stribeck,
-             p.motor_viscous,
-             p.motor_coulomb / p.motor_presliding,
-             T(0.0)};
-    motor.damping = p.motor_micro_damping * vsqrt(motor.stiffness * p.inertia_motor);
+    roller = {p.roller_coulomb,    p.roller_breakaway,     p.roller_stribeck, p.roller_viscous,
+              p.roller_presliding, p.roller_micro_damping, p.inertia_load};
+    motor = {p.motor_coulomb,    p.motor_breakaway,     p.motor_stribeck, p.motor_viscous,
+             p.motor_presliding, p.motor_micro_damping, p.inertia_motor};
     // The brake is dry friction of one level: a Stribeck speed so high that its sigma1 does not fall with
     // speed.
-    brake = {p.brake_torque, p.brake_torque, T(1e9), T(0.0), p.brake_torque / p.brake_presliding, T(0.0)};
-    brake.damping = T(1.4) * vsqrt(brake.stiffness * p.inertia_motor);
+    brake = {p.brake_torque, p.brake_torque, T(1e9), T(0.0), p.brake_presliding, T(1.4), p.inertia_motor};
     break_1 = p.torque_1 / p.stiffness_1;
     break_2 = break_1 + (p.torque_2 - p.torque_1) / p.stiffness_2;
-    inertia_rigid = p.inertia_load / (p.ratio * p.ratio) + p.inertia_motor;
+    ratio_inverse = T(1.0) / p.ratio;
+    motor_inverse = T(1.0) / p.inertia_motor;
+    load_inverse = T(1.0) / p.inertia_load;
+    base_inverse = T(1.0) / p.base_inertia;
+    rigid_inverse = T(1.0) / (p.inertia_load / (p.ratio * p.ratio) + p.inertia_motor);
+    ripple_inverse = T(1.0) / p.ripple_full_torque;
+    hysteresis_inverse = T(1.0) / p.hysteresis_length;
   }
 
   // S(x), x >= 0: torque of the three-slope spring.
@@ -83,23 +80,24 @@ Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) 
   m.torque = side * spring + p.damping * twist_rate + hysteresis;
   if (p.hysteresis) {
     const T h = p.hysteresis_torque + p.hysteresis_load_ratio * spring;
-    const T gate = sliding_gate(twist_rate, hysteresis, h, p.friction_ep_ratio);
-    m.hysteresis_rate = (h / p.hysteresis_length) * (twist_rate - gate * vabs(twist_rate) * hysteresis / h);
+    const T gate = sliding_gate(twist_rate, hysteresis, T(1.0) / h, p.friction_ep_ratio);
+    m.hysteresis_rate = plant.hysteresis_inverse * (h * twist_rate - gate * vabs(twist_rate) * hysteresis);
   }
   if (p.backlash) {
     constexpr double kGapDecay = 0.01;  // s
     const auto gap = windup <= T(0.0);
     const auto pulling = m.torque * side < T(0.0);
     m.torque = select(either(gap, pulling), T(0.0), m.torque);
-    m.hysteresis_rate = select(gap, -hysteresis / T(kGapDecay), m.hysteresis_rate);
+    m.hysteresis_rate = select(gap, hysteresis * T(-1.0 / kGapDecay), m.hysteresis_rate);
   }
   return m;
 }
 
 template <class T>
-T ripple_torque(const PlantParams<T>& p, SinCos<T> motor, T torque_motor) {
-  const T load = vabs(torque_motor) / p.ripple_full_torque;
-  return p.ripple_torque * multiple_angle(motor, p.ripple_order).sin * select(load < T(1.0), load, T(1.0));
+T ripple_torque(const Plant<T>& plant, T pos_motor, T torque_motor) {
+  const T load = vabs(torque_motor) * plant.ripple_inverse;
+  const T wave = sincos(pos_motor * T(plant.p.ripple_order)).sin;
+  return plant.p.ripple_torque * wave * select(load < T(1.0), load, T(1.0));
 }
 
 // Where the gear error of the ring is evaluated once per drive cycle and continued linearly inside it (S9).
@@ -121,14 +119,14 @@ RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>& x) {
 
 // Friction of the motor, brake and ripple: the torque on the motor shaft besides Te and the mesh.
 template <class T>
-T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed, SinCos<T> motor,
-                    T torque_mesh, Forces<T>& f) {
+T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed, T torque_mesh,
+                    Forces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
-  if (p.ripple) torque = torque + ripple_torque(p, motor, x.torque_motor);
+  if (p.ripple) torque = torque + ripple_torque(plant, x.pos_motor, x.torque_motor);
   if (p.motor_friction) {
-    f.motor = friction(plant.motor, x.vel_motor, x.motor_z, p.motor_load_ratio * vabs(torque_mesh) / p.ratio,
-                       p.friction_ep_ratio);
+    f.motor = friction(plant.motor, x.vel_motor, x.motor_z,
+                       p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse, p.friction_ep_ratio);
     torque = torque - f.motor.torque;
   }
   if (brake_closed) {
@@ -149,13 +147,11 @@ Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<
   Forces<T> f;
   const T rho = x.pos_load - x.pos_base;
   const T vel_ring = x.vel_load - x.vel_base;
-  SinCos<T> motor{T(0.0), T(1.0)};
-  if (p.gear_error || p.ripple) motor = sincos(x.pos_motor);
-  T slope_motor = T(1.0) / p.ratio;
+  T slope_motor = plant.ratio_inverse;
   T slope_ring = T(1.0);
-  T twist = x.pos_motor / p.ratio - rho;
+  T twist = x.pos_motor * plant.ratio_inverse - rho;
   if (p.gear_error) {
-    const ErrorValue<T> em = plant.gear.motor_error(p, x.pos_motor, motor);
+    const ErrorValue<T> em = plant.gear.motor_error(x.pos_motor, sincos(x.pos_motor));
     twist = twist + em.error + (ring.value.error + ring.value.slope * (rho - ring.rho));
     slope_motor = slope_motor + em.slope;
     slope_ring = slope_ring - ring.value.slope;
@@ -164,16 +160,17 @@ Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<
       mesh_torque(plant, twist, x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
   f.torque_mesh = mesh.torque;
   f.hysteresis_rate = mesh.hysteresis_rate;
-  const T motor_torque = motor_side_torque(plant, x, brake_closed, motor, mesh.torque, f);
-  f.acc_motor = (motor_torque - mesh.torque * slope_motor) / p.inertia_motor;
+  const T motor_torque = motor_side_torque(plant, x, brake_closed, mesh.torque, f);
+  f.acc_motor = (motor_torque - mesh.torque * slope_motor) * plant.motor_inverse;
   T on_ring = mesh.torque * slope_ring;
   if (p.roller_friction) {
     f.roller = friction(plant.roller, vel_ring, x.roller_z, T(0.0), p.friction_ep_ratio);
     on_ring = on_ring - f.roller.torque;
   }
-  f.acc_load = (on_ring + eccentric_torque(p, x.pos_load)) / p.inertia_load;
+  f.acc_load = (on_ring + eccentric_torque(p, x.pos_load)) * plant.load_inverse;
   if (p.base)
-    f.acc_base = (-on_ring - p.base_stiffness * x.pos_base - p.base_damping * x.vel_base) / p.base_inertia;
+    f.acc_base =
+        (-on_ring - p.base_stiffness * x.pos_base - p.base_damping * x.vel_base) * plant.base_inverse;
   return f;
 }
 
@@ -183,17 +180,14 @@ template <class T>
 Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
-  SinCos<T> motor{T(0.0), T(1.0)};
-  if (p.ripple) motor = sincos(x.pos_motor);
   T torque = eccentric_torque(p, x.pos_load);
-  f.torque_mesh = -torque;
   if (p.roller_friction) {
     f.roller = friction(plant.roller, x.vel_load, x.roller_z, T(0.0), p.friction_ep_ratio);
     torque = torque - f.roller.torque;
   }
-  f.acc_motor =
-      (motor_side_torque(plant, x, brake_closed, motor, torque, f) + torque / p.ratio) / plant.inertia_rigid;
-  f.acc_load = f.acc_motor / p.ratio;
+  const T on_motor = motor_side_torque(plant, x, brake_closed, torque, f) + torque * plant.ratio_inverse;
+  f.acc_motor = on_motor * plant.rigid_inverse;
+  f.acc_load = f.acc_motor * plant.ratio_inverse;
   f.torque_mesh = p.inertia_load * f.acc_load - torque;
   return f;
 }

@@ -7,10 +7,10 @@
 namespace gantry {
 
 // How far the element slides: 0 elastic, 1 sliding, a sine blend between ep_ratio and 1.
-// z_ss is the state at which it slides steadily.
+// inverse = 1/z_ss, z_ss being the state at which it slides steadily.
 template <class T>
-T sliding_gate(T v, T z, T z_ss, T ep_ratio) {
-  const T a = vabs(z) / z_ss;
+T sliding_gate(T v, T z, T inverse, T ep_ratio) {
+  const T a = vabs(z) * inverse;
   const auto loading = v * z > T(0.0);
   const auto blending = both(loading, both(a > ep_ratio, a < T(1.0)));
   T gate = select(both(loading, a >= T(1.0)), T(1.0), T(0.0));
@@ -24,9 +24,19 @@ T sliding_gate(T v, T z, T z_ss, T ep_ratio) {
 
 template <class T>
 struct FrictionParams {
-  T coulomb, breakaway, stribeck, viscous;
-  T stiffness;  // sigma0
-  T damping;    // sigma1 at standstill
+  T coulomb, breakaway, viscous;
+  T stiffness;         // sigma0
+  T damping;           // sigma1 at standstill
+  T stribeck_inverse;  // 1 / (5 vs)
+
+  FrictionParams() = default;
+  FrictionParams(T coulomb_, T breakaway_, T stribeck, T viscous_, T presliding, T micro_damping, T inertia)
+      : coulomb(coulomb_),
+        breakaway(breakaway_),
+        viscous(viscous_),
+        stiffness(coulomb_ / presliding),
+        damping(micro_damping * vsqrt(stiffness * inertia)),
+        stribeck_inverse(T(1.0) / (T(5.0) * stribeck)) {}
 };
 
 template <class T>
@@ -40,7 +50,7 @@ struct Friction {
 // both. Beyond an exponent of 28 both are below 1e-12 of themselves and taken as zero.
 template <class T>
 Friction<T> friction(const FrictionParams<T>& p, T v, T z, T load_torque, T ep_ratio) {
-  const T x = v / (T(5.0) * p.stribeck);
+  const T x = v * p.stribeck_inverse;
   const T exponent = x * x;
   const auto fast = exponent > T(28.0);
   T slow = T(0.0);
@@ -50,9 +60,9 @@ Friction<T> friction(const FrictionParams<T>& p, T v, T z, T load_torque, T ep_r
   const T s8 = s4 * s4;
   const T stribeck = s8 * s8 * s8 * slow;
   const T g = p.coulomb + (p.breakaway - p.coulomb) * stribeck + load_torque;
-  const T z_ss = g / p.stiffness;
+  const T inverse = p.stiffness / g;  // 1/z_ss
   Friction<T> f;
-  f.slip_rate = sliding_gate(v, z, z_ss, ep_ratio) * vabs(v) / z_ss;
+  f.slip_rate = sliding_gate(v, z, inverse, ep_ratio) * vabs(v) * inverse;
   f.z_rate = v - f.slip_rate * z;
   f.torque = p.stiffness * z + p.damping * slow * f.z_rate + p.viscous * v;
   return f;

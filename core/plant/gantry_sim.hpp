@@ -58,11 +58,11 @@ class GantrySim {
     if (servo_on) {
       x.torque_motor = torque_motor;
       s.torque_set = torque_motor;
-      s.integral = torque_motor / drive_.kvp;
+      s.integral = torque_motor / drive_.p.kvp;
     } else {
       x.brake_z = -torque_motor / plant_.brake.stiffness;
     }
-    s.pos_last = encoder_position(drive_, x.pos_motor, x.vel_motor, drive_.speed_count);
+    s.pos_last = encoder_position(drive_.p, x.pos_motor, x.vel_motor, drive_.p.speed_count);
     vel_report_ = T(0.0);
   }
 
@@ -91,21 +91,21 @@ class GantrySim {
 
   // Encoder counts since its own zero; whole numbers unless the encoder is ideal.
   T counts(T count) const {
-    const T resolution = drive_.position_count;
-    return encoder_position(drive_, x.pos_motor, x.vel_motor, resolution) / count + count_offset;
+    const T resolution = drive_.p.position_count;
+    return encoder_position(drive_.p, x.pos_motor, x.vel_motor, resolution) / count + count_offset;
   }
 
+  // Used part of the I2t budget, 0..1.
   T overload() const {
-    const T ratio = drive_.torque_max / drive_.torque_rated;
-    const T budget = (ratio * ratio - T(1.0)) * drive_.overload_time_s;
-    return select(budget > T(0.0), s.overload / select(budget > T(0.0), budget, T(1.0)), T(0.0));
+    const auto has_budget = drive_.budget > T(0.0);
+    return select(has_budget, s.overload / select(has_budget, drive_.budget, T(1.0)), T(0.0));
   }
 
   T torque_mesh() const { return torque_mesh_; }
   T vel_report() const { return vel_report_; }
   bool limited() const { return limited_; }
   const Plant<T>& plant() const { return plant_; }
-  const DriveParams<T>& drive() const { return drive_; }
+
   double scan_period_s() const { return cycle_s_ * cycles_per_scan_; }
   double cycle_s() const { return cycle_s_; }
 
@@ -125,7 +125,7 @@ class GantrySim {
         sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, p.half_backlash, T(0.0)));
     const T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
     for (int k = 0; k < 50; ++k) {
-      const T em = p.gear_error ? plant_.gear.motor_error(p, x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
+      const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
       x.pos_motor = p.ratio * (rho + twist - em - ring);
     }
   }
@@ -140,7 +140,7 @@ class GantrySim {
   }
 
   Plant<T> plant_;
-  DriveParams<T> drive_;
+  Drive<T> drive_;
   CurrentLoop<T> current_;
   double cycle_s_ = 125e-6;
   int cycles_per_scan_ = 8;

@@ -1,6 +1,8 @@
 // Gear-error map (plant_equations S2): what the gears add to an ideal transmission, and its slope.
 #pragma once
 
+#include <cstddef>
+
 #include "core/lane/elementary.hpp"
 #include "core/plant/params.hpp"
 
@@ -31,6 +33,8 @@ template <class T>
 struct GearError {
   std::array<Harmonic<T>, kRingHarmonics> ring;
   Harmonic<T> reducer_1x, reducer_2x, reducer_4x, pinion, mesh;
+  T pinion_per_motor = T(1.0);  // 1/i1
+  T teeth = T(1.0);             // tooth-mesh cycles per pinion turn
 
   GearError() = default;
   explicit GearError(const PlantParams<T>& p)
@@ -38,34 +42,46 @@ struct GearError {
         reducer_2x(p.error_reducer_2x, p.phase_reducer_2x),
         reducer_4x(p.error_reducer_4x, p.phase_reducer_4x),
         pinion(p.error_pinion, p.phase_pinion),
-        mesh(p.error_mesh, p.phase_mesh) {
-    for (int n = 0; n < kRingHarmonics; ++n) ring[n] = Harmonic<T>(p.error_ring[n], p.phase_ring[n]);
+        mesh(p.error_mesh, p.phase_mesh),
+        pinion_per_motor(T(1.0) / p.reducer_ratio),
+        teeth(T(p.pinion_teeth)) {
+    for (std::size_t n = 0; n < kRingHarmonics; ++n) ring[n] = Harmonic<T>(p.error_ring[n], p.phase_ring[n]);
   }
 
-  // e_r(rho) = sum_n A_n sin(n rho + phase_n), by the recurrence of sin(n x) and cos(n x).
+  // e_r(rho) = sum_n A_n sin(n rho + phase_n). The multiples of rho come from sums of angles, four at a time
+  // and in four separate sums: a chain of twelve would wait for every product.
   ErrorValue<T> ring_error(T rho) const {
-    const SinCos<T> first = sincos(rho);
-    SinCos<T> x = first;
-    ErrorValue<T> e;
-    for (int n = 0; n < kRingHarmonics; ++n) {
-      e.error = e.error + ring[n].value(x);
-      e.slope = e.slope + T(n + 1.0) * ring[n].slope(x);
-      x = {x.sin * first.cos + x.cos * first.sin, x.cos * first.cos - x.sin * first.sin};
-    }
-    return e;
+    static_assert(kRingHarmonics % 4 == 0, "harmonics are taken in fours");
+    SinCos<T> x[4];
+    x[0] = sincos(rho);
+    x[1] = angle_sum(x[0], x[0]);
+    x[2] = angle_sum(x[1], x[0]);
+    x[3] = angle_sum(x[1], x[1]);
+    const SinCos<T> step = x[3];
+    T error[4] = {T(0.0), T(0.0), T(0.0), T(0.0)};
+    T slope[4] = {T(0.0), T(0.0), T(0.0), T(0.0)};
+    for (int first = 0; first < kRingHarmonics; first += 4)
+      for (int k = 0; k < 4; ++k) {
+        const Harmonic<T>& h = ring[static_cast<std::size_t>(first + k)];
+        error[k] = error[k] + h.value(x[k]);
+        slope[k] = slope[k] + T(first + k + 1.0) * h.slope(x[k]);
+        x[k] = angle_sum(x[k], step);
+      }
+    return {(error[0] + error[1]) + (error[2] + error[3]), (slope[0] + slope[1]) + (slope[2] + slope[3])};
   }
 
-  // e_m(theta_m); motor = sine and cosine of theta_m, which the torque ripple needs too.
-  ErrorValue<T> motor_error(const PlantParams<T>& p, T pos_motor, SinCos<T> motor) const {
-    const SinCos<T> twice = multiple_angle(motor, 2);
-    const SinCos<T> four = multiple_angle(twice, 2);
-    const SinCos<T> turn = sincos(pos_motor / p.reducer_ratio);
-    const SinCos<T> tooth = multiple_angle(turn, p.pinion_teeth);
+  // e_m(theta_m); motor = sine and cosine of theta_m.
+  ErrorValue<T> motor_error(T pos_motor, const SinCos<T>& motor) const {
+    const SinCos<T> twice = angle_sum(motor, motor);
+    const SinCos<T> four = angle_sum(twice, twice);
+    const T pinion_angle = pos_motor * pinion_per_motor;
+    const SinCos<T> turn = sincos(pinion_angle);
+    const SinCos<T> tooth = sincos(pinion_angle * teeth);
     ErrorValue<T> e;
     e.error = (reducer_1x.value(motor) + reducer_2x.value(twice)) + reducer_4x.value(four) +
               (pinion.value(turn) + mesh.value(tooth));
     e.slope = (reducer_1x.slope(motor) + T(2.0) * reducer_2x.slope(twice)) + T(4.0) * reducer_4x.slope(four) +
-              (pinion.slope(turn) + T(p.pinion_teeth) * mesh.slope(tooth)) / p.reducer_ratio;
+              (pinion.slope(turn) + teeth * mesh.slope(tooth)) * pinion_per_motor;
     return e;
   }
 };

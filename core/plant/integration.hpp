@@ -40,8 +40,8 @@ void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current, T
   x.vel_motor = x.vel_motor + dt * f.acc_motor;
   x.pos_motor = x.pos_motor + dt * x.vel_motor;
   if (p.rigid) {
-    x.vel_load = x.vel_motor / p.ratio;
-    x.pos_load = x.pos_motor / p.ratio;
+    x.vel_load = x.vel_motor * plant.ratio_inverse;
+    x.pos_load = x.pos_motor * plant.ratio_inverse;
     return;
   }
   x.vel_load = x.vel_load + dt * f.acc_load;
@@ -62,7 +62,7 @@ PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current, T
   PlantState<T> d;
   d.pos_motor = x.vel_motor;
   d.vel_motor = f.acc_motor;
-  d.pos_load = p.rigid ? x.vel_motor / p.ratio : x.vel_load;
+  d.pos_load = p.rigid ? x.vel_motor * plant.ratio_inverse : x.vel_load;
   d.vel_load = f.acc_load;
   d.pos_base = x.vel_base;
   d.vel_base = f.acc_base;
