@@ -15,7 +15,7 @@ struct SinCos {
 // |x| < 1e6 rad. Reduction by pi/2 in three parts of 33 bits (n * part is exact), then sin and cos on [-pi/4,
 // pi/4].
 template <class T>
-SinCos<T> sincos(T x) {
+GANTRY_INLINE SinCos<T> sincos(T x) {
   constexpr double kTwoOverPi = 0.6366197723675814;
   constexpr double kPart1 = 0x1.921fb544p+0;
   constexpr double kPart2 = 0x1.0b4611a6p-34;
@@ -46,7 +46,7 @@ SinCos<T> sincos(T x) {
 
 // exp(x) for x <= 709; below -708 the result stays at exp(-708), so nothing becomes subnormal.
 template <class T>
-T vexp(T x) {
+GANTRY_INLINE T vexp(T x) {
   constexpr double kLog2e = 1.4426950408889634;
   constexpr double kLn2High = 0x1.62e42fef00000p-1;
   constexpr double kLn2Low = 7.440617110012397e-11;
@@ -67,7 +67,7 @@ T vexp(T x) {
 
 // Sine and cosine of a + b from those of a and b.
 template <class T>
-SinCos<T> angle_sum(const SinCos<T>& a, const SinCos<T>& b) {
+GANTRY_INLINE SinCos<T> angle_sum(const SinCos<T>& a, const SinCos<T>& b) {
   return {a.sin * b.cos + a.cos * b.sin, a.cos * b.cos - a.sin * b.sin};
 }
 

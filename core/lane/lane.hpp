@@ -8,6 +8,13 @@
 #include <cstdint>
 #include <cstring>
 
+// The kernels are one chain of arithmetic: a call in it costs more than what it calls.
+#if defined(_MSC_VER)
+#define GANTRY_INLINE __forceinline
+#else
+#define GANTRY_INLINE inline __attribute__((always_inline))
+#endif
+
 namespace gantry {
 
 inline double select(bool mask, double a, double b) { return mask ? a : b; }

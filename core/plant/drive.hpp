@@ -79,7 +79,7 @@ struct DriveCommand {
 
 // Position as the encoder gives it: `latency_s` old and in whole counts (0: ideal).
 template <class T>
-T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor, T count) {
+GANTRY_INLINE T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor, T count) {
   const T pos = pos_motor - vel_motor * p.latency_s;
   const auto real = count > T(0.0);
   if (!any(real)) return pos;
@@ -88,7 +88,7 @@ T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor, T count) {
 
 // Speed feedback by backward difference of the encoder over one cycle, filtered if asked for.
 template <class T>
-T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_motor, T vel_motor) {
+GANTRY_INLINE T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_motor, T vel_motor) {
   const T pos = encoder_position(drive.p, pos_motor, vel_motor, drive.p.speed_count);
   const T raw = (pos - s.pos_last) * drive.cycle_inverse;
   s.pos_last = pos;
@@ -98,7 +98,7 @@ T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_motor, T vel_mot
 
 // Torque limit now; while more than the rated torque flows the account grows, below it shrinks.
 template <class T>
-T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
+GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
   const T load = s.torque_set * drive.rated_inverse;
   s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget);
   return select(s.overload < drive.budget, drive.p.torque_max, drive.torque_continuous);
@@ -106,8 +106,8 @@ T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
 
 // One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
 template <class T>
-T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& command, DriveState<T>& s, T pos_motor,
-              T vel_motor, bool& limited) {
+GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& command, DriveState<T>& s,
+                            T pos_motor, T vel_motor, bool& limited) {
   const DriveParams<T>& p = drive.p;
   const T vel = speed_feedback(drive, s, pos_motor, vel_motor);
   const T limit = torque_limit(drive, s);

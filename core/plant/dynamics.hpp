@@ -71,7 +71,7 @@ struct Mesh {
 
 // Spring, damper, hysteresis and gap between motor and ring (S3); twist = D, twist_rate = D'.
 template <class T>
-Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) {
+GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) {
   const PlantParams<T>& p = plant.p;
   const T side = sign(twist);
   const T windup = vabs(twist) - p.half_backlash;  // |De|, negative in the gap
@@ -94,7 +94,7 @@ Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) 
 }
 
 template <class T>
-T ripple_torque(const Plant<T>& plant, T pos_motor, T torque_motor) {
+GANTRY_INLINE T ripple_torque(const Plant<T>& plant, T pos_motor, T torque_motor) {
   const T load = vabs(torque_motor) * plant.ripple_inverse;
   const T wave = sincos(pos_motor * T(plant.p.ripple_order)).sin;
   return plant.p.ripple_torque * wave * select(load < T(1.0), load, T(1.0));
@@ -108,7 +108,7 @@ struct RingPoint {
 };
 
 template <class T>
-RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>& x) {
+GANTRY_INLINE RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>& x) {
   RingPoint<T> point;
   if (plant.p.gear_error) {
     point.rho = x.pos_load - x.pos_base;
@@ -119,8 +119,8 @@ RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>& x) {
 
 // Friction of the motor, brake and ripple: the torque on the motor shaft besides Te and the mesh.
 template <class T>
-T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed, T torque_mesh,
-                    Forces<T>& f) {
+GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed,
+                                  T torque_mesh, Forces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
   if (p.ripple) torque = torque + ripple_torque(plant, x.pos_motor, x.torque_motor);
@@ -137,12 +137,13 @@ T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_cl
 }
 
 template <class T>
-T eccentric_torque(const PlantParams<T>& p, T pos_load) {
+GANTRY_INLINE T eccentric_torque(const PlantParams<T>& p, T pos_load) {
   return p.eccentric_moment * sincos(pos_load - p.eccentric_angle).sin;
 }
 
 template <class T>
-Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<T>& ring, bool brake_closed) {
+GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<T>& ring,
+                               bool brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
   const T rho = x.pos_load - x.pos_base;
@@ -177,7 +178,7 @@ Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<
 // The rigid switch (S6): one inertia on the motor shaft, theta = theta_m / i; friction of both sides acts on
 // it.
 template <class T>
-Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed) {
+GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
   T torque = eccentric_torque(p, x.pos_load);

@@ -9,7 +9,7 @@ namespace gantry {
 // How far the element slides: 0 elastic, 1 sliding, a sine blend between ep_ratio and 1.
 // inverse = 1/z_ss, z_ss being the state at which it slides steadily.
 template <class T>
-T sliding_gate(T v, T z, T inverse, T ep_ratio) {
+GANTRY_INLINE T sliding_gate(T v, T z, T inverse, T ep_ratio) {
   const T a = vabs(z) * inverse;
   const auto loading = v * z > T(0.0);
   const auto blending = both(loading, both(a > ep_ratio, a < T(1.0)));
@@ -49,7 +49,7 @@ struct Friction {
 // sigma1 falls with speed as exp(-(v/5 vs)^2) and the Stribeck term is its 25th power: one exponential serves
 // both. Beyond an exponent of 28 both are below 1e-12 of themselves and taken as zero.
 template <class T>
-Friction<T> friction(const FrictionParams<T>& p, T v, T z, T load_torque, T ep_ratio) {
+GANTRY_INLINE Friction<T> friction(const FrictionParams<T>& p, T v, T z, T load_torque, T ep_ratio) {
   const T x = v * p.stribeck_inverse;
   const T exponent = x * x;
   const auto fast = exponent > T(28.0);
@@ -70,7 +70,7 @@ Friction<T> friction(const FrictionParams<T>& p, T v, T z, T load_torque, T ep_r
 
 // Exact step of z' = v - lambda z with v and lambda held (S9).
 template <class T>
-T friction_step(T z, const Friction<T>& f, T dt) {
+GANTRY_INLINE T friction_step(T z, const Friction<T>& f, T dt) {
   const T x = f.slip_rate * dt;
   const auto sliding = x >= T(1e-5);
   T length = dt;

@@ -25,8 +25,8 @@ struct CurrentLoop {
 // Euler of speeds and positions. One evaluation instead of eight; S9 gives its error, the tests hold it to
 // that.
 template <class T>
-void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed, T dt,
-                         PlantState<T>& x, T& torque_mesh) {
+GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current, T u,
+                                       bool brake_closed, T dt, PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
   if (current.ideal) x.torque_motor = u;
   const Forces<T> f =
