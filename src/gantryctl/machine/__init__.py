@@ -1,8 +1,51 @@
-"""The machine file: a typed, immutable description of one gantry, strictly checked."""
+"""The machine file: a typed, immutable description of one gantry, strictly checked.
+
+`load_machine` reads a file, `with_values` varies a machine, `derived` computes what follows from it.
+Only `plant` is the simulated world; nothing that controls may read it.
+"""
 
 from __future__ import annotations
 
-from gantryctl.machine.loading import default_machine, default_machine_path, load_machine, parse_machine
+from gantryctl.machine.consistency import RULES
+from gantryctl.machine.derived import Derived, derived
+from gantryctl.machine.effective import (
+    Difference,
+    Origin,
+    config_hash,
+    diff_machines,
+    effective_values,
+    json_schema,
+    origins,
+    short_hash,
+)
+from gantryctl.machine.loading import (
+    default_machine,
+    default_machine_path,
+    load_machine,
+    parse_machine,
+    with_values,
+)
 from gantryctl.machine.model import Machine
+from gantryctl.machine.specs import FieldSpec, field_specs
 
-__all__ = ["Machine", "default_machine", "default_machine_path", "load_machine", "parse_machine"]
+__all__ = [
+    "RULES",
+    "Derived",
+    "Difference",
+    "FieldSpec",
+    "Machine",
+    "Origin",
+    "config_hash",
+    "default_machine",
+    "default_machine_path",
+    "derived",
+    "diff_machines",
+    "effective_values",
+    "field_specs",
+    "json_schema",
+    "load_machine",
+    "origins",
+    "parse_machine",
+    "short_hash",
+    "with_values",
+]

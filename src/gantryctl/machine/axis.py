@@ -16,6 +16,7 @@ class Identity(Table):
         min_length=1,
         max_length=64,
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
+        examples=["hust_gantry"],
         description="Short name, used in messages and file names: letters, digits, '_', '-', '.'.",
         json_schema_extra={UNIT: "-"},
     )
@@ -25,8 +26,8 @@ class Identity(Table):
 class Axis(Table):
     """[axis]: travel, limits, gear ratio. Degrees at the gantry; the axis is linear, it has a cable."""
 
-    pos_min_deg: float = required_number(-400.0, 0.0, "deg", "Lowest angle the set-point may reach.")
-    pos_max_deg: float = required_number(0.0, 400.0, "deg", "Highest angle the set-point may reach.")
+    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "deg", "Lowest angle the set-point may reach.")
+    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "deg", "Highest angle the set-point may reach.")
     over_travel_deg: float = number(
         180.5, 0.1, 410.0, "deg", "choice", "Measured angle that trips, on both sides of zero."
     )
@@ -44,8 +45,10 @@ class Axis(Table):
         "choice",
         "Permitted quick-stop angle from the highest speed, reaction included.",
     )
-    reducer_ratio: float = required_number(1.0, 500.0, "-", "Motor turns per turn of the reducer output.")
-    ring_ratio: float = required_number(1.0, 100.0, "-", "Turns of the reducer output per gantry turn.")
+    reducer_ratio: float = required_number(
+        88.0, 1.0, 500.0, "-", "Motor turns per turn of the reducer output."
+    )
+    ring_ratio: float = required_number(13.0, 1.0, 100.0, "-", "Turns of the reducer output per gantry turn.")
 
     @property
     def ratio(self) -> float:

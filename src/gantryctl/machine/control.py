@@ -54,7 +54,12 @@ class Monitors(Table):
     )
     power_up_time_ms: float = number(2000.0, 10.0, 60000.0, "ms", "choice", "Longest power-up, then alarm.")
     lease_ms: float = number(
-        250.0, 20.0, 1000.0, "ms", "choice", "Hold-to-run ends when not renewed for this long."
+        250.0,
+        20.0,
+        1000.0,
+        "ms",
+        "choice",
+        "Hold-to-run ends when not renewed for this long; renewals come every 30 ms.",
     )
 
 

@@ -30,9 +30,9 @@ def number(default: float, low: float, high: float, unit: str, source: Source, m
     )
 
 
-def required_number(low: float, high: float, unit: str, meaning: str) -> Any:
-    """Declare a number that every machine file must give."""
-    return Field(ge=low, le=high, description=meaning, json_schema_extra={UNIT: unit})
+def required_number(usual: float, low: float, high: float, unit: str, meaning: str) -> Any:
+    """Declare a number that every machine file must give; `usual` is the reference machine's value."""
+    return Field(ge=low, le=high, description=meaning, examples=[usual], json_schema_extra={UNIT: unit})
 
 
 def choice(default: str, source: Source, meaning: str) -> Any:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import json
-import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
+from typing import Any, Final
 
 from pydantic import ValidationError
 
 from gantryctl.errors import ConfigError
-from gantryctl.machine.model import Machine
+from gantryctl.machine.consistency import contradictions
+from gantryctl.machine.model import RULES_LATER, Machine
+from gantryctl.machine.problems import describe
+from gantryctl.machine.reading import Data, parse_toml, printable, read_text
+from gantryctl.machine.specs import field_specs
 
-DEFAULT_FILE = "hust_gantry.toml"
+DEFAULT_FILE: Final = "hust_gantry.toml"
 
 
 def load_machine(path: Path | str) -> Machine:
@@ -22,22 +28,46 @@ def load_machine(path: Path | str) -> Machine:
     Raises:
         ConfigError: one line per problem, all of them.
     """
-    path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError([f"{path}: cannot be read: {error}"]) from None
-    return parse_machine(text, str(path))
+    return parse_machine(read_text(Path(path)), str(path))
 
 
 def parse_machine(text: str, name: str = "machine file") -> Machine:
-    """Check the text of a machine file; `name` stands in front of every problem."""
+    """Check the text of a machine file; `name` stands in front of every problem.
+
+    Raises:
+        ConfigError: one line per problem, all of them.
+    """
+    return check(parse_toml(text, name), name)
+
+
+def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
+    """The same machine with other values by dotted path, `{"axis.ring_ratio": 12.0}`, checked like a file.
+
+    Raises:
+        ConfigError: one line per problem, all of them.
+    """
+    data: Data = machine.model_dump(mode="json", exclude_unset=True)
+    for path, value in changes.items():
+        *tables, key = path.split(".")
+        table = data
+        for part in tables:
+            table = table.setdefault(part, {})
+        table[key] = list(value) if isinstance(value, tuple) else value
+    return check(data, f"{machine.name} with changes")
+
+
+def check(data: Data, name: str) -> Machine:
+    """Turn plain data into a machine, or into a `ConfigError` with every problem of fields and rules."""
     try:
-        return Machine.model_validate_json(json.dumps(tomllib.loads(text)), strict=True)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError([f"{name}: {error}"]) from None
+        machine = _validate(data)
     except ValidationError as error:
-        raise ConfigError([f"{name}: {e['loc']}: {e['msg']}" for e in error.errors()]) from None
+        lines, unusable = describe(error.errors(include_url=False, include_input=False), data, name)
+        lines += contradictions(_without(error, data), printable(name, 300), unusable)
+        raise ConfigError(lines) from None
+    lines = contradictions(machine, printable(name, 300))
+    if lines:
+        raise ConfigError(lines)
+    return machine
 
 
 def default_machine_path() -> Path:
@@ -52,3 +82,37 @@ def default_machine_path() -> Path:
 def default_machine() -> Machine:
     """The reference machine, the gantry of the source paper."""
     return load_machine(default_machine_path())
+
+
+def _validate(data: Data) -> Machine:
+    # JSON in strict mode: lax takes "5" and true as numbers, strict Python refuses arrays for tuples.
+    # A date has no JSON form; null is refused by every field.
+    return Machine.model_validate_json(
+        json.dumps(data, default=_null), strict=True, context={RULES_LATER: True}
+    )
+
+
+def _null(_: object) -> None:
+    return None
+
+
+def _without(error: ValidationError, data: Data) -> Machine:
+    """The machine without what was refused: defaults stand in, so that other rules can be checked."""
+    data = copy.deepcopy(data)
+    for problem in error.errors(include_url=False, include_input=False):
+        _delete(data, [str(part) for part in problem["loc"] if isinstance(part, str)])
+    for spec in field_specs().values():
+        if spec.required:
+            table: dict[str, Any] = data.setdefault(spec.table, {})
+            table.setdefault(spec.key, spec.usual)
+    return _validate(data)
+
+
+def _delete(data: Data, path: list[str]) -> None:
+    """Remove a key if it is still there; an array goes as a whole."""
+    table: Any = data
+    for part in path[:-1]:
+        table = table.get(part)
+        if not isinstance(table, dict):
+            return
+    table.pop(path[-1], None)

@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from typing import Final, Self
+
+from pydantic import ValidationInfo, model_validator
+
 from gantryctl.machine.axis import Axis, Identity, Speed, VirtualAxis
+from gantryctl.machine.consistency import contradictions
 from gantryctl.machine.control import Accuracy, Control, Monitors
 from gantryctl.machine.drive import Drive
 from gantryctl.machine.fields import Table, table
 from gantryctl.machine.motor import Brake, Encoder, Motor, Reducer
 from gantryctl.machine.plant import Plant
 
+RULES_LATER: Final = "rules_later"
+"""Key of the validation context: the caller checks the rules itself, because it wants the lines."""
+
 
 class Machine(Table):
-    """A complete machine. Made by `load_machine` or `parse_machine`; equal files give equal objects."""
+    """A complete machine; equal files give equal objects.
+
+    Made by `load_machine`, `parse_machine` and `with_values`, which answer with a line per problem. A machine
+    built in any other way obeys the same rules, except by `model_copy(update=...)`, which checks nothing.
+    """
 
     machine: Identity = table("Name of the machine.")
     axis: Axis = table("Travel, limits, ratio.")
@@ -31,3 +43,11 @@ class Machine(Table):
     def name(self) -> str:
         """Name of the machine."""
         return self.machine.name
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> Self:
+        if not (info.context or {}).get(RULES_LATER):
+            lines = contradictions(self, self.machine.name)
+            if lines:
+                raise ValueError("\n".join(lines))
+        return self

@@ -10,18 +10,18 @@ from gantryctl.machine.fields import Table, choice, number, required_number
 class Motor(Table):
     """[motor]: name plate, at the motor shaft."""
 
-    power_rated_kw: float = required_number(0.1, 500.0, "kW", "Rated power.")
-    torque_rated_nm: float = required_number(1.0, 5000.0, "N m", "Rated torque.")
+    power_rated_kw: float = required_number(31.0, 0.1, 500.0, "kW", "Rated power.")
+    torque_rated_nm: float = required_number(257.0, 1.0, 5000.0, "N m", "Rated torque.")
     torque_max_nm: float = required_number(
-        1.0, 10000.0, "N m", "Torque limit, one value everywhere (CiA 402 object 6072)."
+        385.0, 1.0, 10000.0, "N m", "Torque limit, one value everywhere (CiA 402 object 6072)."
     )
-    speed_rated_r_min: float = required_number(10.0, 10000.0, "r/min", "Rated speed.")
-    speed_max_r_min: float = required_number(10.0, 15000.0, "r/min", "Highest permitted speed.")
+    speed_rated_r_min: float = required_number(1150.0, 10.0, 10000.0, "r/min", "Rated speed.")
+    speed_max_r_min: float = required_number(2000.0, 10.0, 15000.0, "r/min", "Highest permitted speed.")
     current_rated_a: float = number(69.0, 0.5, 1000.0, "A", "paper", "Rated current, r.m.s.")
     power_factor: float = number(0.89, 0.3, 1.0, "-", "paper", "Power factor at rated power.")
     efficiency: float = number(0.921, 0.3, 1.0, "-", "paper", "Efficiency at rated power.")
     inertia_kg_m2: float = required_number(
-        1e-5, 5.0, "kg m2", "Rotor inertia, without what is mounted on it."
+        0.232, 1e-5, 5.0, "kg m2", "Rotor inertia, without what is mounted on it."
     )
 
 
@@ -42,8 +42,8 @@ class Reducer(Table):
 class Encoder(Table):
     """[encoder]: absolute multiturn encoder on the motor shaft."""
 
-    counts_per_turn: int = required_number(64, 2**25, "1/turn", "Absolute steps per motor turn.")
-    turns: int = required_number(1, 65536, "turns", "Motor turns told apart before the encoder wraps.")
+    counts_per_turn: int = required_number(8192, 64, 2**25, "1/turn", "Absolute steps per motor turn.")
+    turns: int = required_number(4096, 1, 65536, "turns", "Motor turns told apart before the encoder wraps.")
     lines: int = number(2048, 1, 65536, "1/turn", "catalogue", "Sine/cosine lines per motor turn.")
     interpolation: int = number(2048, 1, 65536, "-", "catalogue", "Interpolated steps per line.")
     wrap_margin_min_deg: float = number(

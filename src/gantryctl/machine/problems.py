@@ -1,0 +1,214 @@
+"""What is wrong with a machine file: lines, `FILE: [table] key = value: allowed 0.1..20 deg; hint`."""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, TypeAlias
+
+from gantryctl.machine.reading import Data, printable
+from gantryctl.machine.specs import FieldSpec, field_specs, table_models
+
+Location: TypeAlias = tuple[int | str, ...]
+
+MAX_LINES: Final = 500
+_MAX_HINTS: Final = (
+    50  # looking for similar names is slow; a file with more unknown keys needs another kind of help
+)
+_MUST_BE: Final = {
+    "number": "a number",
+    "integer": "a whole number",
+    "switch": "true or false",
+    "word": "one word in quotes",
+    "text": "text in quotes",
+    "numbers": "an array of numbers",
+}
+_FACTORS: Final = {
+    60.0: "per minute instead of per second?",
+    360.0: "degrees where turns belong, or the other way round?",
+    1000.0: "milli-units, or a forgotten kilo?",
+    180.0 / math.pi: "degrees instead of radians?",
+    math.pi / 180.0: "radians instead of degrees?",
+}
+
+
+def show_value(value: object) -> str:
+    """A value as it would stand in the file, in one short line."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return printable(json.dumps(value, ensure_ascii=False), 60)
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, int):
+        return str(value) if abs(value) < 10**40 else "a whole number of more than 40 digits"
+    if isinstance(value, list | tuple):
+        shown = ", ".join(show_value(item) for item in value[:6])
+        return printable(f"[{shown}{', ...' if len(value) > 6 else ''}]", 60)
+    if isinstance(value, dict):
+        return "a table"
+    return printable(value, 60)
+
+
+def describe(errors: Sequence[Mapping[str, Any]], data: Data, name: str) -> tuple[list[str], set[str]]:
+    """Turn pydantic's errors into lines; also answer the dotted paths that cannot be used."""
+    name = printable(name, 300)
+    lines: list[str] = []
+    unusable: set[str] = set()
+    hints = _MAX_HINTS
+    for error in errors:
+        where: Location = error["loc"]
+        if error["type"] == "extra_forbidden":
+            hint = _similar(where, data) if hints > 0 else ""
+            hints -= 1
+            line = _unknown(where, data, hint)
+        else:
+            unusable.add(_path(where))
+            if error["type"] == "missing":
+                line = _missing(where)
+            elif error["type"] == "value_error":
+                line = f"{_place(where)} = {show_value(_found(where, data))}: {error['ctx']['error']}"
+            else:
+                line = _wrong(where, data)
+        line = f"{name}: {line}"
+        if line not in lines[-20:]:
+            lines.append(line)
+    if len(lines) > MAX_LINES:
+        lines[MAX_LINES:] = [f"{name}: and {len(lines) - MAX_LINES} problems more"]
+    return lines, unusable
+
+
+def _path(where: Location) -> str:
+    """Dotted path of the key, without array positions."""
+    return ".".join(str(part) for part in where if isinstance(part, str))
+
+
+def _place(where: Location) -> str:
+    """Name a location as it stands in the file: "[table] key" or "[table]"."""
+    names = [printable(part) for part in where if isinstance(part, str)]
+    if ".".join(names) in table_models():
+        return f"[{'.'.join(names)}]"
+    index = "".join(f"[{part}]" for part in where if isinstance(part, int))
+    table = f"[{'.'.join(names[:-1])}] " if len(names) > 1 else ""
+    return f"{table}{names[-1]}{index}" if names else "the file"
+
+
+def _found(where: Location, data: Data) -> object:
+    """What the file says at a location; the deepest value there is."""
+    value: Any = data
+    for part in where:
+        try:
+            value = value[part]
+        except (KeyError, IndexError, TypeError):
+            break
+    return value
+
+
+def _missing(where: Location) -> str:
+    path = _path(where)
+    spec = field_specs().get(path)
+    if spec is not None:
+        return f"{spec.place}: is missing; allowed {spec.allowed}"
+    keys = [spec.key for spec in field_specs().values() if spec.required and spec.path.startswith(path + ".")]
+    return f"[{path}]: the table is missing; it must give {', '.join(keys)}"
+
+
+def _unknown(where: Location, data: Data, hint: str) -> str:
+    value = _found(where, data)
+    if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
+        return f"[{'.'.join(printable(part) for part in where)}]: unknown table{hint}"
+    return f"{_place(where)} = {show_value(value)}: unknown key{hint}"
+
+
+def _similar(where: Location, data: Data) -> str:
+    """Ask "; did you mean ...?" for an unknown key or table, or say nothing."""
+    table, key = ".".join(str(part) for part in where[:-1]), str(where[-1])
+    if isinstance(_found(where, data), dict):
+        whole = f"{table}.{key}" if table else key
+        by_name = [path for path in table_models() if path.split(".")[-1] == key]
+        near = by_name[:1] or difflib.get_close_matches(whole, table_models(), 1)
+        return f"; did you mean [{near[0]}]?" if near else ""
+    specs = field_specs().values()
+    for candidates in (
+        {spec.key: spec.key for spec in specs if spec.table == table},
+        {spec.key: spec.place for spec in specs},
+    ):
+        near = difflib.get_close_matches(key, candidates, 1, 0.75)
+        if near:
+            return f"; did you mean {candidates[near[0]]}?"
+    return ""
+
+
+def _wrong(where: Location, data: Data) -> str:
+    spec = field_specs().get(_path(where))
+    value = _found(where, data)
+    if spec is None:
+        return f"{_place(where)} = {show_value(value)}: is {_type_name(value)}, must be a table"
+    element = isinstance(where[-1], int)
+    start = f"{_place(where)} = {show_value(value)}: "
+    must_be = "a number" if element else _MUST_BE[spec.kind]
+    if not _right_type(value, "number" if element else spec.kind):
+        return f"{start}is {_type_name(value)}, must be {must_be}; allowed {spec.allowed}"
+    if isinstance(value, float) and not math.isfinite(value):
+        return f"{start}is not a finite number; allowed {spec.allowed}"
+    if isinstance(value, list):
+        start += f"has {len(value)} numbers; "
+    return f"{start}allowed {spec.allowed}{_unit_hint(spec, value, data)}"
+
+
+def _right_type(value: object, kind: str) -> bool:
+    match kind:
+        case "switch":
+            return isinstance(value, bool)
+        case "number":
+            return isinstance(value, int | float) and not isinstance(value, bool)
+        case "integer":
+            return isinstance(value, int) and not isinstance(value, bool)
+        case "numbers":
+            return isinstance(value, list)
+        case _:
+            return isinstance(value, str)
+
+
+def _type_name(value: object) -> str:
+    if isinstance(value, bool):
+        return "true or false"
+    names = {
+        str: "text",
+        int: "a whole number",
+        float: "a number with a point",
+        list: "an array",
+        dict: "a table",
+    }
+    return next((name for kind, name in names.items() if isinstance(value, kind)), "a date or time")
+
+
+def _unit_hint(spec: FieldSpec, value: object, data: Data) -> str:
+    """Name the unit mistake when the value is the usual one times a well-known factor."""
+    if spec.words and isinstance(value, str):
+        near = difflib.get_close_matches(value, spec.words, 1)
+        return f'; did you mean "{near[0]}"?' if near else ""
+    number, usual = _float(value), _float(spec.usual)
+    if number is None or not usual:
+        return ""
+    factors = dict(_FACTORS)
+    ratios = [_float(_found(("axis", key), data)) for key in ("reducer_ratio", "ring_ratio")]
+    if ratios[0] and ratios[1]:
+        factors[ratios[0] * ratios[1]] = "a value at the motor where one at the gantry belongs?"
+    for factor, meaning in factors.items():
+        if math.isclose(number, usual * factor, rel_tol=1e-3):
+            return f"; {factor:.4g} x the usual {usual:.6g}: {meaning}"
+    return ""
+
+
+def _float(value: object) -> float | None:
+    """A finite number as a float, else None; a whole number may be too large for one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    try:
+        number = float(value)
+    except OverflowError:
+        return None
+    return number if math.isfinite(number) else None

@@ -1,0 +1,133 @@
+"""Bytes of a machine file to plain data; whatever the bytes are, the answer is data or one `ConfigError`."""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+from gantryctl.errors import ConfigError
+
+MAX_BYTES: Final = 256 * 1024
+MAX_LINE: Final = 500
+"""Characters in a line: a key of a hundred thousand parts would keep the TOML reader busy for minutes."""
+MAX_DEPTH: Final = 8
+
+Data: TypeAlias = dict[str, Any]
+
+_POSITION = re.compile(r"\s*\(at (line (?P<line>\d+), column (?P<column>\d+)|end of document)\)\s*$")
+_MEANING: Final = {
+    "Cannot overwrite a value": "the key is given twice",
+    "Cannot declare": "the table is given twice",
+    "Cannot mutate immutable namespace": "the table is closed, it was given in braces or twice",
+    "Duplicate inline table key": "the key is given twice",
+    "Invalid value": 'not a value; text stands in "quotes", a number has digits on both sides of its point',
+    "Expected '=' after a key": "a key needs '=' and a value",
+    "Invalid statement": "neither a key, a [table] nor a # comment",
+}
+
+
+def printable(text: object, longest: int = 80) -> str:
+    """Text that is safe in one line of a terminal or a log: nothing unprintable, at most `longest` long."""
+    short = str(text)
+    if len(short) > longest:
+        short = short[: longest - 3] + "..."
+    return "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "surrogatepass").decode() for c in short
+    )
+
+
+def read_text(path: Path) -> str:
+    """Read a machine file as text; never more than the permitted size, never from a device or a pipe."""
+    name = printable(path, 300)
+    try:
+        if not stat.S_ISREG(os.stat(path).st_mode):
+            raise ConfigError([f"{name}: is not a file"])
+        with open(path, "rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except FileNotFoundError:
+        raise ConfigError(
+            [f"{name}: does not exist; `gantryctl config init` writes one to start from"]
+        ) from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise ConfigError([f"{name}: cannot be read: {printable(reason)}"]) from None
+    return _decode(raw, name)
+
+
+def _decode(raw: bytes, name: str) -> str:
+    if len(raw) > MAX_BYTES:
+        raise ConfigError([f"{name}: is larger than {MAX_BYTES // 1024} KB, so it is no machine file"])
+    if raw.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
+        raise ConfigError([f"{name}: begins with a byte-order mark; save it as UTF-8 without one"])
+    if b"\0" in raw:
+        raise ConfigError([f"{name}: is binary (a zero byte at {raw.index(0)}), not a TOML text"])
+    try:
+        return raw.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ConfigError([f"{name}: line {line}: byte 0x{raw[error.start]:02x} is not UTF-8 text"]) from None
+
+
+def parse_toml(text: str, name: str) -> Data:
+    """Parse TOML text into tables, numbers, strings and arrays of bounded depth."""
+    name = printable(name, 300)
+    try:
+        _decode(text.encode("utf-8"), name)
+    except UnicodeEncodeError:
+        raise ConfigError([f"{name}: is not a text that UTF-8 can hold"]) from None
+    for number, line in enumerate(text.split("\n"), start=1):
+        if len(line) > MAX_LINE:
+            raise ConfigError([f"{name}: line {number} has {len(line)} characters, allowed {MAX_LINE}"])
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError([_syntax_problem(error, text, name)]) from None
+    except RecursionError:
+        raise ConfigError([f"{name}: is nested deeper than {MAX_DEPTH} levels"]) from None
+    except ValueError as error:
+        raise ConfigError([f"{name}: {printable(error, 200)}"]) from None
+    if _deeper_than(data, MAX_DEPTH):
+        raise ConfigError([f"{name}: is nested deeper than {MAX_DEPTH} levels"])
+    return data
+
+
+def _syntax_problem(error: tomllib.TOMLDecodeError, text: str, name: str) -> str:
+    message = str(error)
+    position = _POSITION.search(message)
+    what = message[: position.start()] if position else message
+    for words, meaning in _MEANING.items():
+        if what.startswith(words):
+            what = meaning
+            break
+    what = printable(what, 200)
+    lines = text.rstrip().split("\n")
+    if position is None or position["line"] is None:  # at the end
+        return f"{name}: line {len(lines)}: {what}: {printable(lines[-1].strip())}"
+    number = int(position["line"])
+    line = printable(lines[number - 1].strip()) if number <= len(lines) else ""
+    return f"{name}: line {number}, column {position['column']}: {what}: {line}"
+
+
+def _deeper_than(data: Data, depth: int) -> bool:
+    """Whether tables and arrays are nested deeper than `depth`; walks level by level, without recursion."""
+    level: list[Any] = [data]
+    for _ in range(depth):
+        level = [inner for outer in level for inner in _inside(outer)]
+        if not level:
+            return False
+    return True
+
+
+def _inside(value: object) -> list[object]:
+    """The tables and arrays directly inside a table or an array."""
+    if isinstance(value, dict):
+        items = list(value.values())
+    elif isinstance(value, list):
+        items = value
+    else:
+        return []
+    return [item for item in items if isinstance(item, dict | list)]

@@ -1,0 +1,170 @@
+"""The schema as a flat list: one `FieldSpec` per key of the machine file, read from the models."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any, Literal, TypeAlias, get_args, get_origin
+
+import annotated_types
+from pydantic.fields import FieldInfo
+
+from gantryctl.machine.fields import SOURCE, UNIT, Table
+from gantryctl.machine.model import Machine
+
+Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers"]
+Value: TypeAlias = "float | int | bool | str | tuple[float, ...]"
+
+
+@dataclasses.dataclass(frozen=True, slots=True)
+class FieldSpec:
+    """One key: where it stands, what it accepts, what it means.
+
+    `low` and `high` are in `unit`, both included; for "numbers" they hold for each element and `lengths` for
+    the array; for "text" `lengths` counts characters. `usual` is the default, or the reference machine's.
+    """
+
+    table: str
+    key: str
+    kind: Kind
+    unit: str
+    meaning: str
+    required: bool
+    default: Value | None
+    usual: Value | None
+    source: str
+    low: float = 0.0
+    high: float = 0.0
+    lengths: tuple[int, int] = (0, 0)
+    words: tuple[str, ...] = ()
+    pattern: bool = False
+
+    @property
+    def path(self) -> str:
+        """Dotted path, "plant.load.mass_kg"."""
+        return f"{self.table}.{self.key}"
+
+    @property
+    def place(self) -> str:
+        """Where it stands in the file, "[plant.load] mass_kg"."""
+        return f"[{self.table}] {self.key}"
+
+    @property
+    def allowed(self) -> str:
+        """What the key accepts, with its unit."""
+        match self.kind:
+            case "number" | "integer":
+                return f"{self.low:.10g}..{self.high:.10g}{self.unit_text}"
+            case "numbers":
+                least, most = self.lengths
+                count = f"{most}" if least == most else f"{least} to {most}"
+                return f"{count} numbers, each {self.low:.10g}..{self.high:.10g}{self.unit_text}"
+            case "switch":
+                return "true, false"
+            case "word":
+                return ", ".join(f'"{word}"' for word in self.words)
+            case "text":
+                letters = "; letters, digits, '_', '-', '.'" if self.pattern else ""
+                return f"{self.lengths[0]} to {self.lengths[1]} characters{letters}"
+
+    @property
+    def unit_text(self) -> str:
+        """The unit as a suffix, empty for a pure number."""
+        return "" if self.unit == "-" else f" {self.unit}"
+
+
+@functools.cache
+def field_specs() -> dict[str, FieldSpec]:
+    """Every key of the machine file by dotted path, in the order of the schema."""
+    found: dict[str, FieldSpec] = {}
+    for table_path, model in table_models().items():
+        for key, info in model.model_fields.items():
+            if _sub_table(info) is None:
+                spec = _spec(table_path, key, info)
+                found[spec.path] = spec
+    return found
+
+
+@functools.cache
+def table_models() -> dict[str, type[Table]]:
+    """The model of every table by dotted path, in the order of the schema."""
+    found: dict[str, type[Table]] = {}
+
+    def visit(path: str, model: type[Table]) -> None:
+        if path:
+            found[path] = model
+        for key, info in model.model_fields.items():
+            sub = _sub_table(info)
+            if sub is not None:
+                visit(f"{path}.{key}" if path else key, sub)
+
+    visit("", Machine)
+    return found
+
+
+def value_at(machine: Machine, path: str) -> Value:
+    """The effective value of the key at a dotted path."""
+    value: Any = machine
+    for part in path.split("."):
+        value = getattr(value, part)
+    checked: Value = value
+    return checked
+
+
+def _sub_table(info: FieldInfo) -> type[Table] | None:
+    kind = info.annotation
+    return kind if isinstance(kind, type) and issubclass(kind, Table) else None
+
+
+def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
+    annotation: Any = info.annotation
+    metadata = list(info.metadata)
+    kind: Kind
+    words: tuple[str, ...] = ()
+    if get_origin(annotation) is Literal:
+        kind, words = "word", get_args(annotation)
+    elif get_origin(annotation) is tuple:
+        kind = "numbers"
+        metadata += get_args(annotation)[0].__metadata__
+    else:
+        kinds: dict[type, Kind] = {float: "number", int: "integer", bool: "switch", str: "text"}
+        kind = kinds[annotation]
+    bounds = _bounds(metadata)
+    extra = info.json_schema_extra
+    notes = extra if isinstance(extra, dict) else {}
+    return FieldSpec(
+        table=table_path,
+        key=key,
+        kind=kind,
+        unit=str(notes[UNIT]),
+        meaning=info.description or "",
+        required=info.is_required(),
+        default=None if info.is_required() else info.get_default(),
+        usual=next(iter(info.examples or ()), None) if info.is_required() else info.get_default(),
+        source=str(notes.get(SOURCE, "")),
+        low=bounds.get("low", 0.0),
+        high=bounds.get("high", 0.0),
+        lengths=(int(bounds.get("least", 0)), int(bounds.get("most", 0))),
+        words=words,
+        pattern=any(getattr(item, "pattern", None) is not None for item in metadata),
+    )
+
+
+def _bounds(metadata: list[Any]) -> dict[str, float]:
+    """Both bounds and both lengths out of pydantic's constraint list (a nested `Field` holds its own)."""
+    found: dict[str, float] = {}
+    for item in metadata:
+        match item:
+            case annotated_types.Ge():
+                found["low"] = item.ge  # type: ignore[assignment]
+            case annotated_types.Le():
+                found["high"] = item.le  # type: ignore[assignment]
+            case annotated_types.MinLen():
+                found["least"] = item.min_length
+            case annotated_types.MaxLen():
+                found["most"] = item.max_length
+            case FieldInfo():
+                found |= _bounds(item.metadata)
+            case _:
+                pass
+    return found
