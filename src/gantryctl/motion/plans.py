@@ -1,0 +1,150 @@
+"""The four plans: to a position, to a speed, to rest, and standing still."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl._core import Segments
+from gantryctl.errors import CommandRefused
+from gantryctl.motion.pieces import Piece, after, segments, to_position, to_velocity
+from gantryctl.motion.types import MotionLimits, SetPoint
+
+# Below these the set-point counts as standing or as arrived: a tenth of a fine encoder count at the gantry
+# (1.3e-9 rad) and less. Shorter plans would be made of rounding errors.
+_AT_REST_RAD_S: Final = 1e-12
+_AT_REST_RAD_S2: Final = 1e-10
+_ARRIVED_RAD: Final = 1e-10
+# A start that reaches its speed limit to within this share is planned in two steps: asked for a position from there,
+# Ruckig may fail on rounding and fall back to profiles that are valid but far from the fastest.
+_SPEED_REACHED: Final = 1e-9
+
+
+def hold(pos_rad: float) -> Segments:
+    """The plan that stands still at `pos_rad`."""
+    return Segments([], [], [], [], [], 0.0, pos_rad, 0.0)
+
+
+def plan_move(start: SetPoint, target_rad: float, limits: MotionLimits) -> Segments:
+    """To rest at `target_rad`, as fast as `limits` allow.
+
+    Where the target lies behind the point at which the axis can stop, it stops first and then comes back from
+    rest: what slows it down and what speeds it up are different limits.
+
+    Raises:
+        CommandRefused: a value is not finite, or a limit is not above 0.
+    """
+    start = _prepared(start, limits)
+    if not math.isfinite(target_rad):
+        raise CommandRefused(f"the target must be a finite angle, got {target_rad}")
+    pieces, here, limits = _way_in(start, target_rad, limits)
+    way = target_rad - here.pos_rad
+    if abs(way) > _ARRIVED_RAD:
+        pieces = pieces + to_position(here, target_rad, limits, math.copysign(1.0, way))
+    return segments(start, pieces, target_rad, 0.0)
+
+
+def plan_velocity(start: SetPoint, vel_rad_s: float, limits: MotionLimits) -> Segments:
+    """To the constant speed `vel_rad_s`, which goes on for ever; through rest when the sign changes.
+
+    Raises:
+        CommandRefused: a value is not finite, above the speed limit, or a limit is not above 0.
+    """
+    start = _prepared(start, limits)
+    if not abs(vel_rad_s) <= limits.vel_rad_s:
+        raise CommandRefused(f"the speed must be within +-{limits.vel_rad_s:.6g} rad/s, got {vel_rad_s}")
+    if vel_rad_s == 0.0:
+        return plan_stop(start, limits)
+    pieces: list[Piece] = []
+    here = start
+    direction = math.copysign(1.0, vel_rad_s)
+    if _direction(start) == -direction or _must_stop_first(start, limits):
+        pieces = _stop(start, limits)
+        here = SetPoint(after(start, pieces).pos_rad)
+    pieces = pieces + to_velocity(here, vel_rad_s, limits, direction)
+    return segments(start, pieces, None, vel_rad_s)
+
+
+def plan_stop(start: SetPoint, limits: MotionLimits) -> Segments:
+    """To rest with `limits.dec_rad_s2` and jerk, without ever moving back.
+
+    Where the present acceleration cannot be released within the jerk limit before the axis stands, the jerk
+    is what it must be: an axis that stops does not swing back.
+    """
+    start = _prepared(start, limits)
+    return segments(start, _stop(start, limits), None, 0.0)
+
+
+def stop_point(start: SetPoint, limits: MotionLimits) -> float:
+    """Where `plan_stop` would come to rest, rad."""
+    start = _prepared(start, limits)
+    return after(start, _stop(start, limits)).pos_rad
+
+
+def _prepared(start: SetPoint, limits: MotionLimits) -> SetPoint:
+    """`start`, checked, without acceleration where plans are trapezoids or the axis stands."""
+    limits.checked()
+    pos, vel, acc = start.checked()
+    if math.isinf(limits.jerk_rad_s3) or abs(acc) <= _AT_REST_RAD_S2:
+        acc = 0.0
+    if abs(vel) <= _AT_REST_RAD_S:
+        acc = 0.0 if acc * vel < 0.0 else acc  # the last instant of a stop, not the first of a way back
+        vel = 0.0
+    return SetPoint(pos, vel, acc)
+
+
+def _direction(start: SetPoint) -> float:
+    """+1 forward, -1 back, 0 at rest."""
+    moving = start.vel_rad_s if start.vel_rad_s != 0.0 else start.acc_rad_s2
+    return math.copysign(1.0, moving) if moving != 0.0 else 0.0
+
+
+def _way_in(
+    start: SetPoint, target_rad: float, limits: MotionLimits
+) -> tuple[list[Piece], SetPoint, MotionLimits]:
+    """What comes before the move proper: a stop, a slowing down to the speed limit, or nothing.
+
+    Returns the pieces, the state after them, and the limits for the rest of the move.
+    """
+    direction = _direction(start)
+    if direction == 0.0:
+        return [], start, limits
+    stopping = _stop(start, limits)
+    rest = SetPoint(after(start, stopping).pos_rad)
+    if (target_rad - rest.pos_rad) * direction <= _ARRIVED_RAD or _must_stop_first(start, limits):
+        return stopping, rest, limits
+    peak = _peak_speed(start, limits)
+    if peak < limits.vel_rad_s * (1.0 - _SPEED_REACHED):
+        return [], start, limits
+    slowing = to_velocity(start, direction * limits.vel_rad_s, limits, direction)
+    slow = SetPoint(after(start, slowing).pos_rad, direction * limits.vel_rad_s)
+    if (target_rad - after(slow, _stop(slow, limits)).pos_rad) * direction > _ARRIVED_RAD:
+        return slowing, slow, limits
+    # Too near for slowing down in two steps: it only ever slows down from the speed it has.
+    return [], start, limits._replace(vel_rad_s=peak)
+
+
+def _peak_speed(start: SetPoint, limits: MotionLimits) -> float:
+    """The speed once the present acceleration is released; what `start` cannot avoid to reach."""
+    _, vel, acc = start
+    gain = acc * acc / (2.0 * limits.jerk_rad_s3) if acc * vel >= 0.0 else 0.0
+    return abs(vel) + gain
+
+
+def _must_stop_first(start: SetPoint, limits: MotionLimits) -> bool:
+    """The axis slows down so hard that it stands before its acceleration is gone, whatever comes next."""
+    _, vel, acc = start
+    return acc * vel < 0.0 and 2.0 * limits.jerk_rad_s3 * abs(vel) <= acc * acc
+
+
+def _stop(start: SetPoint, limits: MotionLimits) -> list[Piece]:
+    direction = _direction(start)
+    if direction == 0.0:
+        return []
+    _, vel, acc = start
+    if math.isinf(limits.jerk_rad_s3):
+        return [Piece(abs(vel) / limits.dec_rad_s2, 0.0, -direction * limits.dec_rad_s2)]
+    if _must_stop_first(start, limits):
+        duration_s = 2.0 * abs(vel / acc)
+        return [Piece(duration_s, -acc / duration_s, None)]
+    return to_velocity(start, 0.0, limits, direction)

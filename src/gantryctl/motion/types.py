@@ -1,0 +1,42 @@
+"""What a plan starts from and what it must keep."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from gantryctl.errors import CommandRefused
+
+
+class SetPoint(NamedTuple):
+    """The set-point at one instant, at the gantry."""
+
+    pos_rad: float
+    vel_rad_s: float = 0.0
+    acc_rad_s2: float = 0.0
+
+    def checked(self) -> SetPoint:
+        """Itself; raises CommandRefused when a value is not finite."""
+        for name, value in zip(self._fields, self, strict=True):
+            if not math.isfinite(value):
+                raise CommandRefused(f"set-point {name} must be a finite number, got {value}")
+        return self
+
+
+class MotionLimits(NamedTuple):
+    """Largest speed and its changes, all positive, at the gantry; `jerk_rad_s3` = inf gives trapezoids."""
+
+    vel_rad_s: float
+    acc_rad_s2: float
+    """What speeds the axis up, whichever way it travels."""
+    dec_rad_s2: float
+    """What slows the axis down, whichever way it travels."""
+    jerk_rad_s3: float = math.inf
+
+    def checked(self) -> MotionLimits:
+        """Itself; raises CommandRefused unless every limit is above 0 and, but for the jerk, finite."""
+        for name, value in zip(self._fields, self, strict=True):
+            infinite_allowed = name == "jerk_rad_s3"
+            if not value > 0.0 or (math.isinf(value) and not infinite_allowed):
+                raise CommandRefused(f"motion limit {name} must be a finite number above 0, got {value}")
+        return self
