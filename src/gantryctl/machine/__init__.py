@@ -26,6 +26,7 @@ from gantryctl.machine.loading import (
     with_values,
 )
 from gantryctl.machine.model import Machine
+from gantryctl.machine.problems import show_value
 from gantryctl.machine.specs import FieldSpec, field_specs
 
 __all__ = [
@@ -47,5 +48,6 @@ __all__ = [
     "origins",
     "parse_machine",
     "short_hash",
+    "show_value",
     "with_values",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
@@ -34,22 +35,24 @@ _FACTORS: Final = {
 }
 
 
-def show_value(value: object) -> str:
-    """A value as it would stand in the file, in one short line."""
+def show_value(value: object, longest: int | None = 60) -> str:
+    """A value as it would stand in the file, in one line of at most `longest` characters (None: in full)."""
+    most = longest or sys.maxsize
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
-        return printable(json.dumps(value, ensure_ascii=False), 60)
+        return printable(json.dumps(value, ensure_ascii=False), most)
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, int):
         return str(value) if abs(value) < 10**40 else "a whole number of more than 40 digits"
     if isinstance(value, list | tuple):
-        shown = ", ".join(show_value(item) for item in value[:6])
-        return printable(f"[{shown}{', ...' if len(value) > 6 else ''}]", 60)
+        first = value[:6] if longest else value
+        shown = ", ".join(show_value(item, longest) for item in first)
+        return printable(f"[{shown}{', ...' if len(value) > len(first) else ''}]", most)
     if isinstance(value, dict):
         return "a table"
-    return printable(value, 60)
+    return printable(value, most)
 
 
 def describe(errors: Sequence[Mapping[str, Any]], data: Data, name: str) -> tuple[list[str], set[str]]:

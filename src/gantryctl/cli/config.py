@@ -1,0 +1,182 @@
+"""`gantryctl config`: write, check, show and compare machine files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from gantryctl.machine import Machine
+
+FILE = click.Path(path_type=Path)
+DEFAULT_DEST = "machine.toml"
+
+
+@click.group()
+def config() -> None:
+    """Write, check, show and compare machine files."""
+
+
+@config.command()
+@click.argument("dest", type=FILE, default=DEFAULT_DEST)
+@click.option("--force", is_flag=True, help="Overwrite DEST.")
+def init(dest: Path, force: bool) -> None:
+    """Write the reference machine's file to DEST, to edit from there (default: machine.toml)."""
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import default_machine_path
+
+    source = default_machine_path()
+    if dest.is_dir():
+        dest = dest / source.name
+    try:
+        with dest.open("wb" if force else "xb") as file:
+            file.write(source.read_bytes())
+    except FileExistsError:
+        raise UsageError(f"{dest}: exists already; --force overwrites it") from None
+    except OSError as error:
+        raise UsageError(f"{dest}: cannot be written: {error.strerror or error}") from None
+    click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
+
+
+@config.command()
+@click.argument("file", type=FILE, required=False)
+@click.option("--config", "option", type=FILE, help="The machine file, as in other commands.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def check(file: Path | None, option: Path | None, as_json: bool) -> None:
+    """Check FILE (default: the reference machine); every problem is one line, exit code 2."""
+    from gantryctl.errors import ConfigError
+    from gantryctl.machine import RULES, field_specs, load_machine, origins, short_hash
+
+    path = _chosen(file, option)
+    try:
+        machine = load_machine(path)
+    except ConfigError as error:
+        if as_json:
+            click.echo(json.dumps({"file": str(path), "ok": False, "problems": error.problems}, indent=2))
+        raise
+    if as_json:
+        _print_json(
+            {"file": str(path), "ok": True, "name": machine.name, "hash": _hash(machine), "problems": []}
+        )
+        return
+    given = sum(origin == "file" for origin in origins(machine).values())
+    click.echo(
+        f"{path}: ok: {machine.name}, {given} keys given, {len(field_specs()) - given} by default, "
+        f"{len(RULES)} rules between keys, hash {short_hash(machine)}"
+    )
+
+
+@config.command()
+@click.argument("file", type=FILE, required=False)
+@click.option("--config", "option", type=FILE, help="The machine file, as in other commands.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@click.option("--derived/--no-derived", "with_derived", default=True, help="What follows from the values.")
+def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bool) -> None:
+    """Show the values in force with unit and origin, then what follows from them."""
+    from gantryctl.machine import load_machine
+
+    path = _chosen(file, option)
+    machine = load_machine(path)
+    if as_json:
+        _print_json(_show_data(machine, path, with_derived))
+        return
+    _show_values(machine, path)
+    if with_derived:
+        _show_derived(machine)
+
+
+@config.command()
+def schema() -> None:
+    """Print the JSON schema of a machine file."""
+    from gantryctl.machine import json_schema
+
+    _print_json(json_schema())
+
+
+@config.command()
+@click.argument("first", metavar="A", type=FILE)
+@click.argument("second", metavar="B", type=FILE)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+def diff(first: Path, second: Path, as_json: bool) -> None:
+    """Compare the values in force of two machine files, defaults included."""
+    from gantryctl.machine import diff_machines, field_specs, load_machine, show_value
+
+    differences = diff_machines(load_machine(first), load_machine(second))
+    if as_json:
+        _print_json([difference._asdict() for difference in differences])
+        return
+    for difference in differences:
+        spec = field_specs()[difference.path]
+        a, b = show_value(difference.first), show_value(difference.second)
+        click.echo(f"{spec.place}: {a} -> {b}{spec.unit_text}")
+    if not differences:
+        click.echo("the values in force are the same")
+
+
+def _chosen(file: Path | None, option: Path | None) -> Path:
+    """The file to work on: the argument, the option, or the reference machine."""
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import default_machine_path
+
+    if file is not None and option is not None and file != option:
+        raise UsageError(f"two machine files: {file} and --config {option}; give one")
+    return file or option or default_machine_path()
+
+
+def _hash(machine: Machine) -> str:
+    from gantryctl.machine import config_hash
+
+    return config_hash(machine)
+
+
+def _print_json(data: Any) -> None:
+    click.echo(json.dumps(data, indent=2, allow_nan=False))
+
+
+def _show_data(machine: Machine, path: Path, with_derived: bool) -> dict[str, Any]:
+    from gantryctl.machine import derived, effective_values, field_specs, origins
+
+    origin = origins(machine)
+    values = {
+        key: {"value": value, "unit": field_specs()[key].unit, "origin": origin[key]}
+        for key, value in effective_values(machine).items()
+    }
+    data: dict[str, Any] = {
+        "file": str(path),
+        "name": machine.name,
+        "hash": _hash(machine),
+        "values": values,
+    }
+    if with_derived:
+        data["derived"] = [figure._asdict() for figure in derived(machine)]
+    return data
+
+
+def _show_values(machine: Machine, path: Path) -> None:
+    from gantryctl.machine import effective_values, field_specs, origins, short_hash, show_value
+
+    click.echo(f"# {machine.name}: {path}, hash {short_hash(machine)}")
+    origin = origins(machine)
+    table = ""
+    for key, value in effective_values(machine).items():
+        spec = field_specs()[key]
+        if spec.table != table:
+            table = spec.table
+            click.echo(f"\n[{table}]")
+        unit = "" if spec.unit == "-" else spec.unit
+        where = "file" if origin[key] == "file" else f"default, {spec.source}"
+        click.echo(f"{spec.key:<34} {show_value(value, None):>20}  {unit:<10} {where}")
+
+
+def _show_derived(machine: Machine) -> None:
+    from gantryctl.machine import derived
+
+    click.echo(
+        "\n# What follows from them: rigid body and name plates; `gantryctl stops` has the full plant."
+    )
+    for figure in derived(machine):
+        unit = "" if figure.unit == "-" else figure.unit
+        click.echo(f"{figure.name:<38} {figure.value:>16.7g}  {unit:<10} {figure.formula}")
