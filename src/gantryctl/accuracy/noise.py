@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gantryctl.accuracy.procedure import Procedure, errors_from_points, evaluate, target_points
+from gantryctl.accuracy.chord import target_points
+from gantryctl.accuracy.procedure import Procedure, errors_from_points, evaluate
 from gantryctl.accuracy.statistics import accuracy_a
 from gantryctl.accuracy.table import ErrorTable, FloatArray
 

@@ -19,6 +19,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gantryctl.accuracy.chord import chord_angle_rad, chord_between, target_points
 from gantryctl.accuracy.table import Direction, ErrorTable, FloatArray, Layout, RowKey
 from gantryctl.errors import UsageError
 
@@ -256,16 +257,6 @@ def evaluate(
     )
 
 
-def target_points(angles_rad: FloatArray, radius_m: float) -> FloatArray:
-    """Coordinates of a target on the gantry, m: shape (...) of angles -> (..., 2)."""
-    return radius_m * np.stack([np.cos(angles_rad), np.sin(angles_rad)], axis=-1)
-
-
-def chord_angle_rad(chord_m: FloatArray, radius_m: float) -> FloatArray:
-    """The angle of a chord, rad: 2 asin(c / 2R). A chord beyond the diameter counts as the diameter."""
-    return np.asarray(2.0 * np.arcsin(np.minimum(chord_m / (2.0 * radius_m), 1.0)))
-
-
 def errors_from_points(procedure: Procedure, points_m: FloatArray, radius_m: float) -> FloatArray:
     """Chord errors of measured points: (..., stops, 2) in m -> (..., rows, columns) in deg, zero column
     included.
@@ -276,7 +267,7 @@ def errors_from_points(procedure: Procedure, points_m: FloatArray, radius_m: flo
     for index, stop in enumerate(procedure.stops):
         if stop.reference is None:
             continue
-        chord = np.hypot(*np.moveaxis(points_m[..., index, :] - points_m[..., stop.reference, :], -1, 0))
+        chord = chord_between(points_m[..., index, :], points_m[..., stop.reference, :])
         row = row_of[RowKey(stop.base_deg, stop.direction, stop.run)]
         error = np.degrees(chord_angle_rad(chord, radius_m)) - procedure.nominal_deg(stop)
         errors[..., row, column_of[stop.displacement_deg]] = error

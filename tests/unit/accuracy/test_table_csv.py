@@ -72,7 +72,7 @@ REFUSED = {
     "header only": (f"{HEADER}\n", ["no rows below the header"]),
     "no header": ("90,ccw,5,0.1\n", ["line 1", "column base_deg is missing"]),
     "misspelt": ("base,direction,displacement_deg,error_deg\n90,ccw,5,0\n", ["column base_deg is missing"]),
-    "no value column": ("base_deg,direction,displacement_deg\n90,ccw,5\n", ["neither error_deg nor chord_mm"]),
+    "no value": ("base_deg,direction,displacement_deg\n90,ccw,5\n", ["neither error_deg nor chord_mm"]),
     "two value columns": (f"{HEADER},chord_mm\n90,ccw,5,0,218\n", ["both error_deg and chord_mm"]),
     "column twice": (f"{HEADER},error_deg\n90,ccw,5,0,0\n", ["column error_deg twice"]),
     "chord without radius": (
