@@ -2,13 +2,18 @@
 
 from gantryctl.runtime.clocks import RealClock, VirtualClock
 from gantryctl.runtime.engine import NOTHING_READ, Engine, trace_columns
+from gantryctl.runtime.lock import StateLock
 from gantryctl.runtime.operators import HeldOperator, ScriptedOperator
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
-from gantryctl.runtime.recorder import MemoryRecorder
+from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
+from gantryctl.runtime.retain import RetainedMemory
+from gantryctl.runtime.retained import AlarmEntry, Retained
 from gantryctl.runtime.statistics import Histogram, ScanStatistics
 
 __all__ = [
     "NOTHING_READ",
+    "AlarmEntry",
+    "ArrowRecorder",
     "Engine",
     "HeldOperator",
     "Histogram",
@@ -16,8 +21,11 @@ __all__ = [
     "OverrunLimits",
     "OverrunPolicy",
     "RealClock",
+    "Retained",
+    "RetainedMemory",
     "ScanStatistics",
     "ScriptedOperator",
+    "StateLock",
     "VirtualClock",
     "trace_columns",
 ]

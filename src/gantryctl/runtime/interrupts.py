@@ -39,5 +39,6 @@ class HeldInterrupt:
     ) -> None:
         if self._active:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        if self.pending and error is None:
+        pending, self.pending = self.pending, False
+        if pending and error is None:
             raise KeyboardInterrupt

@@ -1,13 +1,21 @@
-"""Recorders: rows packed into bytes as they come, turned into columns in blocks."""
+"""Recorders: a row is packed into bytes when it comes, and turned into columns a block at a time."""
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 
+from gantryctl.errors import DeviceError
 from gantryctl.trace import Floats, Metadata, Trace, validate_columns
+from gantryctl.trace.files import CLOSED_SUFFIX, LIVE_SUFFIX, arrow_schema, record_batch, write_parquet
+
+FLUSH_ROWS: Final = 1000
+"""Rows in a block of the live file: what a kill may cost."""
 
 
 class MemoryRecorder:
@@ -33,3 +41,92 @@ class MemoryRecorder:
     def trace(self) -> Trace:
         """A copy of the recording so far."""
         return Trace.from_rows(self.columns, self.rows(), self.metadata)
+
+
+class ArrowRecorder:
+    """Records into `<path>.arrows`, readable at any time and after a kill; `close()` makes `<path>.parquet`
+    of it.
+
+    Raises:
+        DeviceError: the file cannot be made or is there already, and from `record` and `close` when a block
+        or the
+            closed file cannot be written. The blocks before it stay readable.
+
+    Attributes:
+        live_path: the stream while it grows.
+        path: the closed file.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        columns: Sequence[str],
+        metadata: Metadata | None = None,
+        flush_rows: int = FLUSH_ROWS,
+    ) -> None:
+        import pyarrow as pa
+
+        self.columns = validate_columns(columns)
+        path = Path(path)
+        stem = path.stem if path.suffix in {LIVE_SUFFIX, CLOSED_SUFFIX} else path.name
+        self.live_path = path.with_name(stem + LIVE_SUFFIX)
+        self.path = path.with_name(stem + CLOSED_SUFFIX)
+        self._schema = arrow_schema(self.columns, metadata or {})
+        self._pack = struct.Struct(f"{len(self.columns)}d").pack
+        self._bytes = bytearray()
+        self._block_bytes = flush_rows * 8 * len(self.columns)
+        self._closed = self._failed = False
+        try:
+            with self.live_path.open("xb"):
+                pass  # never over the recording of a run that was killed
+            self._file = pa.OSFile(str(self.live_path), "wb")
+            self._stream = pa.ipc.new_stream(self._file, self._schema)
+        except FileExistsError:
+            raise DeviceError(
+                f"{self.live_path}: left by a run that was killed, or in use; export it or move it away"
+            ) from None
+        except OSError as fault:
+            raise DeviceError(f"{self.live_path}: cannot be made: {fault.strerror or fault}") from fault
+
+    def record(self, row: tuple[float, ...]) -> None:
+        """Append one row; every `flush_rows` of them go to the file."""
+        self._bytes += self._pack(*row)
+        if len(self._bytes) >= self._block_bytes:
+            self._flush()
+
+    def close(self) -> None:
+        """Write what is left, make the Parquet file, remove the live one; may be called twice.
+
+        After a block that could not be written, the live file is left as it is.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if not self._failed:
+                self._flush(last=True)
+        finally:
+            with contextlib.suppress(OSError):
+                self._file.close()
+        if not self._failed:
+            self._convert()
+
+    def _flush(self, *, last: bool = False) -> None:
+        """One block to the file."""
+        rows = np.frombuffer(bytes(self._bytes)).reshape(-1, len(self.columns))
+        self._bytes.clear()
+        try:
+            if len(rows):
+                self._stream.write_batch(record_batch(self._schema, rows))
+            if last:
+                self._stream.close()
+        except OSError as fault:
+            self._failed = True
+            raise DeviceError(f"{self.live_path}: cannot be written: {fault.strerror or fault}") from fault
+
+    def _convert(self) -> None:
+        import pyarrow as pa
+
+        with pa.memory_map(str(self.live_path)) as source, pa.ipc.open_stream(source) as stream:
+            write_parquet(self.path, self._schema, stream)
+        self.live_path.unlink()

@@ -1,6 +1,7 @@
 """What a recording is: column names, `Trace`, reading and exporting."""
 
 from gantryctl.trace.columns import TIME_COLUMN, Unit, in_degrees, unit_of, validate_columns
+from gantryctl.trace.reader import read_trace
 from gantryctl.trace.table import Floats, Metadata, Trace, TraceHash
 
 __all__ = [
@@ -11,6 +12,7 @@ __all__ = [
     "TraceHash",
     "Unit",
     "in_degrees",
+    "read_trace",
     "unit_of",
     "validate_columns",
 ]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gantryctl.errors import UsageError
-from gantryctl.trace.columns import TIME_COLUMN
+from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees
 
 Floats: TypeAlias = NDArray[np.float64]
 Metadata: TypeAlias = Mapping[str, "str | int | float | bool | None"]
@@ -93,6 +94,11 @@ class Trace:
         data = {name: values[kept] for name, values in self._data.items()}
         return Trace(data, self.metadata, complete=self.complete)
 
+    def in_degrees(self) -> Trace:
+        """The same with every angle in degrees, column names included: for people and for export."""
+        data = {in_degrees(name): values * degree_factor(name) for name, values in self._data.items()}
+        return Trace(data, self.metadata, complete=self.complete)
+
     def rows(self, start: int = 0, stop: int | None = None) -> Floats:
         """Rows `start` to `stop` as one array of shape (rows, columns)."""
         return np.column_stack([values[start:stop] for values in self._data.values()])
@@ -103,3 +109,15 @@ class Trace:
         for start in range(0, len(self), 10_000):
             digest.update(self.rows(start, start + 10_000))
         return digest.hexdigest()
+
+    def to_csv(self, path: str | Path) -> None:
+        """Export with one header line; numbers read back to the same value."""
+        from gantryctl.trace.files import export_csv
+
+        export_csv(self, Path(path))
+
+    def to_parquet(self, path: str | Path) -> None:
+        """Export with the metadata; `read_trace` reads it back."""
+        from gantryctl.trace.files import export_parquet
+
+        export_parquet(self, Path(path))

@@ -1,0 +1,69 @@
+"""One process at a time in a state directory."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from gantryctl.errors import StateError
+
+_FILE: Final = "lock"
+_LOCKED_BYTE: Final = 1 << 20  # Windows locks bytes, also against reading: one far behind the process number
+
+
+class StateLock:
+    """`with StateLock(directory):` the directory is ours; the system frees it when the process ends,
+    however it ends.
+
+    Raises:
+        StateError: another run holds it, or the directory cannot be used.
+    """
+
+    def __init__(self, directory: str | Path) -> None:
+        self.directory = Path(directory)
+        self._handle = -1
+
+    def __enter__(self) -> StateLock:
+        path = self.directory / _FILE
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        except OSError as fault:
+            raise StateError(f"state directory {self.directory}: {fault.strerror or fault}") from fault
+        try:
+            _lock(handle)
+        except OSError:
+            holder = os.read(handle, 20).decode(errors="replace").strip() or "unknown"
+            os.close(handle)
+            raise StateError(
+                f"state directory {self.directory} is in use by process {holder}; "
+                "wait for it, or use another directory or --fresh"
+            ) from None
+        os.ftruncate(handle, 0)
+        os.write(handle, f"{os.getpid()}\n".encode())
+        self._handle = handle
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        os.close(self._handle)  # frees the lock; the file stays, for removing it would race with the next run
+        self._handle = -1
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(handle: int) -> None:
+        os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
+        msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        os.lseek(handle, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock(handle: int) -> None:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

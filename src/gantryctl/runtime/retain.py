@@ -1,0 +1,143 @@
+"""Retained memory: two copies of one record, written in turn, so that a power cut never takes both."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import zlib
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gantryctl.errors import StateError
+from gantryctl.runtime.retained import Retained, from_json_values, to_json_values
+
+COPIES: Final = ("retain.a.json", "retain.b.json")
+FORMAT: Final = "gantryctl retained memory, version 1"
+
+
+class _Damaged(StateError):
+    """A copy that was torn or changed: the other one counts. Every other StateError is not to be bridged."""
+
+
+class _Copy(NamedTuple):
+    """One copy as read: its sequence number and record."""
+
+    sequence: int
+    record: Retained
+
+
+def encode(record: Retained, sequence: int) -> bytes:
+    """A copy as it stands in the file: JSON in one fixed form, so that every changed bit shows."""
+    body = {"format": FORMAT, "sequence": sequence, "record": to_json_values(record)}
+    return _text({"crc32": _crc(body), **body})
+
+
+def decode(data: bytes) -> tuple[int, Retained]:
+    """Sequence number and record of a copy; StateError says what is wrong with it."""
+    try:
+        values = json.loads(data)
+    except (ValueError, RecursionError) as fault:
+        raise _Damaged(f"cut off or damaged ({fault})") from fault
+    if not isinstance(values, dict):
+        raise _Damaged("damaged (no record in it)")
+    body = {key: value for key, value in values.items() if key != "crc32"}
+    if values.get("crc32") != _crc(body) or _text(values) != data:
+        raise _Damaged("damaged (the check sum does not fit)")
+    sequence, record = values.get("sequence"), values.get("record")
+    if values.get("format") != FORMAT or not isinstance(sequence, int) or not isinstance(record, dict):
+        raise StateError(f"of another version of gantryctl: {values.get('format')!r}, wanted {FORMAT!r}")
+    return sequence, from_json_values(record)
+
+
+def _text(values: object) -> bytes:
+    return (json.dumps(values, indent=1) + "\n").encode()
+
+
+def _crc(body: object) -> str:
+    return f"{zlib.crc32(_text(body)):08x}"
+
+
+class RetainedMemory:
+    """The record of one state directory. Hold a `StateLock` on the directory while using it.
+
+    Attributes:
+        notes: what `load()` found wrong but could bridge, in words; empty when all was well.
+    """
+
+    def __init__(self, directory: str | Path) -> None:
+        self.directory = Path(directory)
+        self.notes: tuple[str, ...] = ()
+
+    def load(self) -> Retained | None:
+        """The newest valid copy, or None when nothing was ever stored.
+
+        Raises:
+            StateError: there are copies, but none is valid.
+        """
+        copies = self._copies()
+        return max(copies.values(), key=lambda copy: copy.sequence).record if copies else None
+
+    def store(self, record: Retained) -> None:
+        """Write the record over the older copy; it is on the disk when this returns.
+
+        Raises:
+            StateError: a value that may not be stored, a disk that does not take it, or damage that `load`
+                refuses. The newest copy so far is safe.
+        """
+        copies = self._copies()
+        newest = max(copies, key=lambda name: copies[name].sequence, default=COPIES[1])
+        sequence = copies[newest].sequence + 1 if copies else 1
+        older = COPIES[1 - COPIES.index(newest)]
+        data = encode(record, sequence)
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+            _write_through(self.directory / older, data)
+        except OSError as fault:
+            reason = fault.strerror or fault
+            raise StateError(
+                f"retained memory {self.directory / older} cannot be written: {reason}"
+            ) from fault
+
+    def _copies(self) -> dict[str, _Copy]:
+        """The valid copies by file name; fills `notes`."""
+        copies: dict[str, _Copy] = {}
+        notes = []
+        missing = []
+        for name in COPIES:
+            path = self.directory / name
+            try:
+                copies[name] = _Copy(*decode(path.read_bytes()))
+            except FileNotFoundError:
+                missing.append(name)
+            except OSError as fault:
+                raise StateError(f"{path}: cannot be read: {fault.strerror or fault}") from fault
+            except _Damaged as fault:
+                notes.append(f"{name} is {fault}")
+            except StateError as fault:
+                raise StateError(f"{path}: {fault}") from fault
+        if notes and not copies:
+            raise StateError(
+                f"retained memory in {self.directory} cannot be used: {'; '.join(notes)}. Zero offset and "
+                "rest position are lost: move the files away, compare the encoder with a mark and set the zero"
+            )
+        if missing and any(copy.sequence > 1 for copy in copies.values()):
+            notes.append(f"{missing[0]} is missing")
+        self.notes = tuple(f"{note}; the other copy is used" for note in notes)
+        return copies
+
+
+def _write_through(path: Path, data: bytes) -> None:
+    """Replace a file so that after a power cut either the old or the new one is there, whole."""
+    partial = path.with_name(path.name + ".part")
+    with partial.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
+    if sys.platform != "win32":  # Windows cannot sync a directory
+        handle = os.open(path.parent, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)

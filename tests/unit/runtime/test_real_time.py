@@ -1,0 +1,216 @@
+"""Absolute deadlines, overruns and what the engine does about them; the time is a fake one."""
+
+import math
+
+import pytest
+
+from gantryctl.errors import UsageError
+from gantryctl.image import DriveRequest, OutputImage
+from gantryctl.runtime import (
+    Engine,
+    HeldOperator,
+    MemoryRecorder,
+    OverrunLimits,
+    OverrunPolicy,
+    RealClock,
+    VirtualClock,
+    trace_columns,
+)
+from unit.runtime.fakes import FakeDrive, FakeProgram, FakeTime
+
+PERIOD_S = 0.010
+
+
+class Bench:
+    """An engine at 10 ms on a fake time; `late[k]` is how long the program of scan k works."""
+
+    def __init__(self, policy: OverrunPolicy) -> None:
+        self.time, self.drive, self.program = FakeTime(), FakeDrive(), FakeProgram()
+        clock = RealClock(PERIOD_S, now=self.time.now, sleep=self.time.sleep)
+        self.recorder = MemoryRecorder(trace_columns(self.program))
+        self.engine = Engine(
+            self.drive, self.program, HeldOperator(), clock, PERIOD_S, self.recorder, None, policy
+        )
+
+    def work(self, scan: int, seconds: float) -> None:
+        self.program.hooks[scan] = lambda: self.time.work(seconds)
+
+
+@pytest.fixture
+def going_on() -> Bench:
+    return Bench(OverrunPolicy.CONTINUE)
+
+
+@pytest.fixture
+def strict() -> Bench:
+    return Bench(OverrunPolicy.QUICK_STOP)
+
+
+# --- the clock ----------------------------------------------------------------------------------------------------
+
+
+def test_deadlines_are_absolute() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
+    started = []
+    for scan in range(100):
+        assert clock.wait_for(scan) == pytest.approx(0.0, abs=1e-9)
+        started.append(time.now_s)
+        time.work(0.004)
+    assert started == pytest.approx([5_000.0 + k * PERIOD_S for k in range(100)], abs=1e-9)
+
+
+def test_a_late_scan_does_not_shift_the_next_deadline() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
+    clock.wait_for(0)
+    time.work(0.013)
+    assert clock.wait_for(1) == pytest.approx(0.003)
+    assert clock.wait_for(2) == pytest.approx(0.0, abs=1e-9)
+    assert time.now_s == pytest.approx(5_000.020)
+
+
+def test_missed_deadlines_are_skipped_and_never_caught_up() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
+    clock.wait_for(0)
+    time.work(0.047)
+    assert clock.wait_for(1) == pytest.approx(0.037)
+    assert clock.wait_for(2) == pytest.approx(0.0, abs=1e-9)
+    assert time.now_s == pytest.approx(5_000.050)  # on the old grid, three deadlines left out
+
+
+def test_elapsed_counts_from_the_real_start_of_the_scan() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
+    clock.wait_for(0)
+    time.work(0.013)
+    clock.wait_for(1)
+    time.work(0.002)
+    assert clock.elapsed_s() == pytest.approx(0.002)
+
+
+def test_a_sleep_that_ends_early_is_continued() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=lambda seconds: time.sleep(max(seconds / 2, 1e-6)))
+    clock.wait_for(0)
+    assert clock.wait_for(1) >= 0.0
+    assert time.now_s == pytest.approx(5_000.010, abs=2e-6)
+
+
+def test_start_forgives_an_intended_pause() -> None:
+    time = FakeTime()
+    clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
+    clock.wait_for(0)
+    time.work(60.0)
+    clock.start()
+    assert clock.wait_for(1) == 0.0
+    assert clock.wait_for(2) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan])
+def test_a_clock_wants_a_period(period_s: float) -> None:
+    with pytest.raises(UsageError, match="scan period"):
+        RealClock(period_s)
+
+
+def test_the_real_sleep_and_time_are_used_by_default() -> None:
+    clock = RealClock(1e-4)
+    assert clock.wait_for(0) == 0.0
+    assert clock.wait_for(3) >= 0.0
+
+
+# --- the engine on it ---------------------------------------------------------------------------------------------
+
+
+def test_real_time_makes_the_same_trace_as_virtual_time(going_on: Bench) -> None:
+    going_on.work(20, 0.5)
+    going_on.engine.run_for(1.0)
+    program = FakeProgram()
+    recorder = MemoryRecorder(trace_columns(program))
+    Engine(FakeDrive(), program, HeldOperator(), VirtualClock(), PERIOD_S, recorder).run_for(1.0)
+    assert going_on.recorder.trace().hash() == recorder.trace().hash()
+
+
+def test_a_stall_is_counted_and_the_program_goes_on_under_continue(going_on: Bench) -> None:
+    going_on.work(20, 2.003)
+    going_on.engine.run_for(1.0)
+    statistics = going_on.engine.statistics
+    assert going_on.engine.overrun_stop is None
+    assert going_on.drive.outputs[-1].request is DriveRequest.ENABLE
+    assert statistics.overruns == 2  # the scan that stalled and the one that woke late
+    assert statistics.skipped == 199
+    assert statistics.lateness.worst_s == pytest.approx(1.993)
+    assert statistics.lateness.worst_scan == 21
+
+
+def test_one_overrun_of_a_period_stops_nothing(strict: Bench) -> None:
+    strict.work(20, 0.012)
+    strict.engine.run_for(2.0)
+    assert strict.engine.overrun_stop is None
+    assert strict.engine.statistics.overruns == 1
+
+
+def test_a_scan_too_late_gets_a_quick_stop_in_place_of_the_old_command(strict: Bench) -> None:
+    strict.work(20, 0.045) strict.engine.run_for(0.21) assert strict.drive.outputs[20].request is
+    DriveRequest.ENABLE strict.engine.step() assert strict.drive.outputs[21] == (DriveRequest.QUICK_STOP,
+    0.0, 0.0, True) assert strict.program.images[21].operator.quick_stop assert strict.engine.overrun_stop
+    is not None assert strict.engine.overrun_stop.startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms)
+    at t = 0.210 s")
+
+
+def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:
+    strict.work(20, 2.0)
+    strict.engine.run_for(1.0)
+    assert strict.engine.overrun_stop is not None
+    assert "SYS-03 STOP · controller frozen for 1.990 s" in strict.engine.overrun_stop
+    requests = [output.request for output in strict.drive.outputs]
+    assert set(requests[:21]) == {DriveRequest.ENABLE}
+    assert set(requests[21:]) == {DriveRequest.QUICK_STOP}  # for as long as the program wants to move
+    assert len(requests) == 100
+
+
+def test_the_programs_own_stop_is_not_disturbed(strict: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    strict.work(20, 2.0)
+    strict.engine.run_for(0.5)
+    monkeypatch.setattr(strict.program, "scan", lambda image: OutputImage())
+    strict.engine.step()
+    assert strict.drive.outputs[-1] == OutputImage()
+
+
+@pytest.mark.parametrize(("overruns", "stopped"), [(5, False), (6, True)])
+def test_more_than_five_overruns_in_a_second_stop(strict: Bench, overruns: int, stopped: bool) -> None:
+    for k in range(overruns):
+        strict.work(10 + 10 * k, 0.012)
+    strict.engine.run_for(2.0)
+    assert strict.engine.statistics.overruns == overruns
+    assert (strict.engine.overrun_stop is not None) is stopped
+    if stopped:
+        assert strict.engine.overrun_stop is not None
+        assert "SYS-02 STOP · 6 overruns within 1 s (limit 5)" in strict.engine.overrun_stop
+
+
+def test_overruns_far_apart_do_not_add_up(strict: Bench) -> None:
+    for k in range(20):
+        strict.work(10 + 30 * k, 0.012)
+    strict.engine.run_for(7.0)
+    assert strict.engine.statistics.overruns == 20
+    assert strict.engine.overrun_stop is None
+
+
+def test_the_limits_can_be_set(strict: Bench) -> None:
+    strict.engine.overrun_limits = OverrunLimits(late_s=0.001)
+    strict.work(20, 0.012)
+    strict.engine.run_for(1.0)
+    assert strict.engine.overrun_stop is not None
+
+
+def test_a_program_that_raises_in_real_time_stops_the_drive(going_on: Bench) -> None:
+    def fail() -> None:
+        raise ValueError("x")
+
+    going_on.program.hooks[5] = fail
+    with pytest.raises(Exception, match="SYS-09"):
+        going_on.engine.run_for(1.0)
+    going_on.engine.run_for(0.1)
+    assert going_on.drive.outputs[-1].request is DriveRequest.QUICK_STOP

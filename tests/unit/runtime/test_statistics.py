@@ -1,0 +1,75 @@
+"""The figures of the scan statistics against lists of times that are kept."""
+
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gantryctl.runtime import Histogram, ScanStatistics
+
+
+@given(st.lists(st.floats(1e-6, 10.0), min_size=1, max_size=200), st.sampled_from([0.0, 0.5, 0.99, 0.999,
+1.0])) def test_a_quantile_is_right_within_its_bin_and_never_too_small(values: list[float], part: float) ->
+None:
+    histogram = Histogram()
+    for scan, value in enumerate(values):
+        histogram.add(scan, value)
+    exact = sorted(values)[max(0, -int(-part * len(values) // 1) - 1)]
+    assert exact <= histogram.quantile_s(part) * (1 + 1e-12) <= exact * 1.26 * (1 + 1e-12)
+
+
+@given(st.lists(st.floats(0.0, 1e4), max_size=50))
+def test_every_value_is_counted_once_and_the_worst_is_exact(values: list[float]) -> None:
+    histogram = Histogram()
+    for scan, value in enumerate(values):
+        histogram.add(scan, value)
+    assert sum(histogram.counts) == histogram.count == len(values)
+    assert histogram.worst_s == max(values, default=0.0)
+    if histogram.worst_s:
+        assert histogram.worst_scan == values.index(max(values))
+
+
+def test_an_overrun_is_a_scan_that_ends_after_the_next_one_was_due() -> None:
+    statistics = ScanStatistics(0.010)
+    assert not statistics.add(0, 0.0, 0.0099)
+    assert statistics.add(1, 0.0, 0.0101)
+    assert statistics.add(2, 0.004, 0.007)
+    assert statistics.add(3, 0.020, 0.0)
+    assert statistics.overruns == 3
+    assert statistics.skipped == 2
+
+
+def test_the_period_is_the_time_between_two_starts_also_across_skipped_deadlines() -> None:
+    statistics = ScanStatistics(0.010)
+    statistics.add(0, 0.0, 0.001)
+    statistics.add(1, 0.003, 0.001)
+    assert statistics.period.worst_s == pytest.approx(0.013)
+    statistics.add(2, 0.037, 0.001)  # three deadlines skipped, 7 ms into the fourth
+    assert statistics.period.worst_s == pytest.approx(0.044)
+    before = statistics.period.count
+    statistics.add(3, 0.0, 0.001)
+    assert statistics.period.count == before + 1
+    assert statistics.period.quantile_s(0.0) == pytest.approx(0.003, rel=0.26)
+
+
+def test_the_report_says_what_lateness_means_in_degrees() -> None:
+    statistics = ScanStatistics(0.001)
+    statistics.add(0, 0.0, 0.0002)
+    statistics.add(1, 0.010, 0.0002)
+    report = statistics.report(6.0)
+    assert "at 6 deg/s" in report
+    assert "worst 0.0600 deg (scan 1, t = 0.001 s)" in report
+    assert "overruns 1, deadlines skipped 10" in report
+
+
+def test_virtual_time_has_no_lateness_to_report() -> None:
+    assert ScanStatistics(0.001).report(6.0) == "virtual time: no scan is ever late"
+
+
+def test_the_figures_are_json() -> None:
+    statistics = ScanStatistics(0.001)
+    statistics.add(0, 0.0, 100.0)
+    values = json.loads(json.dumps(statistics.to_dict(), allow_nan=False))
+    assert values["run_time"]["bins"] == [[None, 1]]
+    assert values["overruns"] == 1
