@@ -17,24 +17,40 @@ using Cube = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
 
 namespace {
 
-// One row per log column, so that each column lies in one piece.
-void run_closed_loop(Sim& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
-                     Table out) {
-#define X(name) +1
-  constexpr std::size_t kColumns = 0 GANTRY_LOG_COLUMNS(X);
-#undef X
-  if (out.shape(0) != kColumns) throw std::invalid_argument("out must have one row per log column");
-  const std::size_t scans = out.shape(1);
-  double* data = out.data();
-  nb::gil_scoped_release release;
-  run_plan(sim, law, plan, zero_counts, static_cast<long>(scans), [&](long k, const LogRow& row) {
+constexpr std::size_t kLogColumns = sizeof(LogRow) / sizeof(double);
+
+// Puts rows into a table with one row per log column, so that each column lies in one piece.
+struct LogTable {
+  explicit LogTable(const Table& out) : data(out.data()), scans(out.shape(1)) {
+    if (out.shape(0) != kLogColumns) throw std::invalid_argument("out must have one row per log column");
+  }
+  void operator()(long k, const LogRow& row) const {
     double* to = data + k;
 #define X(name)   \
   *to = row.name; \
   to += scans;
     GANTRY_LOG_COLUMNS(X)
 #undef X
-  });
+  }
+  double* data;
+  std::size_t scans;
+};
+
+void run_closed_loop(Sim& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
+                     Table out) {
+  const LogTable table(out);
+  nb::gil_scoped_release release;
+  run_plan(sim, law, plan, zero_counts, static_cast<long>(table.scans), table);
+}
+
+void run_command(Sim& sim, int mode, double vel_cmd_rad_s, bool brake_open, Table out) {
+  const LogTable table(out);
+  const DriveCommand<double> command{drive_mode(mode), vel_cmd_rad_s, 0.0};
+  nb::gil_scoped_release release;
+  for (std::size_t k = 0; k < table.scans; ++k) {
+    table(static_cast<long>(k), state_row(sim));
+    sim.scan(command, brake_open);
+  }
 }
 
 Cube run_legs_array(const std::vector<Sim*>& sims, const PositionLawParams& law,
@@ -78,6 +94,10 @@ void bind_loop(nb::module_& m) {
         "Run out.shape[1] scans of one plan, enabled and with the brake open; fill one row of `out` per log "
         "column.\n\n"
         "The same laws and physics as the scan engine, so the same bits; the plant in `sim` moves on.");
+  m.def("run_command", &run_command, nb::arg("sim"), nb::arg("mode"), nb::arg("vel_cmd_rad_s"),
+        nb::arg("brake_open"), nb::arg("out"),
+        "Run out.shape[1] scans with one command to the drive (mode 0 off, 1 speed, 2 quick stop); log the "
+        "state.");
   m.def("run_legs", &run_legs_array, nb::arg("sims"), nb::arg("law"), nb::arg("legs"), nb::arg("zero_counts"),
         nb::arg("threads") = 1,
         "Every plant through every leg (plan, scans, scans to average at its end).\n\n"

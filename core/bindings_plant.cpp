@@ -76,11 +76,6 @@ void set_state(Sim& sim, const StateMap& m) {
   sim = copy;
 }
 
-DriveMode mode_of(int mode) {
-  if (mode < 0 || mode > 2) throw std::invalid_argument("mode must be 0 (off), 1 (speed) or 2 (quick stop)");
-  return static_cast<DriveMode>(mode);
-}
-
 void bind_params(nb::module_& m) {
   nb::class_<Plant1> plant(m, "PlantParams",
                            "Parameters of the plant, SI, at the gantry unless motor is said.");
@@ -120,7 +115,7 @@ void bind_sim(nb::module_& m) {
       .def(
           "scan",
           [](Sim& sim, int mode, double vel_cmd_rad_s, double torque_ff_nm, bool brake_open) {
-            sim.scan({mode_of(mode), vel_cmd_rad_s, torque_ff_nm}, brake_open);
+            sim.scan({drive_mode(mode), vel_cmd_rad_s, torque_ff_nm}, brake_open);
           },
           nb::arg("mode"), nb::arg("vel_cmd_rad_s"), nb::arg("torque_ff_nm"), nb::arg("brake_open"),
           "Advance one scan. mode: 0 off, 1 speed, 2 quick stop; commands at the motor.")

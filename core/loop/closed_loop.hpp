@@ -18,7 +18,7 @@ namespace gantry {
 #define GANTRY_LOG_COLUMNS(X)                                                                             \
   X(pos_ref_rad) X(vel_ref_rad_s) X(acc_ref_rad_s2) X(pos_act_rad) X(pos_err_rad) X(vel_cmd_rad_s)        \
   X(torque_act_nm) X(pos_load_rad) X(vel_load_rad_s) X(pos_motor_rad) X(vel_motor_rad_s) X(pos_base_rad)  \
-  X(vel_base_rad_s) X(torque_mesh_nm) X(counts)
+  X(vel_base_rad_s) X(torque_mesh_nm) X(counts) X(torque_limited)
 
 // What is kept of a leg. mean_*: over its last scans; max_*: largest absolute value over the whole leg.
 // Speed and position errors at the gantry against the set-point: motor side vel_motor/i, load side vel_load.
@@ -48,27 +48,34 @@ struct Leg {
   long average = 0;
 };
 
+// The state of the plant in a row; set-point and command are filled in by the caller.
+inline LogRow state_row(const GantrySim<double>& sim) {
+  LogRow row{};
+  row.torque_act_nm = sim.x.torque_motor;
+  row.pos_load_rad = sim.x.pos_load;
+  row.vel_load_rad_s = sim.x.vel_load;
+  row.pos_motor_rad = sim.x.pos_motor;
+  row.vel_motor_rad_s = sim.x.vel_motor;
+  row.pos_base_rad = sim.x.pos_base;
+  row.vel_base_rad_s = sim.x.vel_base;
+  row.torque_mesh_nm = sim.torque_mesh();
+  row.torque_limited = sim.limited() ? 1.0 : 0.0;
+  return row;
+}
+
 // One scan: log the state at t, compute the command, advance by one period.
 inline LogRow closed_loop_scan(GantrySim<double>& sim, const PositionLawParams& law, const Segments& plan,
                                double t, double zero_counts) {
+  LogRow row = state_row(sim);
   const SetPoint r = plan.sample(t);
-  const double counts = sim.counts(law.rad_per_count) - zero_counts;
-  const auto command = position_law(law, r.pos, r.vel, counts);
-  const LogRow row{r.pos,
-                   r.vel,
-                   r.acc,
-                   command.pos_act_rad,
-                   command.pos_err_rad,
-                   command.vel_cmd_rad_s,
-                   sim.x.torque_motor,
-                   sim.x.pos_load,
-                   sim.x.vel_load,
-                   sim.x.pos_motor,
-                   sim.x.vel_motor,
-                   sim.x.pos_base,
-                   sim.x.vel_base,
-                   sim.torque_mesh(),
-                   counts};
+  row.counts = sim.counts(law.rad_per_count) - zero_counts;
+  const auto command = position_law(law, r.pos, r.vel, row.counts);
+  row.pos_ref_rad = r.pos;
+  row.vel_ref_rad_s = r.vel;
+  row.acc_ref_rad_s2 = r.acc;
+  row.pos_act_rad = command.pos_act_rad;
+  row.pos_err_rad = command.pos_err_rad;
+  row.vel_cmd_rad_s = command.vel_cmd_rad_s;
   sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, 0.0}, true);
   return row;
 }

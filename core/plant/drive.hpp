@@ -2,11 +2,18 @@
 // evaluation. It is hardware to the controller; plant_equations S7 gives the order of operations.
 #pragma once
 
+#include <stdexcept>
+
 #include "core/lane/lane.hpp"
 
 namespace gantry {
 
 enum class DriveMode { kOff, kSpeed, kQuickStop };
+
+inline DriveMode drive_mode(int mode) {
+  if (mode < 0 || mode > 2) throw std::invalid_argument("mode must be 0 (off), 1 (speed) or 2 (quick stop)");
+  return static_cast<DriveMode>(mode);
+}
 
 // clang-format off
 #define GANTRY_DRIVE_PARAMS(X)                                                                        \

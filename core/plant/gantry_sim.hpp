@@ -72,8 +72,9 @@ class GantrySim {
     const T start = s.pos_last;
     const T dt = T(cycle_s_);
     for (int k = 0; k < cycles_per_scan_; ++k) {
+      const bool was_closed = brake.closed;
       brake.cycle(brake_open, close_cycles_, open_cycles_);
-      if (!brake.closed) x.brake_z = T(0.0);
+      if (brake.closed != was_closed) x.brake_z = brake.closed ? brake_grip() : T(0.0);
       const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, limited_);
       advance(u, dt);
     }
@@ -128,6 +129,13 @@ class GantrySim {
       const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
       x.pos_motor = p.ratio * (rho + twist - em - ring);
     }
+  }
+
+  // Where the brake element begins when it closes: on a turning shaft it slips at once, its pre-sliding
+  // length is passed in microseconds.
+  T brake_grip() const {
+    const T slip = plant_.p.brake_presliding * sign(x.vel_motor);
+    return select(vabs(x.vel_motor) * T(cycle_s_) > plant_.p.brake_presliding, slip, T(0.0));
   }
 
   void flush() {

@@ -60,8 +60,11 @@ class DriveFeedback(NamedTuple):
     """What a drive reports once per scan. Motor side; the unit of position is the encoder's own fine count."""
 
     state: DriveState
-    pos_act_counts: int
-    """Unwrapped count since the encoder's own zero; one count is `DriveIdentity.counts_per_turn` of a motor turn."""
+    pos_act_counts: float
+    """Unwrapped count since the encoder's own zero, `DriveIdentity.counts_per_turn` to a motor turn.
+
+    A whole number, exact up to 2^53; only the ideal encoder of a simulator gives fractions.
+    """
     vel_act_rad_s: float
     torque_act_nm: float
     brake_open: bool

@@ -159,13 +159,17 @@ def position_law(machine: Machine) -> _core.PositionLaw:
 
 
 
-def gantry_sim(machine: Machine) -> _core.GantrySim:
-    """Drive and plant behind a simulated drive port."""
+def gantry_sim(
+    machine: Machine, plant: _core.PlantParams | None = None, drive: _core.DriveParams | None = None
+) -> _core.GantrySim:
+    """Drive and plant behind a simulated drive port; of the machine file unless other parameters are given."""
     integration = machine.plant.integration
-    return _core.GantrySim(
-        plant_params(machine),
-        drive_params(machine),
+    sim = _core.GantrySim(
+        plant or plant_params(machine),
+        drive or drive_params(machine),
         machine.control.scan_period_ms * 1e-3,
         integration.scheme,
         integration.rk4_steps,
     )
+    sim.count_offset = float(machine.plant.encoder.mounting_turns * counts_per_turn(machine))
+    return sim

@@ -1,0 +1,114 @@
+"""Logs and leg statistics of the compiled closed loop."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gantryctl import _core
+from gantryctl.motion import hold
+
+Floats = NDArray[np.float64]
+
+
+class Log:
+    """What a run recorded, one array per column of `_core.LOG_COLUMNS`; row k is the state at t = k x period."""
+
+    def __init__(self, values: Floats, period_s: float) -> None:
+        self._values = values
+        self.period_s = period_s
+        self.columns: tuple[str, ...] = tuple(_core.LOG_COLUMNS)
+
+    def __getitem__(self, column: str) -> Floats:
+        return self._values[self.columns.index(column)]
+
+    def __len__(self) -> int:
+        return int(self._values.shape[1])
+
+    @property
+    def time_s(self) -> Floats:
+        """Time of every row."""
+        return np.arange(len(self)) * self.period_s
+
+
+class ClosedLoop:
+    """One axis under the position law, enabled, brake open.
+
+    Args:
+        sim: drive and plant; moves on with every run.
+        law: the position loop.
+        zero_counts: encoder counts at gantry angle 0.
+    """
+
+    def __init__(self, sim: _core.GantrySim, law: _core.PositionLaw, zero_counts: float) -> None:
+        self.sim = sim
+        self.law = law
+        self.zero_counts = zero_counts
+
+    @classmethod
+    def standing_at(cls, sim: _core.GantrySim, law: _core.PositionLaw, angle_rad: float) -> ClosedLoop:
+        """Standing still with the servo on, the encoder zeroed so that the load is where the set-point says."""
+        sim.static_start(angle_rad, True)
+        counts = sim.feedback(law.rad_per_count)[0]
+        return cls(sim, law, float(round(counts - law.ratio * angle_rad / law.rad_per_count)))
+
+    def run(self, plan: _core.Segments, duration_s: float) -> Log:
+        """Run `duration_s` (rounded up to whole scans) of a plan and keep every scan."""
+        period_s = self.sim.scan_period_s
+        values = np.empty((len(_core.LOG_COLUMNS), scans(duration_s, period_s)))
+        _core.run_closed_loop(self.sim, self.law, plan, self.zero_counts, values)
+        return Log(values, period_s)
+
+    def command(self, mode: int, duration_s: float, *, brake_open: bool) -> Log:
+        """Give the drive one command (0 off, 2 quick stop) for a time, without the position loop."""
+        period_s = self.sim.scan_period_s
+        values = np.empty((len(_core.LOG_COLUMNS), scans(duration_s, period_s)))
+        _core.run_command(self.sim, mode, 0.0, brake_open, values)
+        return Log(values, period_s)
+
+    def rest(self, angle_rad: float, duration_s: float) -> Log:
+        """Hold a position."""
+        return self.run(hold(angle_rad), duration_s)
+
+
+class Leg(NamedTuple):
+    """A stretch of a run: the plan, how long, and over how much of its end the readings are averaged."""
+
+    plan: _core.Segments
+    duration_s: float
+    average_s: float
+
+
+class LegStatistics(NamedTuple):
+    """What is kept of one leg, per plant: arrays of shape (plants,). Errors are against the set-point."""
+
+    mean_pos_load_rad: Floats
+    mean_pos_ring_rad: Floats
+    mean_pos_act_rad: Floats
+    max_vel_err_motor_rad_s: Floats
+    max_vel_err_load_rad_s: Floats
+    max_pos_err_motor_rad: Floats
+    max_pos_err_load_rad: Floats
+    max_torque_motor_nm: Floats
+    max_torque_mesh_nm: Floats
+
+
+def run_legs(loops: Sequence[ClosedLoop], legs: Sequence[Leg], threads: int = 1) -> list[LegStatistics]:
+    """Take every plant through every leg; one entry per leg. All loops share the law of the first.
+
+    The number of threads has no effect on the result.
+    """
+    sims = [loop.sim for loop in loops]
+    period_s = sims[0].scan_period_s
+    native = [(leg.plan, scans(leg.duration_s, period_s), scans(leg.average_s, period_s)) for leg in legs]
+    result = _core.run_legs(sims, loops[0].law, native, [loop.zero_counts for loop in loops], threads)
+    return [LegStatistics(*result[:, k, :].T) for k in range(len(legs))]
+
+
+def scans(duration_s: float, period_s: float) -> int:
+    """Whole scans in a time, rounded up; a rounding error of the division makes no scan."""
+    return max(1, math.ceil(duration_s / period_s - 1e-6))

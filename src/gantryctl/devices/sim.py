@@ -1,0 +1,163 @@
+"""The simulated drive: CiA 402 states, brake and encoder around the compiled gantry.
+
+To the program it is a drive like any other. What only a simulator can do (look at the load, spoil the encoder, pull the
+mains) has names of its own and is not part of the `Drive` port.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl import _core
+from gantryctl.errors import DeviceError
+from gantryctl.image import (
+    DigitalInputs,
+    DriveFeedback,
+    DriveIdentity,
+    DriveRequest,
+    DriveState,
+    EncoderFlag,
+    OutputImage,
+)
+
+_OFF: Final = 0
+_SPEED: Final = 1
+_QUICK_STOP: Final = 2
+_TWO_PI: Final = 6.283185307179586
+
+_NEXT_TO_ENABLED: Final = {
+    DriveState.SWITCH_ON_DISABLED: DriveState.READY_TO_SWITCH_ON,
+    DriveState.READY_TO_SWITCH_ON: DriveState.SWITCHED_ON,
+    DriveState.SWITCHED_ON: DriveState.OPERATION_ENABLED,
+}
+
+
+class SimDrive:
+    """A servo drive with the gantry behind it; `write` advances both by one scan.
+
+    States (CiA 402), one transition a scan: ENABLE walks Switch on disabled -> Ready to switch on -> Switched on ->
+    Operation enabled; QUICK_STOP leads from Operation enabled to Quick stop active, which holds zero speed until
+    DISABLE (option code 6); a fault, an open emergency stop or missing mains takes the torque off and closes the brake.
+
+    Args:
+        sim: drive loops and plant; its state moves on.
+        serial: what the encoder calls itself.
+        counts_per_turn: fine counts per motor turn.
+        turns: multiturn range of the encoder.
+        limit_switch_rad: gantry angle of both limit switches, rad.
+    """
+
+    truth_columns = (
+        "pos_load_rad",
+        "vel_load_rad_s",
+        "pos_motor_rad",
+        "vel_motor_rad_s",
+        "pos_base_rad",
+        "vel_base_rad_s",
+        "torque_mesh_nm",
+    )
+
+    def __init__(
+        self, sim: _core.GantrySim, serial: str, counts_per_turn: int, turns: int, limit_switch_rad: float
+    ) -> None:
+        self.sim = sim
+        self.state = DriveState.SWITCH_ON_DISABLED
+        self.encoder_flags = EncoderFlag.NONE
+        self.error_code = 0
+        self.estop_ok = True
+        self.mains_ready = True
+        self.enabling_switch = True
+        self._identity = DriveIdentity("simulated drive", serial, counts_per_turn, turns)
+        self._count_rad = _TWO_PI / counts_per_turn
+        self._range_counts = counts_per_turn * turns
+        self._limit_switch_rad = limit_switch_rad
+        self._inputs = DigitalInputs()
+        self._feedback = sim.feedback
+        self._scan = sim.scan
+        self._wrap_counts = 0.0
+        self.power_on()
+
+    def power_on(self) -> None:
+        """Read the encoder afresh, as after mains on: only the absolute value within its range is known."""
+        counts = self._feedback(self._count_rad)[0]
+        self._wrap_counts = counts // self._range_counts * self._range_counts
+
+    def identity(self) -> DriveIdentity:
+        """The encoder's serial and resolution."""
+        return self._identity
+
+    def read(self) -> DriveFeedback:
+        """The state at the beginning of this scan."""
+        counts, vel, torque, brake_open, limited, overload, _ = self._feedback(self._count_rad)
+        return DriveFeedback(
+            self.state,
+            counts - self._wrap_counts,
+            vel,
+            torque,
+            brake_open,
+            limited,
+            overload,
+            self.encoder_flags,
+            self.error_code,
+            False,
+            0,
+            self._digital_inputs(),
+        )
+
+    def write(self, output: OutputImage) -> None:
+        """Follow the request and advance drive and gantry by one scan."""
+        request = output.request
+        if request is not DriveRequest.ENABLE or self.state is not DriveState.OPERATION_ENABLED:
+            self._transition(request)
+        elif self.error_code or not (self.estop_ok and self.mains_ready):
+            self._transition(request)
+        state = self.state
+        if state is DriveState.OPERATION_ENABLED:
+            self._scan(_SPEED, output.vel_cmd_rad_s, output.torque_ff_nm, output.brake_open)
+        elif state is DriveState.QUICK_STOP_ACTIVE:
+            self._scan(_QUICK_STOP, 0.0, output.torque_ff_nm, output.brake_open)
+        else:
+            self._scan(_OFF, 0.0, 0.0, False)
+
+    def truth(self) -> tuple[float, ...]:
+        """True state of load, motor and base; see `truth_columns`."""
+        return self.sim.truth()
+
+    def close(self) -> None:
+        """Torque off and brake closed; the plant goes on until the brake has closed and the load has come to rest."""
+        self.state = DriveState.SWITCH_ON_DISABLED
+
+    def trip(self, error_code: int) -> None:
+        """A fault inside the drive: torque off, brake closed, until a fault reset."""
+        if error_code <= 0:
+            raise DeviceError(f"an error code is a number above 0, got {error_code}")
+        self.error_code = error_code
+
+    def lose_turns(self, turns: int) -> None:
+        """The multiturn part of the encoder is wrong from now on, as after a gear or battery fault."""
+        self.sim.count_offset += turns * self._identity.counts_per_turn
+
+    def _digital_inputs(self) -> DigitalInputs:
+        pos = self.sim.truth()[0]
+        limit = self._limit_switch_rad
+        inputs = self._inputs
+        now = (self.estop_ok, self.enabling_switch, pos > -limit, pos < limit, self.mains_ready)
+        if now != inputs:
+            inputs = self._inputs = DigitalInputs(*now)
+        return inputs
+
+    def _transition(self, request: DriveRequest) -> None:
+        """At most one transition of the state machine."""
+        state = self.state
+        if self.error_code:
+            if request is DriveRequest.FAULT_RESET and state is DriveState.FAULT:
+                self.error_code = 0
+                self.state = DriveState.SWITCH_ON_DISABLED
+            else:
+                self.state = DriveState.FAULT
+        elif not (self.estop_ok and self.mains_ready) or request is DriveRequest.DISABLE:
+            self.state = DriveState.SWITCH_ON_DISABLED
+        elif request is DriveRequest.ENABLE:
+            self.state = _NEXT_TO_ENABLED.get(state, state)
+        elif request is DriveRequest.QUICK_STOP and state is DriveState.OPERATION_ENABLED:
+            self.state = DriveState.QUICK_STOP_ACTIVE
