@@ -15,7 +15,7 @@ from gantryctl.motion.types import MotionLimits, SetPoint
 _AT_REST_RAD_S: Final = 1e-12
 _AT_REST_RAD_S2: Final = 1e-10
 _ARRIVED_RAD: Final = 1e-10
-# A start that reaches its speed limit to within this share is planned in two steps: asked for a position from there,
+# A start that reaches its speed limit to within this share is planned in two steps. Asked for a position,
 # Ruckig may fail on rounding and fall back to profiles that are valid but far from the fastest.
 _SPEED_REACHED: Final = 1e-9
 
