@@ -102,5 +102,5 @@ class VirtualAxis(Table):
         20.0, 0.1, 1000.0, "deg/s3", "choice", "Jerk of the jog-release ramp."
     )
     quick_dec_deg_s2: float = number(
-        5.5, 0.1, 30.0, "deg/s2", "derived", "Deceleration of the quick stop, a step without jerk limit."
+        5.4, 0.1, 30.0, "deg/s2", "derived", "Deceleration of the quick stop, a step without jerk limit."
     )
