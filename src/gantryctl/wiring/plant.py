@@ -8,6 +8,7 @@ from typing import Final
 from gantryctl import _core
 from gantryctl.machine import Machine
 from gantryctl.machine.plant import GearError, Plant
+from gantryctl.motion import MotionLimits
 from gantryctl.units import rad
 
 GRAVITY_M_S2: Final = 9.81
@@ -173,3 +174,18 @@ def gantry_sim(
     )
     sim.count_offset = float(machine.plant.encoder.mounting_turns * counts_per_turn(machine))
     return sim
+
+
+def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLimits:
+    """Speed, acceleration, deceleration and jerk of a normal move, SI at the gantry.
+
+    Args:
+        vel_deg_s: speed of the move; the highest speed setting when not given.
+    """
+    axis = machine.virtual_axis
+    return MotionLimits(
+        vel_rad_s=rad(vel_deg_s or machine.speed.setting_max_deg_s),
+        acc_rad_s2=rad(axis.acc_deg_s2),
+        dec_rad_s2=rad(axis.dec_deg_s2),
+        jerk_rad_s3=rad(axis.jerk_deg_s3) if axis.profile == "jerk_limited" else math.inf,
+    )
