@@ -81,6 +81,7 @@ class ArrowRecorder:
                 pass  # never over the recording of a run that was killed
             self._file = pa.OSFile(str(self.live_path), "wb")
             self._stream = pa.ipc.new_stream(self._file, self._schema)
+            self._flush()  # columns and metadata are in the file from the start
         except FileExistsError:
             raise DeviceError(
                 f"{self.live_path}: left by a run that was killed, or in use; export it or move it away"
@@ -116,8 +117,7 @@ class ArrowRecorder:
         rows = np.frombuffer(bytes(self._bytes)).reshape(-1, len(self.columns))
         self._bytes.clear()
         try:
-            if len(rows):
-                self._stream.write_batch(record_batch(self._schema, rows))
+            self._stream.write_batch(record_batch(self._schema, rows))
             if last:
                 self._stream.close()
         except OSError as fault:

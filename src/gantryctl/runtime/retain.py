@@ -119,7 +119,7 @@ class RetainedMemory:
         if notes and not copies:
             raise StateError(
                 f"retained memory in {self.directory} cannot be used: {'; '.join(notes)}. Zero offset and "
-                "rest position are lost: move the files away, compare the encoder with a mark and set the zero"
+                "rest position are lost: move the files away, compare the encoder with a mark, set the zero"
             )
         if missing and any(copy.sequence > 1 for copy in copies.values()):
             notes.append(f"{missing[0]} is missing")

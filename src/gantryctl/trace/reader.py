@@ -43,10 +43,10 @@ def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
         else:
             content = "is empty" if not magic else "is neither an Arrow stream nor a Parquet file"
             raise DeviceError(f"{path}: not a recording: the file {content}")
-    except pa.ArrowException as fault:
+    except (pa.ArrowException, OSError) as fault:
+        if isinstance(fault, OSError) and fault.errno:
+            raise DeviceError(f"{path}: cannot be read: {fault.strerror}") from fault
         raise DeviceError(f"{path}: damaged or cut off, nothing in it can be read: {fault}") from fault
-    except OSError as fault:
-        raise DeviceError(f"{path}: cannot be read: {fault.strerror or fault}") from fault
     if columns is None:
         return trace
     return Trace({name: trace[name] for name in columns}, trace.metadata, complete=trace.complete)

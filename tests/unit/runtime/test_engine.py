@@ -131,7 +131,7 @@ def test_a_script_out_of_order_is_refused(times: list[float]) -> None:
         ScriptedOperator([(time_s, OperatorCommand()) for time_s in times])
 
 
-# --- failures -----------------------------------------------------------------------------------------------------
+# --- failures --------------------------------------------------------------------------------------
 
 
 def test_a_program_that_raises_gets_the_drive_a_quick_stop_in_the_same_scan(bench: Bench) -> None:
@@ -219,8 +219,8 @@ def test_a_program_that_returns_no_output_stops_the_drive(
 
 
 def test_a_drive_that_is_gone_is_reported_as_such(bench: Bench) -> None:
-    bench.drive.silent_from = 5 with pytest.raises(DeviceError, match=r"bus is gone · the drive did not take
-    the quick stop: bus is gone"):
+    bench.drive.silent_from = 5
+    with pytest.raises(DeviceError, match="bus is gone · the drive did not take the quick stop: bus is gone"):
         bench.engine.run_for(1.0)
     assert bench.engine.scan == 5
 
@@ -257,7 +257,7 @@ def test_close_reaches_the_drive_and_may_be_called_twice(bench: Bench) -> None:
     assert bench.drive.closed == 2
 
 
-# --- Ctrl-C -------------------------------------------------------------------------------------------------------
+# --- Ctrl-C ----------------------------------------------------------------------------------------
 
 
 @pytest.fixture

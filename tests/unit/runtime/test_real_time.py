@@ -46,7 +46,7 @@ def strict() -> Bench:
     return Bench(OverrunPolicy.QUICK_STOP)
 
 
-# --- the clock ----------------------------------------------------------------------------------------------------
+# --- the clock -------------------------------------------------------------------------------------
 
 
 def test_deadlines_are_absolute() -> None:
@@ -120,7 +120,7 @@ def test_the_real_sleep_and_time_are_used_by_default() -> None:
     assert clock.wait_for(3) >= 0.0
 
 
-# --- the engine on it ---------------------------------------------------------------------------------------------
+# --- the engine on it ------------------------------------------------------------------------------
 
 
 def test_real_time_makes_the_same_trace_as_virtual_time(going_on: Bench) -> None:
@@ -152,11 +152,15 @@ def test_one_overrun_of_a_period_stops_nothing(strict: Bench) -> None:
 
 
 def test_a_scan_too_late_gets_a_quick_stop_in_place_of_the_old_command(strict: Bench) -> None:
-    strict.work(20, 0.045) strict.engine.run_for(0.21) assert strict.drive.outputs[20].request is
-    DriveRequest.ENABLE strict.engine.step() assert strict.drive.outputs[21] == (DriveRequest.QUICK_STOP,
-    0.0, 0.0, True) assert strict.program.images[21].operator.quick_stop assert strict.engine.overrun_stop
-    is not None assert strict.engine.overrun_stop.startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms)
-    at t = 0.210 s")
+    strict.work(20, 0.045)
+    strict.engine.run_for(0.21)
+    assert strict.drive.outputs[20].request is DriveRequest.ENABLE
+    strict.engine.step()
+    assert strict.drive.outputs[21] == (DriveRequest.QUICK_STOP, 0.0, 0.0, True)
+    assert strict.program.images[21].operator.quick_stop
+    alarm = strict.engine.overrun_stop
+    assert alarm is not None
+    assert alarm.startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms) at t = 0.210 s")
 
 
 def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:

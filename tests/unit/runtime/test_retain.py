@@ -1,4 +1,4 @@
-"""What a power cut, a flipped bit or a second process may do to the retained memory: nothing that goes unnoticed."""
+"""What a power cut, a flipped bit or a second process does to the retained memory is never unnoticed."""
 
 import dataclasses
 import errno
@@ -202,11 +202,16 @@ def test_a_directory_that_is_a_file_is_named(tmp_path: Path) -> None:
         pass
 
 
-# --- the lock -----------------------------------------------------------------------------------------------------
+# --- the lock --------------------------------------------------------------------------------------
 
 
-HOLD = "import sys, gantryctl.runtime.lock as l\nwith l.StateLock(sys.argv[1]):\n print('held',
-flush=True)\n input()"
+HOLD = """
+import sys
+from gantryctl.runtime import StateLock
+with StateLock(sys.argv[1]):
+    print("held", flush=True)
+    input()
+"""
 
 
 def test_two_processes_cannot_hold_one_directory_and_the_second_names_the_first(tmp_path: Path) -> None:

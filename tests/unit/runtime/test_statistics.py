@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from gantryctl.runtime import Histogram, ScanStatistics
 
 
-@given(st.lists(st.floats(1e-6, 10.0), min_size=1, max_size=200), st.sampled_from([0.0, 0.5, 0.99, 0.999,
-1.0])) def test_a_quantile_is_right_within_its_bin_and_never_too_small(values: list[float], part: float) ->
-None:
+@given(
+    values=st.lists(st.floats(1e-6, 10.0), min_size=1, max_size=200),
+    part=st.sampled_from([0.0, 0.5, 0.99, 0.999, 1.0]),
+)
+def test_a_quantile_is_right_within_its_bin_and_never_too_small(values: list[float], part: float) -> None:
     histogram = Histogram()
     for scan, value in enumerate(values):
         histogram.add(scan, value)
