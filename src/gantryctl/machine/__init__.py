@@ -28,6 +28,7 @@ from gantryctl.machine.loading import (
 from gantryctl.machine.model import Machine
 from gantryctl.machine.problems import show_value
 from gantryctl.machine.specs import FieldSpec, field_specs
+from gantryctl.machine.writing import to_toml
 
 __all__ = [
     "RULES",
@@ -49,5 +50,6 @@ __all__ = [
     "parse_machine",
     "short_hash",
     "show_value",
+    "to_toml",
     "with_values",
 ]

@@ -24,12 +24,10 @@ def contradictions(machine: Machine, name: str, unusable: Collection[str] = ()) 
 
     Rules about a key in `unusable` are left out: its value is a stand-in for one that was refused already.
     """
-    usable = [rule for rule in RULES if not any(_touches(path, unusable) for path in rule.paths)]
+    keys = {path for rule in RULES for path in rule.paths}
+    silent = {path for path in keys if any(f"{path}.".startswith(f"{bad}.") for bad in unusable)}
+    usable = [rule for rule in RULES if silent.isdisjoint(rule.paths)]
     return [f"{name}: {_line(machine, rule, wrong)}" for rule, wrong in violations(machine, usable)]
-
-
-def _touches(path: str, unusable: Collection[str]) -> bool:
-    return any(path == bad or path.startswith(f"{bad}.") for bad in unusable)
 
 
 def _line(machine: Machine, rule: Rule, wrong: str) -> str:

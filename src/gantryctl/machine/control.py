@@ -8,7 +8,7 @@ from gantryctl.machine.fields import Table, number
 class Control(Table):
     """[control]: the scan and the position loop."""
 
-    scan_period_ms: float = number(1.0, 0.1, 20.0, "ms", "estimate", "Period of the scan.")
+    scan_period_ms: float = number(1.0, 0.1, 40.0, "ms", "estimate", "Period of the scan.")
     kpp_per_s: float = number(10.0, 0.1, 200.0, "1/s", "paper", "Gain of the position loop.")
     kvf: float = number(1.0, 0.0, 1.5, "-", "paper", "Velocity feed-forward; 1 = 100 %.")
 

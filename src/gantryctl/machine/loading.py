@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import functools
 import json
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ from pydantic import ValidationError
 from gantryctl.errors import ConfigError
 from gantryctl.machine.consistency import contradictions
 from gantryctl.machine.model import RULES_LATER, Machine
-from gantryctl.machine.problems import describe
+from gantryctl.machine.problems import describe, unknown_path
 from gantryctl.machine.reading import Data, parse_toml, printable, read_text
 from gantryctl.machine.specs import field_specs
 
@@ -46,6 +45,10 @@ def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
     Raises:
         ConfigError: one line per problem, all of them.
     """
+    name = f"{machine.name} with changes"
+    unknown = [path for path in changes if path not in field_specs()]
+    if unknown:
+        raise ConfigError([f"{name}: {unknown_path(path)}" for path in unknown])
     data: Data = machine.model_dump(mode="json", exclude_unset=True)
     for path, value in changes.items():
         *tables, key = path.split(".")
@@ -53,13 +56,13 @@ def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
         for part in tables:
             table = table.setdefault(part, {})
         table[key] = list(value) if isinstance(value, tuple) else value
-    return check(data, f"{machine.name} with changes")
+    return check(data, name)
 
 
 def check(data: Data, name: str) -> Machine:
     """Turn plain data into a machine, or into a `ConfigError` with every problem of fields and rules."""
     try:
-        machine = _validate(data)
+        machine = _validate(_as_json(data))
     except ValidationError as error:
         lines, unusable = describe(error.errors(include_url=False, include_input=False), data, name)
         lines += contradictions(_without(error, data), printable(name, 300), unusable)
@@ -84,12 +87,14 @@ def default_machine() -> Machine:
     return load_machine(default_machine_path())
 
 
-def _validate(data: Data) -> Machine:
-    # JSON in strict mode: lax takes "5" and true as numbers, strict Python refuses arrays for tuples.
+def _as_json(data: Data) -> str:
     # A date has no JSON form; null is refused by every field.
-    return Machine.model_validate_json(
-        json.dumps(data, default=_null), strict=True, context={RULES_LATER: True}
-    )
+    return json.dumps(data, default=_null)
+
+
+def _validate(text: str) -> Machine:
+    # JSON in strict mode: lax takes "5" and true as numbers, strict Python refuses arrays for tuples.
+    return Machine.model_validate_json(text, strict=True, context={RULES_LATER: True})
 
 
 def _null(_: object) -> None:
@@ -98,14 +103,14 @@ def _null(_: object) -> None:
 
 def _without(error: ValidationError, data: Data) -> Machine:
     """The machine without what was refused: defaults stand in, so that other rules can be checked."""
-    data = copy.deepcopy(data)
+    data = json.loads(_as_json(data))  # a deep copy
     for problem in error.errors(include_url=False, include_input=False):
         _delete(data, [str(part) for part in problem["loc"] if isinstance(part, str)])
     for spec in field_specs().values():
         if spec.required:
             table: dict[str, Any] = data.setdefault(spec.table, {})
             table.setdefault(spec.key, spec.usual)
-    return _validate(data)
+    return _validate(_as_json(data))
 
 
 def _delete(data: Data, path: list[str]) -> None:

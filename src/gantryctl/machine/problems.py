@@ -125,6 +125,12 @@ def _unknown(where: Location, data: Data, hint: str) -> str:
     return f"{_place(where)} = {show_value(value)}: unknown key{hint}"
 
 
+def unknown_path(path: str) -> str:
+    """Say that no key has this dotted path, and which one may be meant."""
+    near = difflib.get_close_matches(path, field_specs(), 1)
+    return f"{printable(path)}: no key has this path{f'; did you mean {near[0]}?' if near else ''}"
+
+
 def _similar(where: Location, data: Data) -> str:
     """Ask "; did you mean ...?" for an unknown key or table, or say nothing."""
     table, key = ".".join(str(part) for part in where[:-1]), str(where[-1])
@@ -177,7 +183,7 @@ def _right_type(value: object, kind: str) -> bool:
 
 def _type_name(value: object) -> str:
     if isinstance(value, bool):
-        return "true or false"
+        return "a boolean"
     names = {
         str: "text",
         int: "a whole number",

@@ -13,32 +13,34 @@ from gantryctl.machine.specs import FieldSpec, field_specs, table_models
 _HEAD = f"""\
 # Machine file
 
-Written by `python -m gantryctl.machine.reference docs/reference/configuration.md`; do not edit, a test compares.
+Written by `python -m gantryctl.machine.reference docs/reference/configuration.md`; do not edit, a test
+compares.
 
-A machine file is TOML. `gantryctl config init` writes one to start from, `config check` checks it, `config show`
-prints every value in force with its origin and what follows from it, `config diff A B` compares two, `config
-schema` prints the JSON schema for editors.
+A machine file is TOML. `gantryctl config init` writes one to start from, `config check` checks it,
+`config show` prints every value in force with its origin and what follows from it, `config diff A B`
+compares two, `config schema` prints the JSON schema for editors.
 
-- Every key has bounds, both included, and its unit in its name. Angles are at the gantry unless the name or the
-  meaning says motor. A whole number may stand for a number with a point, not the other way round; `"5"`, `true`,
-  `nan` and `inf` are no numbers.
-- An unknown key or table is an error. The required keys have no default; every other key that is left out has
-  the value of the reference machine.
+- Every key has bounds, both included, and its unit in its name. Angles are at the gantry unless the
+  name or the meaning says motor. A whole number may stand for a number with a point, not the other way
+  round; `"5"`, `true`, `nan` and `inf` are no numbers.
+- An unknown key or table is an error. The required keys have no default; every other key that is left
+  out has the value of the reference machine.
 - All problems are reported at once, one line each: `FILE: [table] key = value: what is allowed; hint`.
-- A file has at most {MAX_BYTES // 1024} KB, {MAX_LINE} characters a line and {MAX_DEPTH} levels; it is UTF-8
-  without a byte-order mark.
-- `[plant]` describes the simulated world. The simulator and the static checks below read it, the controller
-  does not.
+- A file has at most {MAX_BYTES // 1024} KB, {MAX_LINE} characters a line and {MAX_DEPTH} levels; it is
+  UTF-8 without a byte-order mark.
+- `[plant]` describes the simulated world. The simulator and the static checks below read it, the
+  controller does not.
 
-*From* says where a default comes from: printed in the source paper, a maker's catalogue, a standard, derived from
-other values, an estimate, calibrated against the paper's table 2, or a choice of this product.
+*From* says where a default comes from: printed in the source paper, a maker's catalogue, a standard,
+derived from other values, an estimate, calibrated against the paper's table 2, or a choice of this
+product.
 """
 
 _RULES_HEAD = """\
 ## Rules between keys
 
-What two values that are right alone may not say together. A message names every key of its rule. These rules are
-static: a rigid body and the name plates; `gantryctl stops` checks what needs the whole plant.
+What two values that are right alone may not say together. A message names every key of its rule. These
+rules are static: a rigid body and the name plates; `gantryctl stops` checks what needs the whole plant.
 """
 
 

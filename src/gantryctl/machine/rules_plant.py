@@ -20,11 +20,11 @@ CYCLE = "drive.speed_loop.cycle_us"
 
 @rule("plant.load.inertia_kg_m2", "plant.load.mass_kg")
 def load_size_is_credible(m: Machine) -> str | None:
-    """The radius of gyration of the load lies between 0.05 and 10 m."""
+    """The radius of gyration of the load lies between 0.2 and 10 m."""
     radius = math.sqrt(m.plant.load.inertia_kg_m2 / m.plant.load.mass_kg)
-    if 0.05 <= radius <= 10.0:
+    if 0.2 <= radius <= 10.0:
         return None
-    return f"gives a radius of gyration of {radius:.4g} m, allowed 0.05..10 m"
+    return f"gives a radius of gyration of {radius:.4g} m, allowed 0.2..10 m"
 
 
 @rule("plant.load.eccentric_check_moment_nm", "plant.load.mass_kg", "plant.load.eccentricity_m")
