@@ -1,0 +1,214 @@
+"""Every rule between keys fires, and its one line names every key it is about."""
+
+import pytest
+
+from gantryctl.errors import ConfigError
+from gantryctl.machine import RULES, Machine, default_machine, field_specs, with_values
+from gantryctl.machine.fields import Table
+
+MACHINE = default_machine()
+TRANSMISSION = "plant.transmission."
+
+# By rule: changes that break it.
+BREAKS = {
+    "travel_is_not_empty": {"axis.pos_min_deg": 0.0, "axis.pos_max_deg": 0.5},
+    "over_travel_below_lowest": {"axis.pos_min_deg": -181.0},
+    "over_travel_above_highest": {"axis.pos_max_deg": 181.0},
+    "over_travel_before_switch": {"axis.over_travel_deg": 182.0},
+    "switch_before_stop": {"axis.limit_switch_deg": 187.0},
+    "stop_fits_behind_switch": {"axis.stopping_angle_max_deg": 5.1},
+    "settings_in_order": {"speed.setting_min_deg_s": 3.0, "speed.setting_max_deg_s": 3.0},
+    "creep_is_slow": {"speed.creep_deg_s": 1.0, "speed.setting_max_deg_s": 0.9},
+    "correction_reserve": {"speed.command_clamp_deg_s": 6.299},
+    "clamp_below_ceiling": {"speed.command_clamp_deg_s": 6.51},
+    "ceiling_below_trip": {"speed.overspeed_trip_deg_s": 6.5},
+    "motor_reaches_ceiling": {"motor.speed_max_r_min": 1200.0},
+    "motor_survives_overspeed": {"motor.speed_max_r_min": 1250.0},
+    "jog_release_not_softer": {"virtual_axis.dec_deg_s2": 2.1},
+    "quick_not_softer": {"virtual_axis.jog_release_dec_deg_s2": 5.6},
+    "quick_not_below_acceleration": {"virtual_axis.acc_deg_s2": 5.6},
+    "quick_stop_fits_angle": {"virtual_axis.quick_dec_deg_s2": 4.4},
+    "jog_release_is_prompt": {"virtual_axis.jog_release_jerk_deg_s3": 1.9},
+    "jerk_reaches_acceleration": {
+        "virtual_axis.profile": "jerk_limited", "virtual_axis.jerk_deg_s3": 0.039,
+    },
+    "torques_in_order": {"motor.torque_max_nm": 256.0},
+    "overload_is_credible": {"motor.torque_max_nm": 1600.0},
+    "motor_speeds_in_order": {"motor.speed_max_r_min": 1149.0},
+    "name_plate_agrees": {"motor.power_rated_kw": 35.0},
+    "voltage_is_credible": {"motor.current_rated_a": 20.0},
+    "reducer_torques_in_order": {"reducer.torque_momentary_nm": 17500.0},
+    "motor_gives_quick_stop": {"virtual_axis.quick_dec_deg_s2": 9.6},
+    "motor_gives_acceleration": {"virtual_axis.acc_deg_s2": 10.0},
+    "reducer_bears_quick_stop": {"reducer.torque_momentary_nm": 15500.0, "reducer.torque_rated_nm": 15000.0},
+    "motor_holds_check_moment": {"plant.load.eccentric_check_moment_nm": 295000.0},
+    "counts_are_a_power_of_two": {"encoder.counts_per_turn": 8000},
+    "turns_are_a_power_of_two": {"encoder.turns": 4000},
+    "encoder_covers_travel": {"encoder.turns": 1024},
+    "interpolation_is_finer": {"encoder.lines": 1, "encoder.interpolation": 4096},
+    "brake_holds_check_moment": {"brake.torque_nm": 56.0},
+    "proof_does_not_slip": {"brake.torque_nm": 60.0, "brake.proof_torque_nm": 60.0},
+    "proof_within_rating": {"brake.proof_torque_nm": 258.0},
+    "brake_waits_for_arrival": {
+        "brake.hold": "brake", "brake.hold_brake_after_s": 0.9, "monitors.in_position_dwell_ms": 1000.0,
+    },
+    "scan_is_whole_cycles": {"control.scan_period_ms": 1.1},
+    "position_loop_is_sampled_enough": {"control.kpp_per_s": 130.0, "control.scan_period_ms": 4.0},
+    "integral_is_sampled_enough": {"drive.speed_loop.tvi_ms": 0.2},
+    "speed_loop_is_sampled_enough": {
+        "motor.inertia_kg_m2": 0.005, "plant.motor.wave_generator_inertia_kg_m2": 0.0,
+    },
+    "standstill_above_resolution": {"monitors.standstill_window_deg": 7e-5},
+    "in_position_above_resolution": {"monitors.in_position_window_deg": 7e-5},
+    "sag_above_resolution": {"brake.sag_max_deg": 1e-4, "encoder.counts_per_turn": 4096},
+    "in_position_inside_following_error": {"monitors.in_position_window_deg": 0.03},
+    "following_error_before_over_travel": {"monitors.following_error_base_deg": 0.51},
+    "velocity_deviation_can_act": {"monitors.velocity_deviation_deg_s": 6.0},
+    "tolerance_longer_than_dwell": {"monitors.in_position_tolerance_time_s": 0.2},
+    "saturation_within_overload": {
+        "monitors.torque_saturation_time_ms": 1001.0, "drive.speed_loop.overload_time_s": 1.0,
+    },
+    "feedback_waits_for_closing": {"brake.close_time_ms": 301.0},
+    "feedback_waits_for_opening": {"brake.open_time_ms": 301.0},
+    "power_up_waits_for_brake": {"monitors.power_up_time_ms": 101.0},
+    "lease_spans_scans": {
+        "monitors.lease_ms": 60.0, "control.scan_period_ms": 40.0, "control.kpp_per_s": 1.0,
+    },
+    "lease_within_stopping_angle": {"monitors.lease_ms": 670.0},
+    "average_within_dwell": {"accuracy.average_s": 6.1},
+    "average_spans_scans": {"accuracy.average_s": 0.01, "control.scan_period_ms": 10.0},
+    "dwell_longer_than_arrival": {"accuracy.dwell_s": 0.15, "accuracy.average_s": 0.1},
+    "load_size_is_credible": {"plant.load.mass_kg": 10000.0},
+    "check_moment_covers_nominal": {"plant.load.eccentric_check_moment_nm": 15990.0},
+    "motor_breaks_away": {
+        "plant.motor_friction.breakaway_nm": 300.0, "plant.roller_friction.breakaway_nm": 1e5,
+    },
+    "first_slope_not_stiffer": {TRANSMISSION + "reducer_stiffness_1_nm_per_rad": 6.5e6},
+    "second_slope_not_stiffer": {TRANSMISSION + "reducer_stiffness_2_nm_per_rad": 8.2e6},
+    "slopes_in_order": {TRANSMISSION + "reducer_torque_2_nm": 1850.0},
+    "roller_breakaway_not_lower": {"plant.roller_friction.breakaway_nm": 5900.0},
+    "motor_breakaway_not_lower": {"plant.motor_friction.breakaway_nm": 5.4},
+    "ring_has_whole_teeth": {"plant.gear_error.pinion_teeth": 25, "axis.ring_ratio": 13.1},
+    "wrap_below_travel": {"plant.encoder.mounting_turns": 587},
+    "wrap_above_travel": {"plant.encoder.mounting_turns": 3509},
+    "latency_below_scan": {"plant.encoder.latency_us": 1000.0},
+    "step_follows_transmission": {
+        "motor.inertia_kg_m2": 1e-5, "plant.motor.wave_generator_inertia_kg_m2": 0.0,
+        TRANSMISSION + "reducer_stiffness_3_nm_per_rad": 1e8,
+    },
+    "step_follows_base": {"plant.base.frequency_hz": 200.0, "drive.speed_loop.cycle_us": 1000.0},
+    "step_follows_motor_friction": {
+        "plant.motor_friction.coulomb_nm": 200.0, "plant.motor_friction.breakaway_nm": 200.0,
+        "plant.motor_friction.presliding_rad": 1e-5, "drive.speed_loop.cycle_us": 250.0,
+    },
+    "step_follows_roller_friction": {
+        "plant.roller_friction.coulomb_nm": 2e5, "plant.roller_friction.presliding_rad": 1e-7,
+        "plant.load.inertia_kg_m2": 1e4, "plant.roller_friction.breakaway_nm": 2e5,
+    },
+    "step_follows_brake": {"plant.brake.presliding_rad": 1e-6},
+}  # fmt: skip
+
+
+def problems(changes):
+    with pytest.raises(ConfigError) as caught:
+        with_values(MACHINE, changes)
+    return caught.value.problems
+
+
+def test_there_are_forty_rules_and_more_each_with_a_test():
+    assert len(RULES) >= 40
+    assert [rule.name for rule in RULES] == list(dict.fromkeys(rule.name for rule in RULES))
+    assert {rule.name for rule in RULES} == set(BREAKS)
+
+
+def others_in(line):
+    """The keys that a line names after "; against", in order."""
+    others = line.partition("; against ")[2]
+    return [part.partition(" = ")[0] for part in others.replace(", [", "\n[").split("\n") if part]
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.name)
+def test_the_rule_fires_and_names_every_key(rule):
+    places = [field_specs()[path].place for path in rule.paths]
+    lines = [
+        line
+        for line in problems(BREAKS[rule.name])
+        if line.startswith(f"hust_gantry with changes: {places[0]} = ") and places[1:] == others_in(line)
+    ]
+    assert lines, problems(BREAKS[rule.name])
+    assert all("must " in line or "gives " in line for line in lines)
+    assert all("\n" not in line for line in lines)
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.name)
+def test_the_reference_machine_keeps_the_rule(rule):
+    assert rule.check(MACHINE) is None
+    assert rule.sentence.endswith(".")
+
+
+class Watched:
+    """A table that notes which keys are read."""
+
+    def __init__(self, table, path, seen):
+        self._table, self._path, self._seen = table, path, seen
+
+    def __getattr__(self, name):
+        kind = type(self._table)
+        if name not in kind.model_fields:
+            return getattr(kind, name).fget(self)
+        value = getattr(self._table, name)
+        path = f"{self._path}.{name}" if self._path else name
+        if isinstance(value, Table):
+            return Watched(value, path, self._seen)
+        self._seen.add(path)
+        return value
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.name)
+def test_the_rule_reads_no_key_that_it_does_not_name(rule):
+    # Otherwise it would judge a stand-in for a refused value, and the message would hide one of its reasons.
+    switched = MACHINE.model_copy(
+        update={
+            "brake": MACHINE.brake.model_copy(update={"hold": "brake"}),
+            "virtual_axis": MACHINE.virtual_axis.model_copy(update={"profile": "jerk_limited"}),
+        }
+    )
+    seen = set()
+    rule.check(Watched(switched, "", seen))
+    assert seen <= set(rule.paths)
+    assert seen or rule.name == "step_follows_transmission"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"speed.command_clamp_deg_s": 6.3},  # 6 x 1.05 is 6.300000000000001 in binary
+        {"axis.stopping_angle_max_deg": 5.0},
+        {"virtual_axis.dec_deg_s2": 2.0},
+        {"virtual_axis.quick_dec_deg_s2": 4.5},
+        {"motor.torque_max_nm": 6 * 257.0},
+        {"control.scan_period_ms": 0.125},
+        {"control.scan_period_ms": 4.0},
+        {"drive.speed_loop.cycle_us": 1000.0 / 3.0},
+        {"accuracy.average_s": 6.0},
+        {"plant.motor.wave_generator_inertia_kg_m2": 0.0, "plant.switches.rigid": True},
+        {"plant.load.eccentricity_m": 0.0, "plant.load.eccentric_check_moment_nm": 0.0},
+        {"plant.roller_friction.coulomb_nm": 0.0, "plant.motor_friction.coulomb_nm": 0.0},
+        {"plant.transmission.backlash_mm": 0.4},
+        {"plant.gear_error.scale": 0.0},
+        {"control.kvf": 0.0},
+        {"brake.hold": "brake"},
+        {"drive.kind": "ideal"},
+        {"axis.pos_min_deg": 0.0},
+    ],
+    ids=str,
+)
+def test_limit_cases_and_usual_variations_are_accepted(changes):
+    assert isinstance(with_values(MACHINE, changes), Machine)
+
+
+def test_the_words_of_a_rule():
+    assert problems({"speed.command_clamp_deg_s": 6.2}) == (
+        "hust_gantry with changes: [speed] command_clamp_deg_s = 6.2 deg/s: must be at least 6.3 deg/s: "
+        "1.05 x the highest setting, the correction reserve; against [speed] setting_max_deg_s = 6.0 deg/s",
+    )

@@ -1,0 +1,95 @@
+"""A value in the wrong unit: 60, 360, 1000 or 1144 times too large. What goes unnoticed is listed here."""
+
+import math
+
+import pytest
+
+from gantryctl.errors import ConfigError
+from gantryctl.machine import default_machine, effective_values, field_specs, with_values
+
+FACTORS = (60.0, 360.0, 1000.0, 1144.0)
+MACHINE = default_machine()
+VALUES = effective_values(MACHINE)
+
+KEY_FIELDS = [
+    "axis.pos_min_deg", "axis.pos_max_deg", "axis.over_travel_deg", "axis.limit_switch_deg",
+    "axis.mechanical_stop_deg", "axis.stopping_angle_max_deg", "axis.reducer_ratio", "axis.ring_ratio",
+    "speed.setting_min_deg_s", "speed.setting_max_deg_s", "speed.creep_deg_s", "speed.command_clamp_deg_s",
+    "speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s",
+    "virtual_axis.acc_deg_s2", "virtual_axis.dec_deg_s2", "virtual_axis.jog_release_dec_deg_s2",
+    "virtual_axis.quick_dec_deg_s2", "control.scan_period_ms", "control.kpp_per_s",
+    "motor.torque_rated_nm", "motor.torque_max_nm", "motor.speed_rated_r_min", "motor.speed_max_r_min",
+    "motor.inertia_kg_m2", "motor.power_rated_kw", "encoder.counts_per_turn", "encoder.turns",
+    "brake.torque_nm", "brake.close_time_ms", "monitors.lease_ms", "plant.load.inertia_kg_m2",
+    "plant.load.mass_kg", "plant.load.eccentric_check_moment_nm", "reducer.torque_momentary_nm",
+]  # fmt: skip
+
+# 0 deg stays 0 deg in every unit.
+UNNOTICED = {"plant.load.eccentric_angle_deg"}
+
+
+def changed(path, factor):
+    value = VALUES[path]
+    if isinstance(value, tuple):
+        return tuple(item * factor for item in value)
+    return round(value * factor) if field_specs()[path].kind == "integer" else value * factor
+
+
+def is_refused(path, factor):
+    try:
+        with_values(MACHINE, {path: changed(path, factor)})
+    except ConfigError as error:
+        return any(path.split(".")[-1] in line for line in error.problems)
+    return False
+
+
+NUMBERS = [path for path, spec in field_specs().items() if spec.kind in ("number", "integer", "numbers")]
+
+
+def test_key_fields_are_many():
+    assert len(KEY_FIELDS) >= 20
+    assert not UNNOTICED & set(KEY_FIELDS)
+
+
+@pytest.mark.parametrize("path", NUMBERS)
+def test_values_too_large_by_a_unit_are_refused(path):
+    unnoticed = [factor for factor in FACTORS if not is_refused(path, factor)]
+    assert unnoticed == (list(FACTORS) if path in UNNOTICED else [])
+
+
+# --- too small, the other way round: bounds cannot always tell a small machine from a wrong unit ------------
+
+TOO_SMALL_UNNOTICED = {
+    "axis.pos_min_deg": [60.0, 360.0, 1000.0, 1144.0],  # a short travel is allowed
+    "axis.pos_max_deg": [60.0, 360.0, 1000.0, 1144.0],
+    "speed.setting_min_deg_s": [60.0, 360.0],
+    "speed.creep_deg_s": [60.0],
+    "control.kpp_per_s": [60.0],
+    "motor.inertia_kg_m2": [60.0, 360.0, 1000.0, 1144.0],  # small servo motors are that light
+    "brake.close_time_ms": [60.0],
+    "plant.load.inertia_kg_m2": [60.0],
+}
+
+
+def test_values_too_small_by_a_unit_that_go_unnoticed():
+    found = {}
+    for path in KEY_FIELDS:
+        if field_specs()[path].kind != "integer":
+            found[path] = [factor for factor in FACTORS if not is_refused(path, 1.0 / factor)]
+    assert {path: missed for path, missed in found.items() if missed} == TOO_SMALL_UNNOTICED
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("speed.setting_max_deg_s", 360.0, "60 x the usual 6: per minute instead of per second?"),
+        ("virtual_axis.acc_deg_s2", 450.0, "1144 x the usual 0.393357: a value at the motor"),
+        ("axis.pos_max_deg", 180000.0, "1000 x the usual 180: milli-units"),
+        ("axis.pos_max_deg", 180.0 * 180.0 / math.pi, "57.3 x the usual 180: degrees instead of radians?"),
+        ("motor.inertia_kg_m2", 232.0, "1000 x the usual 0.232"),
+    ],
+)
+def test_the_hint_names_the_mistake(path, value, words):
+    with pytest.raises(ConfigError) as caught:
+        with_values(MACHINE, {path: value})
+    assert any(words in line for line in caught.value.problems)
