@@ -1,0 +1,5 @@
+"""`python -m gantryctl`."""
+
+from gantryctl.cli.main import main
+
+main()

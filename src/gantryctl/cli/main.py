@@ -1,0 +1,126 @@
+"""The command `gantryctl`: its sub-commands by name, imported when they are used; errors into words and exit codes.
+
+Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from typing import Any, Final, NamedTuple
+
+import click
+
+from gantryctl.errors import ConfigError, GantryctlError
+
+
+class Entry(NamedTuple):
+    """Where a sub-command lives, and its line in the help (so that the help imports nothing)."""
+
+    module: str
+    name: str
+    help: str
+
+
+COMMANDS: Final = {
+    "move": Entry("gantryctl.cli.move", "move", "Move to an angle, or by an angle."),
+    "jog": Entry("gantryctl.cli.move", "jog", "Hold-to-run motion in one direction for a time."),
+    "stops": Entry("gantryctl.cli.stops", "stops", "What every stop costs: angle, time, torques, brake."),
+    "speed-test": Entry("gantryctl.cli.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."),
+    "accuracy": Entry("gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."),
+    "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
+    "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
+    "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),
+    "reset": Entry("gantryctl.cli.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
+    "encoder": Entry("gantryctl.cli.encoder", "encoder", "The absolute reference: show, set-zero."),
+    "retain": Entry("gantryctl.cli.state", "retain", "The controller's retained memory: show."),
+    "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),
+    "trace": Entry("gantryctl.cli.trace", "trace", "Recordings: show, plot, export."),
+    "sim": Entry("gantryctl.cli.state", "sim", "The simulated machine: reset."),
+    "completion": Entry("gantryctl.cli.completion", "completion", "Shell completion for bash, zsh or fish."),
+}
+
+
+class LazyGroup(click.Group):
+    """A group whose sub-commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All names, in the order of the table."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import one sub-command."""
+        entry = COMMANDS.get(cmd_name)
+        if entry is None:
+            return None
+        command = getattr(importlib.import_module(entry.module), entry.name)
+        assert isinstance(command, click.Command)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The list of the help, without importing anything."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """An unknown name gets the nearest known one."""
+        import difflib
+
+        name = args[0] if args else ""
+        if name and name not in COMMANDS and not name.startswith("-"):
+            near = difflib.get_close_matches(name, COMMANDS, 1)
+            hint = f"; did you mean '{near[0]}'?" if near else ""
+            ctx.fail(f"there is no command '{name}'{hint}")
+        return super().resolve_command(ctx, args)
+
+
+def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not ctx.resilient_parsing:
+        from importlib.metadata import version
+
+        click.echo(f"gantryctl {version('gantryctl')}")
+        ctx.exit()
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Print the version."
+)
+def cli() -> None:
+    """Soft motion controller for big, slow, unbalanced rotary axes.
+
+    Without --config the machine is the proton gantry of configs/hust_gantry.toml on the simulator. gantryctl is no
+    certified safety system: emergency stop, limit switches and safe torque off belong into hardware.
+    """
+
+
+def run(args: list[str] | None = None) -> int:
+    """Run one command line; the exit code. Every `GantryctlError` becomes one message, never a traceback."""
+    try:
+        result: Any = cli.main(args=args, prog_name="gantryctl", standalone_mode=False)
+    except click.exceptions.Exit as done:
+        return done.exit_code
+    except click.ClickException as wrong:
+        wrong.show()
+        return 2
+    except click.Abort:
+        click.echo("Interrupted.", err=True)
+        return 2
+    except ConfigError as wrong:
+        for line in wrong.problems:
+            click.echo(f"error: {line}", err=True)
+        return wrong.exit_code
+    except GantryctlError as wrong:
+        click.echo(f"error: {wrong}", err=True)
+        return wrong.exit_code
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader went away: nobody is left to tell
+        return 0
+    return result if isinstance(result, int) else 0
+
+
+def main() -> None:
+    """Entry point of the installed command."""
+    sys.exit(run())

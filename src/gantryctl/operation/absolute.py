@@ -1,0 +1,142 @@
+"""The absolute reference: from a raw encoder reading to an angle, and whether it can be believed after power-off."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final, NamedTuple
+
+from gantryctl.image import DriveIdentity
+from gantryctl.runtime import Retained
+
+ACCEPTED_DEG: Final = 0.05
+"""Moved less while off: settling of gears and brake, only logged."""
+AMBIGUOUS_DEG: Final = 1.0
+"""Moved more: the position is not valid until somebody with a witness mark says where the gantry stands."""
+
+
+class RestVerdict(Enum):
+    """What the comparison of the reading with the stored rest position says."""
+
+    OK = "ok"
+    NO_ZERO = "no zero offset stored"
+    OTHER_ENCODER = "another encoder"
+    MOVED = "moved while off, to be acknowledged"
+    NOT_VALID = "moved while off, position not valid"
+
+
+class AbsoluteReading(NamedTuple):
+    """An encoder reading and what it means.
+
+    Attributes:
+        raw_counts: fine counts within the multiturn range. single_turn, multi_turn: the same in coarse steps and
+            turns. angle_deg: gantry angle, None without a zero offset.
+        moved_deg: way since the axis was left, the shorter way round the encoder's range; None if unknown.
+        margin_minus_deg, margin_plus_deg: from the travel's ends to the wrap of the encoder's range.
+    """
+
+    serial: str
+    raw_counts: int
+    single_turn: int
+    multi_turn: int
+    angle_deg: float | None
+    moved_deg: float | None
+    margin_minus_deg: float | None
+    margin_plus_deg: float | None
+    verdict: RestVerdict
+
+
+class EncoderScale(NamedTuple):
+    """Sizes of encoder and travel.
+
+    Attributes:
+        ratio: motor turns per gantry turn. coarse_per_turn: EnDat steps per motor turn.
+    """
+
+    identity: DriveIdentity
+    ratio: float
+    coarse_per_turn: int
+    pos_min_deg: float
+    pos_max_deg: float
+
+    @property
+    def range_counts(self) -> int:
+        """Fine counts in the whole multiturn range."""
+        return self.identity.counts_per_turn * self.identity.turns
+
+    @property
+    def deg_per_count(self) -> float:
+        """Gantry angle of a fine count."""
+        return 360.0 / (self.identity.counts_per_turn * self.ratio)
+
+    def centred(self, counts: float) -> float:
+        """A difference of readings by the shorter way round the range, counts."""
+        half = self.range_counts / 2
+        return (counts + half) % self.range_counts - half
+
+
+def unwrapped(scale: EncoderScale, raw_counts: float, zero_counts: int) -> float:
+    """The reading on the branch that puts the gantry within half the range of its zero, counts."""
+    return zero_counts + scale.centred(raw_counts - zero_counts)
+
+
+def evaluate(scale: EncoderScale, raw_counts: float, retained: Retained | None) -> AbsoluteReading:
+    """What a reading after power-on says (fault catalogue A11 to A14)."""
+    counts = int(raw_counts)
+    per_turn = scale.identity.counts_per_turn
+    step = per_turn // scale.coarse_per_turn
+    angle = moved = minus = plus = None
+    zero = retained.zero_offset_counts if retained is not None else None
+    if zero is not None:
+        angle = scale.centred(raw_counts - zero) * scale.deg_per_count
+        minus = zero % scale.range_counts * scale.deg_per_count + scale.pos_min_deg
+        plus = (scale.range_counts - zero % scale.range_counts) * scale.deg_per_count - scale.pos_max_deg
+    if retained is not None and retained.rest_position_counts is not None:
+        moved = scale.centred(raw_counts - retained.rest_position_counts) * scale.deg_per_count
+    return AbsoluteReading(
+        serial=scale.identity.encoder_serial,
+        raw_counts=counts,
+        single_turn=counts % per_turn // step,
+        multi_turn=counts // per_turn,
+        angle_deg=angle,
+        moved_deg=moved,
+        margin_minus_deg=minus,
+        margin_plus_deg=plus,
+        verdict=_verdict(scale, retained, moved),
+    )
+
+
+def _verdict(scale: EncoderScale, retained: Retained | None, moved_deg: float | None) -> RestVerdict:
+    if retained is None or retained.zero_offset_counts is None:
+        return RestVerdict.NO_ZERO
+    if retained.encoder_serial != scale.identity.encoder_serial:
+        return RestVerdict.OTHER_ENCODER
+    if moved_deg is None or abs(moved_deg) <= ACCEPTED_DEG:
+        return RestVerdict.OK
+    return RestVerdict.MOVED if abs(moved_deg) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
+
+
+def refusal(reading: AbsoluteReading) -> str | None:
+    """Why the axis may not move with this reading, or None."""
+    match reading.verdict:
+        case RestVerdict.OK:
+            return None
+        case RestVerdict.NO_ZERO:
+            return (
+                "ENC-10 · no zero offset is stored for this machine, the angle is unknown · "
+                "set it at a known angle: gantryctl encoder set-zero --angle A --witness TEXT"
+            )
+        case RestVerdict.OTHER_ENCODER:
+            return (
+                f"ENC-11 · the encoder is {reading.serial}, the stored zero offset belongs to another one · "
+                "set it again at a known angle: gantryctl encoder set-zero --angle A --witness TEXT"
+            )
+        case RestVerdict.MOVED:
+            return (
+                f"ENC-09 · the gantry moved {reading.moved_deg:+.3f} deg while off (limit {ACCEPTED_DEG:g} deg) · "
+                "look at it; `gantryctl reset` acknowledges it under your name"
+            )
+        case RestVerdict.NOT_VALID:
+            return (
+                f"ENC-10 · the gantry moved {reading.moved_deg:+.3f} deg while off, or the encoder lost turns: the "
+                "angle is not valid · read the witness mark, then: gantryctl encoder set-zero --angle A --witness TEXT"
+            )

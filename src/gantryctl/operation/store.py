@@ -1,0 +1,114 @@
+"""The state directory: what survives between two runs of the command line.
+
+`<root>/<machine name>/` holds the retained memory of the controller, the plant of the simulator, and traces. It is
+locked while a run uses it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from pathlib import Path
+from types import TracebackType
+from typing import Final
+
+from gantryctl.errors import StateError
+from gantryctl.machine import Machine
+from gantryctl.runtime import Retained, RetainedMemory, StateLock
+
+STATE_VARIABLE: Final = "GANTRYCTL_STATE"
+_PLANT_FILE: Final = "plant.json"
+
+
+def state_root() -> Path:
+    """`$GANTRYCTL_STATE`, else `$XDG_STATE_HOME/gantryctl`, else `~/.local/state/gantryctl`."""
+    named = os.environ.get(STATE_VARIABLE)
+    if named:
+        return Path(named)
+    base = os.environ.get("XDG_STATE_HOME")
+    return (Path(base) if base else Path.home() / ".local" / "state") / "gantryctl"
+
+
+def plant_hash(machine: Machine) -> str:
+    """Hash of everything the simulated plant is made of: a state of another plant cannot be taken over."""
+    parts = {name: getattr(machine, name).model_dump(mode="json") for name in ("plant", "axis", "motor", "brake")}
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+
+
+class StateStore:
+    """The state of one machine on disk; a context manager that holds the lock.
+
+    Raises:
+        StateError: the directory cannot be made, or another run uses it.
+    """
+
+    def __init__(self, machine: Machine, root: Path | None = None) -> None:
+        self.directory = (root or state_root()) / machine.name
+        try:
+            self.directory.mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            raise StateError(f"state directory {self.directory} cannot be made: {fault.strerror or fault}") from fault
+        self._memory = RetainedMemory(self.directory)
+        self._lock = StateLock(self.directory)
+        self._plant_hash = plant_hash(machine)
+
+    def __enter__(self) -> StateStore:
+        self._lock.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self._lock.__exit__(kind, error, traceback)
+
+    @property
+    def traces(self) -> Path:
+        """Where recordings go unless another place is named."""
+        return self.directory / "traces"
+
+    def load_retained(self) -> Retained | None:
+        """The controller's memory; None when there is none yet."""
+        return self._memory.load()
+
+    def store_retained(self, record: Retained) -> None:
+        """Keep the controller's memory."""
+        self._memory.store(record)
+
+    def load_plant(self) -> tuple[dict[str, float], bool] | None:
+        """State of the simulated plant, and whether it belongs to this very plant; None when there is none.
+
+        Raises:
+            StateError: the file is damaged.
+        """
+        path = self.directory / _PLANT_FILE
+        if not path.exists():
+            return None
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            state = {str(k): float(v) for k, v in data["state"].items()}
+            return state, data["plant"] == self._plant_hash
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as fault:
+            raise StateError(
+                f"{path}: the simulated plant cannot be read ({fault}); `gantryctl sim reset` makes a new one"
+            ) from fault
+
+    def store_plant(self, state: dict[str, float]) -> None:
+        """Keep the simulated plant; floats survive bit for bit."""
+        text = json.dumps({"plant": self._plant_hash, "state": state}, allow_nan=False, indent=1)
+        handle, name = tempfile.mkstemp(dir=self.directory, prefix=_PLANT_FILE)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(name, self.directory / _PLANT_FILE)
+        except OSError as fault:
+            Path(name).unlink(missing_ok=True)
+            raise StateError(f"{self.directory}: the plant cannot be stored: {fault.strerror or fault}") from fault
+
+    def forget(self) -> None:
+        """Remove plant and retained memory: the next run starts from a new machine."""
+        for path in [self.directory / _PLANT_FILE, *self.directory.glob("retain.*")]:
+            path.unlink(missing_ok=True)
