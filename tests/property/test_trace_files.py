@@ -40,7 +40,7 @@ def cell_bits(rows: Sequence[Row]) -> bytes:
     return b"".join(struct.pack(f"{len(row)}d", *row) for row in rows)
 
 
-@settings(max_examples=80)
+@settings(max_examples=40)
 @given(recording=recordings(), about=metadata, flush_rows=st.integers(1, 12))
 def test_rows_round_trip_bit_for_bit_through_memory_stream_and_parquet(
     recording: tuple[tuple[str, ...], list[Row]], about: dict[str, str | int | float], flush_rows: int

@@ -1,0 +1,148 @@
+"""`gantryctl trace`: show, plot and export recordings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from gantryctl.trace import Trace
+    from gantryctl.trace.summary import ColumnSummary
+
+FILE = click.Path(path_type=Path)
+
+
+@click.group()
+def trace() -> None:
+    """Show, plot and export recordings (*.parquet, or *.arrows of a run that still goes on or was killed)."""
+
+
+@trace.command()
+@click.argument("file", type=FILE)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, values as recorded (radians).")
+def show(file: Path, as_json: bool) -> None:
+    """Show what FILE says of itself, and smallest, largest and r.m.s. value of every column."""
+    from gantryctl.trace import read_trace
+    from gantryctl.trace.summary import summarize
+
+    recording = read_trace(file)
+    if as_json:
+        data = {
+            "file": str(file),
+            "complete": recording.complete,
+            "rows": len(recording),
+            "duration_s": recording.duration_s,
+            "hash": recording.hash(),
+            "metadata": recording.metadata,
+            "columns": [summary._asdict() for summary in summarize(recording)],
+        }
+        click.echo(json.dumps(data, indent=2, allow_nan=False))
+        return
+    click.echo(f"{file}: {len(recording)} rows, {recording.duration_s:.3f} s, hash {recording.hash()[:16]}")
+    if not recording.complete:
+        click.echo("not closed: the run was killed or still goes on; every row shown is whole")
+    for key, value in recording.metadata.items():
+        click.echo(f"  {key}: {value}")
+    shown = recording.in_degrees()
+    click.echo(_table(recording.columns, summarize(shown)))
+
+
+def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
+    """Columns by their recorded names, values in degrees."""
+    width = max([len(name) for name in names], default=0)
+    lines = ["", f"{'column':{width}}  {'smallest':>12}  {'largest':>12}  {'r.m.s.':>12}  shown in"]
+    for name, summary in zip(names, summaries, strict=True):
+        values = (summary.minimum, summary.maximum, summary.rms)
+        cells = "  ".join(f"{'-' if value is None else format(value, '.6g'):>12}" for value in values)
+        note = f"  ({summary.not_finite} values are not finite)" if summary.not_finite else ""
+        lines.append(f"{name:{width}}  {cells}  {summary.unit}{note}".rstrip())
+    return "\n".join(lines)
+
+
+@trace.command()
+@click.argument("file", type=FILE)
+@click.option("--out", type=FILE, help="PNG, SVG or HTML, as the name ends (default: FILE with .png).")
+@click.option("--columns", help="Only these, separated by commas; one diagram per unit.")
+@click.option("--from", "start_s", type=float, help="From this time on, s.")
+@click.option("--to", "end_s", type=float, help="Up to this time, s.")
+def plot(
+    file: Path, out: Path | None, columns: str | None, start_s: float | None, end_s: float | None
+) -> None:
+    """Plot FILE: angle, speed, following error and torque, or the columns asked for."""
+    from gantryctl.trace import read_trace
+    from gantryctl.trace.figure import chosen, draw, overview, save
+
+    recording = _part(read_trace(file), start_s, end_s)
+    if columns is None:
+        panels = overview(recording)
+    else:
+        panels = chosen(recording, [name.strip() for name in columns.split(",") if name.strip()])
+    title = _title(file, recording)
+    out = out or _beside(file, ".png")
+    save(draw(recording, panels, title), out, recording, title)
+    click.echo(f"wrote {out}")
+
+
+def _part(recording: Trace, start_s: float | None, end_s: float | None) -> Trace:
+    """The rows between two times, all of them where no time is given."""
+    import math
+
+    from gantryctl.errors import UsageError
+
+    start = -math.inf if start_s is None else start_s
+    end = math.inf if end_s is None else end_s
+    if not start <= end:
+        raise UsageError(f"--from {start} s --to {end} s: the end must not be before the start")
+    part = recording.slice(start, end)
+    if not len(part):
+        raise UsageError(
+            f"no row between {start} s and {end} s: it has {len(recording)} rows, {_span(recording)}"
+        )
+    return part
+
+
+def _span(recording: Trace) -> str:
+    if not len(recording):
+        return "so there is nothing to see"
+    return f"from {recording.time_s[0]:.3f} s to {recording.time_s[-1]:.3f} s"
+
+
+def _title(file: Path, recording: Trace) -> str:
+    known = [str(recording.metadata[key]) for key in ("machine", "command") if recording.metadata.get(key)]
+    marks = [] if recording.complete else ["not closed"]
+    return " · ".join([*known, file.name, *marks])
+
+
+def _beside(file: Path, suffix: str) -> Path:
+    """The same name with another ending; dots inside the name are no ending."""
+    stem = file.stem if file.suffix in {".parquet", ".arrows", ".csv"} else file.name
+    return file.with_name(stem + suffix)
+
+
+@trace.command()
+@click.argument("file", type=FILE)
+@click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), required=True, help="What to write.")
+@click.option("--degrees", is_flag=True, help="Angles in degrees, also in the names of the columns.")
+@click.option("--out", type=FILE, help="Where to (default: beside FILE).")
+def export(file: Path, kind: str, degrees: bool, out: Path | None) -> None:
+    """Write FILE as CSV for other programs, or as Parquet.
+
+    Parquet is for a recording that was never closed, or to have it in degrees.
+    """
+    from gantryctl.errors import UsageError
+    from gantryctl.trace import read_trace
+
+    recording = read_trace(file)
+    out = out or _beside(file, ("_deg." if degrees else ".") + kind)
+    if out.exists() and out.samefile(file):
+        raise UsageError(f"{out}: that is the recording itself; give another name with --out")
+    if degrees:
+        recording = recording.in_degrees()
+    if kind == "csv":
+        recording.to_csv(out)
+    else:
+        recording.to_parquet(out)
+    click.echo(f"wrote {out}: {len(recording)} rows, {len(recording.columns)} columns")

@@ -1,0 +1,222 @@
+"""Pictures of a trace, in degrees: PNG, SVG, or one HTML page that needs nothing else.
+
+matplotlib is imported where it is used; no window is ever opened.
+"""
+
+from __future__ import annotations
+
+import html
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+
+from gantryctl.errors import DeviceError, UsageError
+from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
+from gantryctl.trace.table import Floats, Trace
+from gantryctl.units import deg
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FORMATS: Final = (".png", ".svg", ".html")
+_POINTS_DRAWN: Final = 3000
+_BLUE, _ORANGE, _GREEN = "#0072b2", "#d55e00", "#009e73"
+_MORE_COLOURS: Final = (_BLUE, _ORANGE, _GREEN, "#cc79a7", "#56b4e9", "#e69f00", "#000000")
+_STYLE: Final[dict[Any, Any]] = {
+    "font.size": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e0e0e0",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+    "legend.frameon": False,
+    "svg.hashsalt": "gantryctl",  # the same trace gives the same file
+    "svg.fonttype": "path",
+}
+
+
+class Line(NamedTuple):
+    """One curve."""
+
+    label: str
+    values: Floats
+    colour: str
+    width: float = 1.1
+
+
+class Panel(NamedTuple):
+    """One diagram over time."""
+
+    title: str
+    axis_label: str
+    lines: Sequence[Line]
+
+
+class _Side(NamedTuple):
+    """How one side of the gear is drawn."""
+
+    role: str
+    label: str
+    colour: str
+    width: float
+
+
+_SET_POINT: Final = _Side("ref", "set-point", "#c0c0c0", 4.0)
+_SIDES: Final = (_Side("load", "load side", _ORANGE, 0.9), _Side("act", "motor side", _BLUE, 1.1))
+
+
+def overview(trace: Trace) -> list[Panel]:
+    """Angle, speed, their errors, and torque: of these, what the trace has."""
+    torque = [Line("motor", trace["torque_act_nm"], _BLUE)] if "torque_act_nm" in trace else []
+    panels = [
+        Panel("Angle", "angle in deg", _followed(trace, "pos_{}_rad")),
+        Panel("Following error (set-point minus angle)", "error in mdeg", _errors(trace, "pos_{}_rad", 1e3)),
+        Panel("Speed", "speed in deg/s", _followed(trace, "vel_{}_rad_s")),
+        Panel("Speed error (set-point minus speed)", "error in deg/s", _errors(trace, "vel_{}_rad_s", 1.0)),
+        Panel("Motor torque", "torque in N m", torque),
+    ]
+    return [panel for panel in panels if panel.lines]
+
+
+def _followed(trace: Trace, pattern: str) -> list[Line]:
+    """The set-point and what followed it, all of it at the gantry, in degrees."""
+    return [
+        Line(side.label, deg(1.0) * trace[pattern.format(side.role)], side.colour, side.width)
+        for side in (_SET_POINT, *_SIDES)
+        if pattern.format(side.role) in trace
+    ]
+
+
+def _errors(trace: Trace, pattern: str, scale: float) -> list[Line]:
+    """Set-point minus each side; `scale` 1e3 for thousandths of a degree."""
+    if (set_point := pattern.format(_SET_POINT.role)) not in trace:
+        return []
+    return [
+        Line(side.label, deg(scale) * (trace[set_point] - trace[column]), side.colour, side.width)
+        for side in _SIDES
+        if (column := pattern.format(side.role)) in trace
+    ]
+
+
+def chosen(trace: Trace, columns: Sequence[str]) -> list[Panel]:
+    """One diagram per unit, with the columns asked for."""
+    units: dict[str, list[str]] = {}
+    for name in columns:
+        trace[name]  # UsageError with all names when it is not there
+        units.setdefault(unit_of(in_degrees(name)).symbol, []).append(name)
+    shown = trace.in_degrees()
+    panels = []
+    for unit, names in units.items():
+        lines = [
+            Line(in_degrees(name), shown[in_degrees(name)], _MORE_COLOURS[index % len(_MORE_COLOURS)])
+            for index, name in enumerate(names)
+        ]
+        title = lines[0].label if len(lines) == 1 else f"Columns in {unit}" if unit else "Numbers"
+        panels.append(Panel(title, unit or "number", lines))
+    return panels
+
+
+def draw(trace: Trace, panels: Sequence[Panel], title: str) -> Figure:
+    """The diagrams below each other over one time axis."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    if not panels:
+        raise UsageError(f"nothing to plot by default; choose columns: {', '.join(trace.columns)}")
+    if not len(trace):
+        raise UsageError("nothing to plot: no row in this time")
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(9.0, 1.0 + 1.8 * len(panels)), layout="constrained")
+        FigureCanvasAgg(figure)
+        all_axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, panel in zip(all_axes, panels, strict=True):
+            _draw_panel(axes, trace[TIME_COLUMN], panel)
+        all_axes[-1].set_xlabel("time in s")
+        all_axes[-1].set_xlim(trace.time_s[0], max(trace.time_s[-1], trace.time_s[0] + 1e-9))
+        figure.suptitle(title, fontsize=11.0, x=0.01, ha="left")
+        figure.align_ylabels()
+    return figure
+
+
+def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
+    for line in panel.lines:
+        kept = _visible(line.values)
+        axes.plot(time_s[kept], line.values[kept], color=line.colour, lw=line.width, label=line.label)
+    axes.set_title(panel.title)
+    axes.set_ylabel(panel.axis_label)
+    axes.margins(y=0.08)
+    low, high = axes.dataLim.intervaly
+    if low == high:  # a constant is a line in the middle, not noise on a scale of its own
+        axes.set_ylim(low - 0.5, high + 0.5)
+    if len(panel.lines) > 1:
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(panel.lines), borderaxespad=0.1)
+
+
+def _visible(values: Floats) -> Floats | slice:
+    """Indices to draw: of long columns the smallest and the largest value of every stretch."""
+    stretch = len(values) // _POINTS_DRAWN
+    if stretch < 4:
+        return slice(None)
+    whole = values[: len(values) // stretch * stretch].reshape(-1, stretch)
+    starts = np.arange(len(whole)) * stretch
+    kept = np.concatenate(
+        [[0], starts + whole.argmin(axis=1), starts + whole.argmax(axis=1), [len(values) - 1]]
+    )
+    return np.unique(kept)
+
+
+def save(figure: Figure, path: Path, trace: Trace, title: str) -> None:
+    """Write the figure as PNG, SVG or HTML, as the name ends.
+
+    Raises:
+        UsageError: another ending.
+        DeviceError: the file cannot be written.
+    """
+    import matplotlib as mpl
+
+    suffix = path.suffix.lower()
+    if suffix not in FORMATS:
+        raise UsageError(f"{path}: pictures are written as {', '.join(FORMATS)}")
+    buffer = io.BytesIO()
+    with mpl.rc_context(_STYLE):
+        if suffix == ".png":
+            figure.savefig(buffer, format="png", dpi=150)
+        else:
+            figure.savefig(
+                buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
+            )
+    content = buffer.getvalue()
+    if suffix == ".html":
+        content = _page(content.decode(), trace, title).encode()
+    try:
+        path.write_bytes(content)
+    except OSError as fault:
+        raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+
+
+def _page(svg: str, trace: Trace, title: str) -> str:
+    """One page with the figure and what the recording says of itself."""
+    rows = "".join(
+        f"<tr><th>{html.escape(str(key))}</th><td>{html.escape(str(value))}</td></tr>"
+        for key, value in trace.metadata.items()
+    )
+    style = (
+        "body{font:14px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}"
+        "svg{width:100%;height:auto}table{border-collapse:collapse;margin-top:1rem}"
+        "th{text-align:left;font-weight:600;padding-right:1.5rem}"
+    )
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
+        f"<style>{style}</style></head><body>\n{svg[svg.index('<svg') :]}\n<table>{rows}</table>\n"
+        "</body></html>\n"
+    )

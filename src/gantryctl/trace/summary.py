@@ -1,0 +1,39 @@
+"""The figures that say at a glance what is in a trace."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from gantryctl.trace.columns import unit_of
+from gantryctl.trace.table import Floats, Trace
+
+
+class ColumnSummary(NamedTuple):
+    """Extremes and root mean square of one column over its finite values, in the unit of the column."""
+
+    name: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    rms: float | None
+    not_finite: int
+    """Values that are NaN or infinite."""
+
+
+def summarize(trace: Trace) -> list[ColumnSummary]:
+    """One summary per column, in their order; None where there is no finite value."""
+    return [_summary(name, trace[name]) for name in trace.columns]
+
+
+def _summary(name: str, values: Floats) -> ColumnSummary:
+    finite = values[np.isfinite(values)]
+    missing = len(values) - len(finite)
+    unit = unit_of(name).symbol
+    if not len(finite):
+        return ColumnSummary(name, unit, None, None, None, missing)
+    scale = float(np.max(np.abs(finite))) or 1.0  # squares of large values would overflow
+    rms = scale * math.sqrt(float(np.mean((finite / scale) ** 2)))
+    return ColumnSummary(name, unit, float(finite.min()), float(finite.max()), rms, missing)
