@@ -1,0 +1,89 @@
+"""Options that many commands share, under one name each."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from gantryctl.machine import Machine
+
+
+PATH = click.Path(path_type=Path)
+
+config_option = click.option(
+    "--config", "config_file", type=PATH, help="Machine file; the reference gantry when not given."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON and nothing else.")
+out_option = click.option("--out", "out", type=PATH, help="Directory for files that the command writes.")
+seed_option = click.option(
+    "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Seed of all noise."
+)
+real_time_option = click.option("--real-time", is_flag=True, help="Run on the real clock instead of virtual time.")
+fresh_option = click.option(
+    "--fresh", is_flag=True, help="Start from a new machine at 0 deg; read and write no retained state."
+)
+
+
+class FiniteFloat(click.ParamType):
+    """A number that is neither nan nor inf."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The number, or a usage error that names it."""
+        import math
+
+        try:
+            number = float(value)
+        except (TypeError, ValueError):
+            self.fail(f"{value!r} is not a number", param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value!r} is not a finite number", param, ctx)
+        return number
+
+
+FINITE = FiniteFloat()
+
+
+def machine_of(config_file: Path | None) -> Machine:
+    """The machine file that was asked for, or the reference gantry."""
+    from gantryctl.machine import default_machine_path, load_machine
+
+    return load_machine(config_file or default_machine_path())
+
+
+def proven_machine(config_file: Path | None) -> Machine:
+    """A machine file whose quick stop the full plant can give: for every command that moves.
+
+    Raises:
+        ConfigError: fields, rules, or a quick stop that motor or reducer cannot give.
+    """
+    from gantryctl.stops import check_quick_stop
+
+    machine = machine_of(config_file)
+    check_quick_stop(machine)
+    return machine
+
+
+def print_json(value: object) -> None:
+    """One JSON document on standard output."""
+    click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def directory(path: Path) -> Path:
+    """Make sure that a directory exists.
+
+    Raises:
+        UsageError: it cannot be made.
+    """
+    from gantryctl.errors import UsageError
+
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise UsageError(f"--out {path}: cannot be made: {fault.strerror or fault}") from None
+    return path
