@@ -2,6 +2,9 @@
 
 import errno
 import os
+import signal
+import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -85,6 +88,24 @@ def test_a_live_recording_can_be_read_block_by_block(tmp_path: Path) -> None:
     assert len(live) == 200
     recorder.close()
     assert len(read_trace(recorder.path)) == 350
+
+
+KILLED = """
+import os, signal, sys
+from gantryctl.runtime import ArrowRecorder
+recorder = ArrowRecorder(sys.argv[1], ("time_s", "x_rad"))
+for k in range(2500):
+    recorder.record((k * 0.001, k))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_after_a_kill_all_blocks_that_were_full_are_there(tmp_path: Path) -> None:
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "x")], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    trace = read_trace(tmp_path / "x.arrows")
+    assert trace["x_rad"].tolist() == list(range(2000))
+    assert not trace.complete
 
 
 def test_a_recording_without_a_row_is_a_recording(tmp_path: Path) -> None:
