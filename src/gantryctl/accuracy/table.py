@@ -133,6 +133,13 @@ class ErrorTable:
         ]
         return self.errors_deg[np.array(keep, dtype=np.bool_)]
 
+    def mean_of_runs(self) -> ErrorTable:
+        """The table with one row per base and direction: the mean over the runs."""
+        keys = tuple(dict.fromkeys(row[:2] for row in self.rows))
+        means = [self.select([base], direction).mean(axis=0) for base, direction in keys]
+        rows = tuple(RowKey(base, direction) for base, direction in keys)
+        return ErrorTable(rows, self.displacements_deg, np.array(means), self.layout)
+
 
 def table_from_rows(
     rows: Sequence[tuple[float, str, Sequence[float]]], displacements_deg: Sequence[float]
