@@ -68,7 +68,7 @@ def to_dict(report: AccuracyReport) -> dict[str, Any]:
         "speed_test": {
             "passed": report.speed_passed,
             "limit_motor_deg_s": SPEED_ERROR_LIMIT_DEG_S,
-            "runs": [_speed_run(run) for run in report.speed],
+            "runs": [speed_to_dict(run) for run in report.speed],
         },
         "warnings": list(report.warnings),
     }  # fmt: skip
@@ -107,7 +107,8 @@ def _procedure(procedure: Procedure) -> dict[str, Any]:
     }
 
 
-def _speed_run(run: SpeedRun) -> dict[str, Any]:
+def speed_to_dict(run: SpeedRun) -> dict[str, Any]:
+    """One run of the speed test as plain values."""
     names = (
         "speed_deg_s",
         "travel_deg",

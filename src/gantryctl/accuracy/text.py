@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from gantryctl.accuracy.iso230 import IsoFigures
 from gantryctl.accuracy.noise import Distribution
 from gantryctl.accuracy.paper import PAPER_A_DEG, PAPER_TABLE
-from gantryctl.accuracy.report import AccuracyReport
+from gantryctl.accuracy.report import AccuracyReport, SpeedRun
 from gantryctl.accuracy.statistics import TableStatistics, statistics
 from gantryctl.accuracy.table import Direction, ErrorTable
 
@@ -72,7 +72,7 @@ def text_report(report: AccuracyReport) -> str:
         text_table(report.table, title=_table_title(report)),
         _headline(report),
         _iso_lines(report),
-        _speed_lines(report),
+        speed_lines(report.speed),
         "\n".join(_wrapped(f"warning: {warning}") for warning in report.warnings),
     ]
     return "\n\n".join(block for block in blocks if block)
@@ -130,11 +130,12 @@ def _iso_lines(report: AccuracyReport) -> str:
     return "\n".join(lines)
 
 
-def _speed_lines(report: AccuracyReport) -> str:
-    if not report.speed:
+def speed_lines(runs: Sequence[SpeedRun]) -> str:
+    """One line per run of the speed test; empty without runs."""
+    if not runs:
         return ""
     lines = ["speed test    asked   reached   motor side   load side   (largest speed error, deg/s)"]
-    for run in report.speed:
+    for run in runs:
         load = f"{run.load_error_deg_s:9.4f}" if run.load_error_deg_s is not None else "        -"
         lines.append(
             f"{'pass' if run.passed else 'FAIL':<6}{run.direction.value:>5}{run.speed_deg_s:8.2f}"
