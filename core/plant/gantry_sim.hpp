@@ -9,19 +9,23 @@ namespace gantry {
 // The holding brake: commanded, and closed or open after its dead times.
 struct Brake {
   bool closed = true;
-  int countdown = 0;  // drive cycles until `closed` follows the command
+  int countdown = 0;  // drive cycles until `closed` follows the command; 0: it does
 
-  // One drive cycle.
-  void cycle(bool open_command, int close_cycles, int open_cycles) {
-    if (open_command != closed) {
-      countdown = 0;
-      return;
-    }
-    const int needed = closed ? open_cycles : close_cycles;
-    if (++countdown >= needed) {
-      closed = !closed;
-      countdown = 0;
-    }
+  // Start of a scan. A command taken back ends the dead time; a brake without one follows at once: true.
+  bool command(bool open, int close_cycles, int open_cycles) {
+    if (open != closed) countdown = 0;
+    if (open != closed || countdown > 0) return false;
+    countdown = closed ? open_cycles : close_cycles;
+    if (countdown > 0) return false;
+    closed = !closed;
+    return true;
+  }
+
+  // End of a drive cycle; true when the brake has followed its command.
+  bool cycle() {
+    if (countdown == 0 || --countdown > 0) return false;
+    closed = !closed;
+    return true;
   }
 };
 
@@ -71,12 +75,11 @@ class GantrySim {
     limited_ = false;
     const T start = s.pos_last;
     const T dt = T(cycle_s_);
+    if (brake.command(brake_open, close_cycles_, open_cycles_)) x.brake_z = brake_grip();
     for (int k = 0; k < cycles_per_scan_; ++k) {
-      const bool was_closed = brake.closed;
-      brake.cycle(brake_open, close_cycles_, open_cycles_);
-      if (brake.closed != was_closed) x.brake_z = brake.closed ? brake_grip() : T(0.0);
       const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, limited_);
       advance(u, dt);
+      if (brake.cycle()) x.brake_z = brake_grip();
     }
     vel_report_ = (s.pos_last - start) / (dt * T(cycles_per_scan_));
     flush();
@@ -132,8 +135,9 @@ class GantrySim {
   }
 
   // Where the brake element begins when it closes: on a turning shaft it slips at once, its pre-sliding
-  // length is passed in microseconds.
+  // length is passed in microseconds. Opened, it is gone.
   T brake_grip() const {
+    if (!brake.closed) return T(0.0);
     const T slip = plant_.p.brake_presliding * sign(x.vel_motor);
     return select(vabs(x.vel_motor) * T(cycle_s_) > plant_.p.brake_presliding, slip, T(0.0));
   }
