@@ -7,18 +7,24 @@ namespace gantry {
 
 enum class Scheme { kOneEvaluation, kRungeKutta4 };
 
-// Current loop: Te' = wc (u - Te), exact for u held over dt.
+// Current loop: Te' = wc (u - Te), exact for u held over dt; Te = u from the start of the cycle where it is
+// ideal.
 template <class T>
 struct CurrentLoop {
-  bool ideal = true;
+  bool some_ideal = true;  // in a pack some lanes may be ideal and others not
+  bool some_real = false;
   T decay = T(0.0);  // exp(-wc dt)
   T bandwidth = T(0.0);
 
   CurrentLoop() = default;
   CurrentLoop(const PlantParams<T>& p, double dt) : bandwidth(p.current_bandwidth) {
-    ideal = !any(p.current_bandwidth > T(0.0));
+    const auto real = p.current_bandwidth > T(0.0);
+    some_ideal = any(negate(real));
+    some_real = any(real);
     decay = vexp(-p.current_bandwidth * T(dt));
   }
+
+  T at_start(T u, T torque) const { return some_ideal ? select(bandwidth > T(0.0), torque, u) : torque; }
 };
 
 // All forces at the start of the cycle; then the exact step of current and friction states, semi-implicit
@@ -28,11 +34,11 @@ template <class T>
 GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current, T u,
                                        bool brake_closed, T dt, PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
-  if (current.ideal) x.torque_motor = u;
+  x.torque_motor = current.at_start(u, x.torque_motor);
   const Forces<T> f =
       p.rigid ? forces_rigid(plant, x, brake_closed) : forces(plant, x, ring_point(plant, x), brake_closed);
   torque_mesh = f.torque_mesh;
-  if (!current.ideal) x.torque_motor = u + (x.torque_motor - u) * current.decay;
+  if (current.some_real) x.torque_motor = u + (x.torque_motor - u) * current.decay;
   if (p.roller_friction) x.roller_z = friction_step(x.roller_z, f.roller, dt);
   if (p.motor_friction) x.motor_z = friction_step(x.motor_z, f.motor, dt);
   if (brake_closed) x.brake_z = friction_step(x.brake_z, f.brake, dt);
@@ -66,7 +72,7 @@ PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current, T
   d.vel_load = f.acc_load;
   d.pos_base = x.vel_base;
   d.vel_base = f.acc_base;
-  if (!current.ideal) d.torque_motor = current.bandwidth * (u - x.torque_motor);
+  if (current.some_real) d.torque_motor = current.bandwidth * (u - x.torque_motor);
   if (p.hysteresis) d.hysteresis = f.hysteresis_rate;
   if (p.roller_friction) d.roller_z = f.roller.z_rate;
   if (p.motor_friction) d.motor_z = f.motor.z_rate;
@@ -87,7 +93,7 @@ PlantState<T> advanced(const PlantState<T>& x, const PlantState<T>& d, T dt) {
 template <class T>
 void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed, T dt,
                       int steps, PlantState<T>& x, T& torque_mesh) {
-  if (current.ideal) x.torque_motor = u;
+  x.torque_motor = current.at_start(u, x.torque_motor);
   const RingPoint<T> ring = ring_point(plant, x);
   const T h = dt / T(steps);
   const auto slope = [&](const PlantState<T>& at) {
