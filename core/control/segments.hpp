@@ -40,7 +40,8 @@ class Segments {
     lowest = highest = pos_end_;
     for (std::size_t k = 0; k < segments_.size(); ++k) {
       const Segment& s = segments_[k];
-      const double length = (k + 1 < segments_.size() ? segments_[k + 1].t_start : duration_) - s.t_start;
+      const double end = k + 1 < segments_.size() ? std::min(segments_[k + 1].t_start, duration_) : duration_;
+      const double length = end - s.t_start;
       const auto visit = [&](double dt) {
         if (!(dt >= 0.0 && dt <= length)) return;
         const double pos = at(s, dt).pos;
