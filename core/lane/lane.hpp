@@ -39,9 +39,13 @@ T vround(T x) {
   return (x + T(kMagic)) - T(kMagic);
 }
 
-// 2^n for a whole number -1022 <= n <= 1023.
+// 2^n for a whole number -1022 <= n <= 1023; something for anything else, NaN too. After adding 1.5 * 2^52
+// the lowest bits are those of n as an integer.
 inline double pow2(double n) {
-  const std::uint64_t bits = static_cast<std::uint64_t>(static_cast<std::int64_t>(n) + 1023) << 52;
+  const double shifted = n + 6755399441055744.0;
+  std::uint64_t bits;
+  std::memcpy(&bits, &shifted, sizeof bits);
+  bits = (bits + 1023) << 52;
   double result;
   std::memcpy(&result, &bits, sizeof result);
   return result;
