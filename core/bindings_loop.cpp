@@ -37,10 +37,10 @@ struct LogTable {
 };
 
 void run_closed_loop(Sim& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
-                     Table out) {
+                     Table out, double torque_ff_nm) {
   const LogTable table(out);
   nb::gil_scoped_release release;
-  run_plan(sim, law, plan, zero_counts, static_cast<long>(table.scans), table);
+  run_plan(sim, law, plan, zero_counts, static_cast<long>(table.scans), table, torque_ff_nm);
 }
 
 void run_command(Sim& sim, int mode, double vel_cmd_rad_s, bool brake_open, Table out) {
@@ -90,7 +90,7 @@ void bind_loop(nb::module_& m) {
   m.attr("LEG_COLUMNS") = nb::cast(std::vector<std::string>{GANTRY_LEG_COLUMNS(X)});
 #undef X
   m.def("run_closed_loop", &run_closed_loop, nb::arg("sim"), nb::arg("law"), nb::arg("plan"),
-        nb::arg("zero_counts"), nb::arg("out"),
+        nb::arg("zero_counts"), nb::arg("out"), nb::arg("torque_ff_nm") = 0.0,
         "Run out.shape[1] scans of one plan, enabled and with the brake open; fill one row of `out` per log "
         "column.\n\n"
         "The same laws and physics as the scan engine, so the same bits; the plant in `sim` moves on.");

@@ -65,7 +65,7 @@ inline LogRow state_row(const GantrySim<double>& sim) {
 
 // One scan: log the state at t, compute the command, advance by one period.
 inline LogRow closed_loop_scan(GantrySim<double>& sim, const PositionLawParams& law, const Segments& plan,
-                               double t, double zero_counts) {
+                               double t, double zero_counts, double torque_ff = 0.0) {
   LogRow row = state_row(sim);
   const SetPoint r = plan.sample(t);
   row.counts = sim.counts(law.rad_per_count) - zero_counts;
@@ -76,17 +76,17 @@ inline LogRow closed_loop_scan(GantrySim<double>& sim, const PositionLawParams& 
   row.pos_act_rad = command.pos_act_rad;
   row.pos_err_rad = command.pos_err_rad;
   row.vel_cmd_rad_s = command.vel_cmd_rad_s;
-  sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, 0.0}, true);
+  sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, torque_ff}, true);
   return row;
 }
 
 // Runs `scans` scans of one plan and hands every row to `sink`.
 template <class Sink>
 void run_plan(GantrySim<double>& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
-              long scans, Sink&& sink) {
+              long scans, Sink&& sink, double torque_ff = 0.0) {
   const double period = sim.scan_period_s();
   for (long k = 0; k < scans; ++k)
-    sink(k, closed_loop_scan(sim, law, plan, static_cast<double>(k) * period, zero_counts));
+    sink(k, closed_loop_scan(sim, law, plan, static_cast<double>(k) * period, zero_counts, torque_ff));
 }
 
 inline LegResult run_leg(GantrySim<double>& sim, const PositionLawParams& law, const Leg& leg,
