@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import AlarmStop, DeviceError, GantryctlError, UsageError
@@ -137,6 +139,7 @@ class Engine:
         try:
             return loop(end, condition)
         except BaseException as failure:
+            scan, time_s = self.scan, self.time_s
             silent = self._stop_drive(failure)
             if not isinstance(failure, Exception):
                 raise
@@ -145,7 +148,7 @@ class Engine:
                 raise DeviceError(text) from failure
             if isinstance(failure, GantryctlError):
                 raise
-            raise AlarmStop(self._failure_text(failure)) from failure
+            raise AlarmStop(_failure_text(failure, scan, time_s)) from failure
 
     def _virtual(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         """Scans in virtual time: the same as `_timed` without the clock, for speed."""
@@ -217,7 +220,8 @@ class Engine:
         """
         self.failure = self.failure or failure
         output = quick_stop_output(self.output.brake_open)
-        self._active = StopProgram(output.brake_open, self.program.trace_columns)
+        if not isinstance(self._active, StopProgram):
+            self._active = StopProgram(output.brake_open, self.program.trace_columns)
         try:
             with suppress(Exception):
                 if self._record is not None:
@@ -229,9 +233,12 @@ class Engine:
             return silent
         return None
 
-    def _failure_text(self, failure: Exception) -> str:
-        return (
-            f"SYS-09 STOP · {type(failure).__name__} in scan {self.image.scan} "
-            f"(t = {self.image.time_s:.3f} s): {failure} · quick stop · "
-            "correct the program; the traceback shows the line"
-        )
+
+def _failure_text(failure: Exception, scan: int, time_s: float) -> str:
+    """The alarm for something in a scan that should never raise, with the line it came from."""
+    frames = traceback.extract_tb(failure.__traceback__)
+    place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}"
+    return (
+        f"SYS-09 STOP · {type(failure).__name__} in scan {scan} (t = {time_s:.3f} s): {failure} ({place}) · "
+        "quick stop · correct the program or report this"
+    )

@@ -20,7 +20,7 @@ BRAKE_TIME_S: Final = 0.3
 def quick_stop_output(brake_open: bool) -> OutputImage:
     """The drive's own ramp to zero; the brake stays as it was.
 
-    A brake that closes on a turning gantry loads the reducer far more than the ramp does.
+    A brake that closes on a turning gantry loads the reducer more than the ramp does.
     """
     return OutputImage(request=DriveRequest.QUICK_STOP, brake_open=brake_open)
 

@@ -139,6 +139,7 @@ def test_a_program_that_raises_gets_the_drive_a_quick_stop_in_the_same_scan(benc
     with pytest.raises(AlarmStop, match=r"SYS-09 .* ZeroDivisionError in scan 10 \(t = 0.010 s\)") as caught:
         bench.engine.run_for(1.0)
     assert isinstance(caught.value.__cause__, ZeroDivisionError)
+    assert "(fakes.py, line " in str(caught.value)
     assert caught.value.exit_code == 4
     assert len(bench.drive.outputs) == bench.engine.scan == 11
     assert bench.drive.outputs[10] == bench.engine.output
@@ -188,6 +189,21 @@ def test_an_axis_that_does_not_come_to_rest_is_braked_after_three_seconds(
     with pytest.raises(AlarmStop):
         bench.engine.step()
     bench.drive.speed_rad_s = speed_rad_s
+    bench.engine.run_for(3.5)
+    assert bench.drive.outputs[-1] == SAFE_OUTPUT
+
+
+def test_a_drive_that_cannot_be_read_still_gets_a_quick_stop_every_scan(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.engine.run_for(0.01)
+    monkeypatch.setattr(bench.drive, "read", raising(TimeoutError("no answer")))
+    for scan in range(10, 30):
+        with pytest.raises(AlarmStop, match=rf"TimeoutError in scan {scan} .*no answer"):
+            bench.engine.step()
+    assert {output.request for output in bench.drive.outputs[10:]} == {DriveRequest.QUICK_STOP}
+    monkeypatch.undo()
+    bench.drive.speed_rad_s = 100.0
     bench.engine.run_for(3.5)
     assert bench.drive.outputs[-1] == SAFE_OUTPUT
 
