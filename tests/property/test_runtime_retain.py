@@ -42,7 +42,7 @@ records = st.builds(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(record=records, sequence=st.integers(1, 2**62))
 def test_a_record_comes_back_as_it_was(record: Retained, sequence: int) -> None:
     assert decode(encode(record, sequence)) == (sequence, record)
@@ -59,7 +59,7 @@ def test_the_last_stored_record_is_loaded(history: list[Retained]) -> None:
         assert memory.notes == ()
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(record=records, data=st.data())
 def test_any_change_of_bytes_is_found(record: Retained, data: st.DataObject) -> None:
     whole_copy = encode(record, 1)
