@@ -1,0 +1,113 @@
+"""The simulated machine between two runs: taken out of its state directory, and put back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+from gantryctl.devices.sim import SimDrive
+from gantryctl.errors import StateError, UsageError
+from gantryctl.machine import Machine, config_hash
+from gantryctl.operation.absolute import EncoderScale
+from gantryctl.operation.store import StateStore
+from gantryctl.runtime import Retained
+from gantryctl.units import deg
+from gantryctl.wiring import delivered_zero_counts, sim_drive, total_ratio
+
+
+class VirtualMachine(NamedTuple):
+    """The simulated drive and what the controller remembers of it.
+
+    Attributes:
+        notes: what had to be done to open it, in words.
+    """
+
+    drive: SimDrive
+    retained: Retained
+    notes: tuple[str, ...]
+
+
+def encoder_scale(machine: Machine, drive: SimDrive) -> EncoderScale:
+    """Sizes of the encoder and the travel."""
+    axis = machine.axis
+    return EncoderScale(
+        drive.identity(), total_ratio(machine), machine.encoder.counts_per_turn, axis.pos_min_deg, axis.pos_max_deg
+    )
+
+
+def new_machine(machine: Machine, angle_deg: float = 0.0) -> VirtualMachine:
+    """As delivered: standing at an angle with the brake closed, encoder zeroed at 0 deg.
+
+    Raises:
+        UsageError: an angle outside the mechanical stops.
+    """
+    limit = machine.axis.mechanical_stop_deg
+    if not -limit < angle_deg < limit:
+        raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at +-{limit:g} deg")
+    drive = sim_drive(machine, angle_deg)
+    retained = Retained(
+        machine=machine.name,
+        config_hash=config_hash(machine),
+        encoder_serial=drive.identity().encoder_serial,
+        zero_offset_counts=delivered_zero_counts(machine),
+        zero_set_by="simulator",
+        zero_witness="new simulated machine, zeroed at 0 deg",
+        rest_position_counts=int(drive.read().pos_act_counts),
+    )
+    return VirtualMachine(drive, retained, ())
+
+
+def open_machine(machine: Machine, store: StateStore | None) -> VirtualMachine:
+    """The simulated machine as the last run left it; a new one when there is none (or without a store).
+
+    Raises:
+        StateError: retained memory or plant cannot be used.
+    """
+    if store is None:
+        return new_machine(machine)
+    kept = store.load_plant()
+    retained = store.load_retained()
+    if kept is None:
+        fresh = new_machine(machine)
+        if retained is None:
+            return fresh._replace(notes=("a new simulated machine, standing at 0 deg",))
+        raise StateError(
+            f"{store.directory}: retained memory without a simulated plant; `gantryctl sim reset` makes a new machine"
+        )
+    if retained is None:
+        raise StateError(
+            f"{store.directory}: a simulated plant without retained memory: the zero offset is lost; "
+            "`gantryctl sim reset` makes a new machine"
+        )
+    state, same_plant = kept
+    if same_plant:
+        return VirtualMachine(sim_drive(machine, state=state), retained, ())
+    angle = deg(state["pos_load"])
+    moved = new_machine(machine, angle)
+    note = f"[plant] has changed since the last run: the new plant stands at the same {angle:.4f} deg, zeroed anew"
+    return VirtualMachine(
+        moved.drive,
+        retained_of_new_plant(retained, moved.retained),
+        (note,),
+    )
+
+
+def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
+    """Settings, counters and alarms of the old machine with the encoder data of the new one."""
+    return replace(
+        old,
+        encoder_serial=new.encoder_serial,
+        zero_offset_counts=new.zero_offset_counts,
+        previous_offset_counts=old.zero_offset_counts,
+        zero_set_by=new.zero_set_by,
+        zero_witness=new.zero_witness,
+        rest_position_counts=new.rest_position_counts,
+        holding_torque_nm=None,
+    )
+
+
+def keep_machine(store: StateStore | None, drive: SimDrive, retained: Retained) -> None:
+    """Put plant and memory back: the memory first, a plant without it could not be trusted."""
+    if store is not None:
+        store.store_retained(retained)
+        store.store_plant(drive.sim.state)

@@ -1,0 +1,49 @@
+"""Drives by their kind in the machine file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from gantryctl import _core
+from gantryctl.devices.sim import SimDrive
+from gantryctl.machine import Machine
+from gantryctl.units import rad
+from gantryctl.wiring.plant import counts_per_turn, gantry_sim, total_ratio
+
+
+def sim_drive(
+    machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None
+) -> SimDrive:
+    """The simulated drive with its gantry, torque off and the brake closed.
+
+    Args:
+        angle_deg: where the gantry stands.
+        state: a state kept by `SimDrive.sim.state`, to go on from; `angle_deg` is ignored then.
+
+    Raises:
+        ValueError: a state that lacks a value or has a non-finite one.
+    """
+    sim = gantry_sim(machine)
+    if state is None:
+        sim.static_start(rad(angle_deg), False)
+    else:
+        sim.state = dict(state)
+    return drive_around(machine, sim)
+
+
+def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
+    """The simulated drive around a plant in any state."""
+    return SimDrive(
+        sim,
+        serial=machine.plant.encoder.serial,
+        counts_per_turn=counts_per_turn(machine),
+        turns=machine.encoder.turns,
+        limit_switch_rad=rad(machine.axis.limit_switch_deg),
+    )
+
+
+def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
+    """Encoder reading at gantry angle 0 of a new machine, zeroed with the load standing at `angle_deg`."""
+    drive = sim_drive(machine, angle_deg)
+    at_angle = drive.read().pos_act_counts
+    return round(at_angle - angle_deg / 360.0 * total_ratio(machine) * counts_per_turn(machine))
