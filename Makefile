@@ -1,7 +1,9 @@
 # Daily commands; CONTRIBUTING.md says when to use which.  PYTHON=python3.12 make setup  picks another interpreter.
 PYTHON ?= python3
 CLANG_FILES = $(shell find core benchmarks -name '*.hpp' -o -name '*.cpp' 2>/dev/null)
-CORE_FILES := $(shell find core -name '*.hpp' -o -name '*.cpp') CMakeLists.txt pyproject.toml
+# The editable install knows packages by name: a new one needs it again.
+CORE_FILES := $(shell find core -name '*.hpp' -o -name '*.cpp') CMakeLists.txt pyproject.toml \
+              $(shell find src -name __init__.py)
 PIP_INSTALL := .venv/bin/python -m pip --disable-pip-version-check install --quiet
 LOCK := uv pip compile --quiet --upgrade --generate-hashes --no-header --no-annotate --no-emit-index-url --universal \
         --python-version 3.11
