@@ -6,12 +6,15 @@ Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 s
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from typing import Any, Final, NamedTuple
 
 import click
 
 from gantryctl.errors import ConfigError, GantryctlError
+
+TRACEBACK_VARIABLE: Final = "GANTRYCTL_TRACEBACK"
 
 
 class Entry(NamedTuple):
@@ -118,6 +121,15 @@ def run(args: list[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()  # the reader went away: nobody is left to tell
         return 0
+    except Exception as bug:
+        if os.environ.get(TRACEBACK_VARIABLE):
+            raise
+        click.echo(
+            f"error: internal: {type(bug).__name__}: {bug}; this is a fault of gantryctl, please report it "
+            f"({TRACEBACK_VARIABLE}=1 shows where)",
+            err=True,
+        )
+        return 3
     return result if isinstance(result, int) else 0
 
 

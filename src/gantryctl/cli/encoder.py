@@ -1,0 +1,51 @@
+"""`gantryctl encoder show|set-zero`: the absolute reference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, print_json
+
+
+@click.group()
+def encoder() -> None:
+    """The absolute encoder: what it reads, and where zero is."""
+
+
+@encoder.command()
+@config_option
+@json_option
+def show(config_file: Path | None, as_json: bool) -> int:
+    """Serial, raw reading, zero offset, angle, wrap margin, stored rest position, verdict."""
+    from gantryctl.operation import encoder_report
+
+    report = encoder_report(machine_of(config_file))
+    if as_json:
+        print_json(report.as_dict())
+        return 0
+    for name, value in report.rows():
+        click.echo(f"{name:<22}{value}")
+    return 0
+
+
+@encoder.command("set-zero")
+@config_option
+@click.option("--angle", type=FINITE, required=True, help="The true gantry angle now, deg.")
+@click.option("--witness", required=True, help="What proves it: mark, laser, protocol number.")
+@json_option
+def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool) -> int:
+    """Set the zero offset so that the present position reads ANGLE.
+
+    Only at standstill with the brake closed, which a machine that is not running is. The offset is stored with the
+    encoder's serial and who set it; nothing is written into the encoder.
+    """
+    from gantryctl.operation import set_encoder_zero
+
+    said = set_encoder_zero(machine_of(config_file), angle, witness)
+    if as_json:
+        print_json({"set_zero": said})
+    else:
+        click.echo(said)
+    return 0

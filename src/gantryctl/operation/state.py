@@ -1,0 +1,222 @@
+"""Questions and acknowledgements about a machine that is not running: its retained state."""
+
+from __future__ import annotations
+
+import getpass
+from dataclasses import dataclass, fields, replace
+from datetime import UTC, datetime
+from typing import Any
+
+from gantryctl.errors import CommandRefused, UsageError
+from gantryctl.machine import Machine
+from gantryctl.operation.absolute import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
+from gantryctl.operation.store import StateStore
+from gantryctl.operation.virtual import encoder_scale, keep_machine, new_machine, open_machine
+from gantryctl.runtime import AlarmEntry, Retained
+from gantryctl.units import deg
+
+
+def operator_name() -> str:
+    """Who gives commands: the user of the operating system."""
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):
+        return "unknown user"
+
+
+def now_text() -> str:
+    """Date and time for the record, UTC."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+@dataclass(frozen=True)
+class MachineStatus:
+    """Where a machine stands that is not running."""
+
+    machine: str
+    condition: str
+    angle_deg: float | None
+    encoder: str
+    last_result: str
+    last_alarm: str
+    error_stop: str
+    power_ups: int
+    moves: int
+    travelled_deg: float
+    directory: str
+
+
+def machine_status(machine: Machine) -> MachineStatus:
+    """The state that the last run left behind; nothing is changed."""
+    with StateStore(machine) as store:
+        virtual = open_machine(machine, store)
+    retained = virtual.retained
+    reading = evaluate(encoder_scale(machine, virtual.drive), virtual.drive.read().pos_act_counts, retained)
+    held = refusal(reading)
+    if retained.error_stop:
+        condition = f"stopped by alarm {retained.error_stop}; `gantryctl explain {retained.error_stop}`, then reset"
+    else:
+        condition = "power off, brake closed" if held is None else "may not move"
+    return MachineStatus(
+        machine=machine.name,
+        condition=condition,
+        angle_deg=reading.angle_deg,
+        encoder=held or reading.verdict.value,
+        last_result=retained.last_result,
+        last_alarm=retained.alarms[-1].text if retained.alarms else "",
+        error_stop=retained.error_stop,
+        power_ups=retained.power_ups,
+        moves=retained.moves,
+        travelled_deg=deg(retained.travelled_rad),
+        directory=str(store.directory),
+    )
+
+
+def read_retained(machine: Machine) -> Retained | None:
+    """The retained memory as it is; None when the machine has never run."""
+    with StateStore(machine) as store:
+        return store.load_retained()
+
+
+def retained_rows(retained: Retained) -> list[tuple[str, str]]:
+    """Name and value of everything retained, alarms counted."""
+    rows = []
+    for field in fields(retained):
+        value = getattr(retained, field.name)
+        if field.name == "alarms":
+            value = f"{len(value)} (gantryctl alarms)"
+        elif field.name.endswith("_rad") and value is not None:
+            value = f"{deg(value):.6g} deg"
+        rows.append((field.name, "-" if value in (None, "") else str(value)))
+    return rows
+
+
+def reset_machine(machine: Machine) -> str:
+    """Acknowledge the alarm of the last stop or a small motion while off; what was done, in words.
+
+    Raises:
+        CommandRefused: the position is not valid; a reset cannot make it so.
+    """
+    who, when = operator_name(), now_text()
+    with StateStore(machine) as store:
+        virtual = open_machine(machine, store)
+        retained = virtual.retained
+        counts = virtual.drive.read().pos_act_counts
+        reading = evaluate(encoder_scale(machine, virtual.drive), counts, retained)
+        said = []
+        if reading.verdict is RestVerdict.MOVED:
+            text = f"ENC-09 acknowledged by {who}: moved {reading.moved_deg:+.3f} deg while off"
+            retained = replace(
+                retained,
+                rest_position_counts=int(counts),
+                alarms=(*retained.alarms, AlarmEntry("ENC-09", text, when)),
+            )
+            said.append(text)
+        elif (reason := refusal(reading)) is not None:
+            raise CommandRefused(reason)
+        if retained.error_stop:
+            said.append(f"{retained.error_stop} acknowledged by {who}; the axis stays without power")
+            retained = replace(retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}")
+        if not said:
+            return "nothing to reset"
+        keep_machine(store, virtual.drive, retained)
+    return "; ".join(said)
+
+
+def reset_simulation(machine: Machine, angle_deg: float) -> str:
+    """Throw the simulated machine and its memory away and put a new one there."""
+    virtual = new_machine(machine, angle_deg)
+    with StateStore(machine) as store:
+        store.forget()
+        keep_machine(store, virtual.drive, virtual.retained)
+    return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
+
+
+@dataclass(frozen=True)
+class EncoderReport:
+    """The absolute reference in words and numbers."""
+
+    reading: AbsoluteReading
+    retained: Retained
+    scale: EncoderScale
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return self.reading._asdict() | {
+            "verdict": self.reading.verdict.value,
+            "zero_offset_counts": self.retained.zero_offset_counts,
+            "rest_position_counts": self.retained.rest_position_counts,
+            "zero_set_by": self.retained.zero_set_by,
+            "zero_set_at": self.retained.zero_set_at,
+            "zero_witness": self.retained.zero_witness,
+        }
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Name and value for a terminal."""
+        r, kept, identity = self.reading, self.retained, self.scale.identity
+        margins = "-"
+        if r.margin_minus_deg is not None and r.margin_plus_deg is not None:
+            margins = f"{r.margin_minus_deg:.1f} deg below the travel, {r.margin_plus_deg:.1f} deg above"
+        fine = identity.counts_per_turn
+        return [
+            ("encoder", f"{r.serial}: {self.scale.coarse_per_turn} steps x {identity.turns} turns, {fine} fine counts/turn"),
+            ("reading", f"turn {r.multi_turn}, step {r.single_turn} (fine count {r.raw_counts})"),
+            ("zero offset", "not set" if kept.zero_offset_counts is None else f"fine count {kept.zero_offset_counts}"),
+            ("zero set by", f"{kept.zero_set_by or '-'} {kept.zero_set_at}".strip()),
+            ("witness", kept.zero_witness or "-"),
+            ("angle", "unknown" if r.angle_deg is None else f"{r.angle_deg:+.5f} deg"),
+            ("wrap margin", margins),
+            ("stored rest position", "-" if kept.rest_position_counts is None else f"fine count {kept.rest_position_counts}"),
+            ("moved while off", "-" if r.moved_deg is None else f"{r.moved_deg:+.5f} deg"),
+            ("verdict", refusal(r) or r.verdict.value),
+        ]
+
+
+def encoder_report(machine: Machine) -> EncoderReport:
+    """What the encoder reads and what it means."""
+    with StateStore(machine) as store:
+        virtual = open_machine(machine, store)
+    scale = encoder_scale(machine, virtual.drive)
+    reading = evaluate(scale, virtual.drive.read().pos_act_counts, virtual.retained)
+    return EncoderReport(reading, virtual.retained, scale)
+
+
+def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
+    """Set the zero offset so that the present reading means `angle_deg`; what was done, in words.
+
+    Raises:
+        UsageError: an angle outside the mechanical stops, no witness.
+        CommandRefused: the encoder's range would wrap too near the travel.
+    """
+    axis = machine.axis
+    if not -axis.mechanical_stop_deg < angle_deg < axis.mechanical_stop_deg:
+        raise UsageError(f"--angle {angle_deg:g}: the mechanical stops are at +-{axis.mechanical_stop_deg:g} deg")
+    if not witness.strip():
+        raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")
+    with StateStore(machine) as store:
+        virtual = open_machine(machine, store)
+        scale = encoder_scale(machine, virtual.drive)
+        counts = virtual.drive.read().pos_act_counts
+        zero = round(counts - angle_deg / scale.deg_per_count) % scale.range_counts
+        retained = replace(
+            virtual.retained,
+            encoder_serial=scale.identity.encoder_serial,
+            zero_offset_counts=zero,
+            previous_offset_counts=virtual.retained.zero_offset_counts,
+            rest_position_counts=int(counts),
+            zero_set_by=operator_name(),
+            zero_set_at=now_text(),
+            zero_witness=witness.strip(),
+        )
+        reading = evaluate(scale, counts, retained)
+        assert reading.margin_minus_deg is not None
+        assert reading.margin_plus_deg is not None
+        margin = min(reading.margin_minus_deg, reading.margin_plus_deg)
+        if margin < machine.encoder.wrap_margin_min_deg:
+            raise CommandRefused(
+                f"CFG-ENC-01 · with this zero the encoder's range wraps {margin:.1f} deg from the travel, "
+                f"[encoder] wrap_margin_min_deg = {machine.encoder.wrap_margin_min_deg:g} · turn the encoder on its "
+                "shaft, or mount it with its range centred"
+            )
+        keep_machine(store, virtual.drive, retained)
+    return f"zero set by {retained.zero_set_by}: the gantry stands at {angle_deg:g} deg ({retained.zero_witness})"
