@@ -42,13 +42,13 @@ records = st.builds(
 )
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(record=records, sequence=st.integers(1, 2**62))
 def test_a_record_comes_back_as_it_was(record: Retained, sequence: int) -> None:
     assert decode(encode(record, sequence)) == (sequence, record)
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(history=st.lists(records, min_size=1, max_size=5))
 def test_the_last_stored_record_is_loaded(history: list[Retained]) -> None:
     with tempfile.TemporaryDirectory() as directory:
@@ -59,7 +59,7 @@ def test_the_last_stored_record_is_loaded(history: list[Retained]) -> None:
         assert memory.notes == ()
 
 
-@settings(max_examples=100)
+@settings(max_examples=60)
 @given(record=records, data=st.data())
 def test_any_change_of_bytes_is_found(record: Retained, data: st.DataObject) -> None:
     whole_copy = encode(record, 1)

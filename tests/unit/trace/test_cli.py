@@ -92,7 +92,7 @@ def test_show_without_any_row(tmp_path: Path) -> None:
 )
 def test_plot_writes_a_picture(file: Path, name: str, begin: bytes) -> None:
     out = file.with_name(name)
-    assert printed("plot", file, "--out", out) == f"wrote {out}\n"
+    assert printed("plot", file, "--columns", "pos_ref_rad", "--out", out) == f"wrote {out}\n"
     content = out.read_bytes()
     assert content.startswith(begin)
     if name == "x.html":
@@ -107,7 +107,7 @@ def test_the_same_trace_gives_the_same_svg(file: Path) -> None:
 
 
 def test_plot_goes_beside_the_recording_by_default(file: Path) -> None:
-    printed("plot", file, "--columns", "pos_ref_rad")
+    printed("plot", file)
     assert file.with_name("move_0.6.png").exists()
 
 
