@@ -3,6 +3,7 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
+#include <set>
 #include <stdexcept>
 #include <tuple>
 
@@ -58,6 +59,8 @@ Cube run_legs_array(const std::vector<Sim*>& sims, const PositionLawParams& law,
                     const std::vector<double>& zero_counts, int threads) {
   if (zero_counts.size() != sims.size()) throw std::invalid_argument("one zero offset per plant is needed");
   if (threads < 1) throw std::invalid_argument("threads must be at least 1");
+  if (std::set<Sim*>(sims.begin(), sims.end()).size() != sims.size())
+    throw std::invalid_argument("a plant stands in the list twice; take copies");
   std::vector<Leg> native;
   for (const auto& [plan, scans, average] : legs) {
     if (scans < 1 || average < 1 || average > scans)

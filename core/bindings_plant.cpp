@@ -34,6 +34,7 @@ Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, con
   if (rk4_steps < 1) throw std::invalid_argument("rk4_steps must be at least 1");
   return {plant,
           drive,
+          scan_period_s,
           per_scan,
           cycles(drive.brake_close_s, drive.cycle_s),
           cycles(drive.brake_open_s, drive.cycle_s),
@@ -51,6 +52,10 @@ StateMap get_state(const Sim& sim) {
   GANTRY_DRIVE_STATE(X)
 #undef X
   m["brake_closed"] = sim.brake.closed ? 1.0 : 0.0;
+  m["brake_countdown"] = sim.brake.countdown;
+  m["report_torque_mesh"] = sim.report.torque_mesh;
+  m["report_vel"] = sim.report.vel;
+  m["report_limited"] = sim.report.limited ? 1.0 : 0.0;
   m["count_offset"] = sim.count_offset;
   return m;
 }
@@ -71,7 +76,13 @@ void set_state(Sim& sim, const StateMap& m) {
   GANTRY_DRIVE_STATE(X)
 #undef X
   copy.brake.closed = value("brake_closed") != 0.0;
-  copy.brake.countdown = 0;
+  const double countdown = value("brake_countdown");
+  if (!(countdown >= 0.0 && countdown <= 1e9))
+    throw std::invalid_argument("the state has a brake_countdown outside 0..1e9");
+  copy.brake.countdown = static_cast<int>(countdown);
+  copy.report.torque_mesh = value("report_torque_mesh");
+  copy.report.vel = value("report_vel");
+  copy.report.limited = value("report_limited") != 0.0;
   copy.count_offset = value("count_offset");
   sim = copy;
 }

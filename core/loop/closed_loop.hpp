@@ -119,12 +119,14 @@ inline std::vector<std::vector<LegResult>> run_legs(std::vector<GantrySim<double
                                                     const std::vector<Leg>& legs,
                                                     const std::vector<double>& zero_counts, int threads) {
   std::vector<std::vector<LegResult>> results(sims.size());
+  if (sims.empty()) return results;
+  const std::size_t shares = std::min(sims.size(), static_cast<std::size_t>(threads));
   const auto work = [&](std::size_t first) {
-    for (std::size_t n = first; n < sims.size(); n += static_cast<std::size_t>(threads))
+    for (std::size_t n = first; n < sims.size(); n += shares)
       for (const Leg& leg : legs) results[n].push_back(run_leg(*sims[n], law, leg, zero_counts[n]));
   };
   std::vector<std::thread> pool;
-  for (int k = 1; k < threads; ++k) pool.emplace_back(work, static_cast<std::size_t>(k));
+  for (std::size_t k = 1; k < shares; ++k) pool.emplace_back(work, k);
   work(0);
   for (std::thread& t : pool) t.join();
   return results;

@@ -32,13 +32,22 @@ struct Brake {
 template <class T>
 class GantrySim {
  public:
+  // What the last scan leaves to be shown; nothing is computed from it.
+  struct Report {
+    T torque_mesh = T(0.0);
+    T vel = T(0.0);  // mean motor speed over the scan, from the encoder
+    bool limited = false;
+  };
+
   GantrySim() = default;
-  GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, int cycles_per_scan,
-            int brake_close_cycles, int brake_open_cycles, double cycle_s, Scheme scheme, int rk4_steps)
+  GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, double scan_period_s,
+            int cycles_per_scan, int brake_close_cycles, int brake_open_cycles, double cycle_s, Scheme scheme,
+            int rk4_steps)
       : plant_(plant),
         drive_(drive),
         current_(plant, cycle_s),
         cycle_s_(cycle_s),
+        scan_period_s_(scan_period_s),
         cycles_per_scan_(cycles_per_scan),
         close_cycles_(brake_close_cycles),
         open_cycles_(brake_open_cycles),
@@ -58,7 +67,8 @@ class GantrySim {
     x.pos_load = theta0;
     x.pos_motor = p.ratio * theta0;
     if (!p.rigid) settle_gears(theta0, torque_mesh);
-    torque_mesh_ = torque_mesh;
+    report = Report();
+    report.torque_mesh = torque_mesh;
     if (servo_on) {
       x.torque_motor = torque_motor;
       s.torque_set = torque_motor;
@@ -67,30 +77,29 @@ class GantrySim {
       x.brake_z = -torque_motor / plant_.brake.stiffness;
     }
     s.pos_last = encoder_position(drive_.p, x.pos_motor, x.vel_motor, drive_.p.speed_count);
-    vel_report_ = T(0.0);
   }
 
   // One scan: the drive cycles that fit into it, with the command held.
   void scan(const DriveCommand<T>& command, bool brake_open) {
-    limited_ = false;
+    report.limited = false;
     const T start = s.pos_last;
     const T dt = T(cycle_s_);
     if (brake.command(brake_open, close_cycles_, open_cycles_)) x.brake_z = brake_grip();
     for (int k = 0; k < cycles_per_scan_; ++k) {
-      const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, limited_);
+      const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
       advance(u, dt);
       if (brake.cycle()) x.brake_z = brake_grip();
     }
-    vel_report_ = (s.pos_last - start) / (dt * T(cycles_per_scan_));
+    report.vel = (s.pos_last - start) / (dt * T(cycles_per_scan_));
     flush();
   }
 
   // One drive cycle of the plant alone, torque u; for tests without a controller.
   void advance(T u, T dt) {
     if (scheme_ == Scheme::kOneEvaluation)
-      step_one_evaluation(plant_, current_, u, brake.closed, dt, x, torque_mesh_);
+      step_one_evaluation(plant_, current_, u, brake.closed, dt, x, report.torque_mesh);
     else
-      step_runge_kutta(plant_, current_, u, brake.closed, dt, rk4_steps_, x, torque_mesh_);
+      step_runge_kutta(plant_, current_, u, brake.closed, dt, rk4_steps_, x, report.torque_mesh);
   }
 
   // Encoder counts since its own zero; whole numbers unless the encoder is ideal.
@@ -105,17 +114,19 @@ class GantrySim {
     return select(has_budget, s.overload / select(has_budget, drive_.budget, T(1.0)), T(0.0));
   }
 
-  T torque_mesh() const { return torque_mesh_; }
-  T vel_report() const { return vel_report_; }
-  bool limited() const { return limited_; }
+  T torque_mesh() const { return report.torque_mesh; }
+  T vel_report() const { return report.vel; }
+  bool limited() const { return report.limited; }
   const Plant<T>& plant() const { return plant_; }
 
-  double scan_period_s() const { return cycle_s_ * cycles_per_scan_; }
+  // As given, not cycle * cycles: a rounding error apart, and every time stamp of a run would differ.
+  double scan_period_s() const { return scan_period_s_; }
   double cycle_s() const { return cycle_s_; }
 
   PlantState<T> x;
   DriveState<T> s;
   Brake brake;
+  Report report;
   T count_offset = T(0.0);  // where the encoder is mounted on the shaft, counts; turns it has lost
 
  private:
@@ -155,14 +166,12 @@ class GantrySim {
   Drive<T> drive_;
   CurrentLoop<T> current_;
   double cycle_s_ = 125e-6;
+  double scan_period_s_ = 1e-3;
   int cycles_per_scan_ = 8;
   int close_cycles_ = 0;
   int open_cycles_ = 0;
   Scheme scheme_ = Scheme::kOneEvaluation;
   int rk4_steps_ = 2;
-  T torque_mesh_ = T(0.0);
-  T vel_report_ = T(0.0);
-  bool limited_ = false;
 };
 
 }  // namespace gantry

@@ -91,7 +91,7 @@ inline DriveParams<double> drive() {
 template <class T>
 GantrySim<T> sim(const PlantParams<T>& plant, const DriveParams<T>& drive,
                  Scheme scheme = Scheme::kOneEvaluation) {
-  return {plant, drive, 8, 1200, 800, kCycle, scheme, 2};
+  return {plant, drive, 1e-3, 8, 1200, 800, kCycle, scheme, 2};
 }
 
 inline GantrySim<double> sim() { return sim(plant(), drive()); }
