@@ -110,8 +110,9 @@ def scan_by_scan(run: Run, plan: _core.Segments, scans: int, first: int = 0) -> 
         row = {
             "pos_ref_rad": pos, "vel_ref_rad_s": vel, "acc_ref_rad_s2": acc, "pos_act_rad": actual,
             "pos_err_rad": error, "vel_cmd_rad_s": command, "torque_act_nm": torque, "pos_load_rad": load,
-            "vel_load_rad_s": vel_load, "pos_motor_rad": motor, "vel_motor_rad_s": vel_motor, "pos_base_rad": base,
-            "vel_base_rad_s": vel_base, "torque_mesh_nm": mesh, "counts": counts, "torque_limited": float(limited),
+            "vel_load_rad_s": vel_load, "pos_motor_rad": motor, "vel_motor_rad_s": vel_motor,
+            "pos_base_rad": base, "vel_base_rad_s": vel_base, "torque_mesh_nm": mesh, "counts": counts,
+            "torque_limited": float(limited),
         }  # fmt: skip
         out[:, k] = [row[name] for name in _core.LOG_COLUMNS]
         run.sim.scan(1, command, 0.0, True)

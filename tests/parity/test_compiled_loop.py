@@ -75,7 +75,7 @@ def test_a_state_through_json_goes_on_with_the_same_bits(
     assert restored.sim.state == whole.sim.state
 
 
-# Off, speed and quick stop, with the brake opened and closed: the states between two scans that the loop never sees.
+# Off, speed and quick stop, with the brake opened and closed: what the compiled loop never does.
 _STEPS = st.lists(
     st.tuples(st.sampled_from([0, 1, 2]), st.floats(-60.0, 60.0), st.floats(-30.0, 30.0), st.booleans()),
     min_size=4,
