@@ -128,8 +128,7 @@ def bands(table: ErrorTable, reference: ErrorTable = PAPER_TABLE) -> Figure:
             ax.axhline(level, color=RED, lw=0.8)
         at = 0.04 * x[-1]
         ax.annotate("", (at, high), (at, low), arrowprops={"arrowstyle": "<->", "color": RED, "lw": 0.9})
-        ax.text(1.6 * at, 0.62 * low, f"A = {(high - low) / 1e3:.4f}°", color=RED, va="center")
-        ax.set_title(title)
+        ax.set_title(f"{title}: A = {(high - low) / 1e3:.4f}°")
         ax.set_xlabel("displacement, °")
         ax.set_xticks(data.displacements_deg)
     axes[0].set_ylabel("error, 0.001°")

@@ -70,6 +70,7 @@ def write_report(report: AccuracyReport, folder: str | Path) -> Path:
 def _view(report: AccuracyReport) -> dict[str, Any]:
     """What the template sees: words and numbers, no logic."""
     iso = report.iso
+    paper_rms = statistics(PAPER_TABLE).rms_deg
     return {
         "report": report,
         "verdict": report.verdict,
@@ -96,7 +97,7 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
             if distribution is not None
         ],
         "bases": [
-            (f"{base:g}°".replace("-", "−"), rms, *report.statistics.range_deg[base])
+            (f"{base:g}°".replace("-", "−"), rms, *report.statistics.range_deg[base], paper_rms.get(base))
             for base, rms in report.statistics.rms_deg.items()
         ],
         "figures": _figures(report),
@@ -227,8 +228,8 @@ def _figures(report: AccuracyReport) -> dict[str, str]:
         fastest = max(with_curves, key=lambda run: run.speed_deg_s)
         made["speed"] = figures.svg(figures.speed_test(fastest), "speed")
         made["speed_title"] = (
-            f"{fastest.speed_deg_s:g}°/s {fastest.direction.value}, {fastest.travel_deg[0]:g}° to "
-            f"{fastest.travel_deg[1]:g}°"
+            f"{fastest.speed_deg_s:g}°/s {fastest.direction.value}, {fastest.travel_deg[0]:.1f}° to "
+            f"{fastest.travel_deg[1]:.1f}°"
         )
     if len(with_curves) > 1:
         made["speed_all"] = figures.svg(figures.speed_errors(with_curves), "speed_all")

@@ -103,6 +103,8 @@ def _headline(report: AccuracyReport) -> str:
         lines.append(f"A of the instrument's noise alone: {distribution_text(report.a_floor)}")
     if figures.a_by_direction_deg is not None:
         lines.append(f"with the directions kept apart, 3s: {figures.a_by_direction_deg:.4f} deg")
+    rms = ", ".join(f"{base:g} deg {value:.4f}" for base, value in figures.rms_deg.items())
+    lines.append(f"rms by base: {rms}")
     if report.ensemble is not None:
         gears = report.ensemble
         lines.append(

@@ -20,6 +20,7 @@ MEASURED = AccuracyReport("m", "hash", "0.1", 0, "tracker.csv", PAPER_TABLE)
 def test_a_table_from_a_file_is_enough() -> None:
     text = text_report(MEASURED)
     assert "A = 0.0113 deg by eq. (6), 6 rows pooled" in text
+    assert "rms by base: 90 deg 0.0015, 0 deg 0.0009, -90 deg 0.0021" in text
     assert "PASS: A as measured 0.0113 deg" in text
     assert "this is the paper's own table" in text
     assert "ISO 230-2:2014: not computable: 1 run" in text
