@@ -1,0 +1,1 @@
+"""Drives: each a `Drive` port, strangers to each other."""

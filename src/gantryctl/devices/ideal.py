@@ -1,0 +1,132 @@
+"""The ideal drive: actual = set-point. For trying programs without any plant."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.image import (
+    DigitalInputs,
+    DriveFeedback,
+    DriveIdentity,
+    DriveRequest,
+    DriveState,
+    EncoderFlag,
+    OutputImage,
+)
+
+_STEPS: Final = {
+    DriveState.SWITCH_ON_DISABLED: DriveState.READY_TO_SWITCH_ON,
+    DriveState.READY_TO_SWITCH_ON: DriveState.SWITCHED_ON,
+    DriveState.SWITCHED_ON: DriveState.OPERATION_ENABLED,
+}
+_ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+
+
+class IdealDrive:
+    """A drive that does exactly what it is told: its angle is the integral of the speed command.
+
+    Torque is what the preload asks for, the brake follows its command at once, the load has no inertia. A quick stop
+    ramps down; torque off stands still at once.
+
+    Args:
+        period_s: scan period.
+        counts_per_turn: fine counts per motor turn.
+        ratio: motor turns per gantry turn.
+        pos_rad: gantry angle at the start.
+        zero_counts: encoder count at 0 deg.
+        turns: multiturn range of the encoder.
+        quick_dec_rad_s2: quick-stop deceleration at the gantry.
+
+    Attributes:
+        inputs: what the hard-wired inputs say; a test may change it.
+        error_code: above 0: the drive is in fault.
+    """
+
+    def __init__(
+        self,
+        period_s: float,
+        counts_per_turn: int,
+        ratio: float,
+        *,
+        pos_rad: float = 0.0,
+        zero_counts: float = 0.0,
+        turns: int = 4096,
+        quick_dec_rad_s2: float = math.radians(5.5),
+    ) -> None:
+        self._identity = DriveIdentity("ideal drive", "IDEAL-0001", counts_per_turn, turns)
+        self._period_s = period_s
+        self._counts_per_rad = counts_per_turn / (2.0 * math.pi)
+        self._ratio = ratio
+        self._quick_step = quick_dec_rad_s2 * ratio * period_s
+        self._zero_counts = zero_counts
+        self.pos_motor_rad = pos_rad * ratio
+        self.vel_rad_s = 0.0
+        self.torque_nm = 0.0
+        self.brake_open = False
+        self.state = DriveState.SWITCH_ON_DISABLED
+        self.inputs = DigitalInputs()
+        self.error_code = 0
+
+    @property
+    def pos_rad(self) -> float:
+        """Angle of the gantry, rad."""
+        return self.pos_motor_rad / self._ratio
+
+    def identity(self) -> DriveIdentity:
+        """Counts and range of its encoder."""
+        return self._identity
+
+    def read(self) -> DriveFeedback:
+        """The state at the beginning of this scan."""
+        counts = round(self.pos_motor_rad * self._counts_per_rad + self._zero_counts)
+        return DriveFeedback(
+            self.state,
+            counts,
+            self.vel_rad_s,
+            self.torque_nm,
+            self.brake_open,
+            False,
+            0.0,
+            EncoderFlag.NONE,
+            self.error_code,
+            False,
+            0,
+            self.inputs,
+        )
+
+    def write(self, output: OutputImage) -> None:
+        """Follow the request; the angle moves on by one scan of the speed."""
+        self._walk(output.request)
+        enabled = self.state in _ENABLED
+        self.brake_open = enabled and output.brake_open
+        self.torque_nm = output.torque_ff_nm if enabled else 0.0
+        if self.state is DriveState.OPERATION_ENABLED and self.brake_open:
+            self.vel_rad_s = output.vel_cmd_rad_s
+        elif self.state is DriveState.QUICK_STOP_ACTIVE and self.brake_open:
+            left = max(0.0, abs(self.vel_rad_s) - self._quick_step)
+            self.vel_rad_s = math.copysign(left, self.vel_rad_s)
+        else:
+            self.vel_rad_s = 0.0
+        self.pos_motor_rad += self.vel_rad_s * self._period_s
+
+    def close(self) -> None:
+        """Torque off, brake closed."""
+        self.state = DriveState.SWITCH_ON_DISABLED
+        self.vel_rad_s = self.torque_nm = 0.0
+        self.brake_open = False
+
+    def _walk(self, request: DriveRequest) -> None:
+        """One CiA 402 transition at most."""
+        if self.error_code:
+            if request is DriveRequest.FAULT_RESET and self.state is DriveState.FAULT:
+                self.error_code = 0
+                self.state = DriveState.SWITCH_ON_DISABLED
+            else:
+                self.state = DriveState.FAULT
+        elif request is DriveRequest.DISABLE or not (self.inputs.estop_ok and self.inputs.mains_ready):
+            self.state = DriveState.SWITCH_ON_DISABLED
+        elif request is DriveRequest.ENABLE:
+            self.state = _STEPS.get(self.state, self.state)
+        elif request is DriveRequest.QUICK_STOP and self.state is DriveState.OPERATION_ENABLED:
+            self.state = DriveState.QUICK_STOP_ACTIVE

@@ -1,0 +1,56 @@
+"""The PLC program: axis, function blocks, alarms, and the shipped `GantryProgram`.
+
+Errors are values inside the scan: a bad input gives a refusal or an alarm, never an exception.
+"""
+
+from gantryctl.program.alarm_table import ALARMS, Definition
+from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, explain
+from gantryctl.program.axis import Axis
+from gantryctl.program.codes import Code, Reaction, Severity
+from gantryctl.program.commands import CommandStatus, MotionCommand
+from gantryctl.program.gantry import GantryProgram
+from gantryctl.program.power_phases import PowerPhase, Proof
+from gantryctl.program.program import AxisProgram
+from gantryctl.program.settings import (
+    AxisSettings,
+    Hold,
+    LawSettings,
+    MonitorSettings,
+    PowerSettings,
+    RampSettings,
+    SpeedSettings,
+    TravelSettings,
+    scans,
+)
+from gantryctl.program.states import AxisEvents, AxisState, next_state
+
+__all__ = [
+    "ALARMS",
+    "Alarm",
+    "AlarmLog",
+    "Axis",
+    "AxisEvents",
+    "AxisProgram",
+    "AxisSettings",
+    "AxisState",
+    "Code",
+    "CommandStatus",
+    "Definition",
+    "GantryProgram",
+    "Hold",
+    "LawSettings",
+    "MonitorSettings",
+    "MotionCommand",
+    "PowerPhase",
+    "PowerSettings",
+    "Proof",
+    "RampSettings",
+    "Reaction",
+    "Refusal",
+    "Severity",
+    "SpeedSettings",
+    "TravelSettings",
+    "explain",
+    "next_state",
+    "scans",
+]

@@ -1,0 +1,127 @@
+"""PLCopen administrative blocks: Power, Reset, SetOverride, SetPosition."""
+
+from __future__ import annotations
+
+from gantryctl.program.axis import Axis
+from gantryctl.program.blocks.base import Block
+
+
+class Power(Block):
+    """Power on while Enable is TRUE: drive enable, torque proof, brake; and the same back.
+
+    `status` is TRUE when the axis follows commands (also while the brake holds it at standstill, hold = brake). After
+    an alarm or a refusal, Enable must become FALSE and TRUE again: nothing switches on by itself.
+    """
+
+    __slots__ = ("_enable", "_on", "status")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.status = False
+        self._enable = self._on = False
+
+    def __call__(self, *, enable: bool) -> None:
+        """One scan."""
+        axis = self.axis
+        if enable != self._enable:
+            self._enable = enable
+            self._fail(None)
+            self._on = False
+            if enable:
+                reason = axis.power_on()
+                if reason is None:
+                    self._on = True
+                else:
+                    self._refused(reason)
+            else:
+                axis.power_off()
+        self.status = axis.power.status
+        if self._on and axis.alarms.first_out is not None:
+            first = axis.alarms.first_out
+            self._on = False
+            self.error, self.error_id, self.error_text = True, first.code, first.measured
+
+
+class Reset(Block):
+    """Clear alarms whose cause is gone, drive faults too. Never enables, never shortens a stop.
+
+    From ErrorStop to Disabled when power is off. `service` TRUE: the caller has the service role and may clear locked
+    alarms, which also takes the present angle as valid.
+    """
+
+    __slots__ = ("_execute", "busy", "done")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.done = self.busy = False
+        self._execute = False
+
+    def __call__(self, *, execute: bool, service: bool = False) -> None:
+        """One scan."""
+        if execute and not self._execute:
+            self.done = False
+            self._fail(None)
+            reason = self.axis.reset(service=service)
+            if reason is None:
+                self.busy = True
+            else:
+                self._refused(reason)
+        elif not execute and not self.busy:
+            self.done = False
+            self._fail(None)
+        self._execute = execute
+        if self.busy and not self.axis.resetting:
+            self.busy = False
+            reason = self.axis.recovery.failure
+            self.done = reason is None
+            if reason is not None:
+                self._refused(reason)
+
+
+class SetOverride(Block):
+    """Speed override 0..1, for the motion under way and all later ones. 0 stops; it goes on when raised."""
+
+    __slots__ = ("_asked", "enabled")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.enabled = False
+        self._asked = axis.virtual.override
+
+    def __call__(self, *, enable: bool = True, override: float) -> None:
+        """One scan."""
+        self.enabled = enable
+        if not enable or override == self._asked or (override != override and self._asked != self._asked):
+            return
+        self._asked = override
+        reason = self.axis.set_override(override)
+        self._fail(None)
+        if reason is not None:
+            self._refused(reason)
+
+
+class SetPosition(Block):
+    """Call the present angle `position_rad`. Nothing moves.
+
+    Only at standstill or disabled; refused outside the travel and where the encoder would wrap near it. The new
+    `axis.zero_counts` is for retained memory.
+    """
+
+    __slots__ = ("_execute", "done")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.done = False
+        self._execute = False
+
+    def __call__(self, *, execute: bool, position_rad: float) -> None:
+        """One scan."""
+        if execute != self._execute:
+            self._execute = execute
+            self.done = False
+            self._fail(None)
+            if execute:
+                reason = self.axis.set_position(position_rad)
+                self.done = reason is None
+                if reason is not None:
+                    self._refused(reason)

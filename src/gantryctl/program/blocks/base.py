@@ -1,0 +1,90 @@
+"""What the blocks share: PLCopen's rules for Execute and the outputs."""
+
+from __future__ import annotations
+
+from gantryctl.program.alarms import Refusal
+from gantryctl.program.axis import Axis
+from gantryctl.program.codes import Code
+from gantryctl.program.commands import CommandStatus, MotionCommand
+
+
+class Block:
+    """A function block on one axis, called once per scan.
+
+    Attributes:
+        error: the last call could not do, or go on with, what it was asked for.
+        error_id: code of the alarm or refusal, None without an error.
+        error_text: the reason in words.
+    """
+
+    __slots__ = ("axis", "error", "error_id", "error_text")
+
+    def __init__(self, axis: Axis) -> None:
+        self.axis = axis
+        self.error = False
+        self.error_id: Code | None = None
+        self.error_text = ""
+
+    def _fail(self, reason: Refusal | None) -> None:
+        self.error = reason is not None
+        self.error_id, self.error_text = (None, "") if reason is None else reason
+
+    def _refused(self, reason: Refusal) -> None:
+        """An error at once: the command was refused and nothing changed."""
+        self._fail(reason)
+        self.axis.report_refusal(reason)
+
+
+class ExecuteBlock(Block):
+    """A block that begins on the rising edge of Execute.
+
+    Inputs count at that edge only. `busy` until the command has ended, `active` while it has the axis; then exactly
+    one of `done`, `command_aborted`, `error`, for as long as Execute stays TRUE, and for at least one scan. A
+    falling edge of Execute does not end the motion.
+    """
+
+    __slots__ = ("_command", "_execute", "_final", "active", "busy", "command_aborted", "done")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.done = self.busy = self.active = self.command_aborted = False
+        self._execute = self._final = False
+        self._command: MotionCommand | None = None
+
+    @property
+    def command(self) -> MotionCommand | None:
+        """The command under way."""
+        return self._command
+
+    def _begin(self, command: MotionCommand) -> None:
+        """Show a new command from now on."""
+        self._clear()
+        self._command = command
+        if command.status is CommandStatus.ERROR and command.refusal is not None:
+            self.axis.report_refusal(command.refusal)
+
+    def _show(self, execute: bool) -> None:
+        """Set the outputs of this scan; every call ends with this."""
+        self._execute = execute
+        command = self._command
+        if command is None:
+            if self._final and not execute:
+                self._clear()
+            return
+        status = command.status
+        self.active = status is CommandStatus.ACTIVE
+        self.busy = self.active or status is CommandStatus.WAITING
+        if not self.busy:
+            self._end(command)
+
+    def _end(self, command: MotionCommand) -> None:
+        self.done = command.status is CommandStatus.DONE
+        self.command_aborted = command.status is CommandStatus.ABORTED
+        if command.status is CommandStatus.ERROR:
+            self._fail(command.refusal)
+        self._command = None
+        self._final = True
+
+    def _clear(self) -> None:
+        self.done = self.busy = self.active = self.command_aborted = self._final = False
+        self._fail(None)

@@ -1,0 +1,121 @@
+"""Jog and Inch. Vendor blocks, as in TwinCAT and CODESYS: they are not part of PLCopen Part 1."""
+
+from __future__ import annotations
+
+from gantryctl.program.alarms import refusal
+from gantryctl.program.axis import Axis
+from gantryctl.program.blocks.base import ExecuteBlock
+from gantryctl.program.codes import Code
+from gantryctl.program.commands import CommandStatus, MotionCommand
+from gantryctl.units import deg
+
+
+class Jog(ExecuteBlock):
+    """Vendor block (not PLCopen Part 1): hold-to-run with a key for each direction.
+
+    Moves while exactly one key is TRUE. Released, or both pressed: the jog-release ramp; after both, both must be
+    released before the next start. A key starts on its rising edge: from standstill either way, while the axis
+    still comes to rest the same way only. At the end of the travel it comes to rest by itself (`at_limit`).
+    """
+
+    __slots__ = ("_backward", "_direction", "_forward", "_released", "_speed", "at_limit")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self._forward = self._backward = False
+        self._released = True
+        self._direction = 0
+        self._speed = 0.0
+        self.at_limit = False
+
+    def __call__(self, *, forward: bool, backward: bool, velocity_rad_s: float) -> None:
+        """One scan."""
+        if forward != self._forward or backward != self._backward:
+            self._keys(forward, backward, velocity_rad_s)
+            self._forward, self._backward = forward, backward
+        elif self.busy and not self._released and velocity_rad_s != self._speed:
+            self._change_speed(velocity_rad_s)
+        self._show(forward or backward)
+
+    def _keys(self, forward: bool, backward: bool, velocity_rad_s: float) -> None:
+        """A key has changed: release what runs, then see whether a key was pressed alone."""
+        command = self._command
+        if command is not None and not self._released:
+            self._released = True
+            self.axis.motion.release(command)
+        if forward == backward:
+            return
+        pressed_now = forward and not self._forward or backward and not self._backward
+        if not pressed_now:  # one of two keys was let go
+            return
+        self._start(1 if forward else -1, velocity_rad_s)
+
+    def _start(self, direction: int, velocity_rad_s: float) -> None:
+        axis = self.axis
+        still_moving = self._command is not None and self._command.alive
+        if still_moving and direction != self._direction:
+            self._refused(
+                refusal(Code.CTL_14, measured="reversal only from standstill: release and press again")
+            )
+            return
+        if not still_moving and axis.motion.current is not None:
+            self._refused(refusal(Code.CTL_14, measured="the axis is moving: jog from standstill only"))
+            return
+        reason = axis.motion.check_speed(velocity_rad_s)  # the keys give the sign, not the speed
+        if reason is not None:
+            self._refused(reason)
+            return
+        self.at_limit = False
+        self._direction, self._speed, self._released = direction, velocity_rad_s, False
+        self._begin(axis.motion.move_velocity(direction * velocity_rad_s))
+
+    def _end(self, command: MotionCommand) -> None:
+        self.at_limit = command.status is CommandStatus.DONE and command.refusal is not None
+        super()._end(command)
+
+    def _change_speed(self, velocity_rad_s: float) -> None:
+        self._speed = velocity_rad_s
+        command = self._command
+        if command is not None:
+            reason = self.axis.motion.change_speed(command, velocity_rad_s)
+            if reason is not None:
+                self.axis.report_refusal(reason)
+
+
+class Inch(ExecuteBlock):
+    """Vendor block (not PLCopen Part 1): one rising edge of a key moves one increment, to its end.
+
+    From the set-point, the direction by the key. While the axis moves a key is refused, not queued; an increment
+    past the travel is refused whole.
+    """
+
+    __slots__ = ("_backward", "_forward")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self._forward = self._backward = False
+
+    def __call__(self, *, forward: bool, backward: bool, distance_rad: float, velocity_rad_s: float) -> None:
+        """One scan."""
+        if (forward and not self._forward) or (backward and not self._backward):
+            self._step(forward, backward, distance_rad, velocity_rad_s)
+        self._forward, self._backward = forward, backward
+        self._show(forward or backward)
+
+    def _step(self, forward: bool, backward: bool, distance_rad: float, velocity_rad_s: float) -> None:
+        axis = self.axis
+        travel = axis.settings.travel
+        length = travel.pos_max_rad - travel.pos_min_rad
+        if forward and backward:
+            self._refused(refusal(Code.CTL_14, measured="both keys are pressed: one increment needs one key"))
+        elif axis.motion.current is not None:
+            self._refused(
+                refusal(Code.CTL_14, measured="the axis is moving: increments from standstill only")
+            )
+        elif not 0.0 < distance_rad <= length:
+            allowed = f"above 0 and at most {deg(length):.2f} deg"
+            measured = f"{deg(distance_rad):.6g} deg"
+            self._refused(refusal(Code.CTL_01, name="increment", allowed=allowed, measured=measured))
+        else:
+            way = distance_rad if forward else -distance_rad
+            self._begin(axis.motion.move_relative(way, velocity_rad_s))

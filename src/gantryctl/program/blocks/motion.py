@@ -1,0 +1,115 @@
+"""PLCopen motion blocks: MoveAbsolute, MoveRelative, MoveVelocity, Halt, Stop, Home. Buffer mode Aborting only.
+
+The ramps are the machine's: no block changes them.
+"""
+
+from __future__ import annotations
+
+from gantryctl.program.axis import Axis
+from gantryctl.program.blocks.base import ExecuteBlock
+from gantryctl.program.commands import CommandStatus, MotionCommand
+
+
+class MoveAbsolute(ExecuteBlock):
+    """To an angle on the linear axis; `done` when the axis is in position there."""
+
+    __slots__ = ()
+
+    def __call__(self, *, execute: bool, position_rad: float, velocity_rad_s: float) -> None:
+        """One scan."""
+        if execute and not self._execute:
+            self._begin(self.axis.motion.move_absolute(position_rad, velocity_rad_s))
+        self._show(execute)
+
+
+class MoveRelative(ExecuteBlock):
+    """By an angle from the set-point; `done` when the axis is in position there."""
+
+    __slots__ = ()
+
+    def __call__(self, *, execute: bool, distance_rad: float, velocity_rad_s: float) -> None:
+        """One scan."""
+        if execute and not self._execute:
+            self._begin(self.axis.motion.move_relative(distance_rad, velocity_rad_s))
+        self._show(execute)
+
+
+class MoveVelocity(ExecuteBlock):
+    """With a speed, its sign the direction, until another block takes over.
+
+    At the end of the travel it comes to rest by itself, with error LIM-01. `done` stays FALSE; `in_velocity` is TRUE
+    while the set-point has the speed asked for (times override).
+    """
+
+    __slots__ = ("in_velocity",)
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.in_velocity = False
+
+    def __call__(self, *, execute: bool, velocity_rad_s: float) -> None:
+        """One scan."""
+        if execute and not self._execute:
+            self._begin(self.axis.motion.move_velocity(velocity_rad_s))
+        self._show(execute)
+        command, virtual = self._command, self.axis.virtual
+        self.in_velocity = (
+            self.active
+            and command is not None
+            and not virtual.paused
+            and abs(virtual.vel_ref_rad_s) >= command.speed_rad_s * virtual.override * (1.0 - 1e-9)
+        )
+
+    def _end(self, command: MotionCommand) -> None:
+        if command.status is CommandStatus.DONE and command.refusal is not None:
+            command.fail(command.refusal)
+        super()._end(command)
+
+
+class Halt(ExecuteBlock):
+    """To rest on the normal ramp; another motion may take over before. A harder stop is not made weaker."""
+
+    __slots__ = ()
+
+    def __call__(self, *, execute: bool) -> None:
+        """One scan."""
+        if execute and not self._execute:
+            self._begin(self.axis.motion.halt())
+        self._show(execute)
+
+
+class Stop(ExecuteBlock):
+    """To rest on the jog-release ramp; the axis stays in Stopping, and takes no motion, while Execute is TRUE."""
+
+    __slots__ = ("_held",)
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self._held: MotionCommand | None = None
+
+    def __call__(self, *, execute: bool) -> None:
+        """One scan."""
+        if execute != self._execute:
+            if execute:
+                self._held = self.axis.motion.stop()
+                self._begin(self._held)
+            elif self._held is not None:
+                self.axis.motion.release_stop(self._held)
+                self._held = None
+        self._show(execute)
+
+
+class Home(ExecuteBlock):
+    """The direct form only: the present angle is `position_rad` from now on. Nothing moves.
+
+    Only in Standstill; refused where the encoder would wrap near the travel. The new `axis.zero_counts` is for
+    retained memory.
+    """
+
+    __slots__ = ()
+
+    def __call__(self, *, execute: bool, position_rad: float) -> None:
+        """One scan."""
+        if execute and not self._execute:
+            self._begin(self.axis.home(position_rad))
+        self._show(execute)

@@ -1,0 +1,156 @@
+"""PLCopen reading blocks. They cost nothing when not called: they only show what the axis has."""
+
+from __future__ import annotations
+
+from gantryctl.program.axis import Axis
+from gantryctl.program.blocks.base import Block
+from gantryctl.program.codes import Code
+from gantryctl.program.states import AxisState
+
+
+class ReadStatus(Block):
+    """The axis state as one flag per state."""
+
+    __slots__ = ("state", "valid")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.valid = False
+        self.state = AxisState.DISABLED
+
+    def __call__(self, *, enable: bool = True) -> None:
+        """One scan."""
+        self.valid = enable
+        if enable:
+            self.state = self.axis.state
+
+    @property
+    def error_stop(self) -> bool:
+        """Stopped by an alarm."""
+        return self.valid and self.state is AxisState.ERROR_STOP
+
+    @property
+    def disabled(self) -> bool:
+        """Power is off."""
+        return self.valid and self.state is AxisState.DISABLED
+
+    @property
+    def stopping(self) -> bool:
+        """Held by Stop."""
+        return self.valid and self.state is AxisState.STOPPING
+
+    @property
+    def homing(self) -> bool:
+        """Home is being executed."""
+        return self.valid and self.state is AxisState.HOMING
+
+    @property
+    def standstill(self) -> bool:
+        """Power is on, no motion."""
+        return self.valid and self.state is AxisState.STANDSTILL
+
+    @property
+    def discrete_motion(self) -> bool:
+        """A motion with an end of its own."""
+        return self.valid and self.state is AxisState.DISCRETE_MOTION
+
+    @property
+    def continuous_motion(self) -> bool:
+        """A motion with a speed only."""
+        return self.valid and self.state is AxisState.CONTINUOUS_MOTION
+
+    @property
+    def synchronized_motion(self) -> bool:
+        """Never in this version."""
+        return self.valid and self.state is AxisState.SYNCHRONIZED_MOTION
+
+
+class ReadAxisError(Block):
+    """The alarm that stopped the axis: first out."""
+
+    __slots__ = ("axis_error_id", "axis_error_text", "valid")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.valid = False
+        self.axis_error_id: Code | None = None
+        self.axis_error_text = ""
+
+    def __call__(self, *, enable: bool = True) -> None:
+        """One scan."""
+        self.valid = enable
+        first = self.axis.alarms.first_out
+        if enable:
+            self.axis_error_id = None if first is None else first.code
+            self.axis_error_text = "" if first is None else first.text
+
+
+class ReadMotionState(Block):
+    """What the set-point is doing."""
+
+    __slots__ = (
+        "accelerating", "constant_velocity", "decelerating", "direction_negative", "direction_positive", "valid",
+    )  # fmt: skip
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.valid = self.constant_velocity = self.accelerating = self.decelerating = False
+        self.direction_positive = self.direction_negative = False
+
+    def __call__(self, *, enable: bool = True) -> None:
+        """One scan."""
+        self.valid = enable
+        virtual = self.axis.virtual
+        vel, acc = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
+        moving = enable and not virtual.at_rest
+        self.constant_velocity = moving and acc == 0.0
+        self.accelerating = moving and (acc * vel > 0.0 or (vel == 0.0 and acc != 0.0))
+        self.decelerating = moving and acc * vel < 0.0
+        self.direction_positive = moving and vel > 0.0
+        self.direction_negative = moving and vel < 0.0
+
+
+class _ReadValue(Block):
+    __slots__ = ("valid", "value")
+
+    def __init__(self, axis: Axis) -> None:
+        super().__init__(axis)
+        self.valid = False
+        self.value = 0.0
+
+    def __call__(self, *, enable: bool = True) -> None:
+        """One scan."""
+        self.valid = enable
+        if enable:
+            self.value = self._read()
+
+    def _read(self) -> float:
+        raise NotImplementedError
+
+
+class ReadActualPosition(_ReadValue):
+    """`value`: measured angle, rad; `valid` FALSE after a fault of the encoder."""
+
+    __slots__ = ()
+
+    def _read(self) -> float:
+        self.valid = self.axis.feedback.position_valid
+        return self.axis.pos_act_rad
+
+
+class ReadActualVelocity(_ReadValue):
+    """`value`: the drive's speed at the gantry, rad/s."""
+
+    __slots__ = ()
+
+    def _read(self) -> float:
+        return self.axis.feedback.vel_rad_s
+
+
+class ReadActualTorque(_ReadValue):
+    """`value`: the motor's torque, N m."""
+
+    __slots__ = ()
+
+    def _read(self) -> float:
+        return self.axis.feedback.torque_nm

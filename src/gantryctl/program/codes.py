@@ -1,0 +1,91 @@
+"""Codes of alarms and refusals, and what the axis does about them."""
+
+from __future__ import annotations
+
+from enum import Enum, IntEnum
+
+
+class Reaction(IntEnum):
+    """What an alarm makes the axis do; the larger one wins.
+
+    QUICK_STOP is for what leaves the feedback believable and the drive obedient; anything that puts either in doubt
+    is TORQUE_OFF: on a wrong feedback the drive's own ramp runs away.
+    """
+
+    W = 0
+    """Warning or note: keep going."""
+    REF = 1
+    """Refuse the command, with the reason; nothing changes."""
+    HLT = 2
+    """Stop on the jog-release ramp, stay enabled."""
+    QUICK_STOP = 3
+    """The drive's quick-stop ramp, then brake, then torque off: ErrorStop."""
+    TORQUE_OFF = 4
+    """Torque off and brake at once: ErrorStop."""
+    HOLD = 5
+    """Keep or restore torque at zero speed, because the brake is not trusted: ErrorStop."""
+
+
+class Severity(Enum):
+    """How loud a message is."""
+
+    INFO = "INFO"
+    WARNING = "WARNING"
+    REFUSED = "REFUSED"
+    STOP = "STOP"
+
+
+class Code(Enum):
+    """Stable codes: one cause, one page of the manual."""
+
+    ENC_01 = "ENC-01"
+    ENC_02 = "ENC-02"
+    ENC_03 = "ENC-03"
+    ENC_04 = "ENC-04"
+    ENC_05 = "ENC-05"
+    ENC_06 = "ENC-06"
+    ENC_13 = "ENC-13"
+    CTL_01 = "CTL-01"
+    CTL_02 = "CTL-02"
+    CTL_03 = "CTL-03"
+    CTL_04 = "CTL-04"
+    CTL_05 = "CTL-05"
+    CTL_07 = "CTL-07"
+    CTL_09 = "CTL-09"
+    CTL_10 = "CTL-10"
+    CTL_11 = "CTL-11"
+    CTL_12 = "CTL-12"
+    CTL_13 = "CTL-13"
+    CTL_14 = "CTL-14"
+    CTL_15 = "CTL-15"
+    CTL_16 = "CTL-16"
+    CTL_17 = "CTL-17"
+    CAN_07 = "CAN-07"
+    LIM_01 = "LIM-01"
+    LIM_02 = "LIM-02"
+    LIM_03 = "LIM-03"
+    LIM_04 = "LIM-04"
+    LIM_05 = "LIM-05"
+    BRK_01 = "BRK-01"
+    BRK_03 = "BRK-03"
+    BRK_04 = "BRK-04"
+    BRK_05 = "BRK-05"
+    BRK_06 = "BRK-06"
+    BRK_07 = "BRK-07"
+    BRK_10 = "BRK-10"
+    BRK_11 = "BRK-11"
+    DRV_01 = "DRV-01"
+    DRV_02 = "DRV-02"
+    DRV_03 = "DRV-03"
+    DRV_04 = "DRV-04"
+    DRV_07 = "DRV-07"
+    INT_03 = "INT-03"
+    INT_05 = "INT-05"
+    INT_06 = "INT-06"
+    PWR_01 = "PWR-01"
+    PWR_03 = "PWR-03"
+    PWR_04 = "PWR-04"
+    THM_01 = "THM-01"
+
+    def __str__(self) -> str:
+        return self.value

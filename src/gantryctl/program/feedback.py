@@ -1,0 +1,151 @@
+"""What the drive reported this scan, at the gantry, after the encoder has been found plausible."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Final
+
+from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag
+from gantryctl.program.alarms import AlarmLog
+from gantryctl.program.codes import Code, Reaction
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg
+
+_NO_FLAG: Final = EncoderFlag.NONE
+
+
+class Feedback:
+    """The reading of this scan, and the monitors of the encoder (faults A1 to A7, A16).
+
+    Every one of them that doubts the position is TORQUE OFF: a quick stop on a wrong encoder runs away. The
+    position then counts as not valid until service resets.
+
+    Attributes:
+        counts: encoder count used this scan; a single bad reading is replaced by a prediction.
+        vel_rad_s: the drive's speed at the gantry.
+        position_valid: False after a fault of the encoder.
+    """
+
+    __slots__ = (
+        "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max", "_frozen", "_frozen_scans",
+        "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s", "_prediction", "_ratio",
+        "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm", "error_code", "inputs", "overload",
+        "position_valid", "state", "torque_limited", "torque_nm", "vel_rad_s", "warning",
+    )  # fmt: skip
+
+    def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
+        law, monitors, period_s = settings.law, settings.monitors, settings.period_s
+        self._alarms = alarms
+        self._period_s = period_s
+        self._ratio = law.ratio
+        self._counts_per_rad = law.counts_per_turn * law.ratio / (2.0 * math.pi)
+        self._jump_per_speed = period_s * self._counts_per_rad
+        self._jump_base = (
+            monitors.encoder_jump_base_rad * self._counts_per_rad
+            + monitors.encoder_jump_speed_rad_s * self._jump_per_speed
+        )
+        self._frozen_speed = monitors.encoder_frozen_speed_rad_s * law.ratio
+        self._frozen_scans = settings.scans(monitors.encoder_frozen_time_s, least=3)
+        self._error_scans = settings.scans(monitors.encoder_errors_time_s, least=monitors.encoder_errors_max)
+        self._errors_max = monitors.encoder_errors_max
+        self._old_scans = settings.scans(monitors.reading_age_s, least=3)
+        self._frozen = 0
+        self._prediction = 0.0
+        self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
+        self.state = DriveState.UNKNOWN
+        self.counts: float = math.nan
+        self.vel_rad_s = 0.0
+        self.torque_nm = 0.0
+        self.brake_open = False
+        self.torque_limited = False
+        self.overload = 0.0
+        self.error_code = 0
+        self.warning = False
+        self.age_scans = 0
+        self._doubt = False
+        self.inputs = DigitalInputs()
+        self.position_valid = True
+        self.encoder_alarm = False
+
+    def scan(self, drive: DriveFeedback, vel_cmd_rad_s: float) -> None:
+        """Take this scan's reading; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
+        (
+            self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
+            encoder, self.error_code, self.warning, age, self.inputs,
+        ) = drive  # fmt: skip
+        step = counts - self.counts
+        vel = self.vel_rad_s
+        allowed = self._jump_base + (vel if vel >= 0.0 else -vel) * self._jump_per_speed
+        if encoder is not _NO_FLAG or age or self._doubt or not -allowed <= step <= allowed:
+            counts = self._doubtful(counts, step, encoder, age)
+        if step == 0.0:
+            self._unchanged(vel_cmd_rad_s, age)
+        else:
+            self._frozen = 0
+        self.counts = counts
+        self.vel_rad_s = vel_motor / self._ratio
+
+    def accept_position(self) -> None:
+        """Service has compared the angle: take the present reading as valid."""
+        self.position_valid = True
+        self._bad_scans.clear()
+        self._frozen = 0
+
+    def _doubtful(self, counts: float, step: float, encoder: EncoderFlag, age: int) -> float:
+        """The slow path: first scan, flags, an old reading, or a step that is too large."""
+        self.encoder_alarm = bool(encoder & EncoderFlag.ALARM)
+        if self.encoder_alarm:
+            self._raise(Code.ENC_05)
+        if encoder & EncoderFlag.WARNING:
+            self._alarms.raise_(Code.ENC_06)
+        missed = max(age, self.age_scans)
+        self.age_scans = age
+        self._doubt = self.encoder_alarm or age > 0
+        if age > self._old_scans:
+            period_ms = self._period_s * 1e3
+            self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
+        if not math.isfinite(counts):
+            self._raise_invalid("encoder count")
+            return self.counts
+        if encoder & EncoderFlag.CRC_ERROR:
+            return self._bad_reading(counts)
+        if math.isnan(self.counts):  # the first reading: nothing to compare with
+            return counts
+        allowed = (self._jump_base + abs(self.vel_rad_s) * self._jump_per_speed) * (missed + 1)
+        if not -allowed <= step <= allowed:
+            per_deg = self._counts_per_rad * math.pi / 180.0
+            self._raise(Code.ENC_01, measured=abs(step) / per_deg, limit=allowed / per_deg)
+        return counts
+
+    def _bad_reading(self, counts: float) -> float:
+        """Bridge one reading with a checksum error by a prediction; too many of them are a fault."""
+        scan = self._alarms.scan
+        self._bad_scans.append(scan)
+        first = self._bad_scans[0]
+        if len(self._bad_scans) == self._errors_max and scan - first < self._error_scans:
+            time_ms = (scan - first + 1) * self._period_s * 1e3
+            self._raise(Code.ENC_04, measured=self._errors_max, limit=self._errors_max, time_ms=time_ms)
+        else:
+            self._alarms.raise_(Code.ENC_03, measured=1)
+        if math.isnan(self.counts):
+            return counts
+        return self.counts + round(self.vel_rad_s * self._jump_per_speed)
+
+    def _unchanged(self, vel_cmd_rad_s: float, age: int) -> None:
+        """The count is what it was: frozen, when that lasts while the axis is told to move."""
+        if age or not abs(vel_cmd_rad_s) > self._frozen_speed:
+            self._frozen = 0
+            return
+        self._frozen += 1
+        if self._frozen >= self._frozen_scans:
+            time_ms = self._frozen * self._period_s * 1e3
+            self._raise(Code.ENC_02, measured=deg(abs(vel_cmd_rad_s) / self._ratio), time_ms=time_ms)
+
+    def _raise(self, code: Code, /, **values: object) -> None:
+        self.position_valid = False
+        self._alarms.raise_(code, None, **values)
+
+    def _raise_invalid(self, what: str) -> None:
+        self.position_valid = False
+        self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=what)

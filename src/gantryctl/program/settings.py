@@ -1,0 +1,174 @@
+"""Everything an axis must know about its machine, in SI, grouped by meaning.
+
+`wiring` fills these from the machine file. Angles, speeds and accelerations are at the gantry unless a name says
+motor. Times stay seconds here; `scans` turns them into scans where they are used.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final
+
+from gantryctl.motion import MotionLimits
+
+_DEG: Final = math.pi / 180.0
+
+
+def scans(time_s: float, period_s: float, least: int = 2) -> int:
+    """Whole scans that `time_s` lasts, rounded up, never fewer than `least`.
+
+    Two is the least for a monitor that must see more than one reading. What cannot be a bad reading acts on the
+    first: emergency stop, mains, limit switches, over-travel, drive state, a jump of the encoder, an encoder alarm,
+    anything not finite.
+    """
+    return max(least, math.ceil(time_s / period_s - 1e-9))
+
+
+@dataclass(frozen=True, slots=True)
+class TravelSettings:
+    """Where the axis may be."""
+
+    pos_min_rad: float
+    pos_max_rad: float
+    """The set-point never passes these two."""
+    over_travel_rad: float
+    """The measured angle trips outside +-this."""
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedSettings:
+    """The speed chain: setting < command clamp < drive ceiling < overspeed trip."""
+
+    setting_min_rad_s: float
+    setting_max_rad_s: float
+    command_clamp_rad_s: float
+    overspeed_trip_rad_s: float
+    creep_rad_s: float = 0.1 * _DEG
+    """Slow enough to count as standing for a new reference."""
+    without_enabling_switch_rad_s: float = 1.0 * _DEG
+    """Hold-to-run and increments up to this speed need no enabling switch."""
+
+
+@dataclass(frozen=True, slots=True)
+class RampSettings:
+    """Three decelerations: normal, jog-release, quick (the drive's own ramp)."""
+
+    acc_rad_s2: float
+    dec_rad_s2: float
+    jerk_rad_s3: float
+    """inf: trapezoids."""
+    jog_release_dec_rad_s2: float
+    jog_release_jerk_rad_s3: float
+    quick_dec_rad_s2: float
+
+    def normal(self, vel_rad_s: float) -> MotionLimits:
+        """Limits of a motion at `vel_rad_s`."""
+        return MotionLimits(vel_rad_s, self.acc_rad_s2, self.dec_rad_s2, self.jerk_rad_s3)
+
+    def jog_release(self, vel_rad_s: float) -> MotionLimits:
+        """Limits of the stop after a jog key is released, of Stop, and of stops by an alarm."""
+        return MotionLimits(
+            vel_rad_s, self.acc_rad_s2, self.jog_release_dec_rad_s2, self.jog_release_jerk_rad_s3
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class LawSettings:
+    """The position law and the encoder behind it."""
+
+    kpp_per_s: float
+    kvf: float
+    ratio: float
+    """Motor turns per gantry turn."""
+    counts_per_turn: float
+    """Fine counts per motor turn, `DriveIdentity.counts_per_turn`."""
+    turns: int
+    """Multiturn range of the encoder in motor turns."""
+    wrap_margin_rad: float = 5.0 * _DEG
+    """The range must not wrap within the travel plus this."""
+
+
+@dataclass(frozen=True, slots=True)
+class MonitorSettings:
+    """Bands and times of the monitors."""
+
+    following_error_base_rad: float = 0.03 * _DEG
+    following_error_per_speed_s: float = 0.012
+    following_error_warning_ratio: float = 0.5
+    following_error_time_s: float = 0.010
+    velocity_deviation_rad_s: float = 0.5 * _DEG
+    velocity_deviation_time_s: float = 0.020
+    overspeed_time_s: float = 0.020
+    standstill_window_rad: float = 0.02 * _DEG
+    standstill_time_s: float = 0.010
+    in_position_window_rad: float = 0.005 * _DEG
+    in_position_dwell_s: float = 0.200
+    in_position_tolerance_time_s: float = 3.0
+    torque_saturation_time_s: float = 0.200
+    encoder_jump_base_rad: float = 0.02 * _DEG
+    encoder_jump_speed_rad_s: float = 2.0 * _DEG
+    encoder_frozen_speed_rad_s: float = 0.1 * _DEG
+    encoder_frozen_time_s: float = 0.030
+    encoder_errors_max: int = 3
+    """That many bad readings within `encoder_errors_time_s` stop the axis."""
+    encoder_errors_time_s: float = 0.100
+    reading_age_s: float = 0.030
+    overload_warning: float = 0.9
+    lease_s: float = 0.250
+
+
+class Hold(Enum):
+    """What holds the axis at standstill."""
+
+    SERVO = "servo"
+    BRAKE = "brake"
+
+
+@dataclass(frozen=True, slots=True)
+class PowerSettings:
+    """Brake, torque proof and the times of the power sequence."""
+
+    torque_max_nm: float
+    """Motor torque limit; no torque command passes it."""
+    hold: Hold = Hold.SERVO
+    hold_brake_after_s: float = 30.0
+    torque_preload: bool = True
+    """The drive adds `torque_ff_nm` to its torque (60B2 mapped); False: its own sequence is accepted, no proof."""
+    proof_torque_nm: float = 30.0
+    proof_share: float = 0.8
+    """The actual torque must reach this share of the torque asked for against the closed brake."""
+    proof_time_s: float = 0.5
+    settle_time_s: float = 0.050
+    """From the proof torque to the preload; as long again before the brake opens."""
+    learn_time_s: float = 1.0
+    """Time constant of the learned holding torque."""
+    holding_torque_nm: float = 0.0
+    """Learned holding torque from retained memory, motor side: the preload at the first release."""
+    sag_max_rad: float = 0.02 * _DEG
+    sag_watch_s: float = 0.200
+    brake_open_time_s: float = 0.100
+    brake_close_time_s: float = 0.150
+    brake_feedback_time_s: float = 0.300
+    power_up_time_s: float = 2.0
+    unload_step_s: float = 0.050
+    """Torque goes off in three steps of this length, each with a look at the brake."""
+    slip_watch_s: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class AxisSettings:
+    """All of it."""
+
+    period_s: float
+    travel: TravelSettings
+    speed: SpeedSettings
+    ramps: RampSettings
+    law: LawSettings
+    power: PowerSettings
+    monitors: MonitorSettings = field(default_factory=MonitorSettings)
+
+    def scans(self, time_s: float, least: int = 2) -> int:
+        """`scans` with this axis' period."""
+        return scans(time_s, self.period_s, least)

@@ -1,0 +1,168 @@
+"""The virtual axis: the set-point, planned when something changes, sampled every scan."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl._core import Segments
+from gantryctl.errors import CommandRefused
+from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move, plan_stop, stop_point
+from gantryctl.program.alarms import Refusal, refusal
+from gantryctl.program.codes import Code
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg
+
+# Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry.
+_LIMIT_TOLERANCE_RAD: Final = 1e-9
+# An override below this stops the motion: slower, a degree would take hours.
+_OVERRIDE_MIN: Final = 0.001
+
+
+class VirtualAxis:
+    """The set-point axis that the real one follows.
+
+    While `following`, the set-point of scan k is `plan.sample((k - start_scan) x period)`, never a sum of steps;
+    else it is where the axis is. Every plan ends at rest inside the travel, and its extremes are looked at before
+    it is taken: a motion with a speed only is a plan to the end of the travel.
+
+    Attributes:
+        pos_ref_rad, vel_ref_rad_s, acc_ref_rad_s2: the set-point of this scan.
+        at_rest: the plan has ended (True while not following).
+        paused: stopped by override 0; the motion goes on when it is raised.
+        changed: a new plan was taken in this scan.
+        plans: every plan with its start scan, if `keep_plans`.
+    """
+
+    __slots__ = (
+        "_duration", "_period_s", "_pos_max", "_pos_min", "_ramps", "_sample", "_speed", "_target", "acc_ref_rad_s2",
+        "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan", "plans", "pos_ref_rad",
+        "start_scan", "stopping", "vel_ref_rad_s",
+    )  # fmt: skip
+
+    def __init__(self, settings: AxisSettings, *, keep_plans: bool = False) -> None:
+        self._period_s = settings.period_s
+        self._pos_min = settings.travel.pos_min_rad
+        self._pos_max = settings.travel.pos_max_rad
+        self._ramps = settings.ramps
+        self._speed = settings.speed.setting_max_rad_s
+        self._target = 0.0
+        self.override = 1.0
+        self.keep_plans = keep_plans
+        self.plans: list[tuple[int, Segments]] = []
+        self.plan = hold(0.0)
+        self._sample = self.plan.sample
+        self._duration = 0.0
+        self.start_scan = 0
+        self.following = False
+        self.pos_ref_rad = 0.0
+        self.vel_ref_rad_s = 0.0
+        self.acc_ref_rad_s2 = 0.0
+        self.at_rest = True
+        self.paused = False
+        self.stopping = False
+        self.changed = False
+
+    def sample(self, scan: int) -> None:
+        """Set the set-point of `scan`; only while following."""
+        t = (scan - self.start_scan) * self._period_s
+        self.pos_ref_rad, self.vel_ref_rad_s, self.acc_ref_rad_s2 = self._sample(t)
+        self.at_rest = t >= self._duration
+
+    def follow_from(self, pos_rad: float, scan: int) -> None:
+        """Begin to hold `pos_rad`: the axis follows from now on."""
+        self.following = True
+        self._take(hold(pos_rad), scan)
+
+    def release(self, pos_rad: float) -> None:
+        """The set-point is the actual position from now on."""
+        self.following = False
+        self.pos_ref_rad = pos_rad
+        self.vel_ref_rad_s = self.acc_ref_rad_s2 = 0.0
+        self.at_rest = True
+        self.paused = self.stopping = False
+
+    def move_to(self, target_rad: float, speed_rad_s: float, scan: int) -> Refusal | None:
+        """Plan a motion to `target_rad` with `speed_rad_s` times override; None when it was taken."""
+        plan = self._planned(target_rad, speed_rad_s)
+        if isinstance(plan, Refusal):
+            return plan
+        self._target, self._speed = target_rad, speed_rad_s
+        self.paused = self.override < _OVERRIDE_MIN
+        self._take(plan, scan)
+        return None
+
+    def check(self, target_rad: float, speed_rad_s: float) -> Refusal | None:
+        """Whether `move_to` would take it; nothing changes."""
+        plan = self._planned(target_rad, speed_rad_s)
+        return plan if isinstance(plan, Refusal) else None
+
+    def change_speed(self, speed_rad_s: float, scan: int) -> Refusal | None:
+        """Another speed for the motion under way, same target."""
+        return self.move_to(self._target, speed_rad_s, scan)
+
+    def set_override(self, override: float, scan: int) -> Refusal | None:
+        """Another override 0..1 for the motion under way and all later ones."""
+        before, self.override = self.override, override
+        if self.stopping or not self.following or (self.at_rest and not self.paused):
+            return None
+        refused = self.move_to(self._target, self._speed, scan)
+        if refused is not None:
+            self.override = before
+        return refused
+
+    def stop(self, limits: MotionLimits, scan: int) -> None:
+        """Come to rest with `limits`; a stop under way that ends no later is kept: no stop is made weaker."""
+        self.paused = False
+        if self.at_rest:
+            return
+        start = self._set_point()
+        if self.stopping and self._ends_earlier(stop_point(start, limits)):
+            return
+        plan = plan_stop(start, limits)
+        if self._within_travel(plan):  # else the present plan stops harder: it ends inside
+            self._take(plan, scan)
+        self.stopping = True
+
+    def _ends_earlier(self, other_end_rad: float) -> bool:
+        here = self.pos_ref_rad
+        return abs(self.plan.pos_end - here) <= abs(other_end_rad - here)
+
+    def _planned(self, target_rad: float, speed_rad_s: float) -> Segments | Refusal:
+        start = self._set_point()
+        speed = speed_rad_s * self.override
+        try:
+            if self.override < _OVERRIDE_MIN:
+                plan = plan_stop(start, self._ramps.normal(speed_rad_s))
+            else:
+                plan = plan_move(start, target_rad, self._ramps.normal(speed))
+        except CommandRefused as error:
+            return refusal(Code.CTL_17, measured=str(error))
+        if not self._within_travel(plan):
+            low, high = plan.extremes()
+            reached = high if high > self._pos_max else low
+            text = f"the way there would pass {deg(reached):.2f} deg, outside the travel; stop first"
+            return refusal(Code.CTL_17, measured=text)
+        return plan
+
+    def _within_travel(self, plan: Segments) -> bool:
+        """Whether the plan stays inside the travel, or, started outside, never goes further out."""
+        low, high = plan.extremes()
+        here = self.pos_ref_rad
+        return (
+            low >= min(self._pos_min, here) - _LIMIT_TOLERANCE_RAD
+            and high <= max(self._pos_max, here) + _LIMIT_TOLERANCE_RAD
+        )
+
+    def _set_point(self) -> SetPoint:
+        return SetPoint(self.pos_ref_rad, self.vel_ref_rad_s, self.acc_ref_rad_s2)
+
+    def _take(self, plan: Segments, scan: int) -> None:
+        self.plan = plan
+        self._sample = plan.sample
+        self._duration = plan.duration
+        self.start_scan = scan
+        self.stopping = False
+        self.changed = True
+        if self.keep_plans:
+            self.plans.append((scan, plan))
+        self.sample(scan)
