@@ -56,7 +56,7 @@ class Instrument(Protocol):
     """False for motor-side readings, which get no accuracy verdict."""
 
     def reading_rad(self, samples_rad: Sequence[float]) -> float:
-        """One reading, rad, from the mean angles of one dwell: load, then (if known) ring, motor at the gantry."""
+        """One reading, rad, from the mean angles of one dwell: load, then (if known) ring and motor."""
         ...
 
 

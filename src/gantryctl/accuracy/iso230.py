@@ -195,7 +195,7 @@ def _why_not(table: ErrorTable, min_runs: int) -> str | None:
             return f"not computable: base {base:g} deg was measured in one direction only"
     if table.runs < min_runs:
         runs = f"{table.runs} run{'s' if table.runs > 1 else ''}"
-        return f"not computable: {runs} in each direction, ISO 230-2 needs {min_runs} (--runs {min_runs})"
+        return f"not computable: {runs} in each direction, ISO 230-2 needs {min_runs}"
     return None
 
 

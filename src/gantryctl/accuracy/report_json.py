@@ -13,7 +13,7 @@ import numpy as np
 
 from gantryctl.accuracy.paper import PAPER_A_DEG, PAPER_NAME
 from gantryctl.accuracy.procedure import Procedure
-from gantryctl.accuracy.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport, SpeedRun
+from gantryctl.accuracy.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport, Ensemble, SpeedRun
 from gantryctl.accuracy.statistics import TableStatistics, statistics
 from gantryctl.accuracy.table import ErrorTable
 
@@ -28,31 +28,17 @@ def to_json(report: AccuracyReport) -> str:
 
 def to_dict(report: AccuracyReport) -> dict[str, Any]:
     """The report as plain dicts, lists, numbers and strings."""
-    inputs = ("machine", "config_hash", "version", "seed", "created", "source", "measures_load")
-    numbers = (
-        "radius_m",
-        "sigma_m",
-        "dwell_s",
-        "average_s",
-        "vel_max_deg_s",
-        "acc_deg_s2",
-        "angle_errors_deg",
-    )
     tables = {"measured": report.measured, "true": report.true}
     return {
         "schema": SCHEMA,
-        **{name: getattr(report, name) for name in inputs},
-        "asked": {
-            **{name: _plain(getattr(report, name)) for name in numbers},
-            "procedure": None if report.procedure is None else _procedure(report.procedure),
-            "settings": dict(report.settings),
-        },
+        **{name: getattr(report, name) for name in _IDENTITY},
+        "asked": _asked(report),
         "plant_switches": dict(report.switches),
         "tables": {name: None if table is None else _table(table) for name, table in tables.items()},
         "a_measured": _plain(report.a_measured),
         "a_floor": _plain(report.a_floor),
         "iso_230_2": {
-            "true": _plain(report.iso) if report.true is not None else None,
+            "true": None if report.true is None else _plain(report.iso),
             "measured": _plain(report.iso_measured),
         },
         "verdict": _plain(report.verdict),
@@ -62,16 +48,30 @@ def to_dict(report: AccuracyReport) -> dict[str, Any]:
             "phases_fitted": report.phases_fitted,
             "text": report.comparison,
         },
-        "ensemble": None if report.ensemble is None else {
-            **_plain(report.ensemble), "distribution": _plain(report.ensemble.distribution),
-        },
+        "ensemble": None if report.ensemble is None else _ensemble(report.ensemble),
         "speed_test": {
             "passed": report.speed_passed,
             "limit_motor_deg_s": SPEED_ERROR_LIMIT_DEG_S,
             "runs": [speed_to_dict(run) for run in report.speed],
         },
         "warnings": list(report.warnings),
-    }  # fmt: skip
+    }
+
+
+_IDENTITY = ("machine", "config_hash", "version", "seed", "created", "source", "measures_load")
+_ASKED = ("radius_m", "sigma_m", "dwell_s", "average_s", "vel_max_deg_s", "acc_deg_s2", "angle_errors_deg")
+
+
+def _asked(report: AccuracyReport) -> dict[str, Any]:
+    return {
+        **{name: _plain(getattr(report, name)) for name in _ASKED},
+        "procedure": None if report.procedure is None else _procedure(report.procedure),
+        "settings": dict(report.settings),
+    }
+
+
+def _ensemble(gears: Ensemble) -> dict[str, Any]:
+    return {**_plain(gears), "distribution": _plain(gears.distribution)}
 
 
 def table_to_dict(table: ErrorTable) -> dict[str, Any]:

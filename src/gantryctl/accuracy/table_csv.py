@@ -33,6 +33,7 @@ _DIRECTIONS = {
     **dict.fromkeys(("ccw", "counter-clockwise", "counterclockwise", "+"), Direction.CCW),
     **dict.fromkeys(("cw", "clockwise", "-"), Direction.CW),
 }
+_LIMITS = {"base_deg": 360.0, "displacement_deg": 180.0, "error_deg": 180.0, "chord_mm": 1e6}
 _ZERO_CHORD_MM = 1e-9
 
 
@@ -184,6 +185,9 @@ class _Reader:
             self.problem(
                 line, column, value, "must be 0 .. 180 deg; a displacement has no sign, the direction says it"
             )
+            return None
+        if abs(number) > _LIMITS[column]:
+            self.problem(line, column, value, f"must be within +-{_LIMITS[column]:g}")
             return None
         return number
 

@@ -46,7 +46,7 @@ def test_worked_example() -> None:
 
 def test_the_papers_table_has_no_iso_figures() -> None:
     figures = iso230_2(PAPER_TABLE)
-    assert figures.not_computable == ("not computable: 1 run in each direction, ISO 230-2 needs 5 (--runs 5)")
+    assert figures.not_computable == ("not computable: 1 run in each direction, ISO 230-2 needs 5")
     assert figures.accuracy_deg is None
     assert figures.positions == ()
     assert figures.warnings == ()

@@ -81,6 +81,7 @@ REFUSED = {
     "nan": (f"{HEADER}\n90,ccw,5,nan\n", ["line 2, column error_deg = 'nan'", "not a number"]),
     "inf": (f"{HEADER}\n90,ccw,5,-inf\n", ["column error_deg = '-inf'"]),
     "overflow": (f"{HEADER}\n90,ccw,5,1e999\n", ["column error_deg = '1e999'"]),
+    "huge": (f"{HEADER}\n90,ccw,5,1e300\n400,ccw,5,0\n", ["error_deg = '1e300'", "base_deg = '400'"]),
     "underscore": (f"{HEADER}\n90,ccw,5,1_0\n", ["column error_deg = '1_0'"]),
     "thousands": (f'{HEADER}\n90,ccw,5,"1,000.5"\n', ["column error_deg = '1,000.5'"]),
     "text": (f"{HEADER}\nninety,ccw,5,0\n", ["line 2, column base_deg = 'ninety'"]),
