@@ -26,8 +26,8 @@ _ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 class IdealDrive:
     """A drive that does exactly what it is told: its angle is the integral of the speed command.
 
-    Torque is what the preload asks for, the brake follows its command at once, the load has no inertia. A quick stop
-    ramps down; torque off stands still at once.
+    Torque is what the preload asks for, the brake follows its command at once, the load has no inertia. A
+    quick stop ramps down; torque off stands still at once.
 
     Args:
         period_s: scan period.

@@ -3,7 +3,8 @@
 Errors are values inside the scan: a bad input gives a refusal or an alarm, never an exception.
 """
 
-from gantryctl.program.alarm_table import ALARMS, Definition
+from gantryctl.program.alarm_rows import Definition
+from gantryctl.program.alarm_table import ALARMS
 from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, explain
 from gantryctl.program.axis import Axis
 from gantryctl.program.codes import Code, Reaction, Severity

@@ -7,7 +7,8 @@ from collections import deque
 from typing import Final, NamedTuple
 
 from gantryctl.errors import CommandRefused
-from gantryctl.program.alarm_table import ALARMS, Definition
+from gantryctl.program.alarm_rows import Definition
+from gantryctl.program.alarm_table import ALARMS
 from gantryctl.program.codes import Code, Reaction
 
 HISTORY_LENGTH: Final = 200
@@ -75,7 +76,8 @@ _DOING: Final = {
 class AlarmLog:
     """What is wrong now, what was wrong first, and what has been wrong.
 
-    The first alarm of a stop class is latched as `first_out` until `clear`; whatever follows is folded under it.
+    The first alarm of a stop class is latched as `first_out` until `clear`; whatever follows is folded
+    under it.
 
     Attributes:
         active: alarms by code since the last `clear`.

@@ -37,9 +37,10 @@ _NO_POWER: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveSta
 class Axis(AxisScan):
     """One axis. A program calls `begin(image)`, then its own logic, then `end()`, once per scan.
 
-    The order inside a scan is fixed: (edges,) alarms, interlocks, power, the program's mode logic, virtual axis,
-    position loop, output guard. While no monitor acts and the axis follows, the set-point of scan k is
-    `plan.sample((k - start_scan) x period)` and the speed command is `PositionLaw.scan` of it, bit for bit.
+    The order inside a scan is fixed: (edges,) alarms, interlocks, power, the program's mode logic, virtual
+    axis, position loop, output guard. While no monitor acts and the axis follows, the set-point of scan k
+    is `plan.sample((k - start_scan) x period)` and the speed command is `PositionLaw.scan` of it, bit for
+    bit.
 
     Args:
         settings: the machine, in SI.
@@ -61,7 +62,8 @@ class Axis(AxisScan):
 
     trace_columns = TRACE_COLUMNS
 
-    # --- asked for by programs and blocks -----------------------------------------------------------------------
+    # --- asked for by programs and blocks
+    # -----------------------------------------------------------------------
 
     def power_on(self) -> Refusal | None:
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
@@ -179,7 +181,8 @@ class Axis(AxisScan):
             return refusal(Code.CTL_14, measured=text)
         return None
 
-    # --- looked at -------------------------------------------------------------------------------------------------
+    # --- looked at
+    # -------------------------------------------------------------------------------------------------
 
     @property
     def plans(self) -> list[tuple[int, Segments]]:

@@ -28,9 +28,10 @@ class AxisScan:
     """What an axis does every scan; `Axis` adds what a program may ask of it."""
 
     __slots__ = (
-        "_error", "_events", "_hold_scans", "_law", "_ratio", "_settled", "_switching_off", "_torque_max", "_vel_max",
-        "_vel_next", "alarms", "feedback", "interlocks", "monitors", "motion", "pos_act_rad", "pos_err_rad", "power",
-        "recovery", "refusal", "refusal_count", "scan", "settings", "state", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+        "_error", "_events", "_hold_scans", "_law", "_ratio", "_settled", "_switching_off", "_torque_max",
+        "_vel_max", "_vel_next", "alarms", "feedback", "interlocks", "monitors", "motion", "pos_act_rad",
+        "pos_err_rad", "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state",
+        "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, zero_counts: float, *, keep_plans: bool = False) -> None:
@@ -123,7 +124,8 @@ class AxisScan:
             self._decide(AxisEvents(*events))
         return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
 
-    # --- the slow paths ---------------------------------------------------------------------------------------
+    # --- the slow paths
+    # ---------------------------------------------------------------------------------------
 
     def _guard(self, vel_cmd: float, torque_nm: float) -> tuple[float, float]:
         """Nothing that is no number or over its limit reaches the drive: stop, command 0."""

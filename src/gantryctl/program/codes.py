@@ -8,8 +8,8 @@ from enum import Enum, IntEnum
 class Reaction(IntEnum):
     """What an alarm makes the axis do; the larger one wins.
 
-    QUICK_STOP is for what leaves the feedback believable and the drive obedient; anything that puts either in doubt
-    is TORQUE_OFF: on a wrong feedback the drive's own ramp runs away.
+    QUICK_STOP is for what leaves the feedback believable and the drive obedient; anything that puts either
+    in doubt is TORQUE_OFF: on a wrong feedback the drive's own ramp runs away.
     """
 
     W = 0
@@ -44,7 +44,6 @@ class Code(Enum):
     ENC_04 = "ENC-04"
     ENC_05 = "ENC-05"
     ENC_06 = "ENC-06"
-    ENC_13 = "ENC-13"
     CTL_01 = "CTL-01"
     CTL_02 = "CTL-02"
     CTL_03 = "CTL-03"

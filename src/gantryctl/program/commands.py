@@ -66,8 +66,8 @@ class MotionCommand:
 class MotionCommands:
     """Takes commands for the virtual axis. Nothing is queued: a new command aborts the one before.
 
-    A command that is refused changes nothing. While the brake holds the axis at standstill, an accepted command
-    waits until the brake is open again; a stop, an alarm or power-off drops it.
+    A command that is refused changes nothing. While the brake holds the axis at standstill, an accepted
+    command waits until the brake is open again; a stop, an alarm or power-off drops it.
 
     Attributes:
         current: the command under way, or None.
@@ -76,8 +76,8 @@ class MotionCommands:
     """
 
     __slots__ = (
-        "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_stop_execute", "_virtual", "current", "scan",
-        "state", "stop_command", "waiting",
+        "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_stop_execute", "_virtual",
+        "current", "scan", "state", "stop_command", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -99,7 +99,8 @@ class MotionCommands:
         self.state = AxisState.DISABLED
         self.scan = 0
 
-    # --- commands ---------------------------------------------------------------------------------------------
+    # --- commands
+    # ---------------------------------------------------------------------------------------------
 
     def move_absolute(self, target_rad: float, speed_rad_s: float) -> MotionCommand:
         """To `target_rad` with `speed_rad_s`; linear, no shortest way."""
@@ -168,7 +169,8 @@ class MotionCommands:
         """A command that moves nothing takes over."""
         self._replace(command)
 
-    # --- what happens to commands -----------------------------------------------------------------------------
+    # --- what happens to commands
+    # -----------------------------------------------------------------------------
 
     def stop_by(self, reason: Refusal) -> None:
         """HLT: end the motion with an error on the jog-release ramp; power stays on."""
@@ -252,7 +254,8 @@ class MotionCommands:
         speed = self._settings.speed.setting_max_rad_s
         self._virtual.stop(self._settings.ramps.jog_release(speed), self.scan)
 
-    # --- checks: None, or why not -----------------------------------------------------------------------------
+    # --- checks: None, or why not
+    # -----------------------------------------------------------------------------
 
     def _check_state(self) -> Refusal | None:
         if self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None:

@@ -28,10 +28,11 @@ class Feedback:
     """
 
     __slots__ = (
-        "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max", "_frozen", "_frozen_scans",
-        "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s", "_prediction", "_ratio",
-        "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm", "error_code", "inputs", "overload",
-        "position_valid", "state", "torque_limited", "torque_nm", "vel_rad_s", "warning",
+        "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max", "_frozen",
+        "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s",
+        "_prediction", "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm",
+        "error_code", "inputs", "overload", "position_valid", "state", "torque_limited", "torque_nm",
+        "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:

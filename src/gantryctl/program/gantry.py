@@ -113,7 +113,8 @@ class GantryProgram(AxisProgram):
         if self.jog.busy and not self._keys_dead:
             if self._lease_age > self._lease_scans:
                 ms = self.axis.settings.period_s * 1e3
-                self.axis.stop_by(Code.CTL_15, measured=self._lease_age * ms, limit=self._lease_scans * ms)
+                age, limit = self._lease_age * ms, self._lease_scans * ms
+                self.axis.stop_by(Code.CTL_15, measured=age, limit=limit)
                 self._keys_dead = True
             elif not self.axis.feedback.inputs.enabling_switch and self._speed > self._without_switch:
                 speed, limit = deg(self._speed), deg(self._without_switch)

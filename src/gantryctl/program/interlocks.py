@@ -1,4 +1,4 @@
-"""Inputs and drive states that must be right in every phase: emergency stop, mains, limit switches, faults."""
+"""What must be right in every phase: emergency stop, mains, limit switches, drive faults."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ _FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 class Interlocks:
     """Looks at inputs, drive faults and warnings once a scan; each acts on the first scan it is seen.
 
-    A limit switch stops the axis when it opens. After a reset it may stay open, and then only the way back inward
-    is open until it has closed again.
+    A limit switch stops the axis when it opens. After a reset it may stay open, and then only the way back
+    inward is open until it has closed again.
 
     Attributes:
         plus_open, minus_open: the way forward or back is open (its limit switch is closed).
     """
 
     __slots__ = (
-        "_alarms", "_feedback", "_inputs", "_overload_warning", "_was_minus", "_was_plus", "minus_open", "plus_open",
+        "_alarms", "_feedback", "_inputs", "_overload_warning", "_was_minus", "_was_plus", "minus_open",
+        "plus_open",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:

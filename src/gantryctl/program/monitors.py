@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gantryctl.program.alarms import AlarmLog
 from gantryctl.program.codes import Code, Reaction
 from gantryctl.program.feedback import Feedback
@@ -14,8 +16,8 @@ from gantryctl.units import deg
 class Monitors:
     """Following error, speed, brake, torque and position while the axis follows.
 
-    `scan` is a flat row of cheap tests written so that NaN fails them; a method per monitor is entered only when its
-    test fails, counts its scans there and decides.
+    `scan` is a flat row of cheap tests written so that NaN fails them; a method per monitor is entered only
+    when its test fails, counts its scans there and decides.
 
     Attributes:
         in_position: at rest within the window for the dwell time.
@@ -25,10 +27,12 @@ class Monitors:
 
     __slots__ = (
         "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
-        "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation", "_feedback",
-        "_following", "_following_scans", "_in_window", "_look_ahead", "_over_travel", "_over_travel_minus",
-        "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s", "_power", "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill", "_standstill_scans", "_tolerance_scans",
-        "_torque_max", "_trip", "_virtual", "_warning_ratio", "_window", "in_position", "not_in_position", "rest_scans",
+        "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
+        "_feedback", "_following", "_following_scans", "_in_window", "_look_ahead", "_over_travel",
+        "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
+        "_power", "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
+        "_standstill_scans", "_tolerance_scans", "_torque_max", "_trip", "_virtual", "_warning_ratio",
+        "_window", "in_position", "not_in_position", "rest_scans",
     )  # fmt: skip
 
     def __init__(
@@ -73,7 +77,9 @@ class Monitors:
         self._in_window = self._at_rest = False
         self.in_position = self.not_in_position = False
 
-    def scan(self, pos_rad: float, pos_err_rad: float, vel_cmd_rad_s: float) -> None:
+    def scan(  # noqa: C901  a flat row of tests reads best
+        self, pos_rad: float, pos_err_rad: float, vel_cmd_rad_s: float
+    ) -> None:
         """Look at this scan; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
         feedback, virtual = self._feedback, self._virtual
         vel = feedback.vel_rad_s
@@ -124,7 +130,7 @@ class Monitors:
         """The look while the axis does not follow: readings that are no numbers."""
         feedback = self._feedback
         vel, torque_max = feedback.vel_rad_s, self._torque_max
-        if vel != vel:
+        if math.isnan(vel):
             self._velocity_deviation(vel, 0.0)
         if not -torque_max <= feedback.torque_nm <= torque_max:
             self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
@@ -150,7 +156,7 @@ class Monitors:
         size = abs(error)
         if not size <= band:
             self._following += 1
-            if self._following >= self._following_scans or size != size:
+            if self._following >= self._following_scans or math.isnan(size):
                 obeys = abs(self._feedback.vel_rad_s - vel_cmd_rad_s / self._ratio) <= self._deviation
                 reaction = Reaction.QUICK_STOP if obeys else Reaction.TORQUE_OFF
                 speed = deg(abs(self._virtual.vel_ref_rad_s))
@@ -162,7 +168,7 @@ class Monitors:
 
     def _velocity_deviation(self, vel: float, command: float) -> None:
         """Obeying with too little torque is slow the right way; everything else is disobedience."""
-        if vel != vel:
+        if math.isnan(vel):
             self._feedback.position_valid = False
             self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="speed reading")
             return
@@ -185,7 +191,7 @@ class Monitors:
         beyond = self._over_travel_plus if stop_rad > 0.0 else self._over_travel_minus
         if not self._over_travel_minus <= pos_rad <= self._over_travel_plus:
             self._alarms.raise_(Code.LIM_02, measured=deg(pos_rad), limit=deg(beyond))
-        elif vel == vel:
+        elif not math.isnan(vel):
             self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=deg(stop_rad), limit=deg(beyond))
 
     def _saturated(self, error: float) -> None:
@@ -199,7 +205,7 @@ class Monitors:
             self._alarms.raise_(Code.CTL_07, measured=deg(size), time_ms=time_ms)
 
     def _brake_closed(self, vel: float, error: float, warning: float) -> None:
-        """Feedback says closed while commanded open: a fault at once when the axis feels it, else after a time."""
+        """Closed while commanded open: a fault at once when the axis feels it, else after a time."""
         self._brake += 1
         moving = not self._virtual.at_rest
         if moving and (self._feedback.torque_limited or not -warning <= error <= warning):

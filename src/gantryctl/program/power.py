@@ -19,12 +19,12 @@ _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
 class PowerSequence(WayUp, WayDown):
     """Drive enable, torque proof, brake, and the same back, one phase at a time (table in `PowerPhase`).
 
-    The proof: `torque_ff_nm` is raised to the proof torque against the closed brake, and the actual torque must
-    follow. Then it goes to the preload, the torque that held the load last time, and the brake opens. From there
-    the preload stays as it is while power is on: the drive adds it to its own loop, whose integrator carries the
-    difference, so nothing ever steps. Going down, the brake closes first; then `torque_ff_nm` is lowered in
-    three steps by what the motor still gives, with a look at the angle after each: a brake that slips gets the
-    torque back (HOLD).
+    The proof: `torque_ff_nm` is raised to the proof torque against the closed brake, and the actual torque
+    must follow. Then it goes to the preload, the torque that held the load last time, and the brake opens.
+    From there the preload stays as it is while power is on: the drive adds it to its own loop, whose
+    integrator carries the difference, so nothing ever steps. Going down, the brake closes first; then
+    `torque_ff_nm` is lowered in three steps by what the motor still gives, with a look at the angle after
+    each: a brake that slips gets the torque back (HOLD).
 
     Attributes:
         phase: where the sequence is.
@@ -99,7 +99,7 @@ class PowerSequence(WayUp, WayDown):
 
     @property
     def parked(self) -> bool:
-        """`status` is TRUE, but the axis does not follow now: the brake holds, or is being opened or closed."""
+        """`status` is TRUE, but the brake holds the axis, or is being opened or closed."""
         return self.status and self.phase is not _ON
 
     @property
@@ -107,7 +107,7 @@ class PowerSequence(WayUp, WayDown):
         """A stop or the way down is under way; nothing may shorten it."""
         return self.phase in FALLING
 
-    def step(self, pos_rad: float) -> None:
+    def step(self, pos_rad: float) -> None:  # noqa: C901  one row per phase
         """One scan, at most one change of phase."""
         phase = self.phase
         if phase is _ON:

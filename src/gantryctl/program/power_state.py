@@ -21,11 +21,12 @@ class PowerState:
     """The data of `PowerSequence`; its attributes are explained there."""
 
     __slots__ = (
-        "_alarms", "_close_scans", "_count", "_drive_owns_brake", "_feedback", "_feedback_scans", "_learn", "_load_nm",
-        "_open_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold", "_power_up_scans", "_preload_nm",
-        "_proof_nm", "_proof_scans", "_quick_dec", "_rest_count", "_rest_scans", "_sag_scans", "_settings",
-        "_settle_scans", "_slip_scans", "_step_scans", "_unloaded", "_vel_start", "brake_open", "fault_reset",
-        "holding_torque_nm", "phase", "proof", "request", "status", "torque_ff_nm",
+        "_alarms", "_close_scans", "_count", "_drive_owns_brake", "_feedback", "_feedback_scans",
+        "_learn", "_load_nm", "_open_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold",
+        "_power_up_scans", "_preload_nm", "_proof_nm", "_proof_scans", "_quick_dec", "_rest_count",
+        "_rest_scans", "_sag_scans", "_settings", "_settle_scans", "_slip_scans", "_step_scans",
+        "_unloaded", "_vel_start", "brake_open", "fault_reset", "holding_torque_nm", "phase", "proof",
+        "request", "status", "torque_ff_nm",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -95,7 +96,7 @@ class PowerState:
         limit = self._settings.torque_max_nm
         if -limit <= torque_nm <= limit:
             return torque_nm
-        return math.copysign(limit, torque_nm) if torque_nm == torque_nm else 0.0
+        return math.copysign(limit, torque_nm) if not math.isnan(torque_nm) else 0.0
 
 
 STATE_WORDS: Final = {

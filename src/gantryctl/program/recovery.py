@@ -27,8 +27,8 @@ class Recovery:
     """
 
     __slots__ = (
-        "_alarms", "_count", "_feedback", "_period_s", "_power", "_record", "_reset_scans", "failure", "resetting",
-        "service",
+        "_alarms", "_count", "_feedback", "_period_s", "_power", "_record", "_reset_scans", "failure",
+        "resetting", "service",
     )  # fmt: skip
 
     def __init__(

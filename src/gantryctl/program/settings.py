@@ -1,7 +1,7 @@
 """Everything an axis must know about its machine, in SI, grouped by meaning.
 
-`wiring` fills these from the machine file. Angles, speeds and accelerations are at the gantry unless a name says
-motor. Times stay seconds here; `scans` turns them into scans where they are used.
+`wiring` fills these from the machine file. Angles, speeds and accelerations are at the gantry unless a name
+says motor. Times stay seconds here; `scans` turns them into scans where they are used.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ _DEG: Final = math.pi / 180.0
 def scans(time_s: float, period_s: float, least: int = 2) -> int:
     """Whole scans that `time_s` lasts, rounded up, never fewer than `least`.
 
-    Two is the least for a monitor that must see more than one reading. What cannot be a bad reading acts on the
-    first: emergency stop, mains, limit switches, over-travel, drive state, a jump of the encoder, an encoder alarm,
-    anything not finite.
+    Two is the least for a monitor that must see more than one reading. What cannot be a bad reading acts on
+    the first: emergency stop, mains, limit switches, over-travel, drive state, a jump of the encoder, an
+    encoder alarm, anything not finite.
     """
     return max(least, math.ceil(time_s / period_s - 1e-9))
 
@@ -135,7 +135,7 @@ class PowerSettings:
     hold: Hold = Hold.SERVO
     hold_brake_after_s: float = 30.0
     torque_preload: bool = True
-    """The drive adds `torque_ff_nm` to its torque (60B2 mapped); False: its own sequence is accepted, no proof."""
+    """The drive adds `torque_ff_nm` to its torque (60B2 mapped); else its own sequence is accepted, unproven."""
     proof_torque_nm: float = 30.0
     proof_share: float = 0.8
     """The actual torque must reach this share of the torque asked for against the closed brake."""

@@ -18,8 +18,10 @@ _REST_S: Final = 0.050
 class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.done`."""
 
-    __slots__ = ("_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
-                 "_was_open", "_was_torque", "alarm", "finished")  # fmt: skip
+    __slots__ = (
+        "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
+        "_was_open", "_was_torque", "alarm", "finished",
+    )  # fmt: skip
 
     def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback) -> None:
         self.alarm = alarm

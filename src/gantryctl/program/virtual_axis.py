@@ -21,9 +21,9 @@ _OVERRIDE_MIN: Final = 0.001
 class VirtualAxis:
     """The set-point axis that the real one follows.
 
-    While `following`, the set-point of scan k is `plan.sample((k - start_scan) x period)`, never a sum of steps;
-    else it is where the axis is. Every plan ends at rest inside the travel, and its extremes are looked at before
-    it is taken: a motion with a speed only is a plan to the end of the travel.
+    While `following`, the set-point of scan k is `plan.sample((k - start_scan) x period)`, never a sum of
+    steps; else it is where the axis is. Every plan ends at rest inside the travel, and its extremes are
+    looked at before it is taken: a motion with a speed only is a plan to the end of the travel.
 
     Attributes:
         pos_ref_rad, vel_ref_rad_s, acc_ref_rad_s2: the set-point of this scan.
@@ -34,9 +34,9 @@ class VirtualAxis:
     """
 
     __slots__ = (
-        "_duration", "_period_s", "_pos_max", "_pos_min", "_ramps", "_sample", "_speed", "_target", "acc_ref_rad_s2",
-        "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan", "plans", "pos_ref_rad",
-        "start_scan", "stopping", "vel_ref_rad_s",
+        "_duration", "_period_s", "_pos_max", "_pos_min", "_ramps", "_sample", "_speed", "_target",
+        "acc_ref_rad_s2", "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan",
+        "plans", "pos_ref_rad", "start_scan", "stopping", "vel_ref_rad_s",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, *, keep_plans: bool = False) -> None:

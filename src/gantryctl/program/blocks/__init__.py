@@ -1,7 +1,8 @@
 """Function blocks under their PLCopen names (without the prefix); docs/reference/blocks.md has the table.
 
-A block is called once per scan with its inputs as keyword arguments and shows its outputs as attributes. Bad inputs
-give an error output and no motion, never an exception. `Jog` and `Inch` are vendor blocks, not PLCopen Part 1.
+A block is called once per scan with its inputs as keyword arguments and shows its outputs as attributes.
+Bad inputs give an error output and no motion, never an exception. `Jog` and `Inch` are vendor blocks, not
+PLCopen Part 1.
 """
 
 from gantryctl.program.blocks.administration import Power, Reset, SetOverride, SetPosition

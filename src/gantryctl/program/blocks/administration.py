@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gantryctl.program.axis import Axis
 from gantryctl.program.blocks.base import Block
 
@@ -9,8 +11,9 @@ from gantryctl.program.blocks.base import Block
 class Power(Block):
     """Power on while Enable is TRUE: drive enable, torque proof, brake; and the same back.
 
-    `status` is TRUE when the axis follows commands (also while the brake holds it at standstill, hold = brake). After
-    an alarm or a refusal, Enable must become FALSE and TRUE again: nothing switches on by itself.
+    `status` is TRUE when the axis follows commands (also while the brake holds it at standstill, hold =
+    brake). After an alarm or a refusal, Enable must become FALSE and TRUE again: nothing switches on by
+    itself.
     """
 
     __slots__ = ("_enable", "_on", "status")
@@ -45,8 +48,8 @@ class Power(Block):
 class Reset(Block):
     """Clear alarms whose cause is gone, drive faults too. Never enables, never shortens a stop.
 
-    From ErrorStop to Disabled when power is off. `service` TRUE: the caller has the service role and may clear locked
-    alarms, which also takes the present angle as valid.
+    From ErrorStop to Disabled when power is off. `service` TRUE: the caller has the service role and may
+    clear locked alarms, which also takes the present angle as valid.
     """
 
     __slots__ = ("_execute", "busy", "done")
@@ -91,7 +94,7 @@ class SetOverride(Block):
     def __call__(self, *, enable: bool = True, override: float) -> None:
         """One scan."""
         self.enabled = enable
-        if not enable or override == self._asked or (override != override and self._asked != self._asked):
+        if not enable or override == self._asked or (math.isnan(override) and math.isnan(self._asked)):
             return
         self._asked = override
         reason = self.axis.set_override(override)
@@ -103,8 +106,8 @@ class SetOverride(Block):
 class SetPosition(Block):
     """Call the present angle `position_rad`. Nothing moves.
 
-    Only at standstill or disabled; refused outside the travel and where the encoder would wrap near it. The new
-    `axis.zero_counts` is for retained memory.
+    Only at standstill or disabled; refused outside the travel and where the encoder would wrap near it. The
+    new `axis.zero_counts` is for retained memory.
     """
 
     __slots__ = ("_execute", "done")

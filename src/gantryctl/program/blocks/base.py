@@ -38,9 +38,9 @@ class Block:
 class ExecuteBlock(Block):
     """A block that begins on the rising edge of Execute.
 
-    Inputs count at that edge only. `busy` until the command has ended, `active` while it has the axis; then exactly
-    one of `done`, `command_aborted`, `error`, for as long as Execute stays TRUE, and for at least one scan. A
-    falling edge of Execute does not end the motion.
+    Inputs count at that edge only. `busy` until the command has ended, `active` while it has the axis; then
+    exactly one of `done`, `command_aborted`, `error`, for as long as Execute stays TRUE, and for at least
+    one scan. A falling edge of Execute does not end the motion.
     """
 
     __slots__ = ("_command", "_execute", "_final", "active", "busy", "command_aborted", "done")

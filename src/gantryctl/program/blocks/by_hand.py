@@ -13,9 +13,10 @@ from gantryctl.units import deg
 class Jog(ExecuteBlock):
     """Vendor block (not PLCopen Part 1): hold-to-run with a key for each direction.
 
-    Moves while exactly one key is TRUE. Released, or both pressed: the jog-release ramp; after both, both must be
-    released before the next start. A key starts on its rising edge: from standstill either way, while the axis
-    still comes to rest the same way only. At the end of the travel it comes to rest by itself (`at_limit`).
+    Moves while exactly one key is TRUE. Released, or both pressed: the jog-release ramp; after both, both
+    must be released before the next start. A key starts on its rising edge: from standstill either way,
+    while the axis still comes to rest the same way only. At the end of the travel it comes to rest by
+    itself (`at_limit`).
     """
 
     __slots__ = ("_backward", "_direction", "_forward", "_released", "_speed", "at_limit")
@@ -45,7 +46,7 @@ class Jog(ExecuteBlock):
             self.axis.motion.release(command)
         if forward == backward:
             return
-        pressed_now = forward and not self._forward or backward and not self._backward
+        pressed_now = (forward and not self._forward) or (backward and not self._backward)
         if not pressed_now:  # one of two keys was let go
             return
         self._start(1 if forward else -1, velocity_rad_s)
@@ -85,8 +86,8 @@ class Jog(ExecuteBlock):
 class Inch(ExecuteBlock):
     """Vendor block (not PLCopen Part 1): one rising edge of a key moves one increment, to its end.
 
-    From the set-point, the direction by the key. While the axis moves a key is refused, not queued; an increment
-    past the travel is refused whole.
+    From the set-point, the direction by the key. While the axis moves a key is refused, not queued; an
+    increment past the travel is refused whole.
     """
 
     __slots__ = ("_backward", "_forward")

@@ -1,4 +1,4 @@
-"""PLCopen motion blocks: MoveAbsolute, MoveRelative, MoveVelocity, Halt, Stop, Home. Buffer mode Aborting only.
+"""PLCopen motion blocks: MoveAbsolute, MoveRelative, MoveVelocity, Halt, Stop, Home. Buffer mode Aborting.
 
 The ramps are the machine's: no block changes them.
 """
@@ -37,8 +37,8 @@ class MoveRelative(ExecuteBlock):
 class MoveVelocity(ExecuteBlock):
     """With a speed, its sign the direction, until another block takes over.
 
-    At the end of the travel it comes to rest by itself, with error LIM-01. `done` stays FALSE; `in_velocity` is TRUE
-    while the set-point has the speed asked for (times override).
+    At the end of the travel it comes to rest by itself, with error LIM-01. `done` stays FALSE;
+    `in_velocity` is TRUE while the set-point has the speed asked for (times override).
     """
 
     __slots__ = ("in_velocity",)
@@ -79,7 +79,7 @@ class Halt(ExecuteBlock):
 
 
 class Stop(ExecuteBlock):
-    """To rest on the jog-release ramp; the axis stays in Stopping, and takes no motion, while Execute is TRUE."""
+    """To rest on the jog-release ramp; Stopping, and no other motion, while Execute is TRUE."""
 
     __slots__ = ("_held",)
 
@@ -102,8 +102,8 @@ class Stop(ExecuteBlock):
 class Home(ExecuteBlock):
     """The direct form only: the present angle is `position_rad` from now on. Nothing moves.
 
-    Only in Standstill; refused where the encoder would wrap near the travel. The new `axis.zero_counts` is for
-    retained memory.
+    Only in Standstill; refused where the encoder would wrap near the travel. The new `axis.zero_counts` is
+    for retained memory.
     """
 
     __slots__ = ()

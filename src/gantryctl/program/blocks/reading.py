@@ -89,7 +89,8 @@ class ReadMotionState(Block):
     """What the set-point is doing."""
 
     __slots__ = (
-        "accelerating", "constant_velocity", "decelerating", "direction_negative", "direction_positive", "valid",
+        "accelerating", "constant_velocity", "decelerating", "direction_negative", "direction_positive",
+        "valid",
     )  # fmt: skip
 
     def __init__(self, axis: Axis) -> None:
