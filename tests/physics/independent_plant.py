@@ -20,6 +20,7 @@ class IndependentPlant:
     """Motor, gears, load, base and friction of a machine file; state order: thm wm th w ph dph Te Th zl zm."""
 
     machine: Machine
+    ring_factor: bool = True  # (1 - e_r') on the mesh torque (S5); the reference left it out
 
     def __post_init__(self) -> None:
         m, p = self.machine, self.machine.plant
@@ -73,7 +74,9 @@ class IndependentPlant:
             return 0.0
         return 1.0 if a >= 1 else 0.5 + 0.5 * math.sin(math.pi * (a - 0.8) / 0.4)
 
-    def friction(self, f: Any, vs: float, inertia: float, extra: float, v: float, z: float) -> tuple[float, float]:
+    def friction(
+        self, f: Any, vs: float, inertia: float, extra: float, v: float, z: float
+    ) -> tuple[float, float]:
         """Torque and z'."""
         s0 = f.coulomb_nm / f.presliding_rad
         g = f.coulomb_nm + (f.breakaway_nm - f.coulomb_nm) * math.exp(-((v / vs) ** 2)) + extra
@@ -123,15 +126,24 @@ class IndependentPlant:
         fr, dzl = self.friction(
             p.roller_friction, math.radians(p.roller_friction.stribeck_deg_s), self.J, 0.0, w - dph, zl
         )
-        ripple = p.motor.torque_ripple_nm * math.sin(p.motor.torque_ripple_order * thm) * min(1.0, abs(te) / 20)
+        ripple = (
+            p.motor.torque_ripple_nm * math.sin(p.motor.torque_ripple_order * thm) * min(1.0, abs(te) / 20)
+        )
         am = (te + ripple - fm - tg * (1 / self.i + dem)) / self.Jm
-        al = (tg * (1 - der) - fr + self.Tu * math.sin(th)) / self.J
-        ab = (-tg * (1 - der) + fr - self.kb * ph - self.cb * dph) / p.base.inertia_kg_m2
+        at_ring = tg * (1 - der) if self.ring_factor else tg
+        al = (at_ring - fr + self.Tu * math.sin(th)) / self.J
+        ab = (-at_ring + fr - self.kb * ph - self.cb * dph) / p.base.inertia_kg_m2
         return [wm, am, w, al, dph, ab, self.wc * (u - te), dhys, dzl, dzm]
 
     def run(self, x: np.ndarray, u: float, duration_s: float, rtol: float = 1e-9) -> np.ndarray:
         """The state after `duration_s` with u held."""
         sol = solve_ivp(
-            lambda _, y: self.slope(y, u), (0, duration_s), x, method="RK45", rtol=rtol, atol=1e-13, max_step=62.5e-6
+            lambda _, y: self.slope(y, u),
+            (0, duration_s),
+            x,
+            method="RK45",
+            rtol=rtol,
+            atol=1e-13,
+            max_step=62.5e-6,
         )
         return np.asarray(sol.y[:, -1])

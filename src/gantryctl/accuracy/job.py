@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -32,7 +32,7 @@ class AccuracyJob:
         threads: for the ensemble; None = all processors.
     """
 
-    procedure: Procedure = chord_procedure("A")
+    procedure: Procedure = field(default_factory=chord_procedure)
     seed: int = 0
     ensemble: int = 0
     with_speed_test: bool = True

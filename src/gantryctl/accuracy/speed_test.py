@@ -14,7 +14,7 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import DEG_S_PER_R_MIN, rad
-from gantryctl.wiring import gantry_sim, motion_limits, position_law, total_ratio
+from gantryctl.wiring import gantry_sim, motion_limits, position_law, ramps_deg, total_ratio
 
 PAPER_SPEEDS_R_MIN: Final = (0.1, 0.5, 1.0)
 CRUISE_S: Final = 15.0
@@ -51,15 +51,13 @@ def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: flo
 
 def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
     """Ends of a move that cruises for `CRUISE_S`, or as long as the travel allows."""
-    speed, axis, virtual = machine.speed, machine.axis, machine.virtual_axis
+    speed, axis = machine.speed, machine.axis
     if not speed.setting_min_deg_s <= speed_deg_s <= speed.setting_max_deg_s + 1e-9:
         raise UsageError(
             f"speed {speed_deg_s / DEG_S_PER_R_MIN:g} r/min: the setting goes from "
             f"{speed.setting_min_deg_s / DEG_S_PER_R_MIN:g} to {speed.setting_max_deg_s / DEG_S_PER_R_MIN:g} r/min"
         )
-    ramps = 0.5 * speed_deg_s**2 * (1.0 / virtual.acc_deg_s2 + 1.0 / virtual.dec_deg_s2)
-    if virtual.profile == "jerk_limited":
-        ramps += speed_deg_s * virtual.acc_deg_s2 / virtual.jerk_deg_s3
+    ramps = ramps_deg(machine, speed_deg_s)
     travel = axis.pos_max_deg - axis.pos_min_deg
     if ramps >= travel:
         raise UsageError(

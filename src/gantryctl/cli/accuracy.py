@@ -39,7 +39,9 @@ def accuracy() -> None:
 @click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
-@click.option("--ensemble", type=click.IntRange(0, 100_000), default=0, help="Number of random gears beside it.")
+@click.option(
+    "--ensemble", type=click.IntRange(0, 100_000), default=0, help="Number of random gears beside it."
+)
 @click.option("--radius-m", type=FINITE, help="Chord radius; [accuracy] chord_radius_m when not given.")
 @click.option("--noise-um", type=FINITE, help="Tracker noise per coordinate; [accuracy] tracker_noise_um.")
 @click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="Figure 5 as well.")
@@ -125,9 +127,13 @@ def _finish(report: AccuracyReport, out: Path, as_json: bool) -> int:
 
 @accuracy.command()
 @config_option
-@click.option("--measured", type=PATH, required=True, help="CSV of an instrument: chords in mm or errors in deg.")
+@click.option(
+    "--measured", type=PATH, required=True, help="CSV of an instrument: chords in mm or errors in deg."
+)
 @click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
-@click.option("--motor-side", is_flag=True, help="The readings are of the motor encoder: no accuracy verdict.")
+@click.option(
+    "--motor-side", is_flag=True, help="The readings are of the motor encoder: no accuracy verdict."
+)
 @out_option
 @json_option
 def report(
@@ -195,7 +201,9 @@ def _shipped(table: Path) -> Path:
 
 @click.command("speed-test")
 @config_option
-@click.option("--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1.")
+@click.option(
+    "--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1."
+)
 @out_option
 @json_option
 def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | None, as_json: bool) -> int:

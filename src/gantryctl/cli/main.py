@@ -29,12 +29,18 @@ COMMANDS: Final = {
     "move": Entry("gantryctl.cli.move", "move", "Move to an angle, or by an angle."),
     "jog": Entry("gantryctl.cli.move", "jog", "Hold-to-run motion in one direction for a time."),
     "stops": Entry("gantryctl.cli.stops", "stops", "What every stop costs: angle, time, torques, brake."),
-    "speed-test": Entry("gantryctl.cli.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."),
-    "accuracy": Entry("gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."),
+    "speed-test": Entry(
+        "gantryctl.cli.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
+    ),
+    "accuracy": Entry(
+        "gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
+    ),
     "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
     "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),
-    "reset": Entry("gantryctl.cli.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
+    "reset": Entry(
+        "gantryctl.cli.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."
+    ),
     "encoder": Entry("gantryctl.cli.encoder", "encoder", "The absolute reference: show, set-zero."),
     "retain": Entry("gantryctl.cli.state", "retain", "The controller's retained memory: show."),
     "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),

@@ -22,7 +22,9 @@ out_option = click.option("--out", "out", type=PATH, help="Directory for files t
 seed_option = click.option(
     "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Seed of all noise."
 )
-real_time_option = click.option("--real-time", is_flag=True, help="Run on the real clock instead of virtual time.")
+real_time_option = click.option(
+    "--real-time", is_flag=True, help="Run on the real clock instead of virtual time."
+)
 fresh_option = click.option(
     "--fresh", is_flag=True, help="Start from a new machine at 0 deg; read and write no retained state."
 )

@@ -66,10 +66,14 @@ def alarms(config_file: Path | None, last: bool, as_json: bool) -> int:
 @click.argument("code", required=False)
 def explain(code: str | None) -> int:
     """What an alarm code means, what is done and what to do. Without CODE: all codes."""
-    from gantryctl.program import all_codes
+    from gantryctl.program import ALARMS
     from gantryctl.program import explain as page
 
-    click.echo(page(code.upper()) if code else "\n".join(all_codes()))
+    if code:
+        click.echo(page(code))
+        return 0
+    for row in ALARMS.values():
+        click.echo(f"{row.code!s:<8} {row.severity.value:<8} {row.title}")
     return 0
 
 

@@ -107,9 +107,12 @@ class SimDrive:
     def write(self, output: OutputImage) -> None:
         """Follow the request and advance drive and gantry by one scan."""
         request = output.request
-        if request is not DriveRequest.ENABLE or self.state is not DriveState.OPERATION_ENABLED:
-            self._transition(request)
-        elif self.error_code or not (self.estop_ok and self.mains_ready):
+        if (
+            request is not DriveRequest.ENABLE
+            or self.state is not DriveState.OPERATION_ENABLED
+            or self.error_code
+            or not (self.estop_ok and self.mains_ready)
+        ):
             self._transition(request)
         state = self.state
         if state is DriveState.OPERATION_ENABLED:

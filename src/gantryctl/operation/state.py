@@ -54,7 +54,9 @@ def machine_status(machine: Machine) -> MachineStatus:
     reading = evaluate(encoder_scale(machine, virtual.drive), virtual.drive.read().pos_act_counts, retained)
     held = refusal(reading)
     if retained.error_stop:
-        condition = f"stopped by alarm {retained.error_stop}; `gantryctl explain {retained.error_stop}`, then reset"
+        condition = (
+            f"stopped by alarm {retained.error_stop}; `gantryctl explain {retained.error_stop}`, then reset"
+        )
     else:
         condition = "power off, brake closed" if held is None else "may not move"
     return MachineStatus(
@@ -116,7 +118,9 @@ def reset_machine(machine: Machine) -> str:
             raise CommandRefused(reason)
         if retained.error_stop:
             said.append(f"{retained.error_stop} acknowledged by {who}; the axis stays without power")
-            retained = replace(retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}")
+            retained = replace(
+                retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}"
+            )
         if not said:
             return "nothing to reset"
         keep_machine(store, virtual.drive, retained)
@@ -159,14 +163,23 @@ class EncoderReport:
             margins = f"{r.margin_minus_deg:.1f} deg below the travel, {r.margin_plus_deg:.1f} deg above"
         fine = identity.counts_per_turn
         return [
-            ("encoder", f"{r.serial}: {self.scale.coarse_per_turn} steps x {identity.turns} turns, {fine} fine counts/turn"),
+            (
+                "encoder",
+                f"{r.serial}: {self.scale.coarse_per_turn} steps x {identity.turns} turns, {fine} fine counts/turn",
+            ),
             ("reading", f"turn {r.multi_turn}, step {r.single_turn} (fine count {r.raw_counts})"),
-            ("zero offset", "not set" if kept.zero_offset_counts is None else f"fine count {kept.zero_offset_counts}"),
+            (
+                "zero offset",
+                "not set" if kept.zero_offset_counts is None else f"fine count {kept.zero_offset_counts}",
+            ),
             ("zero set by", f"{kept.zero_set_by or '-'} {kept.zero_set_at}".strip()),
             ("witness", kept.zero_witness or "-"),
             ("angle", "unknown" if r.angle_deg is None else f"{r.angle_deg:+.5f} deg"),
             ("wrap margin", margins),
-            ("stored rest position", "-" if kept.rest_position_counts is None else f"fine count {kept.rest_position_counts}"),
+            (
+                "stored rest position",
+                "-" if kept.rest_position_counts is None else f"fine count {kept.rest_position_counts}",
+            ),
             ("moved while off", "-" if r.moved_deg is None else f"{r.moved_deg:+.5f} deg"),
             ("verdict", refusal(r) or r.verdict.value),
         ]
@@ -190,7 +203,9 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
     """
     axis = machine.axis
     if not -axis.mechanical_stop_deg < angle_deg < axis.mechanical_stop_deg:
-        raise UsageError(f"--angle {angle_deg:g}: the mechanical stops are at +-{axis.mechanical_stop_deg:g} deg")
+        raise UsageError(
+            f"--angle {angle_deg:g}: the mechanical stops are at +-{axis.mechanical_stop_deg:g} deg"
+        )
     if not witness.strip():
         raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")
     with StateStore(machine) as store:

@@ -33,7 +33,9 @@ def state_root() -> Path:
 
 def plant_hash(machine: Machine) -> str:
     """Hash of everything the simulated plant is made of: a state of another plant cannot be taken over."""
-    parts = {name: getattr(machine, name).model_dump(mode="json") for name in ("plant", "axis", "motor", "brake")}
+    parts = {
+        name: getattr(machine, name).model_dump(mode="json") for name in ("plant", "axis", "motor", "brake")
+    }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
@@ -49,7 +51,9 @@ class StateStore:
         try:
             self.directory.mkdir(parents=True, exist_ok=True)
         except OSError as fault:
-            raise StateError(f"state directory {self.directory} cannot be made: {fault.strerror or fault}") from fault
+            raise StateError(
+                f"state directory {self.directory} cannot be made: {fault.strerror or fault}"
+            ) from fault
         self._memory = RetainedMemory(self.directory)
         self._lock = StateLock(self.directory)
         self._plant_hash = plant_hash(machine)
@@ -106,7 +110,9 @@ class StateStore:
             os.replace(name, self.directory / _PLANT_FILE)
         except OSError as fault:
             Path(name).unlink(missing_ok=True)
-            raise StateError(f"{self.directory}: the plant cannot be stored: {fault.strerror or fault}") from fault
+            raise StateError(
+                f"{self.directory}: the plant cannot be stored: {fault.strerror or fault}"
+            ) from fault
 
     def forget(self) -> None:
         """Remove plant and retained memory: the next run starts from a new machine."""

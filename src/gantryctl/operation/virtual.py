@@ -31,7 +31,11 @@ def encoder_scale(machine: Machine, drive: SimDrive) -> EncoderScale:
     """Sizes of the encoder and the travel."""
     axis = machine.axis
     return EncoderScale(
-        drive.identity(), total_ratio(machine), machine.encoder.counts_per_turn, axis.pos_min_deg, axis.pos_max_deg
+        drive.identity(),
+        total_ratio(machine),
+        machine.encoder.counts_per_turn,
+        axis.pos_min_deg,
+        axis.pos_max_deg,
     )
 
 

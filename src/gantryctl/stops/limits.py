@@ -71,14 +71,14 @@ def check_quick_stop(machine: Machine) -> StopResult:
     moment = machine.plant.load.eccentric_check_moment_nm
     if stop.torque_limited:
         problems.append(
-            f"{where}: the motor cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m eccentric moment needs "
-            f"more than [motor] torque_max_nm = {machine.motor.torque_max_nm:g} N m; "
+            f"{where}: the motor cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
+            f"eccentric moment needs more than [motor] torque_max_nm = {machine.motor.torque_max_nm:g} N m; "
             "`gantryctl stops --find-quick` finds the largest possible value"
         )
     if stop.torque_reducer_nm > machine.reducer.torque_momentary_nm:
         problems.append(
-            f"{where}: the reducer cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m eccentric moment puts "
-            f"{stop.torque_reducer_nm / 1e3:.1f} kN m on it, [reducer] torque_momentary_nm = "
+            f"{where}: the reducer cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
+            f"eccentric moment puts {stop.torque_reducer_nm / 1e3:.1f} kN m on it, [reducer] torque_momentary_nm = "
             f"{machine.reducer.torque_momentary_nm / 1e3:.1f} kN m; "
             "`gantryctl stops --find-quick` finds the largest possible value"
         )

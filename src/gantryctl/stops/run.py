@@ -14,7 +14,14 @@ from gantryctl.batch import ClosedLoop, Log
 from gantryctl.machine import Machine
 from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
 from gantryctl.units import deg, rad
-from gantryctl.wiring import drive_params, eccentric_moment_nm, gantry_sim, plant_params, position_law, total_ratio
+from gantryctl.wiring import (
+    drive_params,
+    eccentric_moment_nm,
+    gantry_sim,
+    plant_params,
+    position_law,
+    total_ratio,
+)
 
 Floats = NDArray[np.float64]
 

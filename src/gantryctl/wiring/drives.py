@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gantryctl import _core
+from gantryctl.devices.ideal import IdealDrive
 from gantryctl.devices.sim import SimDrive
 from gantryctl.machine import Machine
 from gantryctl.units import rad
 from gantryctl.wiring.plant import counts_per_turn, gantry_sim, total_ratio
 
 
-def sim_drive(
-    machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None
-) -> SimDrive:
+def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:
     """The simulated drive with its gantry, torque off and the brake closed.
 
     Args:
@@ -47,3 +46,14 @@ def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
     drive = sim_drive(machine, angle_deg)
     at_angle = drive.read().pos_act_counts
     return round(at_angle - angle_deg / 360.0 * total_ratio(machine) * counts_per_turn(machine))
+
+
+def ideal_drive(machine: Machine) -> IdealDrive:
+    """The drive whose actual speed is the command, for trying programs without any plant."""
+    return IdealDrive(
+        machine.control.scan_period_ms * 1e-3,
+        counts_per_turn(machine),
+        total_ratio(machine),
+        turns=machine.encoder.turns,
+        quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2),
+    )

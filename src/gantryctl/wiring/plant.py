@@ -76,7 +76,9 @@ def _transmission(p: _core.PlantParams, machine: Machine) -> None:
     p.hysteresis_load_ratio = t.hysteresis_load_ratio
     p.hysteresis_length = t.hysteresis_length_rad
     p.backlash = switch.backlash and t.backlash_mm > 0.0
-    p.half_backlash = 0.5 * t.backlash_mm * 1e-3 / machine.plant.gear_error.ring_radius_m if p.backlash else 0.0
+    p.half_backlash = (
+        0.5 * t.backlash_mm * 1e-3 / machine.plant.gear_error.ring_radius_m if p.backlash else 0.0
+    )
 
 
 def _gear_error(p: _core.PlantParams, g: GearError, ring_ratio: float) -> None:
@@ -158,8 +160,6 @@ def position_law(machine: Machine) -> _core.PositionLaw:
     )
 
 
-
-
 def gantry_sim(
     machine: Machine, plant: _core.PlantParams | None = None, drive: _core.DriveParams | None = None
 ) -> _core.GantrySim:
@@ -189,3 +189,12 @@ def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLim
         dec_rad_s2=rad(axis.dec_deg_s2),
         jerk_rad_s3=rad(axis.jerk_deg_s3) if axis.profile == "jerk_limited" else math.inf,
     )
+
+
+def ramps_deg(machine: Machine, speed_deg_s: float) -> float:
+    """Way to reach a speed and to stop again, deg: the shortest move that reaches it."""
+    axis = machine.virtual_axis
+    way = 0.5 * speed_deg_s**2 * (1.0 / axis.acc_deg_s2 + 1.0 / axis.dec_deg_s2)
+    if axis.profile == "jerk_limited":
+        way += 0.5 * speed_deg_s * (axis.acc_deg_s2 + axis.dec_deg_s2) / axis.jerk_deg_s3
+    return way

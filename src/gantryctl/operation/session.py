@@ -1,0 +1,331 @@
+"""One run of an axis: power up, move or jog, power down, and leave everything so that the next run can go on.
+
+Each run is a power cycle of the machine. Whatever ends it (done, refused, alarm, Ctrl-C), the axis is brought to rest,
+the brake closed, the torque taken off and the state kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+from gantryctl.devices.sim import SimDrive
+from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.image import Mode
+from gantryctl.machine import Machine, config_hash
+from gantryctl.operation.absolute import evaluate, refusal, unwrapped
+from gantryctl.operation.state import now_text
+from gantryctl.operation.store import StateStore
+from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
+from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
+from gantryctl.runtime import AlarmEntry, Engine, HeldOperator
+from gantryctl.units import deg, rad
+from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, counts_per_turn
+
+SLICE_S: Final = 0.1
+"""Axis time between two looks at observer and stop request."""
+LEASE_SLICE_S: Final = 0.03
+"""The same while a hold-to-run command is renewed."""
+_POWER_S: Final = 10.0  # the power sequence has time limits of its own; this is only a net below them
+_REST_S: Final = 120.0  # a stop on the slowest ramp from the highest speed
+
+
+class Stop(IntEnum):
+    """How urgently somebody wants the axis to stop."""
+
+    NO = 0
+    RAMP = 1
+    QUICK = 2
+
+
+class Snapshot(NamedTuple):
+    """What a display shows. Angles at the gantry, measured by the motor encoder."""
+
+    time_s: float
+    angle_deg: float
+    speed_deg_s: float
+    following_error_deg: float
+    state: str
+    time_left_s: float | None
+    """Of a motion that has an end."""
+
+
+class Motion(NamedTuple):
+    """A motion that has ended: its time in the recording, and whether it did what was asked."""
+
+    from_s: float
+    to_s: float
+    done: bool
+    settled_s: float
+    """From the end of the set-point's motion until in position."""
+
+
+class AxisSession:
+    """The axis of one machine, for one command line or script.
+
+    Args:
+        store: the state directory, locked by the caller; None for a new machine that is forgotten afterwards.
+        program: made from the axis, `GantryProgram` unless it is a program of one's own.
+        recorder: makes the recorder of the run.
+        observer: gets a `Snapshot` every 0.1 s of axis time.
+
+    Attributes:
+        stop: raised by whoever wants the axis to stop, at any time.
+        notes: what had to be done to open the machine.
+
+    Raises:
+        CommandRefused: an alarm of an earlier run is not acknowledged, or the encoder cannot be believed.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        store: StateStore | None = None,
+        *,
+        program: ProgramFactory = GantryProgram,
+        recorder: RecorderFactory | None = None,
+        real_time: bool = False,
+        observer: Callable[[Snapshot], None] | None = None,
+    ) -> None:
+        self.machine = machine
+        self.stop = Stop.NO
+        self._store = store
+        self._observer = observer
+        virtual = open_machine(machine, store)
+        self.notes, self._retained, self._drive = virtual.notes, virtual.retained, virtual.drive
+        scale = encoder_scale(machine, virtual.drive)
+        counts = virtual.drive.read().pos_act_counts
+        reading = evaluate(scale, counts, self._retained)
+        self._refuse(refusal(reading))
+        zero = self._retained.zero_offset_counts
+        assert zero is not None
+        self.operator = HeldOperator()
+        self.engine: Engine = build_engine(
+            machine,
+            program=program,
+            operator=self.operator,
+            drive=virtual.drive,
+            zero_counts=zero + counts - unwrapped(scale, counts, zero),
+            holding_torque_nm=self._retained.holding_torque_nm or 0.0,
+            recorder=recorder,
+            real_time=real_time,
+        )
+        assert isinstance(self.engine.program, AxisProgram)
+        self.axis = self.engine.program.axis
+        self._range = scale.range_counts
+        self._power_ups = self._moves = 0
+
+    def _refuse(self, reason: str | None) -> None:
+        held = self._retained.error_stop
+        if held:
+            raise CommandRefused(
+                f"{held} stopped the axis in an earlier run and is not acknowledged: look at it "
+                f"(`gantryctl alarms --last`, `gantryctl explain {held}`), then `gantryctl reset`"
+            )
+        if reason is not None:
+            raise CommandRefused(reason)
+
+    # --- what the axis does --------------------------------------------------------------------------------------
+
+    @property
+    def angle_deg(self) -> float:
+        """Measured angle of the gantry, motor side."""
+        return deg(self.axis.pos_act_rad)
+
+    @property
+    def drive(self) -> SimDrive:
+        """The simulated drive."""
+        return self._drive
+
+    def snapshot(self) -> Snapshot:
+        """What a display shows now."""
+        axis, virtual = self.axis, self.axis.virtual
+        time_s = self.engine.time_s
+        end_s = virtual.start_scan * self.engine.period_s + virtual.plan.duration
+        vel = self.engine.image.drive.vel_act_rad_s / axis.settings.law.ratio
+        return Snapshot(
+            time_s=time_s,
+            angle_deg=deg(axis.pos_act_rad),
+            speed_deg_s=deg(vel),
+            following_error_deg=deg(axis.pos_err_rad),
+            state=axis.state.name.lower(),
+            time_left_s=max(0.0, end_s - time_s) if axis.state is AxisState.DISCRETE_MOTION else None,
+        )
+
+    def power_up(self) -> None:
+        """Enable, prove torque, open the brake.
+
+        Raises:
+            AlarmStop: the power sequence ended in an alarm.
+        """
+        self._power_ups += 1
+        self._command(power=True)
+        self._follow(lambda: self.axis.state is AxisState.STANDSTILL, _POWER_S)
+        self._raise_alarm()
+        if self.axis.state is not AxisState.STANDSTILL:
+            raise AlarmStop(f"power-up did not end within {_POWER_S:g} s; the axis is {self.axis.state.name}")
+
+    def move(self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0) -> Motion:
+        """Move to an angle and wait until the axis stands there.
+
+        Raises:
+            CommandRefused: target or speed are not possible; nothing moved.
+            AlarmStop: an alarm ended it; the axis is at rest.
+        """
+        speed = rad(speed_deg_s if speed_deg_s is not None else self.machine.speed.setting_max_deg_s)
+        return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=speed, override=override)
+
+    def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> Motion:
+        """One increment in the incremental mode."""
+        self._command(mode=Mode.INCREMENTAL)
+        self.engine.step()
+        key = {"forward" if forward else "reverse": True}
+        return self._motion(increment_rad=rad(step_deg), speed_rad_s=rad(speed_deg_s), **key)
+
+    def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> Motion:
+        """Hold the key for a time in the continuous mode, then let go and wait for rest.
+
+        Raises:
+            CommandRefused: the speed is outside the setting range; nothing moved.
+            AlarmStop: an alarm ended it; the axis is at rest.
+        """
+        self._command(mode=Mode.CONTINUOUS, speed_rad_s=rad(speed_deg_s))
+        self.engine.step()
+        start = self.engine.time_s
+        refusals = self.axis.refusal_count
+        self._command(forward=forward, reverse=not forward)
+        self._follow(lambda: self._refused(refusals), seconds, self._renew)
+        self._raise_refusal(refusals)
+        self._command(forward=False, reverse=False)
+        return self._finished(start)
+
+    def power_down(self) -> None:
+        """Come to rest, close the brake, take the torque off; keep what the next run needs to know."""
+        self._command(power=False, forward=False, reverse=False, move=False)
+        self._follow(lambda: self._off() and self.axis.virtual.at_rest, _REST_S, watch=False)
+
+    # --- how it does it ------------------------------------------------------------------------------------------
+
+    def _command(self, **levels: object) -> None:
+        self.operator.command = self.operator.command._replace(**levels)
+
+    def _renew(self) -> None:
+        self._command(lease=self.operator.command.lease + 1)
+
+    def _motion(self, **levels: object) -> Motion:
+        start = self.engine.time_s
+        refusals = self.axis.refusal_count
+        self._command(**levels)
+        self.engine.step()
+        self._command(move=False, forward=False, reverse=False)
+        self._raise_refusal(refusals)
+        return self._finished(start)
+
+    def _finished(self, start: float) -> Motion:
+        """Wait until the motion has ended one way or the other."""
+        self._moves += 1
+        self._follow(self._at_rest, self.axis.virtual.plan.duration + _REST_S)
+        plan_end = self.axis.virtual.start_scan * self.engine.period_s + self.axis.virtual.plan.duration
+        end = self.engine.time_s
+        self._raise_alarm()
+        return Motion(start, end, self.stop is Stop.NO, max(0.0, end - plan_end))
+
+    def _off(self) -> bool:
+        return self.axis.power.phase is PowerPhase.OFF
+
+    def _at_rest(self) -> bool:
+        motion = self.axis.motion
+        quiet = motion.current is None and motion.waiting is None and self.axis.virtual.at_rest
+        return quiet or self.axis.alarms.first_out is not None
+
+    def _refused(self, before: int) -> bool:
+        return self.axis.refusal_count > before or self.axis.alarms.first_out is not None
+
+    def _raise_refusal(self, before: int) -> None:
+        if self.axis.refusal_count > before:
+            assert self.axis.refusal is not None
+            raise CommandRefused(self.axis.refusal.text)
+
+    def _raise_alarm(self) -> None:
+        first = self.axis.alarms.first_out
+        if first is None:
+            return
+        self._follow(self._off, _REST_S, watch=False)
+        raise AlarmStop(first.text)
+
+    def _follow(
+        self,
+        done: Callable[[], bool],
+        timeout_s: float,
+        renew: Callable[[], None] | None = None,
+        *,
+        watch: bool = True,
+    ) -> None:
+        """Scan until something is done, in slices: between them stop requests, lease and display."""
+        engine = self.engine
+        end = engine.time_s + timeout_s
+        slice_s = SLICE_S if renew is None else LEASE_SLICE_S
+        while engine.time_s < end - 1e-9:
+            if watch and self._asked_to_stop() and renew is not None:
+                return
+            if renew is not None:
+                renew()
+            reached = engine.run_until(lambda _: done(), min(slice_s, end - engine.time_s))
+            if self._observer is not None:
+                self._observer(self.snapshot())
+            if reached:
+                return
+
+    def _asked_to_stop(self) -> bool:
+        """Hand a stop request to the program."""
+        if self.stop is Stop.QUICK:
+            self._command(quick_stop=True)
+        elif self.stop is Stop.RAMP:
+            self._command(stop=True)
+        return self.stop is not Stop.NO
+
+    # --- the end of the run --------------------------------------------------------------------------------------
+
+    def close(self, result: str) -> None:
+        """Power down if that was not done, finish the recording, keep the state; `result` is for `status`.
+
+        After a failure inside the scan the engine itself brings the axis to rest.
+        """
+        try:
+            if self.engine.failure is not None:
+                self.engine.run_for(_POWER_S)
+            elif not self._off():
+                self.power_down()
+        finally:
+            self.engine.close()
+            self._keep(result)
+
+    def _keep(self, result: str) -> None:
+        retained, axis = self._retained, self.axis
+        when = now_text()
+        first = axis.alarms.first_out
+        fresh = tuple(
+            AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, alarm.pos_rad)
+            for alarm in axis.alarms.history
+        )
+        counts = self._drive.read().pos_act_counts
+        way = abs(counts - (retained.rest_position_counts or counts)) / counts_per_turn(self.machine)
+        keep_machine(
+            self._store,
+            self._drive,
+            replace(
+                retained,
+                config_hash=config_hash(self.machine),
+                rest_position_counts=int(counts) % self._range,
+                zero_offset_counts=int(axis.zero_counts) % self._range,
+                holding_torque_nm=axis.power.holding_torque_nm,
+                power_ups=retained.power_ups + self._power_ups,
+                moves=retained.moves + self._moves,
+                travelled_rad=retained.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,
+                error_stop=str(first.code) if first is not None else "",
+                last_result=result,
+                alarms=(*retained.alarms, *fresh),
+            ),
+        )

@@ -1,0 +1,72 @@
+"""What a motion was like, from its recording."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gantryctl.trace import Trace
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class MotionSummary:
+    """One motion, from the first scan of its set-point to standstill. Angles at the gantry.
+
+    Attributes:
+        duration_s: of the set-point's motion. peak_deg_s: its highest speed.
+        end_deg: measured angle at the end (motor encoder).
+        following_error_motor_deg, following_error_load_deg: largest set-point minus angle, motor side and load side.
+        speed_error_motor_deg_s, speed_error_load_deg_s: likewise for the speed.
+        torque_max_nm: largest motor torque.
+
+    The load side is known to a simulator only, else None.
+    """
+
+    start_deg: float
+    end_deg: float
+    duration_s: float
+    peak_deg_s: float
+    following_error_motor_deg: float
+    following_error_load_deg: float | None
+    speed_error_motor_deg_s: float
+    speed_error_load_deg_s: float | None
+    torque_max_nm: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return asdict(self)
+
+
+def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionSummary:
+    """The motion between two times of a recording; `ratio` is motor turns per gantry turn."""
+    part = trace.slice(from_s, to_s)
+    ref, vel_ref = np.degrees(part["pos_ref_rad"]), np.degrees(part["vel_ref_rad_s"])
+    moving = np.nonzero(vel_ref)[0]
+    time_s = part["time_s"]
+    duration = float(time_s[moving[-1]] - time_s[moving[0]]) if len(moving) else 0.0
+    load_error = load_vel_error = None
+    vel_motor = np.degrees(part["vel_act_rad_s"])
+    if "pos_load_rad" in part.columns:
+        load_error = _largest(ref - np.degrees(part["pos_load_rad"]))
+        load_vel_error = _largest(vel_ref - np.degrees(part["vel_load_rad_s"]))
+        vel_motor = np.degrees(part["vel_motor_rad_s"]) / ratio
+    return MotionSummary(
+        start_deg=float(ref[0]),
+        end_deg=float(np.degrees(part["pos_act_rad"][-1])),
+        duration_s=duration,
+        peak_deg_s=_largest(vel_ref),
+        following_error_motor_deg=_largest(np.degrees(part["pos_err_rad"])),
+        following_error_load_deg=load_error,
+        speed_error_motor_deg_s=_largest(vel_ref - vel_motor),
+        speed_error_load_deg_s=load_vel_error,
+        torque_max_nm=_largest(part["torque_act_nm"]),
+    )
+
+
+def _largest(values: Floats) -> float:
+    return float(np.max(np.abs(values))) if len(values) else 0.0
