@@ -17,16 +17,16 @@ WIDTH = 100
 ISO_NAMES = (
     ("reversal_deg", "B", "reversal"),
     ("mean_reversal_deg", "B mean", "mean reversal"),
-    ("repeatability_up_deg", "R up", "unidirectional repeatability, ccw"),
-    ("repeatability_down_deg", "R down", "unidirectional repeatability, cw"),
-    ("repeatability_deg", "R", "bidirectional repeatability"),
-    ("systematic_up_deg", "E up", "unidirectional systematic deviation, ccw"),
-    ("systematic_down_deg", "E down", "unidirectional systematic deviation, cw"),
-    ("systematic_deg", "E", "bidirectional systematic deviation"),
-    ("mean_bidirectional_deg", "M", "mean bidirectional positional deviation"),
-    ("accuracy_up_deg", "A up", "unidirectional accuracy, ccw"),
-    ("accuracy_down_deg", "A down", "unidirectional accuracy, cw"),
-    ("accuracy_deg", "A (ISO)", "bidirectional accuracy"),
+    ("repeatability_up_deg", "R up", "repeatability, ccw"),
+    ("repeatability_down_deg", "R down", "repeatability, cw"),
+    ("repeatability_deg", "R", "repeatability, both ways"),
+    ("systematic_up_deg", "E up", "systematic deviation, ccw"),
+    ("systematic_down_deg", "E down", "systematic deviation, cw"),
+    ("systematic_deg", "E", "systematic deviation, both ways"),
+    ("mean_bidirectional_deg", "M", "mean deviation, both ways"),
+    ("accuracy_up_deg", "A up", "accuracy, ccw"),
+    ("accuracy_down_deg", "A down", "accuracy, cw"),
+    ("accuracy_deg", "A (ISO)", "accuracy, both ways"),
 )
 """Attribute of `IsoFigures`, symbol, name; in the order of the standard."""
 

@@ -112,7 +112,7 @@ def test_other_bases_columns_and_no_verdict() -> None:
 
 def test_five_runs_show_the_iso_figures(five_runs: AccuracyReport) -> None:
     page = render_html(dataclasses.replace(five_runs, speed=(), ensemble=None))
-    assert "A (ISO), bidirectional accuracy" in page
+    assert "A (ISO), accuracy, both ways" in page
     assert "mean of 5 runs" in page
 
 
