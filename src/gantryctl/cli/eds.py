@@ -91,7 +91,7 @@ def _have(entry: Entry) -> str:
 
 
 def _shown(value: object, relative: bool) -> str:
-    text = f"0x{value:X}" if isinstance(value, int) and value > 0xFFF else str(value)
+    text = f"0x{value:X}" if isinstance(value, int) and (relative or value > 0xFFF) else str(value)
     return f"$NODEID+{text}" if relative else text
 
 
@@ -100,6 +100,11 @@ def _verdict(findings: tuple[Finding, ...], missing: tuple[Finding, ...]) -> str
         names = ", ".join(finding.wish.place for finding in missing)
         return f"No CSV axis by this file: {names} lacking."
     stop = [finding.wish.place for finding in findings if finding.wish.need == "stop" and not finding.ok]
+    if {"1016:01", "1400:05"} <= set(stop):
+        return (
+            "A CSV axis by this file, but nothing in it stops the axis of a silent controller "
+            "(neither 1016 nor 1400:05): not without a hard-wired watchdog."
+        )
     if not stop:
         return "A CSV axis by this file. A file is a promise: modes, defaults and reactions are read from the drive."
     return f"A CSV axis by this file; to be proved at standstill, for the file lacks {', '.join(stop)}."
