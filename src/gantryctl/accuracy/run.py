@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-
 from gantryctl.accuracy.procedure import Procedure
 from gantryctl.accuracy.table import FloatArray
 from gantryctl.batch import ClosedLoop, Leg, run_legs

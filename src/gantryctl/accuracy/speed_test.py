@@ -82,7 +82,7 @@ def _evaluate(
     cruise = np.abs(ref) >= speed_deg_s * (1.0 - 1e-9)
     at_speed = cruise if np.any(cruise) else np.abs(ref) >= np.max(np.abs(ref)) * (1.0 - 1e-3)
     thin = slice(None, None, max(1, len(ref) // _CURVE_POINTS))
-    time_s = np.arange(len(ref)) * log.period_s
+    time_s = np.arange(len(ref), dtype=np.float64) * log.period_s
     return SpeedRun(
         speed_deg_s=speed_deg_s,
         direction=direction,

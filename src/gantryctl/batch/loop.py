@@ -24,7 +24,8 @@ class Log:
         self.columns: tuple[str, ...] = tuple(_core.LOG_COLUMNS)
 
     def __getitem__(self, column: str) -> Floats:
-        return self._values[self.columns.index(column)]
+        values: Floats = self._values[self.columns.index(column)]
+        return values
 
     def __len__(self) -> int:
         return int(self._values.shape[1])
@@ -32,7 +33,7 @@ class Log:
     @property
     def time_s(self) -> Floats:
         """Time of every row."""
-        return np.arange(len(self)) * self.period_s
+        return np.arange(len(self), dtype=np.float64) * self.period_s
 
 
 class ClosedLoop:

@@ -74,7 +74,7 @@ def run_(
     from gantryctl.accuracy.job import AccuracyJob, accuracy_report
     from gantryctl.accuracy.procedure import Chord, chord_procedure
 
-    machine = _with_instrument(machine_of(config_file), radius_m, noise_um)
+    machine = _with_instrument(_simulated(config_file), radius_m, noise_um)
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
     if not as_json:
         click.echo(_announce(machine, procedure))
@@ -100,6 +100,18 @@ def _with_instrument(machine: Machine, radius_m: float | None, noise_um: float |
     if noise_um is not None:
         changes["accuracy.tracker_noise_um"] = noise_um
     return with_values(machine, changes) if changes else machine
+
+
+def _simulated(config_file: Path | None) -> Machine:
+    """A machine with a plant to measure."""
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    if machine.drive.kind != "sim":
+        raise UsageError(
+            f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no plant to measure; use "sim"'
+        )
+    return machine
 
 
 def _stamp() -> tuple[str, str]:
@@ -217,7 +229,7 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     from gantryctl.accuracy.speed_test import speed_test as run_speeds
     from gantryctl.accuracy.text import speed_lines
 
-    machine = machine_of(config_file)
+    machine = _simulated(config_file)
     runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
     if out is not None:
         file = directory(out) / "speed_test.svg"

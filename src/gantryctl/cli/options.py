@@ -30,7 +30,7 @@ fresh_option = click.option(
 )
 
 
-class FiniteFloat(click.ParamType):
+class FiniteFloat(click.ParamType[float]):
     """A number that is neither nan nor inf."""
 
     name = "number"

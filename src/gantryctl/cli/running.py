@@ -29,7 +29,7 @@ from gantryctl.operation import (
 )
 from gantryctl.ports import Recorder
 from gantryctl.runtime import ArrowRecorder, MemoryRecorder
-from gantryctl.trace import read_trace
+from gantryctl.trace import Metadata, read_trace
 from gantryctl.units import DEG_S_PER_R_MIN
 from gantryctl.wiring import ramps_deg, total_ratio
 
@@ -66,7 +66,7 @@ def run_axis(
     recorders: list[Recorder] = []
 
     def recorder(columns: tuple[str, ...]) -> Recorder:
-        metadata = {
+        metadata: Metadata = {
             "machine": machine.name,
             "config_hash": short_hash(machine),
             "version": version("gantryctl"),
@@ -190,6 +190,9 @@ def _report(
             click.echo(line)
     for text in alarms if failure is None else ():
         click.echo(f"note: {text}")
+    if session.engine.statistics.lateness.count:
+        for line in session.engine.statistics.report(summary.peak_deg_s).splitlines():
+            click.echo(f"  {line}")
     if session.engine.recording_fault:
         click.echo(f"warning: {session.engine.recording_fault}", err=True)
     if not isinstance(recorder, MemoryRecorder) and not isinstance(failure, CommandRefused):
@@ -207,10 +210,10 @@ def _path(recorder: Any) -> Path:
 def _summary_lines(machine: Machine, s: MotionSummary, motion: Motion | None) -> Iterator[str]:
     """The end of a motion in words."""
     done = motion is not None and motion.done
-    shortest = ramps_deg(machine, machine.speed.setting_max_deg_s)
-    slow = s.peak_deg_s < machine.speed.setting_max_deg_s - 1e-6 and done
-    top = machine.speed.setting_max_deg_s / DEG_S_PER_R_MIN
-    hint = f"; {top:g} r/min needs at least {shortest:.1f} deg" if slow else ""
+    hint = ""
+    if motion is not None and done and s.peak_deg_s < motion.asked_deg_s * (1.0 - 1e-6):
+        asked, way = motion.asked_deg_s / DEG_S_PER_R_MIN, ramps_deg(machine, motion.asked_deg_s)
+        hint = f"; {asked:g} r/min needs at least {way:.1f} deg"
     yield (
         f"{'done' if done else 'stopped'}: {s.start_deg:.4f} -> {s.end_deg:.4f} deg, {s.duration_s:.2f} s, "
         f"peak {s.peak_deg_s:.2f} deg/s{hint}"

@@ -47,7 +47,7 @@ class SimDrive:
         limit_switch_rad: gantry angle of both limit switches, rad.
     """
 
-    truth_columns = (
+    truth_columns: tuple[str, ...] = (
         "pos_load_rad",
         "vel_load_rad_s",
         "pos_motor_rad",

@@ -9,16 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from enum import IntEnum
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from gantryctl.devices.sim import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation.absolute import evaluate, refusal, unwrapped
 from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
+from gantryctl.operation.virtual import VirtualDrive, encoder_scale, keep_machine, open_machine
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import AlarmEntry, Engine, HeldOperator
 from gantryctl.units import deg, rad
@@ -60,6 +59,8 @@ class Motion(NamedTuple):
     done: bool
     settled_s: float
     """From the end of the set-point's motion until in position."""
+    asked_deg_s: float
+    """The speed that was asked for."""
 
 
 class AxisSession:
@@ -135,8 +136,8 @@ class AxisSession:
         return deg(self.axis.pos_act_rad)
 
     @property
-    def drive(self) -> SimDrive:
-        """The simulated drive."""
+    def drive(self) -> VirtualDrive:
+        """The simulated or ideal drive."""
         return self._drive
 
     def snapshot(self) -> Snapshot:
@@ -208,13 +209,13 @@ class AxisSession:
 
     # --- how it does it ------------------------------------------------------------------------------------------
 
-    def _command(self, **levels: object) -> None:
+    def _command(self, **levels: Any) -> None:
         self.operator.command = self.operator.command._replace(**levels)
 
     def _renew(self) -> None:
         self._command(lease=self.operator.command.lease + 1)
 
-    def _motion(self, **levels: object) -> Motion:
+    def _motion(self, **levels: Any) -> Motion:
         start = self.engine.time_s
         refusals = self.axis.refusal_count
         self._command(**levels)
@@ -230,7 +231,8 @@ class AxisSession:
         plan_end = self.axis.virtual.start_scan * self.engine.period_s + self.axis.virtual.plan.duration
         end = self.engine.time_s
         self._raise_alarm()
-        return Motion(start, end, self.stop is Stop.NO, max(0.0, end - plan_end))
+        asked = deg(self.operator.command.speed_rad_s)
+        return Motion(start, end, self.stop is Stop.NO, max(0.0, end - plan_end), asked)
 
     def _off(self) -> bool:
         return self.axis.power.phase is PowerPhase.OFF
@@ -250,10 +252,11 @@ class AxisSession:
 
     def _raise_alarm(self) -> None:
         first = self.axis.alarms.first_out
-        if first is None:
+        late = self.engine.overrun_stop
+        if first is None and late is None:
             return
         self._follow(self._off, _REST_S, watch=False)
-        raise AlarmStop(first.text)
+        raise AlarmStop(late or (first.text if first is not None else ""))
 
     def _follow(
         self,
@@ -313,6 +316,7 @@ class AxisSession:
         counts = self._drive.read().pos_act_counts
         way = abs(counts - (retained.rest_position_counts or counts)) / counts_per_turn(self.machine)
         keep_machine(
+            self.machine,
             self._store,
             self._drive,
             replace(

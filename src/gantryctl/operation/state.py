@@ -123,7 +123,7 @@ def reset_machine(machine: Machine) -> str:
             )
         if not said:
             return "nothing to reset"
-        keep_machine(store, virtual.drive, retained)
+        keep_machine(machine, store, virtual.drive, retained)
     return "; ".join(said)
 
 
@@ -132,7 +132,7 @@ def reset_simulation(machine: Machine, angle_deg: float) -> str:
     virtual = new_machine(machine, angle_deg)
     with StateStore(machine) as store:
         store.forget()
-        keep_machine(store, virtual.drive, virtual.retained)
+        keep_machine(machine, store, virtual.drive, virtual.retained)
     return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
 
 
@@ -233,5 +233,5 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
                 f"[encoder] wrap_margin_min_deg = {machine.encoder.wrap_margin_min_deg:g} · turn the encoder on its "
                 "shaft, or mount it with its range centred"
             )
-        keep_machine(store, virtual.drive, retained)
+        keep_machine(machine, store, virtual.drive, retained)
     return f"zero set by {retained.zero_set_by}: the gantry stands at {angle_deg:g} deg ({retained.zero_witness})"

@@ -34,7 +34,8 @@ def state_root() -> Path:
 def plant_hash(machine: Machine) -> str:
     """Hash of everything the simulated plant is made of: a state of another plant cannot be taken over."""
     parts = {
-        name: getattr(machine, name).model_dump(mode="json") for name in ("plant", "axis", "motor", "brake")
+        name: getattr(machine, name).model_dump(mode="json")
+        for name in ("drive", "plant", "axis", "motor", "brake")
     }
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
+from gantryctl.devices.ideal import IdealDrive
 from gantryctl.devices.sim import SimDrive
 from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation.absolute import EncoderScale
 from gantryctl.operation.store import StateStore
 from gantryctl.runtime import Retained
-from gantryctl.units import deg
-from gantryctl.wiring import delivered_zero_counts, sim_drive, total_ratio
+from gantryctl.units import deg, rad
+from gantryctl.wiring import delivered_zero_counts, ideal_drive, sim_drive, total_ratio
+
+VirtualDrive: TypeAlias = SimDrive | IdealDrive
 
 
 class VirtualMachine(NamedTuple):
@@ -22,12 +25,12 @@ class VirtualMachine(NamedTuple):
         notes: what had to be done to open it, in words.
     """
 
-    drive: SimDrive
+    drive: VirtualDrive
     retained: Retained
     notes: tuple[str, ...]
 
 
-def encoder_scale(machine: Machine, drive: SimDrive) -> EncoderScale:
+def encoder_scale(machine: Machine, drive: VirtualDrive) -> EncoderScale:
     """Sizes of the encoder and the travel."""
     axis = machine.axis
     return EncoderScale(
@@ -48,7 +51,7 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> VirtualMachine:
     limit = machine.axis.mechanical_stop_deg
     if not -limit < angle_deg < limit:
         raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at +-{limit:g} deg")
-    drive = sim_drive(machine, angle_deg)
+    drive = _new_drive(machine, angle_deg)
     retained = Retained(
         machine=machine.name,
         config_hash=config_hash(machine),
@@ -85,8 +88,8 @@ def open_machine(machine: Machine, store: StateStore | None) -> VirtualMachine:
         )
     state, same_plant = kept
     if same_plant:
-        return VirtualMachine(sim_drive(machine, state=state), retained, ())
-    angle = deg(state["pos_load"])
+        return VirtualMachine(_kept_drive(machine, state), retained, ())
+    angle = deg(state.get("pos_load", state.get("pos_ideal", 0.0)))
     moved = new_machine(machine, angle)
     note = f"[plant] has changed since the last run: the new plant stands at the same {angle:.4f} deg, zeroed anew"
     return VirtualMachine(
@@ -110,8 +113,34 @@ def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
     )
 
 
-def keep_machine(store: StateStore | None, drive: SimDrive, retained: Retained) -> None:
+def _new_drive(machine: Machine, angle_deg: float) -> VirtualDrive:
+    if machine.drive.kind == "ideal":
+        return ideal_drive(machine, angle_deg)
+    return sim_drive(machine, angle_deg)
+
+
+def _kept_drive(machine: Machine, state: dict[str, float]) -> VirtualDrive:
+    """The drive as it was left; StateError when the state does not fit it."""
+    try:
+        if machine.drive.kind == "ideal":
+            return ideal_drive(machine, deg(state["pos_ideal"]))
+        return sim_drive(machine, state=state)
+    except (ValueError, KeyError) as fault:
+        raise StateError(
+            f"{machine.name}: the kept state of the simulated plant cannot be used ({fault}); "
+            "`gantryctl sim reset` makes a new one"
+        ) from fault
+
+
+def _state_of(machine: Machine, drive: VirtualDrive) -> dict[str, float]:
+    if isinstance(drive, SimDrive):
+        return drive.sim.state
+    counts = drive.read().pos_act_counts - delivered_zero_counts(machine)
+    return {"pos_ideal": counts * rad(360.0) / (drive.identity().counts_per_turn * total_ratio(machine))}
+
+
+def keep_machine(machine: Machine, store: StateStore | None, drive: VirtualDrive, retained: Retained) -> None:
     """Put plant and memory back: the memory first, a plant without it could not be trusted."""
     if store is not None:
         store.store_retained(retained)
-        store.store_plant(drive.sim.state)
+        store.store_plant(_state_of(machine, drive))

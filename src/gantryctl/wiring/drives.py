@@ -43,17 +43,26 @@ def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
 
 def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
     """Encoder reading at gantry angle 0 of a new machine, zeroed with the load standing at `angle_deg`."""
+    if machine.drive.kind == "ideal":
+        return _ideal_zero_counts(machine)
     drive = sim_drive(machine, angle_deg)
     at_angle = drive.read().pos_act_counts
     return round(at_angle - angle_deg / 360.0 * total_ratio(machine) * counts_per_turn(machine))
 
 
-def ideal_drive(machine: Machine) -> IdealDrive:
+def ideal_drive(machine: Machine, angle_deg: float = 0.0) -> IdealDrive:
     """The drive whose actual speed is the command, for trying programs without any plant."""
     return IdealDrive(
         machine.control.scan_period_ms * 1e-3,
         counts_per_turn(machine),
         total_ratio(machine),
+        pos_rad=rad(angle_deg),
+        zero_counts=float(_ideal_zero_counts(machine)),
         turns=machine.encoder.turns,
         quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2),
     )
+
+
+def _ideal_zero_counts(machine: Machine) -> int:
+    """The middle of the encoder's range."""
+    return machine.encoder.turns * counts_per_turn(machine) // 2
