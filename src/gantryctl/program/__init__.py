@@ -5,7 +5,7 @@ Errors are values inside the scan: a bad input gives a refusal or an alarm, neve
 
 from gantryctl.program.alarm_rows import Definition
 from gantryctl.program.alarm_table import ALARMS
-from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, explain
+from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, all_codes, explain
 from gantryctl.program.axis import Axis
 from gantryctl.program.codes import Code, Reaction, Severity
 from gantryctl.program.commands import CommandStatus, MotionCommand
@@ -51,6 +51,7 @@ __all__ = [
     "Severity",
     "SpeedSettings",
     "TravelSettings",
+    "all_codes",
     "explain",
     "next_state",
     "scans",

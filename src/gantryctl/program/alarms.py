@@ -145,6 +145,11 @@ def refusal(code: Code, /, **values: object) -> Refusal:
     return Refusal(code, ALARMS[code].message.format(**values))
 
 
+def all_codes() -> tuple[str, ...]:
+    """Every code with its title, one line each."""
+    return tuple(f"{row.code} {row.title}" for row in ALARMS.values())
+
+
 def explain(code: str) -> str:
     """The page of one code: what it means, what is done, what to do.
 

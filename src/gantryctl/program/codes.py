@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from enum import Enum, IntEnum
+from enum import Enum, IntEnum, StrEnum
 
 
 class Reaction(IntEnum):
@@ -35,7 +35,7 @@ class Severity(Enum):
     STOP = "STOP"
 
 
-class Code(Enum):
+class Code(StrEnum):
     """Stable codes: one cause, one page of the manual."""
 
     ENC_01 = "ENC-01"
@@ -85,6 +85,3 @@ class Code(Enum):
     PWR_03 = "PWR-03"
     PWR_04 = "PWR-04"
     THM_01 = "THM-01"
-
-    def __str__(self) -> str:
-        return self.value

@@ -46,10 +46,8 @@ class GantryProgram(AxisProgram):
         self._speed_min, self._speed_max = speed.setting_min_rad_s, speed.setting_max_rad_s
         self._without_switch = speed.without_enabling_switch_rad_s
         self._lease_scans = axis.settings.scans(axis.settings.monitors.lease_s)
-        self._lease_scans = axis.settings.scans(axis.settings.monitors.lease_s)
         self._last = OperatorCommand()
-        self._lease = 0
-        self._lease_age = self._lease_scans + 1
+        self._lease_age = self._lease_scans
         self._move_gate = self._keys_dead = False
         self._speed = 0.0
 
@@ -64,34 +62,37 @@ class GantryProgram(AxisProgram):
         return self.axis.refusal_count
 
     def logic(self, image: InputImage) -> None:
-        """One scan of the program's own part."""
-        op, last = image.operator, self._last
-        if op.lease != self._lease:
-            self._lease, self._lease_age = op.lease, 0
-        else:
-            self._lease_age += 1
-        self.power(enable=op.power)
-        self.reset(execute=op.reset, service=self.service)
-        self.override(override=op.override)
-        self.stop(execute=op.stop)
-        self.halt(execute=op.halt)
-        if op is not last:
-            self._last = op
-            self._edges(op, last)
-        self.move(execute=self._move_gate, position_rad=op.target_rad, velocity_rad_s=op.speed_rad_s)
-        if self.mode is Mode.CONTINUOUS:
-            self._continuous(op)
-        elif self.mode is Mode.INCREMENTAL:
-            keys = not self._keys_dead
-            self.inch(
-                forward=op.forward and keys,
-                backward=op.reverse and keys,
-                distance_rad=op.increment_rad,
-                velocity_rad_s=op.speed_rad_s,
-            )
+        """One scan of the program's own part: edges first, then the blocks.
 
-    def _edges(self, op: OperatorCommand, last: OperatorCommand) -> None:
-        """What acts on a change: quick stop, mode, and whether move and keys may start anything."""
+        A block without new inputs and with nothing under way is left out: most scans, most blocks.
+        """
+        op, last = image.operator, self._last
+        self._lease_age += 1
+        changed = op is not last and op != last
+        self.power(enable=op.power)
+        if changed:
+            self._last = op
+            self._changed(op, last)
+        if changed or self.reset.busy:
+            self.reset(execute=op.reset, service=self.service)
+        if changed or self.stop.attention:
+            self.stop(execute=op.stop)
+        if changed or self.halt.attention:
+            self.halt(execute=op.halt)
+        if changed or self.move.attention:
+            self.move(execute=self._move_gate, position_rad=op.target_rad, velocity_rad_s=op.speed_rad_s)
+        if changed or self.jog.attention:
+            self._by_key(op)
+        if changed or self.inch.attention:
+            self._by_increment(op)
+
+    # --- edges ------------------------------------------------------------------------------------------------
+
+    def _changed(self, op: OperatorCommand, last: OperatorCommand) -> None:
+        """Lease, override, quick stop, mode, speed, and whether move and keys may start anything."""
+        if op.lease != last.lease:
+            self._lease_age = 0
+        self.override(override=op.override)
         if op.quick_stop and not last.quick_stop:
             self.axis.quick_stop()
         if op.mode is not last.mode and op.mode is not self.mode:
@@ -105,38 +106,52 @@ class GantryProgram(AxisProgram):
             self._keys_dead = not self._allowed(self._check_keys(op))
         elif not (op.forward or op.reverse):
             self._keys_dead = False
-        if op.speed_rad_s != self._speed:
+        if op.speed_rad_s != last.speed_rad_s:
             self._choose_speed(op)
-
-    def _continuous(self, op: OperatorCommand) -> None:
-        """Hold-to-run: keys, lease and enabling switch must go on being right."""
-        if self.jog.busy and not self._keys_dead:
-            if self._lease_age > self._lease_scans:
-                ms = self.axis.settings.period_s * 1e3
-                age, limit = self._lease_age * ms, self._lease_scans * ms
-                self.axis.stop_by(Code.CTL_15, measured=age, limit=limit)
-                self._keys_dead = True
-            elif not self.axis.feedback.inputs.enabling_switch and self._speed > self._without_switch:
-                speed, limit = deg(self._speed), deg(self._without_switch)
-                self.axis.stop_by(Code.INT_05, measured=speed, limit=limit)
-                self._keys_dead = True
-        keys = not self._keys_dead
-        self.jog(forward=op.forward and keys, backward=op.reverse and keys, velocity_rad_s=self._speed)
 
     def _choose_mode(self, op: OperatorCommand) -> None:
         """At standstill only; keys that are held now start nothing in the new mode."""
-        if self.axis.motion.current is None and self.axis.virtual.at_rest:
+        motion = self.axis.motion
+        if motion.current is None and motion.waiting is None and self.axis.virtual.at_rest:
             self.mode = op.mode
             self._keys_dead = op.forward or op.reverse
         else:
-            self.axis.report_refusal(refusal(Code.CTL_14, measured="the mode changes at standstill only"))
+            self._allowed(refusal(Code.CTL_14, measured="the mode changes at standstill only"))
 
     def _choose_speed(self, op: OperatorCommand) -> None:
-        """Another speed setting, for a jog under way too; refused outside the range, which keeps the old one."""
-        if self._check_setting(op) is None:
+        """Another speed setting, for a jog under way too; outside the range it is refused and the old one stays."""
+        reason = self._check_setting(op)
+        if reason is None:
             self._speed = op.speed_rad_s
         elif self.jog.busy:
-            self._allowed(self._check_setting(op))
+            self._allowed(reason)
+
+    # --- by hand ----------------------------------------------------------------------------------------------
+
+    def _by_key(self, op: OperatorCommand) -> None:
+        """Continuous mode, hold-to-run: keys, lease and enabling switch must go on being right."""
+        if self.jog.busy and not self._keys_dead:
+            if self._lease_age > self._lease_scans:
+                self.axis.stop_by(Code.CTL_15, **self._lease_values())
+                self._keys_dead = True
+            elif not self._switch_allows(self._speed):
+                limit = deg(self._without_switch)
+                self.axis.stop_by(Code.INT_05, measured=deg(self._speed), limit=limit)
+                self._keys_dead = True
+        keys = self.mode is Mode.CONTINUOUS and not self._keys_dead
+        self.jog(forward=op.forward and keys, backward=op.reverse and keys, velocity_rad_s=self._speed)
+
+    def _by_increment(self, op: OperatorCommand) -> None:
+        """Incremental mode: one edge, one increment."""
+        keys = self.mode is Mode.INCREMENTAL and not self._keys_dead
+        self.inch(
+            forward=op.forward and keys,
+            backward=op.reverse and keys,
+            distance_rad=op.increment_rad,
+            velocity_rad_s=op.speed_rad_s,
+        )
+
+    # --- checks: None, or why not -----------------------------------------------------------------------------
 
     def _allowed(self, reason: Refusal | None) -> bool:
         if reason is not None:
@@ -150,11 +165,10 @@ class GantryProgram(AxisProgram):
         wrong = self._check_setting(op)
         if wrong is not None:
             return wrong
-        if op.speed_rad_s > self._without_switch and not self.axis.feedback.inputs.enabling_switch:
+        if not self._switch_allows(op.speed_rad_s):
             return refusal(Code.INT_05, measured=deg(op.speed_rad_s), limit=deg(self._without_switch))
         if self.mode is Mode.CONTINUOUS and self._lease_age > self._lease_scans:
-            ms = self.axis.settings.period_s * 1e3
-            return refusal(Code.CTL_15, measured=self._lease_age * ms, limit=self._lease_scans * ms)
+            return refusal(Code.CTL_15, **self._lease_values())
         return None
 
     def _check_setting(self, op: OperatorCommand) -> Refusal | None:
@@ -168,3 +182,10 @@ class GantryProgram(AxisProgram):
         if self.jog.busy:
             return refusal(Code.CTL_14, measured="the axis is moving by hand: release the key first")
         return None
+
+    def _switch_allows(self, speed_rad_s: float) -> bool:
+        return speed_rad_s <= self._without_switch or self.axis.feedback.inputs.enabling_switch
+
+    def _lease_values(self) -> dict[str, object]:
+        period_ms = self.axis.settings.period_s * 1e3
+        return {"measured": self._lease_age * period_ms, "limit": self._lease_scans * period_ms}

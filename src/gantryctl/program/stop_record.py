@@ -42,21 +42,16 @@ class StopRecord:
             self._slow_scan = -1
         elif self._slow_scan < 0:
             self._slow_scan = scan
-        if (
-            self._slow_scan >= 0
-            and (scan - self._slow_scan) * self._period_s >= _REST_S
-            and self._rest_scan < 0
-        ):
-            self._rest_scan, self._rest_pos_rad = self._slow_scan, pos_rad
         if not falling:
-            if self._rest_scan < 0:
-                self._rest_pos_rad = pos_rad
+            self._rest_pos_rad = pos_rad
             self.finished = True
             self.alarm.done = self._text()
 
     def _text(self) -> str:
         alarm = self.alarm
         steps = []
+        if self._slow_scan > alarm.scan:
+            steps.append(("at rest", self._slow_scan))
         if self._was_torque and alarm.reaction is not Reaction.HOLD:
             steps.append(("torque off", self._torque_scan))
         if self._was_open and alarm.reaction is not Reaction.HOLD:
@@ -66,11 +61,10 @@ class StopRecord:
             parts.append("Quick stop")
         elif alarm.reaction is Reaction.HOLD:
             parts.append("Torque kept at zero speed")
+        steps.sort(key=lambda step: step[1])
         parts += [f"{name} after {self._after(at):.0f} ms" for name, at in steps if at >= 0]
         if not parts:
             return "Nothing was switched on"
-        if self._rest_scan > self.alarm.scan:
-            parts.append(f"at rest after {self._after(self._rest_scan):.0f} ms")
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
         parts.append(f"gantry moved {abs(moved):.2f} deg to {deg(self._rest_pos_rad):.2f} deg")
         text = ", ".join(parts)

@@ -39,14 +39,18 @@ class ExecuteBlock(Block):
     """A block that begins on the rising edge of Execute.
 
     Inputs count at that edge only. `busy` until the command has ended, `active` while it has the axis; then
-    exactly one of `done`, `command_aborted`, `error`, for as long as Execute stays TRUE, and for at least
-    one scan. A falling edge of Execute does not end the motion.
+    exactly one of `done`, `command_aborted`, `error`, for as long as Execute stays TRUE, and for at least one
+    scan. A falling edge of Execute does not end the motion.
+
+    Attributes:
+        attention: the outputs may change although the inputs do not; else a program may leave out the call.
     """
 
-    __slots__ = ("_command", "_execute", "_final", "active", "busy", "command_aborted", "done")
+    __slots__ = ("_command", "_execute", "_final", "active", "attention", "busy", "command_aborted", "done")
 
     def __init__(self, axis: Axis) -> None:
         super().__init__(axis)
+        self.attention = False
         self.done = self.busy = self.active = self.command_aborted = False
         self._execute = self._final = False
         self._command: MotionCommand | None = None
@@ -70,12 +74,14 @@ class ExecuteBlock(Block):
         if command is None:
             if self._final and not execute:
                 self._clear()
+            self.attention = False
             return
         status = command.status
         self.active = status is CommandStatus.ACTIVE
         self.busy = self.active or status is CommandStatus.WAITING
         if not self.busy:
             self._end(command)
+        self.attention = self.busy or not execute
 
     def _end(self, command: MotionCommand) -> None:
         self.done = command.status is CommandStatus.DONE
