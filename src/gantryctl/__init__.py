@@ -1,1 +1,84 @@
-"""Control, simulation and accuracy proof of a proton-therapy gantry's rotation axis."""
+"""Soft motion controller for big, slow, unbalanced rotary axes.
+
+A dozen names for scripts and notebooks; everything else is in the packages they come from.
+
+    machine = load_machine("my_machine.toml")     # or default_machine()
+    move(machine, 90.0)                           # power up, move, power down, summary
+    engine = build_engine(machine, program=MyProgram)
+    engine.run_for(10.0)
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gantryctl.accuracy.job import run_accuracy
+    from gantryctl.errors import GantryctlError
+    from gantryctl.image import InputImage, Mode, OperatorCommand
+    from gantryctl.machine import Machine, default_machine, load_machine, with_values
+    from gantryctl.operation.scripting import move
+    from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
+    from gantryctl.runtime import Engine
+    from gantryctl.stops import stop_table
+    from gantryctl.trace import Trace, read_trace
+    from gantryctl.wiring import build_engine
+
+_HOME = {
+    "Axis": "gantryctl.program",
+    "AxisProgram": "gantryctl.program",
+    "AxisState": "gantryctl.program",
+    "Engine": "gantryctl.runtime",
+    "GantryProgram": "gantryctl.program",
+    "GantryctlError": "gantryctl.errors",
+    "InputImage": "gantryctl.image",
+    "Machine": "gantryctl.machine",
+    "Mode": "gantryctl.image",
+    "OperatorCommand": "gantryctl.image",
+    "Trace": "gantryctl.trace",
+    "build_engine": "gantryctl.wiring",
+    "default_machine": "gantryctl.machine",
+    "load_machine": "gantryctl.machine",
+    "move": "gantryctl.operation.scripting",
+    "read_trace": "gantryctl.trace",
+    "run_accuracy": "gantryctl.accuracy.job",
+    "stop_table": "gantryctl.stops",
+    "with_values": "gantryctl.machine",
+}
+
+__all__ = [
+    "Axis",
+    "AxisProgram",
+    "AxisState",
+    "Engine",
+    "GantryProgram",
+    "GantryctlError",
+    "InputImage",
+    "Machine",
+    "Mode",
+    "OperatorCommand",
+    "Trace",
+    "build_engine",
+    "default_machine",
+    "load_machine",
+    "move",
+    "read_trace",
+    "run_accuracy",
+    "stop_table",
+    "with_values",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a name when it is first used: `import gantryctl` alone costs nothing."""
+    home = _HOME.get(name)
+    if home is None:
+        raise AttributeError(f"module 'gantryctl' has no attribute {name!r}")
+    value = getattr(importlib.import_module(home), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

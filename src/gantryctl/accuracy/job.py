@@ -125,3 +125,17 @@ def _settings(machine: Machine, readings: Readings) -> dict[str, str]:
             f"load side {math.degrees(float(np.max(readings.vel_err_load_rad_s))):.4f} deg/s"
         ),
     }
+
+
+def run_accuracy(
+    machine: Machine, procedure: str = "A", *, ensemble: int = 0, seed: int = 0, speed_test: bool = True
+) -> AccuracyReport:
+    """The accuracy test for scripts and notebooks: chord procedure A, B, C or D on the virtual gantry.
+
+    Args:
+        ensemble: number of gears with random phases to run beside it.
+    """
+    from importlib.metadata import version
+
+    job = AccuracyJob(chord_procedure(procedure), seed, ensemble, speed_test)
+    return accuracy_report(machine, job, version("gantryctl"))
