@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gantryctl.accuracy.engine_run import Progress, run_on_engine
 from gantryctl.accuracy.noise import chord_result
 from gantryctl.accuracy.procedure import Procedure, chord_procedure, evaluate
 from gantryctl.accuracy.report import AccuracyReport, Ensemble
@@ -30,6 +31,8 @@ class AccuracyJob:
         ensemble: number of random gears of the same grade; 0 for none.
         with_speed_test: run figure 5 as well.
         threads: for the ensemble; None = all processors.
+        on_engine: drive the chord test scan by scan with the PLC program instead of the compiled loop.
+        real_time: on the engine, paced by the clock.
     """
 
     procedure: Procedure = field(default_factory=chord_procedure)
@@ -37,23 +40,31 @@ class AccuracyJob:
     ensemble: int = 0
     with_speed_test: bool = True
     threads: int | None = None
+    on_engine: bool = False
+    real_time: bool = False
 
     def __post_init__(self) -> None:
         if self.ensemble < 0:
             raise UsageError(f"ensemble = {self.ensemble}: the number of gears is 0 or more")
 
 
-def accuracy_report(machine: Machine, job: AccuracyJob, version: str, created: str = "") -> AccuracyReport:
+def accuracy_report(
+    machine: Machine, job: AccuracyJob, version: str, created: str = "", progress: Progress | None = None
+) -> AccuracyReport:
     """Run the job and put everything together.
 
     Args:
+        progress: called at every stop of a run on the engine.
         version: of the program, for the page.
         created: a date for the page, or "".
 
     Raises:
         UsageError: a stop of the procedure lies outside the travel.
     """
-    readings = run_procedure([machine], job.procedure, threads=job.threads)
+    if job.on_engine or job.real_time:
+        readings = run_on_engine(machine, job.procedure, real_time=job.real_time, progress=progress)
+    else:
+        readings = run_procedure([machine], job.procedure, threads=job.threads)
     speed = tuple(speed_test(machine)) if job.with_speed_test else ()
     radius_m, sigma_m = machine.accuracy.chord_radius_m, machine.accuracy.tracker_noise_um * 1e-6
     chord = chord_result(job.procedure, readings.load_rad[0], radius_m, sigma_m, job.seed)

@@ -50,11 +50,11 @@ def random_gear(machine: Machine, seed: int) -> Machine:
     return with_values(machine, {"plant.gear_error.phases_rad": [float(p) for p in phases]})
 
 
-def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None = None) -> list[Leg]:
-    """The run as plans: rest, then a move and a dwell per stop.
+def check_travel(machine: Machine, procedure: Procedure) -> None:
+    """Refuse a procedure that leaves the travel of the axis.
 
     Raises:
-        UsageError: a stop lies outside the travel of the axis.
+        UsageError: a stop lies outside.
     """
     low, high = procedure.travel_deg
     axis = machine.axis
@@ -63,6 +63,15 @@ def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None 
             f"procedure {procedure.name} goes from {low:g} to {high:g} deg; the axis ends at "
             f"{axis.pos_min_deg:g} and {axis.pos_max_deg:g} deg: choose other bases or displacements"
         )
+
+
+def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None = None) -> list[Leg]:
+    """The run as plans: rest, then a move and a dwell per stop.
+
+    Raises:
+        UsageError: a stop lies outside the travel of the axis.
+    """
+    check_travel(machine, procedure)
     limits = limits or motion_limits(machine)
     dwell_s, average_s = machine.accuracy.dwell_s, machine.accuracy.average_s
     period_s = machine.control.scan_period_ms * 1e-3

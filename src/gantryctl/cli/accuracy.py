@@ -46,6 +46,9 @@ def accuracy() -> None:
 @click.option("--noise-um", type=FINITE, help="Tracker noise per coordinate; [accuracy] tracker_noise_um.")
 @click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="Figure 5 as well.")
 @click.option("--threads", type=click.IntRange(1, 256), help="For the ensemble; no effect on the result.")
+@click.option(
+    "--on-engine", is_flag=True, help="Scan by scan with the PLC program instead of the compiled loop."
+)
 @seed_option
 @out_option
 @json_option
@@ -61,6 +64,7 @@ def run_(
     noise_um: float | None,
     with_speed: bool,
     threads: int | None,
+    on_engine: bool,
     seed: int,
     out: Path | None,
     as_json: bool,
@@ -69,7 +73,8 @@ def run_(
 ) -> int:
     """Run the chord test and the speed test on the virtual gantry and write report.html, report.json, table.csv.
 
-    Starts from a new machine and leaves the retained state alone. Exit code 1 when a criterion is not met.
+    Always starts from a new machine and leaves the retained state alone (--fresh changes nothing). --real-time
+    takes as long as the machine would. Exit code 1 when a criterion is not met.
     """
     from gantryctl.accuracy.job import AccuracyJob, accuracy_report
     from gantryctl.accuracy.procedure import Chord, chord_procedure
@@ -78,8 +83,13 @@ def run_(
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
     if not as_json:
         click.echo(_announce(machine, procedure))
-    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads)
-    report = accuracy_report(machine, job, *_stamp())
+    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, on_engine, real_time)
+
+    def progress(index: int, target_deg: float) -> None:
+        if not as_json:
+            click.echo(f"stop {index + 1} of {len(procedure.stops)}: {target_deg:+.1f} deg")
+
+    report = accuracy_report(machine, job, *_stamp(), progress)
     return _finish(report, out or DEFAULT_OUT, as_json)
 
 

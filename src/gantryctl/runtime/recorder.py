@@ -31,6 +31,10 @@ class MemoryRecorder:
         """Append one row."""
         self._bytes += self._pack(*row)
 
+    def forget(self) -> None:
+        """Drop the rows so far: the recording goes on from here."""
+        self._bytes.clear()
+
     def close(self) -> None:
         """Nothing to finish."""
 

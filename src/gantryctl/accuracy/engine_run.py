@@ -1,0 +1,71 @@
+"""Drives a chord test scan by scan, with the PLC program and its monitors, as on a real drive.
+
+Slower than `run_procedure` and with the same readings; in real time it takes as long as the machine would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from gantryctl.accuracy.procedure import Procedure
+from gantryctl.accuracy.run import REST_S, Readings, check_travel
+from gantryctl.machine import Machine
+from gantryctl.operation import AxisSession
+from gantryctl.runtime import MemoryRecorder
+from gantryctl.trace import Trace
+
+Progress = Callable[[int, float], None]
+"""Called at every stop with its index and target, deg."""
+
+
+def run_on_engine(
+    machine: Machine, procedure: Procedure, *, real_time: bool = False, progress: Progress | None = None
+) -> Readings:
+    """Take a new machine through the procedure: power up, every stop with its dwell, power down.
+
+    Raises:
+        UsageError: a stop lies outside the travel.
+        AlarmStop: an alarm stopped the axis.
+    """
+    check_travel(machine, procedure)
+    recorders: list[MemoryRecorder] = []
+
+    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
+        recorders.append(MemoryRecorder(columns))
+        return recorders[-1]
+
+    session = AxisSession(machine, recorder=recorder, real_time=real_time)
+    rows: list[tuple[float, float, float, float, float]] = []
+    try:
+        session.power_up()
+        session.move(procedure.start_deg)
+        session.engine.run_for(REST_S)
+        for index, stop in enumerate(procedure.stops):
+            if progress is not None:
+                progress(index, stop.target_deg)
+            recorders[0].forget()
+            if index or stop.target_deg != procedure.start_deg:
+                session.move(stop.target_deg)
+            session.engine.run_for(machine.accuracy.dwell_s)
+            rows.append(_reading(recorders[0].trace(), machine))
+        session.power_down()
+    finally:
+        session.close("accuracy run")
+    load, ring, motor, vel_motor, vel_load = np.array(rows).T[:, np.newaxis, :]
+    return Readings(load, ring, motor, vel_motor, vel_load, session.engine.time_s)
+
+
+def _reading(trace: Trace, machine: Machine) -> tuple[float, float, float, float, float]:
+    """Load, ring and motor angle averaged over the end of the dwell; speed errors of the move to it."""
+    last = round(machine.accuracy.average_s / (machine.control.scan_period_ms * 1e-3))
+    load, base, act = (trace[name][-last:] for name in ("pos_load_rad", "pos_base_rad", "pos_act_rad"))
+    vel_ref, ratio = trace["vel_ref_rad_s"], machine.axis.ratio
+    return (
+        float(np.mean(load)),
+        float(np.mean(load - base)),
+        float(np.mean(act)),
+        float(np.max(np.abs(trace["vel_motor_rad_s"] / ratio - vel_ref))),
+        float(np.max(np.abs(trace["vel_load_rad_s"] - vel_ref))),
+    )
