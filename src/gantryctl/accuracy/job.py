@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gantryctl.accuracy.engine_run import Progress, run_on_engine
-from gantryctl.accuracy.noise import chord_result
+from gantryctl.accuracy.measuring import InstrumentKind, measure
 from gantryctl.accuracy.procedure import Procedure, chord_procedure, evaluate
 from gantryctl.accuracy.report import AccuracyReport, Ensemble
 from gantryctl.accuracy.run import Readings, random_gear, run_procedure
@@ -31,6 +31,7 @@ class AccuracyJob:
         ensemble: number of random gears of the same grade; 0 for none.
         with_speed_test: run figure 5 as well.
         threads: for the ensemble; None = all processors.
+        instrument: what measures.
         on_engine: drive the chord test scan by scan with the PLC program instead of the compiled loop.
         real_time: on the engine, paced by the clock.
     """
@@ -40,6 +41,7 @@ class AccuracyJob:
     ensemble: int = 0
     with_speed_test: bool = True
     threads: int | None = None
+    instrument: InstrumentKind = InstrumentKind.TRACKER
     on_engine: bool = False
     real_time: bool = False
 
@@ -66,28 +68,29 @@ def accuracy_report(
     else:
         readings = run_procedure([machine], job.procedure, threads=job.threads)
     speed = tuple(speed_test(machine)) if job.with_speed_test else ()
-    radius_m, sigma_m = machine.accuracy.chord_radius_m, machine.accuracy.tracker_noise_um * 1e-6
-    chord = chord_result(job.procedure, readings.load_rad[0], radius_m, sigma_m, job.seed)
+    radius_m = machine.accuracy.chord_radius_m
+    seen = measure(machine, job.instrument, job.procedure, readings, job.seed)
     virtual = machine.virtual_axis
     return AccuracyReport(
         machine=machine.name,
         config_hash=short_hash(machine),
         version=version,
         seed=job.seed,
-        source="simulated tracker on the virtual gantry",
+        source=seen.source,
         created=created,
-        measured=chord.measured,
+        measured=seen.table,
+        measures_load=seen.measures_load,
         procedure=job.procedure,
-        true=chord.true,
-        a_measured=chord.a_measured,
-        a_floor=chord.a_floor,
+        true=evaluate(job.procedure, readings.load_rad[0], radius_m) if seen.measures_load else None,
+        a_measured=seen.a_measured,
+        a_floor=seen.a_floor,
         radius_m=radius_m,
-        sigma_m=sigma_m,
+        sigma_m=seen.sigma_m,
         dwell_s=machine.accuracy.dwell_s,
         average_s=machine.accuracy.average_s,
         vel_max_deg_s=machine.speed.setting_max_deg_s,
         acc_deg_s2=virtual.acc_deg_s2,
-        angle_errors_deg=angle_errors_deg(job.procedure, readings),
+        angle_errors_deg=angle_errors_deg(job.procedure, readings) if seen.measures_load else None,
         settings=_settings(machine, readings),
         switches=machine.plant.switches.model_dump(),
         phases_fitted=phases_fitted(machine),

@@ -64,6 +64,7 @@ def run_(
     noise_um: float | None,
     with_speed: bool,
     threads: int | None,
+    instrument: str,
     on_engine: bool,
     seed: int,
     out: Path | None,
@@ -77,13 +78,15 @@ def run_(
     takes as long as the machine would. Exit code 1 when a criterion is not met.
     """
     from gantryctl.accuracy.job import AccuracyJob, accuracy_report
+    from gantryctl.accuracy.measuring import InstrumentKind
     from gantryctl.accuracy.procedure import Chord, chord_procedure
 
     machine = _with_instrument(_simulated(config_file), radius_m, noise_um)
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
     if not as_json:
         click.echo(_announce(machine, procedure))
-    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, on_engine, real_time)
+    kind = InstrumentKind(instrument)
+    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, kind, on_engine, real_time)
 
     def progress(index: int, target_deg: float) -> None:
         if not as_json:
