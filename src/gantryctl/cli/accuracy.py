@@ -47,6 +47,13 @@ def accuracy() -> None:
 @click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="Figure 5 as well.")
 @click.option("--threads", type=click.IntRange(1, 256), help="For the ensemble; no effect on the result.")
 @click.option(
+    "--instrument",
+    type=click.Choice(["tracker", "load-encoder", "motor-side"]),
+    default="tracker",
+    show_default=True,
+    help="What measures; motor-side readings get no accuracy verdict.",
+)
+@click.option(
     "--on-engine", is_flag=True, help="Scan by scan with the PLC program instead of the compiled loop."
 )
 @seed_option
