@@ -1,0 +1,45 @@
+"""Runs that several tests look at, made once."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from acceptance.bench import Bench, ChordRun
+from gantryctl.accuracy.job import AccuracyJob, accuracy_report
+from gantryctl.accuracy.report import AccuracyReport
+from gantryctl.machine import default_machine
+
+
+@pytest.fixture(scope="session")
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture(scope="session")
+def report() -> AccuracyReport:
+    """The product's own accuracy job on the reference machine: chord test, noise and speed test."""
+    return accuracy_report(default_machine(), AccuracyJob(), version="test")
+
+
+@pytest.fixture(scope="session")
+def reference(report: AccuracyReport) -> ChordRun:
+    """The chord run of that job."""
+    assert report.procedure is not None
+    assert report.angle_errors_deg is not None
+    load_rad = report.procedure.targets_rad + np.radians(report.angle_errors_deg)
+    return ChordRun(default_machine(), report.procedure, load_rad)
+
+
+@pytest.fixture(scope="session")
+def evidence() -> Callable[[str, dict[str, object]], None]:
+    """Keeps what a slow test measured, as `docs/evidence/<name>.json`."""
+
+    def write(name: str, figures: dict[str, object]) -> None:
+        folder = Path(__file__).parents[2] / "docs" / "evidence"
+        folder.mkdir(exist_ok=True)
+        (folder / f"{name}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+
+    return write
