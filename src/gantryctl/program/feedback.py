@@ -25,14 +25,15 @@ class Feedback:
         counts: encoder count used this scan; a single bad reading is replaced by a prediction.
         vel_rad_s: the drive's speed at the gantry.
         position_valid: False after a fault of the encoder.
+        unchanged_scans: scans without a new count while the axis is told to move.
     """
 
     __slots__ = (
-        "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max", "_frozen",
+        "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max",
         "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s",
         "_prediction", "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm",
         "error_code", "inputs", "overload", "position_valid", "state", "torque_limited", "torque_nm",
-        "vel_rad_s", "warning",
+        "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
@@ -51,7 +52,7 @@ class Feedback:
         self._error_scans = settings.scans(monitors.encoder_errors_time_s, least=monitors.encoder_errors_max)
         self._errors_max = monitors.encoder_errors_max
         self._old_scans = settings.scans(monitors.reading_age_s, least=3)
-        self._frozen = 0
+        self.unchanged_scans = 0
         self._prediction = 0.0
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self.state = DriveState.UNKNOWN
@@ -83,7 +84,7 @@ class Feedback:
         if step == 0.0:
             self._unchanged(vel_cmd_rad_s, age)
         else:
-            self._frozen = 0
+            self.unchanged_scans = 0
         self.counts = counts
         self.vel_rad_s = vel_motor / self._ratio
 
@@ -91,7 +92,12 @@ class Feedback:
         """Service has compared the angle: take the present reading as valid."""
         self.position_valid = True
         self._bad_scans.clear()
-        self._frozen = 0
+        self.unchanged_scans = 0
+
+    def report_frozen(self, vel_cmd_rad_s: float) -> None:
+        """The count does not move although the axis is told to."""
+        time_ms = self.unchanged_scans * self._period_s * 1e3
+        self._raise(Code.ENC_02, measured=deg(abs(vel_cmd_rad_s) / self._ratio), time_ms=time_ms)
 
     def _doubtful(self, counts: float, step: float, encoder: EncoderFlag, age: int) -> float:
         """The slow path: first scan, flags, an old reading, or a step that is too large."""
@@ -136,12 +142,11 @@ class Feedback:
     def _unchanged(self, vel_cmd_rad_s: float, age: int) -> None:
         """The count is what it was: frozen, when that lasts while the axis is told to move."""
         if age or not abs(vel_cmd_rad_s) > self._frozen_speed:
-            self._frozen = 0
+            self.unchanged_scans = 0
             return
-        self._frozen += 1
-        if self._frozen >= self._frozen_scans:
-            time_ms = self._frozen * self._period_s * 1e3
-            self._raise(Code.ENC_02, measured=deg(abs(vel_cmd_rad_s) / self._ratio), time_ms=time_ms)
+        self.unchanged_scans += 1
+        if self.unchanged_scans >= self._frozen_scans:
+            self.report_frozen(vel_cmd_rad_s)
 
     def _raise(self, code: Code, /, **values: object) -> None:
         self.position_valid = False

@@ -131,7 +131,7 @@ class GantryProgram(AxisProgram):
     def _by_key(self, op: OperatorCommand) -> None:
         """Continuous mode, hold-to-run: keys, lease and enabling switch must go on being right."""
         if self.jog.busy and not self._keys_dead:
-            if self._lease_age > self._lease_scans:
+            if self._lease_age >= self._lease_scans:
                 self.axis.stop_by(Code.CTL_15, **self._lease_values())
                 self._keys_dead = True
             elif not self._switch_allows(self._speed):
@@ -167,7 +167,7 @@ class GantryProgram(AxisProgram):
             return wrong
         if not self._switch_allows(op.speed_rad_s):
             return refusal(Code.INT_05, measured=deg(op.speed_rad_s), limit=deg(self._without_switch))
-        if self.mode is Mode.CONTINUOUS and self._lease_age > self._lease_scans:
+        if self.mode is Mode.CONTINUOUS and self._lease_age >= self._lease_scans:
             return refusal(Code.CTL_15, **self._lease_values())
         return None
 

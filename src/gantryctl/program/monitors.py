@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 from gantryctl.program.alarms import AlarmLog
 from gantryctl.program.codes import Code, Reaction
@@ -11,6 +12,9 @@ from gantryctl.program.power import PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
+
+# A speed beyond this is none.
+_ANY_RAD_S: Final = 1e9
 
 
 class Monitors:
@@ -130,7 +134,7 @@ class Monitors:
         """The look while the axis does not follow: readings that are no numbers."""
         feedback = self._feedback
         vel, torque_max = feedback.vel_rad_s, self._torque_max
-        if math.isnan(vel):
+        if not -_ANY_RAD_S < vel < _ANY_RAD_S:
             self._velocity_deviation(vel, 0.0)
         if not -torque_max <= feedback.torque_nm <= torque_max:
             self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
@@ -157,6 +161,9 @@ class Monitors:
         if not size <= band:
             self._following += 1
             if self._following >= self._following_scans or math.isnan(size):
+                if self._feedback.unchanged_scans:  # a frozen encoder, not an axis that lags
+                    self._feedback.report_frozen(vel_cmd_rad_s)
+                    return
                 obeys = abs(self._feedback.vel_rad_s - vel_cmd_rad_s / self._ratio) <= self._deviation
                 reaction = Reaction.QUICK_STOP if obeys else Reaction.TORQUE_OFF
                 speed = deg(abs(self._virtual.vel_ref_rad_s))
@@ -168,7 +175,7 @@ class Monitors:
 
     def _velocity_deviation(self, vel: float, command: float) -> None:
         """Obeying with too little torque is slow the right way; everything else is disobedience."""
-        if math.isnan(vel):
+        if not math.isfinite(vel):
             self._feedback.position_valid = False
             self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="speed reading")
             return

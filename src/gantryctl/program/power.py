@@ -90,7 +90,7 @@ class PowerSequence(WayUp, WayDown):
 
     def rebase(self) -> None:
         """The position was set anew: what the slip watch compares with moves along."""
-        self._pos_hold = None
+        self._pos_hold = self._pos_rad = None
 
     def learn(self) -> None:
         """At standstill on the servo: follow the torque that holds the load."""
@@ -109,6 +109,7 @@ class PowerSequence(WayUp, WayDown):
 
     def step(self, pos_rad: float) -> None:  # noqa: C901  one row per phase
         """One scan, at most one change of phase."""
+        self._pos_rad = pos_rad
         phase = self.phase
         if phase is _ON:
             if self._feedback.state is not _OPERATION_ENABLED:

@@ -23,10 +23,10 @@ class PowerState:
     __slots__ = (
         "_alarms", "_close_scans", "_count", "_drive_owns_brake", "_feedback", "_feedback_scans",
         "_learn", "_load_nm", "_open_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold",
-        "_power_up_scans", "_preload_nm", "_proof_nm", "_proof_scans", "_quick_dec", "_rest_count",
-        "_rest_scans", "_sag_scans", "_settings", "_settle_scans", "_slip_scans", "_step_scans",
-        "_unloaded", "_vel_start", "brake_open", "fault_reset", "holding_torque_nm", "phase", "proof",
-        "request", "status", "torque_ff_nm",
+        "_pos_rad", "_power_up_scans", "_preload_nm", "_proof_nm", "_proof_scans", "_quick_dec",
+        "_rest_count", "_rest_scans", "_sag_scans", "_settings", "_settle_scans", "_slip_scans",
+        "_step_scans", "_unloaded", "_vel_start", "brake_open", "fault_reset", "holding_torque_nm",
+        "phase", "proof", "request", "status", "torque_ff_nm",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -57,13 +57,14 @@ class PowerState:
         self.torque_ff_nm = 0.0
         self._parking = self._unloaded = self._drive_owns_brake = False
         self._count = self._rest_count = self._over_envelope = 0
+        self._pos_rad: float | None = None
         self._pos_hold: float | None = None
         self._load_nm = self._preload_nm = self._proof_nm = self._vel_start = 0.0
 
     def _enter(self, phase: PowerPhase) -> None:
         """Change the phase; outputs follow from it."""
         if phase is not PowerPhase.SAG_WATCH:  # the sag counts from the release command
-            self._pos_hold = None
+            self._pos_hold = self._pos_rad
         self._unloaded = self.phase is PowerPhase.DISABLING and self._unloaded
         self.phase = phase
         self._count = self._rest_count = self._over_envelope = 0

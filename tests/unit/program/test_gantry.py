@@ -1,0 +1,504 @@
+"""GantryProgram: the operator's levels, the two modes, and everything that is refused."""
+
+import math
+
+import pytest
+
+from gantryctl.image import DigitalInputs, DriveRequest, Mode
+from gantryctl.program import AxisState
+from gantryctl.units import rad
+from unit.program.rig import RATIO, Rig, moving_rig, settings
+
+
+@pytest.fixture
+def rig():
+    """Power on, in position at 0 deg, no mode chosen."""
+    rig = Rig()
+    rig.power_up()
+    return rig
+
+
+@pytest.fixture
+def continuous(rig):
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(2.0))
+    return rig
+
+
+@pytest.fixture
+def incremental(rig):
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(1.5))
+    return rig
+
+
+def press(rig, **key):
+    """A key together with a fresh lease, as every panel sends it."""
+    rig.op(lease=rig.operator.lease + 1, **key)
+
+
+# --- start ----------------------------------------------------------------------------------------
+
+
+def test_after_a_start_the_mode_is_none_and_nothing_moves(rig):
+    assert rig.program.mode is Mode.NONE
+    press(rig, forward=True, speed_rad_s=rad(2.0))
+    assert rig.refused() == "no motion mode is chosen"
+    rig.hold_key(1.0)
+    assert rig.ref_deg == pytest.approx(0.0, abs=1e-6)
+
+
+def test_levels_that_are_true_from_the_first_scan_move_nothing():
+    rig = Rig()
+    rig.operator = rig.operator._replace(
+        power=True, mode=Mode.CONTINUOUS, forward=True, move=True, target_rad=rad(20.0), speed_rad_s=rad(6.0)
+    )
+    rig.hold_key(3.0)
+    assert rig.axis.state is AxisState.STANDSTILL
+    assert rig.ref_deg == pytest.approx(0.0, abs=1e-6)
+
+
+# --- move -----------------------------------------------------------------------------------------
+
+
+def test_move_works_in_any_mode(rig):
+    for mode, target in ((Mode.NONE, 2.0), (Mode.CONTINUOUS, -2.0), (Mode.INCREMENTAL, 3.0)):
+        rig.op(mode=mode)
+        rig.move(target)
+        rig.until(lambda: rig.program.move.done or not rig.program.move.busy)
+        assert rig.pos_deg == pytest.approx(target, abs=1e-4)
+
+
+def test_move_takes_over_from_a_move():
+    rig = moving_rig()
+    rig.move(-10.0)
+    assert rig.axis.refusal is None
+    rig.until(lambda: not rig.program.move.busy)
+    assert rig.pos_deg == pytest.approx(-10.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("at_deg", "target_deg", "text"),
+    [
+        (90.0, 200.0, "target 200.00 deg is beyond +180.00 deg; you are at 90.00 deg, so 90.00 deg are left"),
+        (
+            -90.0,
+            -180.01,
+            "target -180.01 deg is beyond -180.00 deg; you are at -90.00 deg, so 90.00 deg are left",
+        ),
+        (0.0, math.nan, "target must be a finite angle, got nan"),
+        (0.0, -math.inf, "target must be a finite angle, got -inf"),
+    ],
+)
+def test_a_target_that_cannot_be(at_deg, target_deg, text):
+    rig = Rig(at_deg=at_deg)
+    rig.power_up()
+    rig.move(target_deg)
+    assert rig.refused() == text
+    rig.run(0.1)
+    assert rig.ref_deg == pytest.approx(at_deg, abs=1e-5)
+    assert rig.axis.state is AxisState.STANDSTILL
+
+
+def test_from_179_to_minus_179_the_long_way():
+    rig = Rig(at_deg=179.0, config=settings(period_s=0.01))
+    rig.power_up()
+    rig.move(-179.0)
+    rig.run(1.0)
+    assert rig.vel_deg_s < 0.0
+    rig.until(lambda: not rig.program.move.busy, 100.0)
+    assert rig.pos_deg == pytest.approx(-179.0, abs=1e-3)
+
+
+def test_move_to_the_very_limits(rig):
+    for limit in (180.0, -180.0):
+        rig.move(limit)
+        rig.until(lambda: not rig.program.move.busy, 100.0)
+        assert rig.axis.virtual.pos_ref_rad == rad(limit)
+    assert not rig.codes
+
+
+@pytest.mark.parametrize("speed_deg_s", [0.0, 0.59, 6.01, -1.0, math.nan, math.inf])
+def test_a_speed_setting_outside_its_range_is_refused(rig, speed_deg_s):
+    rig.move(5.0, speed_deg_s)
+    assert rig.refused().startswith("speed must be within 0.60 and 6.00 deg/s, got ")
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.STANDSTILL
+
+
+@pytest.mark.parametrize("speed_deg_s", [0.6, 6.0])
+def test_the_ends_of_the_range_are_in_it(rig, speed_deg_s):
+    rig.move(5.0, speed_deg_s)
+    assert rig.axis.refusal is None
+
+
+def test_refusals_are_counted(rig):
+    for expected in (1, 2, 3):
+        rig.move(400.0)
+        assert rig.program.refusal_count == expected
+
+
+# --- continuous mode ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("key", "sign"), [("forward", 1.0), ("reverse", -1.0)])
+def test_continuous_moves_while_the_key_is_held(continuous, key, sign):
+    rig = continuous
+    press(rig, **{key: True})
+    rig.hold_key(2.0)
+    assert rig.vel_deg_s == pytest.approx(sign * 2.0)
+    assert rig.axis.state is AxisState.CONTINUOUS_MOTION
+    before = rig.ref_deg
+    rig.op(**{key: False})
+    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL)
+    # Jog-release ramp: v^2 / 2a + v a / 2j at 5 deg/s2, 100 deg/s3.
+    assert abs(rig.ref_deg - before) == pytest.approx(0.4 + 0.05, abs=0.005)
+
+
+def test_the_lease_is_250_ms(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    rig.run(0.22)  # the last renewal is 30 ms old
+    assert rig.program.jog.busy
+    assert rig.vel_deg_s == pytest.approx(2.0)
+    rig.until(lambda: rig.program.jog.error, 0.002)
+    assert rig.program.jog.error_id == "CTL-15"
+    assert rig.program.jog.error_text == "hold-to-run was not renewed for 250 ms, limit 250 ms"
+    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 1.0)
+
+
+def test_an_ended_lease_is_dead(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    rig.run(1.5)
+    here = rig.ref_deg
+    rig.hold_key(1.0)
+    assert rig.ref_deg == here, (
+        "a renewal after the end does not start anything; the key must be pressed again"
+    )
+    press(rig, forward=False)
+    press(rig, forward=True)
+    rig.hold_key(0.5)
+    assert rig.ref_deg > here
+
+
+def test_a_key_without_a_living_lease_is_refused(continuous):
+    rig = continuous
+    rig.run(1.0)
+    rig.op(forward=True)
+    assert "hold-to-run was not renewed" in rig.refused()
+    rig.run(0.5)
+    assert rig.ref_deg == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_lease_is_counted_in_scans_of_any_period():
+    rig = Rig(config=settings(period_s=0.004))
+    rig.power_up()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(2.0))
+    press(rig, forward=True)
+    pressed = rig.scan - 1
+    rig.until(lambda: rig.program.jog.error)
+    assert (rig.scan - 1 - pressed) * 0.004 == pytest.approx(0.252, abs=1e-9), "250 ms are 63 scans of 4 ms"
+
+
+def test_both_keys_stop(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    press(rig, reverse=True)
+    rig.hold_key(1.0)
+    assert rig.axis.state is AxisState.STANDSTILL
+    press(rig, forward=False)
+    rig.hold_key(0.5)
+    assert rig.axis.state is AxisState.STANDSTILL, "the key left over starts nothing"
+
+
+def test_reversal_only_from_standstill(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    press(rig, forward=False, reverse=True)
+    assert "reversal only from standstill" in rig.refused()
+    rig.hold_key(2.0)
+    assert rig.vel_deg_s == 0.0
+
+
+def test_continuous_stops_at_the_end_of_travel():
+    rig = Rig(at_deg=178.0)
+    rig.power_up()
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(6.0))
+    press(rig, forward=True)
+    rig.hold_key(4.0)
+    assert rig.axis.virtual.pos_ref_rad == rad(180.0)
+    assert rig.axis.state is AxisState.STANDSTILL
+    assert rig.program.jog.at_limit
+    assert rig.axis.alarms.history[-1].code == "LIM-01"
+    assert not rig.codes
+
+
+def test_another_speed_while_the_key_is_held(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    press(rig, speed_rad_s=rad(1.0))
+    rig.hold_key(1.0)
+    assert rig.vel_deg_s == pytest.approx(1.0)
+    press(rig, speed_rad_s=rad(7.0))
+    assert "speed must be within 0.60 and 6.00 deg/s, got 7 deg/s" in rig.refused()
+    rig.hold_key(0.5)
+    assert rig.vel_deg_s == pytest.approx(1.0)
+
+
+def test_move_while_jogging_is_refused(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(0.5)
+    press(rig, move=True, target_rad=0.0)
+    assert "release the key first" in rig.refused()
+    rig.hold_key(0.5)
+    assert rig.axis.state is AxisState.CONTINUOUS_MOTION
+
+
+def test_a_key_held_over_a_stop_does_not_start_again(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(0.5)
+    press(rig, stop=True)
+    rig.hold_key(1.5)
+    press(rig, stop=False)
+    rig.hold_key(1.0)
+    assert rig.axis.state is AxisState.STANDSTILL
+
+
+# --- incremental mode -----------------------------------------------------------------------------
+
+
+def test_one_edge_is_one_increment(incremental):
+    rig = incremental
+    rig.op(forward=True)
+    rig.run(4.0)
+    assert rig.ref_deg == pytest.approx(1.5, abs=1e-5)
+    rig.op(forward=False)
+    rig.op(reverse=True)
+    rig.op(reverse=False)
+    rig.run(4.0)
+    assert rig.ref_deg == pytest.approx(0.0, abs=1e-5), "the increment goes to its end without the key"
+
+
+def test_an_edge_while_moving_is_refused_not_queued(incremental):
+    rig = incremental
+    rig.op(forward=True)
+    rig.run(0.3)
+    rig.op(forward=False)
+    rig.op(forward=True)
+    assert "increments from standstill only" in rig.refused()
+    rig.run(5.0)
+    assert rig.ref_deg == pytest.approx(1.5, abs=1e-5)
+
+
+@pytest.mark.parametrize("increment_deg", [0.0, -1.0, math.nan, 400.0])
+def test_an_increment_that_cannot_be(incremental, increment_deg):
+    rig = incremental
+    rig.op(increment_rad=rad(increment_deg))
+    rig.op(forward=True)
+    assert "increment must be above 0" in rig.refused()
+    rig.run(0.5)
+    assert rig.ref_deg == pytest.approx(0.0, abs=1e-6)
+
+
+def test_an_increment_past_the_limit_is_refused_whole():
+    rig = Rig(at_deg=-179.0)
+    rig.power_up()
+    rig.op(mode=Mode.INCREMENTAL, speed_rad_s=rad(6.0), increment_rad=rad(1.5))
+    rig.op(reverse=True)
+    assert rig.refused() == (
+        "target -180.50 deg is beyond -180.00 deg; you are at -179.00 deg, so 1.00 deg are left"
+    )
+    rig.run(1.0)
+    assert rig.ref_deg == pytest.approx(-179.0, abs=1e-5)
+
+
+# --- modes ----------------------------------------------------------------------------------------
+
+
+def test_the_mode_changes_at_standstill_only(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(0.5)
+    press(rig, mode=Mode.INCREMENTAL)
+    assert rig.refused() == "the mode changes at standstill only"
+    assert rig.program.mode is Mode.CONTINUOUS
+    assert rig.axis.state is AxisState.CONTINUOUS_MOTION
+
+
+def test_a_refused_mode_change_does_not_come_later(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(0.5)
+    press(rig, mode=Mode.INCREMENTAL)
+    press(rig, forward=False)
+    rig.run(2.0)
+    assert rig.program.mode is Mode.CONTINUOUS, "refused is not queued"
+    rig.op(mode=Mode.CONTINUOUS)
+    rig.op(mode=Mode.INCREMENTAL)
+    assert rig.program.mode is Mode.INCREMENTAL
+
+
+def test_a_key_held_over_a_mode_change_starts_nothing(incremental):
+    rig = incremental
+    rig.op(forward=True)
+    rig.run(4.0)
+    press(rig, mode=Mode.CONTINUOUS)
+    rig.hold_key(1.0)
+    assert rig.ref_deg == pytest.approx(1.5, abs=1e-5)
+
+
+# --- enabling switch ------------------------------------------------------------------------------
+
+
+def test_without_the_enabling_switch_only_slow_motion_by_hand(continuous):
+    rig = continuous
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    press(rig, forward=True)
+    assert "the enabling switch is off: motion by hand up to 1.00 deg/s only" in rig.refused()
+    press(rig, forward=False, speed_rad_s=rad(1.0))
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    assert rig.vel_deg_s == pytest.approx(1.0)
+
+
+def test_letting_go_of_the_enabling_switch_stops(continuous):
+    rig = continuous
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    rig.drive.inputs = DigitalInputs(enabling_switch=False)
+    rig.step()
+    assert rig.program.jog.error_id == "INT-05"
+    rig.hold_key(0.6)
+    assert rig.axis.state is AxisState.STANDSTILL
+    assert rig.axis.alarms.history[-1].code == "INT-05"
+    rig.drive.inputs = DigitalInputs()
+    rig.hold_key(0.5)
+    assert rig.axis.state is AxisState.STANDSTILL, "the key must be pressed again"
+
+
+# --- stops ----------------------------------------------------------------------------------------
+
+
+def test_halt_stop_and_quick_stop_are_three_ramps():
+    """From 6 deg/s: 4 deg/s2, 5 deg/s2 (with its jerk), 5.5 deg/s2: v^2 / 2a."""
+    ways = {}
+    for stop in ("halt", "stop", "quick_stop"):
+        rig = moving_rig()
+        before = rig.pos_deg
+        rig.op(**{stop: True})
+        rig.until(lambda rig=rig: abs(rig.drive.vel_rad_s) < rad(0.001) * RATIO)
+        ways[stop] = rig.pos_deg - before
+    assert ways["halt"] == pytest.approx(4.5, abs=0.02)
+    assert ways["stop"] == pytest.approx(3.75, abs=0.02)
+    assert ways["quick_stop"] == pytest.approx(3.273, abs=0.02)
+
+
+def test_stop_stays_in_stopping(rig):
+    rig.op(stop=True)
+    rig.run(0.5)
+    assert rig.axis.state is AxisState.STOPPING
+    rig.move(5.0)
+    assert "held by Stop" in rig.refused()
+    rig.op(stop=False)
+    rig.step()
+    assert rig.axis.state is AxisState.STANDSTILL
+
+
+def test_quick_stop_while_off_is_nothing():
+    rig = Rig()
+    rig.op(quick_stop=True)
+    rig.run(0.1)
+    assert not rig.codes
+    assert rig.output.request is DriveRequest.DISABLE
+
+
+def test_reset_without_power_leads_to_disabled():
+    rig = moving_rig()
+    rig.op(quick_stop=True)
+    rig.run(4.0)
+    rig.op(quick_stop=False, power=False, reset=True)
+    rig.step()
+    assert rig.axis.state is AxisState.DISABLED
+    assert not rig.codes
+    rig.op(reset=False)
+    rig.power_up()
+
+
+def test_override_of_the_operator(rig):
+    rig.op(override=0.5)
+    rig.move(30.0)
+    rig.run(2.0)
+    assert rig.vel_deg_s == pytest.approx(3.0)
+    rig.op(override=2.0)
+    assert "override must be within 0 and 1, got 2.0" in rig.refused()
+    rig.run(0.5)
+    assert rig.vel_deg_s == pytest.approx(3.0)
+
+
+# --- the way back ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_the_way_back_is_open_from_outside(side):
+    rig = Rig(at_deg=side * 180.4)
+    rig.power_up()
+    rig.move(side * 180.45)
+    assert "is beyond" in rig.refused()
+    rig.move(side * 170.0)
+    rig.until(lambda: not rig.program.move.busy)
+    assert rig.pos_deg == pytest.approx(side * 170.0, abs=1e-4)
+    assert not rig.codes
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_after_over_travel_reset_and_back(side):
+    rig = Rig(at_deg=side * 180.9)
+    rig.op(power=True)
+    rig.run(1.5)
+    assert rig.codes == ["LIM-02"], "it may not even hold there without somebody knowing"
+    rig.run(2.0)
+    rig.op(power=False, reset=True)
+    rig.op(reset=False)
+    rig.op(power=True)
+    rig.run(1.5)
+    assert not rig.codes, "acknowledged: the way back is open"
+    outward, inward = ("forward", "reverse") if side > 0.0 else ("reverse", "forward")
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(2.0))
+    press(rig, **{outward: True})
+    assert "only motion" in rig.refused()
+    press(rig, **{outward: False})
+    press(rig, **{inward: True})
+    rig.hold_key(1.0)
+    assert abs(rig.pos_deg) < 180.0
+    press(rig, **{inward: False})
+    rig.run(1.0)
+    assert not rig.codes
+    rig.move(side * 200.0)
+    assert "is beyond" in rig.refused()
+
+
+@pytest.mark.parametrize(
+    ("side", "outward_deg", "inward_deg"), [("plus", 50.0, -50.0), ("minus", -50.0, 50.0)]
+)
+def test_an_open_limit_switch_leaves_the_way_back(side, outward_deg, inward_deg):
+    rig = Rig()
+    rig.power_up()
+    rig.drive.inputs = DigitalInputs(**{f"limit_{side}_ok": False})
+    rig.run(1.5)
+    assert rig.codes == ["LIM-03"]
+    rig.op(power=False, reset=True)
+    rig.op(reset=False)
+    rig.op(power=True)
+    rig.run(1.5)
+    rig.move(outward_deg)
+    assert "only motion" in rig.refused()
+    rig.move(inward_deg)
+    rig.run(1.0)
+    assert rig.axis.state is AxisState.DISCRETE_MOTION
+    assert not rig.codes
