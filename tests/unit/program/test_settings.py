@@ -1,0 +1,27 @@
+"""Times become scans."""
+
+import pytest
+
+from gantryctl.program import scans
+
+
+@pytest.mark.parametrize(
+    ("time_s", "period_s", "expected"),
+    [
+        (0.010, 0.001, 10),
+        (0.010, 0.004, 3),  # rounded up: 12 ms, not 8
+        (0.010, 0.010, 2),  # never a single reading
+        (0.0, 0.001, 2),
+        (0.250, 0.004, 63),
+        (0.3, 0.1, 3),  # 0.3 / 0.1 is 2.9999999999999996 in binary
+        (0.7, 0.1, 7),  # and 0.7 / 0.1 is 6.999999999999999
+        (0.6, 0.2, 3),  # 0.6 / 0.2 is 2.9999999999999996
+    ],
+)
+def test_scans(time_s, period_s, expected):
+    assert scans(time_s, period_s) == expected
+
+
+def test_least():
+    assert scans(0.010, 0.010, least=3) == 3
+    assert scans(0.001, 0.010, least=1) == 1
