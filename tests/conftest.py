@@ -1,7 +1,9 @@
 """What every test shares: reproducible hypothesis runs, and no silent skip in CI."""
 
+import json
 import os
-from collections.abc import Generator
+from collections.abc import Callable, Generator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import settings
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
 settings.load_profile("reproducible")
 
+EVIDENCE = Path(__file__).resolve().parent.parent / "docs" / "evidence"
 IN_CI = os.environ.get("CI", "").lower() == "true"
 
 
@@ -33,3 +36,20 @@ def fail_if_skipped(report: Any) -> Any:
         report.outcome = "failed"
         report.longrepr = f"{report.nodeid}: {reason} (CI=true: nothing may be skipped)"
     return report
+
+
+@pytest.fixture
+def evidence(request: pytest.FixtureRequest) -> Callable[..., None]:
+    """Write what a slow test measured to docs/evidence/<test>.json: `evidence(median_deg=0.0128, gears=200)`.
+
+    Nothing is written unless slow tests were asked for, so that everyday runs leave the tree clean.
+    """
+
+    def write(**figures: Any) -> None:
+        if "slow" not in request.config.getoption("markexpr").replace("not slow", ""):
+            return
+        EVIDENCE.mkdir(parents=True, exist_ok=True)
+        text = json.dumps({"test": request.node.nodeid, **figures}, indent=2, sort_keys=True, allow_nan=False)
+        (EVIDENCE / f"{request.node.name}.json").write_text(text + "\n", encoding="utf-8")
+
+    return write
