@@ -102,10 +102,14 @@ class GantrySim {
       step_runge_kutta(plant_, current_, u, brake.closed, dt, rk4_steps_, x, report.torque_mesh);
   }
 
-  // Encoder counts since its own zero; whole numbers unless the encoder is ideal.
+  // Encoder counts since its own zero; whole numbers unless the encoder is ideal. A resolution of several
+  // counts must be a whole number of them.
   T counts(T count) const {
-    const T resolution = drive_.p.position_count;
-    return encoder_position(drive_.p, x.pos_motor, x.vel_motor, resolution) / count + count_offset;
+    const DriveParams<T>& p = drive_.p;
+    const T pos = encoder_position(p, x.pos_motor, x.vel_motor, T(0.0));
+    const auto real = p.position_count > T(0.0);
+    const T steps = vround(pos / select(real, p.position_count, T(1.0)));
+    return select(real, steps * (p.position_count / count), pos / count) + count_offset;
   }
 
   // Used part of the I2t budget, 0..1.
