@@ -38,18 +38,15 @@ def fail_if_skipped(report: Any) -> Any:
     return report
 
 
-@pytest.fixture
-def evidence(request: pytest.FixtureRequest) -> Callable[..., None]:
-    """Write what a slow test measured to docs/evidence/<test>.json: `evidence(median_deg=0.0128, gears=200)`.
+@pytest.fixture(scope="session")
+def evidence(pytestconfig: pytest.Config) -> Callable[[str, dict[str, object]], None]:
+    """Keeps what a slow test measured as docs/evidence/<name>.json; only when slow tests were asked for."""
+    wanted = "slow" in pytestconfig.getoption("markexpr").replace("not slow", "")
 
-    Nothing is written unless slow tests were asked for, so that everyday runs leave the tree clean.
-    """
-
-    def write(**figures: Any) -> None:
-        if "slow" not in request.config.getoption("markexpr").replace("not slow", ""):
-            return
-        EVIDENCE.mkdir(parents=True, exist_ok=True)
-        text = json.dumps({"test": request.node.nodeid, **figures}, indent=2, sort_keys=True, allow_nan=False)
-        (EVIDENCE / f"{request.node.name}.json").write_text(text + "\n", encoding="utf-8")
+    def write(name: str, figures: dict[str, object]) -> None:
+        if wanted:
+            EVIDENCE.mkdir(parents=True, exist_ok=True)
+            text = json.dumps(figures, indent=2, allow_nan=False) + "\n"
+            (EVIDENCE / f"{name}.json").write_text(text, encoding="utf-8")
 
     return write

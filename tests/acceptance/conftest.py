@@ -1,9 +1,5 @@
 """Runs that several tests look at, made once."""
 
-import json
-from collections.abc import Callable
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -31,15 +27,3 @@ def reference(report: AccuracyReport) -> ChordRun:
     assert report.angle_errors_deg is not None
     load_rad = report.procedure.targets_rad + np.radians(report.angle_errors_deg)
     return ChordRun(default_machine(), report.procedure, load_rad)
-
-
-@pytest.fixture(scope="session")
-def evidence() -> Callable[[str, dict[str, object]], None]:
-    """Keeps what a slow test measured, as `docs/evidence/<name>.json`."""
-
-    def write(name: str, figures: dict[str, object]) -> None:
-        folder = Path(__file__).parents[2] / "docs" / "evidence"
-        folder.mkdir(exist_ok=True)
-        (folder / f"{name}.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
-
-    return write
