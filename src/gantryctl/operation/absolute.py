@@ -10,8 +10,12 @@ from gantryctl.runtime import Retained
 
 ACCEPTED_DEG: Final = 0.05
 """Moved less while off: settling of gears and brake, only logged."""
+SHOWN_DEG: Final = 0.001
+"""Moved less: not worth a line."""
 AMBIGUOUS_DEG: Final = 1.0
 """Moved more: the position is not valid until somebody with a witness mark says where the gantry stands."""
+TURN_DEG: Final = 0.01
+"""Off by whole motor turns to this accuracy is a fault of the multiturn part: the brake holds the motor's shaft."""
 
 
 class RestVerdict(Enum):
@@ -20,6 +24,8 @@ class RestVerdict(Enum):
     OK = "ok"
     NO_ZERO = "no zero offset stored"
     OTHER_ENCODER = "another encoder"
+    WRAP = "the encoder's range ends too near the travel"
+    TURNS = "whole motor turns off"
     MOVED = "moved while off, to be acknowledged"
     NOT_VALID = "moved while off, position not valid"
 
@@ -50,6 +56,8 @@ class EncoderScale(NamedTuple):
 
     Attributes:
         ratio: motor turns per gantry turn. coarse_per_turn: EnDat steps per motor turn.
+        pos_min_deg, pos_max_deg: the travel. mechanical_stop_deg: no reading beyond it can be true.
+        wrap_margin_min_deg: from the travel to the wrap of the range, at least.
     """
 
     identity: DriveIdentity
@@ -57,6 +65,8 @@ class EncoderScale(NamedTuple):
     coarse_per_turn: int
     pos_min_deg: float
     pos_max_deg: float
+    mechanical_stop_deg: float
+    wrap_margin_min_deg: float
 
     @property
     def range_counts(self) -> int:
@@ -67,6 +77,11 @@ class EncoderScale(NamedTuple):
     def deg_per_count(self) -> float:
         """Gantry angle of a fine count."""
         return 360.0 / (self.identity.counts_per_turn * self.ratio)
+
+    @property
+    def turn_deg(self) -> float:
+        """Gantry angle of a motor turn."""
+        return 360.0 / self.ratio
 
     def centred(self, counts: float) -> float:
         """A difference of readings by the shorter way round the range, counts."""
@@ -80,7 +95,7 @@ def unwrapped(scale: EncoderScale, raw_counts: float, zero_counts: int) -> float
 
 
 def evaluate(scale: EncoderScale, raw_counts: float, retained: Retained | None) -> AbsoluteReading:
-    """What a reading after power-on says (fault catalogue A11 to A14)."""
+    """What a reading after power-on says (fault catalogue A9 to A14)."""
     counts = int(raw_counts)
     per_turn = scale.identity.counts_per_turn
     step = per_turn // scale.coarse_per_turn
@@ -92,7 +107,7 @@ def evaluate(scale: EncoderScale, raw_counts: float, retained: Retained | None) 
         plus = (scale.range_counts - zero % scale.range_counts) * scale.deg_per_count - scale.pos_max_deg
     if retained is not None and retained.rest_position_counts is not None:
         moved = scale.centred(raw_counts - retained.rest_position_counts) * scale.deg_per_count
-    return AbsoluteReading(
+    reading = AbsoluteReading(
         serial=scale.identity.encoder_serial,
         raw_counts=counts,
         single_turn=counts % per_turn // step,
@@ -101,18 +116,41 @@ def evaluate(scale: EncoderScale, raw_counts: float, retained: Retained | None) 
         moved_deg=moved,
         margin_minus_deg=minus,
         margin_plus_deg=plus,
-        verdict=_verdict(scale, retained, moved),
+        verdict=RestVerdict.OK,
     )
+    return reading._replace(verdict=_verdict(scale, retained, reading))
 
 
-def _verdict(scale: EncoderScale, retained: Retained | None, moved_deg: float | None) -> RestVerdict:
-    if retained is None or retained.zero_offset_counts is None:
+def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteReading) -> RestVerdict:
+    """The first that applies; anything that cannot be proven is not valid."""
+    angle, moved = reading.angle_deg, reading.moved_deg
+    if retained is None or angle is None:
         return RestVerdict.NO_ZERO
     if retained.encoder_serial != scale.identity.encoder_serial:
         return RestVerdict.OTHER_ENCODER
-    if moved_deg is None or abs(moved_deg) <= ACCEPTED_DEG:
+    assert reading.margin_minus_deg is not None
+    assert reading.margin_plus_deg is not None
+    if not min(reading.margin_minus_deg, reading.margin_plus_deg) >= scale.wrap_margin_min_deg:
+        return RestVerdict.WRAP
+    if moved is None or not abs(angle) <= scale.mechanical_stop_deg:
+        return RestVerdict.NOT_VALID
+    if abs(moved) <= ACCEPTED_DEG:
         return RestVerdict.OK
-    return RestVerdict.MOVED if abs(moved_deg) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
+    turns = round(moved / scale.turn_deg)
+    if turns and abs(moved - turns * scale.turn_deg) <= TURN_DEG:
+        return RestVerdict.TURNS
+    return RestVerdict.MOVED if abs(moved) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
+
+
+def _moved_words(reading: AbsoluteReading) -> str:
+    if reading.moved_deg is None:
+        return "no rest position is stored, so nothing proves the angle"
+    if abs(reading.moved_deg) <= AMBIGUOUS_DEG:
+        return f"the encoder says {reading.angle_deg:+.2f} deg, which is beyond the mechanical stops"
+    return f"the gantry moved {reading.moved_deg:+.3f} deg while off, or the encoder lost turns"
+
+
+_SET_ZERO: Final = "gantryctl encoder set-zero --angle A --witness TEXT"
 
 
 def refusal(reading: AbsoluteReading) -> str | None:
@@ -123,12 +161,23 @@ def refusal(reading: AbsoluteReading) -> str | None:
         case RestVerdict.NO_ZERO:
             return (
                 "ENC-10 · no zero offset is stored for this machine, the angle is unknown · "
-                "set it at a known angle: gantryctl encoder set-zero --angle A --witness TEXT"
+                f"set it at a known angle: {_SET_ZERO}"
             )
         case RestVerdict.OTHER_ENCODER:
             return (
                 f"ENC-11 · the encoder is {reading.serial}, the stored zero offset belongs to another one · "
-                "set it again at a known angle: gantryctl encoder set-zero --angle A --witness TEXT"
+                f"set it again at a known angle: {_SET_ZERO}"
+            )
+        case RestVerdict.WRAP:
+            return (
+                f"CFG-ENC-01 · the encoder's range ends {reading.margin_minus_deg:.1f} deg below and "
+                f"{reading.margin_plus_deg:.1f} deg above the travel, too near · turn the encoder on its shaft, or "
+                f"mount it with its range centred, then: {_SET_ZERO}"
+            )
+        case RestVerdict.TURNS:
+            return (
+                f"ENC-08 · the reading is off by {reading.moved_deg:+.3f} deg, whole motor turns: the encoder lost "
+                f"turns, or the gantry moved while off · read the witness mark, then: {_SET_ZERO}"
             )
         case RestVerdict.MOVED:
             return (
@@ -137,6 +186,6 @@ def refusal(reading: AbsoluteReading) -> str | None:
             )
         case RestVerdict.NOT_VALID:
             return (
-                f"ENC-10 · the gantry moved {reading.moved_deg:+.3f} deg while off, or the encoder lost turns: the "
-                "angle is not valid · read the witness mark, then: gantryctl encoder set-zero --angle A --witness TEXT"
+                f"ENC-10 · {_moved_words(reading)}: the angle is not valid · "
+                f"read the witness mark, then: {_SET_ZERO}"
             )

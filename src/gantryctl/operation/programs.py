@@ -32,7 +32,7 @@ def load_program(name: str | None) -> ProgramFactory:
     sys.modules.setdefault(path.stem, module)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise UsageError(
             f"--program {name}: {path} cannot be run: {type(error).__name__}: {error}"
         ) from error

@@ -5,7 +5,7 @@ from __future__ import annotations
 import getpass
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, Final
 
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine
@@ -14,6 +14,13 @@ from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, keep_machine, new_machine, open_machine
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
+
+_UNITS: Final = {
+    "_rad_s": (deg(1.0), "deg/s"),
+    "_rad": (deg(1.0), "deg"),
+    "_nm": (1.0, "N m"),
+    "_counts": (1.0, ""),
+}
 
 
 def operator_name() -> str:
@@ -44,6 +51,7 @@ class MachineStatus:
     moves: int
     travelled_deg: float
     directory: str
+    notes: tuple[str, ...] = ()
 
 
 def machine_status(machine: Machine) -> MachineStatus:
@@ -71,6 +79,7 @@ def machine_status(machine: Machine) -> MachineStatus:
         moves=retained.moves,
         travelled_deg=deg(retained.travelled_rad),
         directory=str(store.directory),
+        notes=virtual.notes,
     )
 
 
@@ -81,15 +90,24 @@ def read_retained(machine: Machine) -> Retained | None:
 
 
 def retained_rows(retained: Retained) -> list[tuple[str, str]]:
-    """Name and value of everything retained, alarms counted."""
+    """Name and value of everything retained, with units; alarms counted."""
     rows = []
     for field in fields(retained):
-        value = getattr(retained, field.name)
+        name, value = field.name, getattr(retained, field.name)
+        unit = next((unit for unit in _UNITS if name.endswith(unit)), "")
+        name = name.removesuffix(unit)
         if field.name == "alarms":
-            value = f"{len(value)} (gantryctl alarms)"
-        elif field.name.endswith("_rad") and value is not None:
-            value = f"{deg(value):.6g} deg"
-        rows.append((field.name, "-" if value in (None, "") else str(value)))
+            text = f"{len(value)} (gantryctl alarms)"
+        elif value in (None, ""):
+            text = "-"
+        elif unit == "_counts":
+            text = f"fine count {value}"
+        elif unit:
+            factor, symbol = _UNITS[unit]
+            text = f"{value * factor:.6g} {symbol}"
+        else:
+            text = str(value)
+        rows.append((name.replace("_", " "), text))
     return rows
 
 

@@ -73,6 +73,11 @@ class StateStore:
         """Where recordings go unless another place is named."""
         return self.directory / "traces"
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was wrong with the retained memory when it was loaded, and could be bridged."""
+        return self._memory.notes
+
     def load_retained(self) -> Retained | None:
         """The controller's memory; None when there is none yet."""
         return self._memory.load()

@@ -39,6 +39,8 @@ def encoder_scale(machine: Machine, drive: VirtualDrive) -> EncoderScale:
         machine.encoder.counts_per_turn,
         axis.pos_min_deg,
         axis.pos_max_deg,
+        axis.mechanical_stop_deg,
+        machine.encoder.wrap_margin_min_deg,
     )
 
 
@@ -74,6 +76,7 @@ def open_machine(machine: Machine, store: StateStore | None) -> VirtualMachine:
         return new_machine(machine)
     kept = store.load_plant()
     retained = store.load_retained()
+    notes = tuple(f"retained memory: {note}" for note in store.notes)
     if kept is None:
         fresh = new_machine(machine)
         if retained is None:
@@ -88,14 +91,14 @@ def open_machine(machine: Machine, store: StateStore | None) -> VirtualMachine:
         )
     state, same_plant = kept
     if same_plant:
-        return VirtualMachine(_kept_drive(machine, state), retained, ())
+        return VirtualMachine(_kept_drive(machine, state), retained, notes)
     angle = deg(state.get("pos_load", state.get("pos_ideal", 0.0)))
     moved = new_machine(machine, angle)
     note = f"[plant] has changed since the last run: the new plant stands at the same {angle:.4f} deg, zeroed anew"
     return VirtualMachine(
         moved.drive,
         retained_of_new_plant(retained, moved.retained),
-        (note,),
+        (*notes, note),
     )
 
 
