@@ -23,6 +23,9 @@ from gantryctl.image import (
 _OFF: Final = 0
 _SPEED: Final = 1
 _QUICK_STOP: Final = 2
+_SETTLE_S: Final = 30.0  # a swinging load has come to rest long before
+_CALM_S: Final = 0.6  # more than a period of the swing
+_CALM_RAD_S: Final = 1e-5  # of the load: it still swings by some 0.0001 deg
 _TWO_PI: Final = 6.283185307179586
 
 _NEXT_TO_ENABLED: Final = {
@@ -129,6 +132,16 @@ class SimDrive:
     def close(self) -> None:
         """Torque off and brake closed; the plant goes on until the brake has closed and the load has come to rest."""
         self.state = DriveState.SWITCH_ON_DISABLED
+        left = round(_SETTLE_S / self.sim.scan_period_s)
+        window = max(1, round(_CALM_S / self.sim.scan_period_s))
+        while left > 0:
+            fastest = 0.0
+            for _ in range(window):
+                self._scan(_OFF, 0.0, 0.0, False)
+                fastest = max(fastest, abs(self.sim.truth()[1]))
+            if fastest < _CALM_RAD_S:
+                return
+            left -= window
 
     def trip(self, error_code: int) -> None:
         """A fault inside the drive: torque off, brake closed, until a fault reset."""
