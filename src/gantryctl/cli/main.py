@@ -45,6 +45,7 @@ COMMANDS: Final = {
     "retain": Entry("gantryctl.cli.state", "retain", "The controller's retained memory: show."),
     "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),
     "trace": Entry("gantryctl.cli.trace", "trace", "Recordings: show, plot, export."),
+    "eds": Entry("gantryctl.cli.eds", "eds", "EDS and DCF files of drives: check."),
     "sim": Entry("gantryctl.cli.state", "sim", "The simulated machine: reset."),
     "completion": Entry("gantryctl.cli.completion", "completion", "Shell completion for bash, zsh or fish."),
 }
@@ -111,6 +112,8 @@ def run(args: list[str] | None = None) -> int:
         result: Any = cli.main(args=args, prog_name="gantryctl", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
+    except SystemExit:  # click's answer to a closed pipe: who reads the first lines only has got them
+        return 0
     except click.ClickException as wrong:
         wrong.show()
         return 2
@@ -124,9 +127,6 @@ def run(args: list[str] | None = None) -> int:
     except GantryctlError as wrong:
         click.echo(f"error: {wrong}", err=True)
         return wrong.exit_code
-    except BrokenPipeError:
-        sys.stderr.close()  # the reader went away: nobody is left to tell
-        return 0
     except Exception as bug:
         if os.environ.get(TRACEBACK_VARIABLE):
             raise

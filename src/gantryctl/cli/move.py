@@ -20,6 +20,7 @@ from gantryctl.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from gantryctl.cli.running import Action
     from gantryctl.operation import AxisSession, Motion
 
 
@@ -27,7 +28,6 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of a command that runs the axis."""
     for option in (
         config_option,
-        click.option("--speed", type=FINITE, help="deg/s; the highest setting when not given."),
         click.option("--program", "program_name", help="FILE:CLASS of a program of one's own."),
         click.option("--no-trace", is_flag=True, help="Write no recording."),
         out_option,
@@ -43,6 +43,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("target", type=FINITE, required=False)
 @click.option("--by", "distance", type=FINITE, help="Move by this angle from where the axis is, deg.")
+@click.option("--speed", type=FINITE, help="deg/s; the highest setting when not given.")
 @click.option("--override", type=FINITE, default=100.0, show_default=True, help="Speed override, percent.")
 @_run_options
 def move(
@@ -53,6 +54,7 @@ def move(
     Ctrl-C stops on the jog-release ramp; a second one is a quick stop.
     """
     from gantryctl.errors import UsageError
+    from gantryctl.operation import way_note
 
     if (target is None) == (distance is None):
         raise UsageError(
@@ -61,8 +63,12 @@ def move(
     if not 0.0 < override <= 100.0:
         raise UsageError(f"--override {override:g}: above 0 and at most 100 percent")
 
-    def action(session: AxisSession) -> Motion:
-        end = target if target is not None else session.angle_deg + (distance or 0.0)
+    def action(session: AxisSession, say: Callable[[str], None]) -> Motion:
+        here = session.angle_deg
+        end = target if target is not None else here + (distance or 0.0)
+        note = way_note(session.machine, here, end)
+        if note is not None:
+            say(note)
         return session.move(end, speed, override / 100.0)
 
     return _run(action, "move", **run)
@@ -70,6 +76,7 @@ def move(
 
 @click.command(context_settings={"ignore_unknown_options": True})
 @click.argument("direction", type=click.Choice(["+", "-"]))
+@click.option("--speed", type=FINITE, help="deg/s; the lowest setting when not given.")
 @click.option("--for", "seconds", type=FINITE, required=True, help="How long the key is held, s.")
 @_run_options
 def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
@@ -82,7 +89,7 @@ def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
     if not 0.0 < seconds <= 3600.0:
         raise UsageError(f"--for {seconds:g}: above 0 and at most 3600 s")
 
-    def action(session: AxisSession) -> Motion:
+    def action(session: AxisSession, _: Callable[[str], None]) -> Motion:
         wanted = session.machine.speed.setting_min_deg_s if speed is None else speed
         return session.jog(direction == "+", wanted, seconds)
 
@@ -90,7 +97,7 @@ def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
 
 
 def _run(
-    action: Callable[[AxisSession], Motion],
+    action: Action,
     name: str,
     *,
     config_file: Path | None,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
@@ -14,6 +13,7 @@ from typing import Any, Final
 
 import click
 
+from gantryctl.cli.display import Display
 from gantryctl.cli.options import directory, print_json
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError
 from gantryctl.machine import Machine, short_hash
@@ -22,11 +22,11 @@ from gantryctl.operation import (
     Motion,
     MotionSummary,
     ProgramFactory,
-    Snapshot,
     StateStore,
     Stop,
     summarise,
 )
+from gantryctl.operation.requests import shown
 from gantryctl.ports import Recorder
 from gantryctl.runtime import ArrowRecorder, MemoryRecorder
 from gantryctl.trace import Metadata, read_trace
@@ -35,7 +35,8 @@ from gantryctl.wiring import ramps_deg, total_ratio
 
 TRACES_KEPT: Final = 50
 """Recordings kept in the state directory; older ones are removed. --out keeps everything."""
-_LOG_EVERY_S: Final = 5.0  # axis time between two lines of a plain log
+Action = Callable[[AxisSession, Callable[[str], None]], Motion]
+"""What a command does with an axis that is ready, and where its remarks go."""
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
@@ -54,7 +55,7 @@ def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | 
 def run_axis(
     machine: Machine,
     store: StateStore | None,
-    action: Callable[[AxisSession], Motion],
+    action: Action,
     program: ProgramFactory,
     path: Path | None,
     seed: int,
@@ -83,31 +84,39 @@ def run_axis(
     )
     for note in session.notes:
         live.say(note)
-    motion, failure = _guarded(session, action)
+    motion, failure = _guarded(session, action, live)
     live.end()
     return _report(session, motion, failure, recorders[0], as_json)
 
 
 def _guarded(
-    session: AxisSession, action: Callable[[AxisSession], Motion]
+    session: AxisSession, action: Action, live: Display
 ) -> tuple[Motion | None, GantryctlError | None]:
     """The run itself; whatever happens, the axis is left without torque and its state kept."""
     motion: Motion | None = None
     failure: GantryctlError | None = None
+    alarm: AlarmStop | None = None
     result = "failed"
     with _stop_signals(session):
         try:
-            session.power_up()
-            motion = action(session)
-            result = "done" if motion.done else "stopped by the operator"
+            motion = action(session, live.say)
+            result = _result(session, motion)
             session.power_down()
-        except AlarmStop as alarm:
-            failure, result = alarm, f"stopped by an alarm: {alarm}"
+        except AlarmStop as stopped:
+            failure = alarm = stopped
+            result = f"stopped by an alarm: {alarm}"
         except CommandRefused as refused:
             failure, result = refused, f"refused: {refused}"
         finally:
-            session.close(result)
+            session.close(result, alarm)
     return motion, failure
+
+
+def _result(session: AxisSession, motion: Motion) -> str:
+    """How a motion without an alarm ended, in words."""
+    if motion.done:
+        return "done"
+    return "stopped by the operator" if session.stop is not Stop.NO else "not in position"
 
 
 @contextmanager
@@ -126,39 +135,6 @@ def _stop_signals(session: AxisSession) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-class Display:
-    """A live line on a terminal, a plain log line now and then elsewhere."""
-
-    def __init__(self, *, enabled: bool) -> None:
-        self._enabled = enabled
-        self._live = enabled and sys.stdout.isatty()
-        self._next_s = 0.0
-        self._shown = False
-
-    def say(self, text: str) -> None:
-        """A remark before the run."""
-        if self._enabled:
-            click.echo(text)
-
-    def show(self, s: Snapshot) -> None:
-        """The state now."""
-        if not self._enabled or (not self._live and s.time_s < self._next_s):
-            return
-        left = f"{s.time_left_s:6.1f} s left" if s.time_left_s is not None else ""
-        line = (
-            f"{s.time_s:8.1f} s  {s.angle_deg:+9.4f} deg  {s.speed_deg_s:+7.3f} deg/s  "
-            f"error {s.following_error_deg * 1e3:+7.3f} mdeg  {s.state:<17} {left:<13}"
-        )
-        self._next_s = s.time_s + _LOG_EVERY_S
-        click.echo(f"\r{line}" if self._live else line, nl=not self._live)
-        self._shown = True
-
-    def end(self) -> None:
-        """Leave the live line."""
-        if self._live and self._shown:
-            click.echo()
-
-
 def _report(
     session: AxisSession,
     motion: Motion | None,
@@ -168,38 +144,55 @@ def _report(
 ) -> int:
     """Summary and exit code."""
     code = failure.exit_code if failure is not None else int(motion is None or not motion.done)
-    trace = recorder.trace() if isinstance(recorder, MemoryRecorder) else read_trace(_path(recorder))
-    begin, end = (motion.from_s, motion.to_s) if motion is not None else (0.0, session.engine.time_s)
-    summary = summarise(trace, begin, end, total_ratio(session.machine))
+    summary, file = _evaluate(session, motion, recorder)
     alarms = [alarm.text for alarm in session.axis.alarms.history]
     if as_json:
         print_json(
             {
                 "exit_code": code,
                 "machine": session.machine.name,
-                "summary": summary.as_dict(),
+                "result": _result(session, motion) if failure is None and motion is not None else None,
+                "summary": summary.as_dict() if summary is not None else None,
                 "settled_s": motion.settled_s if motion is not None else None,
+                "notes": list(session.notes),
                 "alarms": alarms,
                 "error": str(failure) if failure is not None else None,
-                "trace": None if isinstance(recorder, MemoryRecorder) else str(_path(recorder)),
+                "trace": str(file) if file is not None else None,
             }
         )
         return code
-    if not isinstance(failure, CommandRefused):
-        for line in _summary_lines(session.machine, summary, motion):
+    if summary is not None and not isinstance(failure, CommandRefused):
+        word = "stopped by an alarm" if motion is None else _result(session, motion)
+        for line in _summary_lines(session.machine, summary, motion, word):
             click.echo(line)
     for text in alarms if failure is None else ():
         click.echo(f"note: {text}")
-    if session.engine.statistics.lateness.count:
+    if session.engine.statistics.lateness.count and summary is not None:
         for line in session.engine.statistics.report(summary.peak_deg_s).splitlines():
             click.echo(f"  {line}")
     if session.engine.recording_fault:
         click.echo(f"warning: {session.engine.recording_fault}", err=True)
-    if not isinstance(recorder, MemoryRecorder) and not isinstance(failure, CommandRefused):
-        click.echo(f"  trace             {_path(recorder)}")
+    if file is not None:
+        click.echo(f"  trace             {file}")
     if failure is not None:
         click.echo(f"error: {failure}", err=True)
     return code
+
+
+def _evaluate(
+    session: AxisSession, motion: Motion | None, recorder: Recorder
+) -> tuple[MotionSummary | None, Path | None]:
+    """The summary, and where the recording is; a recording without a row is thrown away."""
+    file = None if isinstance(recorder, MemoryRecorder) else _path(recorder)
+    if not session.engine.scan:
+        if file is not None:
+            file.unlink(missing_ok=True)
+        return None, None
+    trace = recorder.trace() if isinstance(recorder, MemoryRecorder) else read_trace(_path(recorder))
+    begin, end = (motion.from_s, motion.to_s) if motion is not None else (0.0, session.engine.time_s)
+    if not len(trace.slice(begin, end)):
+        begin, end = 0.0, session.engine.time_s
+    return summarise(trace, begin, end, total_ratio(session.machine)), file
 
 
 def _path(recorder: Any) -> Path:
@@ -207,16 +200,11 @@ def _path(recorder: Any) -> Path:
     return path
 
 
-def _summary_lines(machine: Machine, s: MotionSummary, motion: Motion | None) -> Iterator[str]:
+def _summary_lines(machine: Machine, s: MotionSummary, motion: Motion | None, word: str) -> Iterator[str]:
     """The end of a motion in words."""
-    done = motion is not None and motion.done
-    hint = ""
-    if motion is not None and done and s.peak_deg_s < motion.asked_deg_s * (1.0 - 1e-6):
-        asked, way = motion.asked_deg_s / DEG_S_PER_R_MIN, ramps_deg(machine, motion.asked_deg_s)
-        hint = f"; {asked:g} r/min needs at least {way:.1f} deg"
     yield (
-        f"{'done' if done else 'stopped'}: {s.start_deg:.4f} -> {s.end_deg:.4f} deg, {s.duration_s:.2f} s, "
-        f"peak {s.peak_deg_s:.2f} deg/s{hint}"
+        f"{word}: {shown(s.start_deg, 4):.4f} -> {shown(s.end_deg, 4):.4f} deg, {s.duration_s:.2f} s, "
+        f"peak {s.peak_deg_s:.2f} deg/s{_speed_hint(machine, s, motion)}"
     )
     load = s.following_error_load_deg
     yield (
@@ -229,5 +217,15 @@ def _summary_lines(machine: Machine, s: MotionSummary, motion: Motion | None) ->
         + (f", load side {load:.5f} deg/s" if load is not None else "")
     )
     yield f"  largest torque    {s.torque_max_nm:.1f} N m of {machine.motor.torque_max_nm:g} N m"
-    if motion is not None and done:
+    if motion is not None and motion.done and motion.settled_s is not None:
         yield f"  in position       {motion.settled_s:.2f} s after the set-point arrived"
+
+
+def _speed_hint(machine: Machine, s: MotionSummary, motion: Motion | None) -> str:
+    """Why a move did not reach the speed that was asked for."""
+    if motion is None or not motion.done or motion.asked_deg_s is None:
+        return ""
+    if s.peak_deg_s >= motion.asked_deg_s * (1.0 - 1e-6):
+        return ""
+    way = ramps_deg(machine, motion.asked_deg_s)
+    return f"; {motion.asked_deg_s / DEG_S_PER_R_MIN:g} r/min needs at least {way:.1f} deg"

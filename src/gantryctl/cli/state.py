@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 def status(config_file: Path | None, as_json: bool) -> int:
     """Where the axis stands, what holds it, and what the last command did."""
     from gantryctl.operation import machine_status
+    from gantryctl.operation.requests import shown
 
     found = machine_status(machine_of(config_file))
     if as_json:
@@ -27,16 +28,20 @@ def status(config_file: Path | None, as_json: bool) -> int:
         return 0
     click.echo(f"{found.machine}: {found.condition}")
     rows = [
-        ("angle", "unknown" if found.angle_deg is None else f"{found.angle_deg:.4f} deg (motor encoder)"),
+        (
+            "angle",
+            "unknown" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)",
+        ),
         ("encoder", found.encoder),
         ("last result", found.last_result or "-"),
         ("last alarm", found.last_alarm or "-"),
         ("power-ups, moves", f"{found.power_ups}, {found.moves}"),
         ("travelled", f"{found.travelled_deg:.1f} deg"),
-        ("state", found.directory),
+        ("state kept in", found.directory),
+        *(("note", note) for note in found.notes),
     ]
     for name, value in rows:
-        click.echo(f"  {name:<17}{value}")
+        click.echo(f"  {name:<18}{value}")
     return 0
 
 
@@ -66,14 +71,14 @@ def alarms(config_file: Path | None, last: bool, as_json: bool) -> int:
 @click.argument("code", required=False)
 def explain(code: str | None) -> int:
     """What an alarm code means, what is done and what to do. Without CODE: all codes."""
-    from gantryctl.program import ALARMS
-    from gantryctl.program import explain as page
+    from gantryctl.operation import all_codes
+    from gantryctl.operation import explain as page
 
-    if code:
+    if code is not None:
         click.echo(page(code))
         return 0
-    for row in ALARMS.values():
-        click.echo(f"{row.code!s:<8} {row.severity.value:<8} {row.title}")
+    for name, severity, title in all_codes():
+        click.echo(f"{name:<11} {severity:<8} {title}")
     return 0
 
 

@@ -1,7 +1,10 @@
 """One machine in operation: its state between runs, and one run of its axis."""
 
+from gantryctl.operation.motions import Motion, Snapshot, Stop
+from gantryctl.operation.notices import all_codes, explain
 from gantryctl.operation.programs import load_program
-from gantryctl.operation.session import AxisSession, Motion, Snapshot, Stop
+from gantryctl.operation.requests import way_note
+from gantryctl.operation.session import AxisSession
 from gantryctl.operation.state import (
     encoder_report,
     machine_status,
@@ -23,7 +26,9 @@ __all__ = [
     "Snapshot",
     "StateStore",
     "Stop",
+    "all_codes",
     "encoder_report",
+    "explain",
     "load_program",
     "machine_status",
     "read_retained",
@@ -32,4 +37,5 @@ __all__ = [
     "retained_rows",
     "set_encoder_zero",
     "summarise",
+    "way_note",
 ]

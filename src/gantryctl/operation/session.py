@@ -8,20 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
-from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
-from gantryctl.machine import Machine, config_hash
-from gantryctl.operation.absolute import evaluate, refusal, unwrapped
+from gantryctl.machine import Machine
+from gantryctl.operation.absolute import (
+    ACCEPTED_DEG,
+    SHOWN_DEG,
+    AbsoluteReading,
+    evaluate,
+    refusal,
+    unwrapped,
+)
+from gantryctl.operation.ending import RunEnd, retained_after
+from gantryctl.operation.motions import Motion, Snapshot, Stop, state_words
+from gantryctl.operation.requests import check_direction, check_speed, check_target
 from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import VirtualDrive, encoder_scale, keep_machine, open_machine
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import AlarmEntry, Engine, HeldOperator
 from gantryctl.units import deg, rad
-from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, counts_per_turn
+from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine
 
 SLICE_S: Final = 0.1
 """Axis time between two looks at observer and stop request."""
@@ -31,38 +40,6 @@ _POWER_S: Final = 10.0  # the power sequence has time limits of its own; this is
 _REST_S: Final = 120.0  # a stop on the slowest ramp from the highest speed
 
 
-class Stop(IntEnum):
-    """How urgently somebody wants the axis to stop."""
-
-    NO = 0
-    RAMP = 1
-    QUICK = 2
-
-
-class Snapshot(NamedTuple):
-    """What a display shows. Angles at the gantry, measured by the motor encoder."""
-
-    time_s: float
-    angle_deg: float
-    speed_deg_s: float
-    following_error_deg: float
-    state: str
-    time_left_s: float | None
-    """Of a motion that has an end."""
-
-
-class Motion(NamedTuple):
-    """A motion that has ended: its time in the recording, and whether it did what was asked."""
-
-    from_s: float
-    to_s: float
-    done: bool
-    settled_s: float
-    """From the end of the set-point's motion until in position."""
-    asked_deg_s: float
-    """The speed that was asked for."""
-
-
 class AxisSession:
     """The axis of one machine, for one command line or script.
 
@@ -70,11 +47,13 @@ class AxisSession:
         store: the state directory, locked by the caller; None for a new machine that is forgotten afterwards.
         program: made from the axis, `GantryProgram` unless it is a program of one's own.
         recorder: makes the recorder of the run.
-        observer: gets a `Snapshot` every 0.1 s of axis time.
+        observer: gets a `Snapshot` every 0.1 s of axis time. One that fails is left out from then on, and the axis
+            stops: nobody is looking any more.
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
         notes: what had to be done to open the machine.
+        angle_deg: measured angle of the gantry, motor side.
 
     Raises:
         CommandRefused: an alarm of an earlier run is not acknowledged, or the encoder cannot be believed.
@@ -100,8 +79,11 @@ class AxisSession:
         counts = virtual.drive.read().pos_act_counts
         reading = evaluate(scale, counts, self._retained)
         self._refuse(refusal(reading))
+        self._record_accepted(reading)
         zero = self._retained.zero_offset_counts
         assert zero is not None
+        assert reading.angle_deg is not None
+        self._opened_deg = reading.angle_deg
         self.operator = HeldOperator()
         self.engine: Engine = build_engine(
             machine,
@@ -115,8 +97,8 @@ class AxisSession:
         )
         assert isinstance(self.engine.program, AxisProgram)
         self.axis = self.engine.program.axis
-        self._range = scale.range_counts
         self._power_ups = self._moves = 0
+        self._powered = False
 
     def _refuse(self, reason: str | None) -> None:
         held = self._retained.error_stop
@@ -128,12 +110,21 @@ class AxisSession:
         if reason is not None:
             raise CommandRefused(reason)
 
+    def _record_accepted(self, reading: AbsoluteReading) -> None:
+        """A small motion while off is accepted, but not in silence."""
+        moved = reading.moved_deg
+        if moved is not None and abs(moved) >= SHOWN_DEG:
+            text = f"ENC-09 INFO · the gantry moved {moved:+.3f} deg while off · within {ACCEPTED_DEG:g} deg: accepted"
+            self.notes = (*self.notes, text)
+            alarms = (*self._retained.alarms, AlarmEntry("ENC-09", text, now_text()))
+            self._retained = replace(self._retained, alarms=alarms)
+
     # --- what the axis does --------------------------------------------------------------------------------------
 
     @property
     def angle_deg(self) -> float:
         """Measured angle of the gantry, motor side."""
-        return deg(self.axis.pos_act_rad)
+        return deg(self.axis.pos_act_rad) if self.engine.scan else self._opened_deg
 
     @property
     def drive(self) -> VirtualDrive:
@@ -151,59 +142,80 @@ class AxisSession:
             angle_deg=deg(axis.pos_act_rad),
             speed_deg_s=deg(vel),
             following_error_deg=deg(axis.pos_err_rad),
-            state=axis.state.name.lower(),
+            state=state_words(axis.state),
             time_left_s=max(0.0, end_s - time_s) if axis.state is AxisState.DISCRETE_MOTION else None,
         )
 
     def power_up(self) -> None:
-        """Enable, prove torque, open the brake.
+        """Enable, prove torque, open the brake; nothing when that was done.
 
         Raises:
             AlarmStop: the power sequence ended in an alarm.
         """
+        if self._powered:
+            return
+        self._powered = True
         self._power_ups += 1
         self._command(power=True)
         self._follow(lambda: self.axis.state is AxisState.STANDSTILL, _POWER_S)
         self._raise_alarm()
         if self.axis.state is not AxisState.STANDSTILL:
-            raise AlarmStop(f"power-up did not end within {_POWER_S:g} s; the axis is {self.axis.state.name}")
+            raise AlarmStop(
+                f"SYS-10 STOP · power-up did not end within {_POWER_S:g} s, the axis is "
+                f"{state_words(self.axis.state)} · torque off, brake closed · a program of one's own must switch "
+                "power on when the operator wants it"
+            )
 
     def move(self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0) -> Motion:
-        """Move to an angle and wait until the axis stands there.
+        """Move to an angle and wait until the axis stands there; powers up where that was not done.
 
         Raises:
-            CommandRefused: target or speed are not possible; nothing moved.
+            CommandRefused: target or speed are not possible; nothing moved, and power was not switched on for it.
             AlarmStop: an alarm ended it; the axis is at rest.
         """
-        speed = rad(speed_deg_s if speed_deg_s is not None else self.machine.speed.setting_max_deg_s)
-        return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=speed, override=override)
+        wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
+        check_speed(self.machine, wanted)
+        check_target(self.machine, self.angle_deg, target_deg)
+        if not 0.0 < override <= 1.0:
+            raise UsageError(f"override {override:g}: above 0 and at most 1")
+        return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=rad(wanted), override=override)
 
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> Motion:
         """One increment in the incremental mode."""
+        check_speed(self.machine, speed_deg_s)
+        self.power_up()
         self._command(mode=Mode.INCREMENTAL)
         self.engine.step()
         key = {"forward" if forward else "reverse": True}
         return self._motion(increment_rad=rad(step_deg), speed_rad_s=rad(speed_deg_s), **key)
 
     def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> Motion:
-        """Hold the key for a time in the continuous mode, then let go and wait for rest.
+        """Hold the key for a time in the continuous mode, then let go and wait for rest; powers up first.
 
         Raises:
-            CommandRefused: the speed is outside the setting range; nothing moved.
+            CommandRefused: the speed is outside the setting range, or no way is left; nothing moved.
             AlarmStop: an alarm ended it; the axis is at rest.
         """
+        check_speed(self.machine, speed_deg_s)
+        check_direction(self.machine, self.angle_deg, forward)
+        self.power_up()
+        if self.stop is not Stop.NO:
+            return self._not_begun()
         self._command(mode=Mode.CONTINUOUS, speed_rad_s=rad(speed_deg_s))
         self.engine.step()
         start = self.engine.time_s
         refusals = self.axis.refusal_count
         self._command(forward=forward, reverse=not forward)
-        self._follow(lambda: self._refused(refusals), seconds, self._renew)
+        self._renew()
+        self.engine.step()
+        self._follow(lambda: self._refused(refusals) or self._at_rest(), seconds, held=True)
         self._raise_refusal(refusals)
         self._command(forward=False, reverse=False)
-        return self._finished(start)
+        return self._finished(start, lease=True)._replace(settled_s=None, asked_deg_s=None)
 
     def power_down(self) -> None:
         """Come to rest, close the brake, take the torque off; keep what the next run needs to know."""
+        self._powered = False
         self._command(power=False, forward=False, reverse=False, move=False)
         self._follow(lambda: self._off() and self.axis.virtual.at_rest, _REST_S, watch=False)
 
@@ -215,7 +227,14 @@ class AxisSession:
     def _renew(self) -> None:
         self._command(lease=self.operator.command.lease + 1)
 
+    def _not_begun(self) -> Motion:
+        """A stop was asked for before the motion began."""
+        return Motion(self.engine.time_s, self.engine.time_s, False, None, None)
+
     def _motion(self, **levels: Any) -> Motion:
+        self.power_up()
+        if self.stop is not Stop.NO:
+            return self._not_begun()
         start = self.engine.time_s
         refusals = self.axis.refusal_count
         self._command(**levels)
@@ -224,15 +243,16 @@ class AxisSession:
         self._raise_refusal(refusals)
         return self._finished(start)
 
-    def _finished(self, start: float) -> Motion:
+    def _finished(self, start: float, *, lease: bool = False) -> Motion:
         """Wait until the motion has ended one way or the other."""
         self._moves += 1
-        self._follow(self._at_rest, self.axis.virtual.plan.duration + _REST_S)
+        self._follow(self._at_rest, self.axis.virtual.plan.duration + _REST_S, lease=lease)
         plan_end = self.axis.virtual.start_scan * self.engine.period_s + self.axis.virtual.plan.duration
         end = self.engine.time_s
         self._raise_alarm()
-        asked = deg(self.operator.command.speed_rad_s)
-        return Motion(start, end, self.stop is Stop.NO, max(0.0, end - plan_end), asked)
+        done = self.stop is Stop.NO and self._at_rest() and not self.axis.monitors.not_in_position
+        command = self.operator.command
+        return Motion(start, end, done, max(0.0, end - plan_end), deg(command.speed_rad_s) * command.override)
 
     def _off(self) -> bool:
         return self.axis.power.phase is PowerPhase.OFF
@@ -262,24 +282,39 @@ class AxisSession:
         self,
         done: Callable[[], bool],
         timeout_s: float,
-        renew: Callable[[], None] | None = None,
         *,
+        held: bool = False,
+        lease: bool = False,
         watch: bool = True,
     ) -> None:
-        """Scan until something is done, in slices: between them stop requests, lease and display."""
+        """Scan until something is done, in slices: between them stop requests, lease and display.
+
+        Args:
+            held: a key is held: the lease is renewed, and a request to stop ends the waiting, which lets go.
+            lease: the lease is renewed.
+            watch: stop requests go to the program.
+        """
         engine = self.engine
         end = engine.time_s + timeout_s
-        slice_s = SLICE_S if renew is None else LEASE_SLICE_S
+        slice_s = LEASE_SLICE_S if held or lease else SLICE_S
         while engine.time_s < end - 1e-9:
-            if watch and self._asked_to_stop() and renew is not None:
+            if watch and self._asked_to_stop() and held:
                 return
-            if renew is not None:
-                renew()
+            if held or lease:
+                self._renew()
             reached = engine.run_until(lambda _: done(), min(slice_s, end - engine.time_s))
-            if self._observer is not None:
-                self._observer(self.snapshot())
+            self._observe()
             if reached:
                 return
+
+    def _observe(self) -> None:
+        if self._observer is None:
+            return
+        try:
+            self._observer(self.snapshot())
+        except Exception:
+            self._observer = None
+            self.stop = max(self.stop, Stop.RAMP)
 
     def _asked_to_stop(self) -> bool:
         """Hand a stop request to the program."""
@@ -291,45 +326,31 @@ class AxisSession:
 
     # --- the end of the run --------------------------------------------------------------------------------------
 
-    def close(self, result: str) -> None:
-        """Power down if that was not done, finish the recording, keep the state; `result` is for `status`.
+    def close(self, result: str, alarm: AlarmStop | None = None) -> None:
+        """Power down if that was not done, finish the recording, keep the state.
 
         After a failure inside the scan the engine itself brings the axis to rest.
+
+        Args:
+            result: how it ended, for `status`.
+            alarm: what stopped the axis; it holds the axis until it is acknowledged.
         """
+        self._observer = None
         try:
             if self.engine.failure is not None:
                 self.engine.run_for(_POWER_S)
             elif not self._off():
                 self.power_down()
         finally:
-            self.engine.close()
-            self._keep(result)
+            if self.engine.scan:
+                self.engine.close()
+            elif (
+                self.engine.recorder is not None
+            ):  # refused before anything was switched on: the drive stays as it is
+                self.engine.recorder.close()
+            self._keep(result, alarm)
 
-    def _keep(self, result: str) -> None:
-        retained, axis = self._retained, self.axis
-        when = now_text()
-        first = axis.alarms.first_out
-        fresh = tuple(
-            AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, alarm.pos_rad)
-            for alarm in axis.alarms.history
-        )
-        counts = self._drive.read().pos_act_counts
-        way = abs(counts - (retained.rest_position_counts or counts)) / counts_per_turn(self.machine)
-        keep_machine(
-            self.machine,
-            self._store,
-            self._drive,
-            replace(
-                retained,
-                config_hash=config_hash(self.machine),
-                rest_position_counts=int(counts) % self._range,
-                zero_offset_counts=int(axis.zero_counts) % self._range,
-                holding_torque_nm=axis.power.holding_torque_nm,
-                power_ups=retained.power_ups + self._power_ups,
-                moves=retained.moves + self._moves,
-                travelled_rad=retained.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,
-                error_stop=str(first.code) if first is not None else "",
-                last_result=result,
-                alarms=(*retained.alarms, *fresh),
-            ),
-        )
+    def _keep(self, result: str, alarm: AlarmStop | None) -> None:
+        end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
+        retained = retained_after(self.machine, self._retained, self.axis, self._drive, end)
+        keep_machine(self.machine, self._store, self._drive, retained)
