@@ -160,7 +160,9 @@ def explain(code: str) -> str:
     known = {str(each): each for each in ALARMS}
     if wanted not in known:
         group = [each for each in known if each[:3] == wanted[:3]]
-        near = difflib.get_close_matches(wanted, group or known, n=5, cutoff=0.4) or group
+        near = (
+            group if len(wanted) <= 4 else difflib.get_close_matches(wanted, group or known, n=5, cutoff=0.4)
+        )
         hint = f"; did you mean {', '.join(near)}?" if near else f"; there are {', '.join(known)}"
         raise CommandRefused(f"unknown code {code!r}{hint}")
     row = ALARMS[known[wanted]]

@@ -20,6 +20,7 @@ from gantryctl.program.settings import AxisSettings, Hold
 from gantryctl.program.states import AxisEvents, AxisState, next_state
 from gantryctl.program.virtual_axis import VirtualAxis
 
+_OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
 _new = tuple.__new__  # builds an image in half the time of its constructor
 
@@ -85,7 +86,7 @@ class AxisScan:
             self.pos_act_rad = alarms.pos_rad = pos
             virtual.release(pos)
             self.monitors.scan_released(pos)
-        self.interlocks.scan(pos, power.status)
+        self.interlocks.scan(pos, power.phase is not _OFF)
         power.step(pos)
         if alarms.pending or self._error or self._switching_off or self.recovery.resetting:
             self._interrupted()
@@ -168,7 +169,6 @@ class AxisScan:
             self.feedback.accept_position()
         self.alarms.clear()
         self.monitors.reset()
-        self.monitors.open_the_way_back(self.pos_act_rad)
         self._error = False
         self.power.release_hold()
 
@@ -176,6 +176,7 @@ class AxisScan:
         """Power is on: the set-point is where the axis is, and the axis follows from now on."""
         self.virtual.follow_from(self.pos_act_rad, self.scan)
         self.monitors.reset()
+        self.monitors.open_the_way_back(self.pos_act_rad)
 
     def _unfollow(self) -> None:
         """The drive ramps by itself or is going off: the set-point is where the axis is."""

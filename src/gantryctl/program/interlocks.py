@@ -17,8 +17,8 @@ _FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 class Interlocks:
     """Looks at inputs, drive faults and warnings once a scan; each acts on the first scan it is seen.
 
-    A limit switch stops the axis when it opens. After a reset it may stay open, and then only the way back
-    inward is open until it has closed again.
+    A limit switch stops the axis when it opens. It may stay open after a reset, or be open from the start: then only
+    the way back inward is open until it has closed again.
 
     Attributes:
         plus_open, minus_open: the way forward or back is open (its limit switch is closed).
@@ -33,7 +33,7 @@ class Interlocks:
         self._feedback = feedback
         self._alarms = alarms
         self._overload_warning = settings.monitors.overload_warning
-        self._inputs = DigitalInputs()
+        self._inputs: DigitalInputs | None = None
         self._was_plus = self._was_minus = True
         self.plus_open = self.minus_open = True
 
@@ -52,6 +52,8 @@ class Interlocks:
             self._alarms.raise_(Code.THM_01, measured=100.0 * feedback.overload, limit=limit)
 
     def _look_at(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
+        if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
+            self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
         self._inputs = inputs
         if not inputs.estop_ok:
             self._alarms.raise_(Code.INT_03, measured=deg(pos_rad))

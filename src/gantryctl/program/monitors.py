@@ -147,7 +147,7 @@ class Monitors:
             self._over_travel_plus, self._over_travel_minus = limit, -limit
 
     def open_the_way_back(self, pos_rad: float) -> None:
-        """After a reset outside the travel: trip again only when the axis goes further out."""
+        """Switched on outside the travel, by someone who knows: trip only when the axis goes further out."""
         margin = self._settings.standstill_window_rad
         if pos_rad > self._over_travel:
             self._over_travel_plus = pos_rad + margin

@@ -7,7 +7,7 @@ import pytest
 from gantryctl.image import DigitalInputs, DriveRequest, Mode
 from gantryctl.program import AxisState
 from gantryctl.units import rad
-from unit.program.rig import RATIO, Rig, moving_rig, settings
+from unit.program.rig import COUNTS_PER_DEG, RATIO, Rig, moving_rig, settings
 
 
 @pytest.fixture
@@ -457,30 +457,86 @@ def test_the_way_back_is_open_from_outside(side):
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_after_over_travel_reset_and_back(side):
-    rig = Rig(at_deg=side * 180.9)
-    rig.op(power=True)
-    rig.run(1.5)
-    assert rig.codes == ["LIM-02"], "it may not even hold there without somebody knowing"
+def test_switched_on_far_outside_only_inward(side):
+    """Beyond over-travel too: nobody moves the axis back but itself."""
+    rig = Rig(at_deg=side * 181.5)
+    rig.power_up()
+    outward, inward = ("forward", "reverse") if side > 0.0 else ("reverse", "forward")
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(2.0))
+    press(rig, **{outward: True})
+    assert f"at {side * 181.5:.2f} deg only motion {inward} is open" in rig.refused()
+    press(rig, **{outward: False})
+    press(rig, **{inward: True})
+    rig.hold_key(1.5)
+    press(rig, **{inward: False})
+    rig.run(1.0)
+    assert abs(rig.pos_deg) < 180.0
+    assert not rig.codes
+    rig.move(side * 200.0)
+    assert "is beyond" in rig.refused()
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_further_out_trips_again(side):
+    rig = Rig(at_deg=side * 181.5)
+    rig.power_up()
+    pushed = {"deg": 0.0}
+
+    def push(drive):
+        pushed["deg"] = min(pushed["deg"] + 0.004, 0.04)
+        moved = round(side * pushed["deg"] * COUNTS_PER_DEG)
+        return drive._replace(pos_act_counts=drive.pos_act_counts + moved)
+
+    rig.spoil = push
+    rig.run(0.05)
+    assert "LIM-02" in rig.codes
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_over_travel_then_reset_and_back(side):
+    rig = Rig(at_deg=side * 180.45)
+    rig.power_up()
+    pushed = {"deg": 0.0}
+
+    def push(drive):
+        pushed["deg"] = min(pushed["deg"] + 0.01, 0.2)
+        moved = round(side * pushed["deg"] * COUNTS_PER_DEG)
+        return drive._replace(pos_act_counts=drive.pos_act_counts + moved)
+
+    rig.spoil = push
+    rig.until(lambda: rig.first is not None, 0.1)
+    assert "LIM-02" in rig.codes
     rig.run(2.0)
     rig.op(power=False, reset=True)
     rig.op(reset=False)
     rig.op(power=True)
     rig.run(1.5)
     assert not rig.codes, "acknowledged: the way back is open"
-    outward, inward = ("forward", "reverse") if side > 0.0 else ("reverse", "forward")
-    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(2.0))
-    press(rig, **{outward: True})
-    assert "only motion" in rig.refused()
-    press(rig, **{outward: False})
-    press(rig, **{inward: True})
-    rig.hold_key(1.0)
-    assert abs(rig.pos_deg) < 180.0
-    press(rig, **{inward: False})
-    rig.run(1.0)
-    assert not rig.codes
-    rig.move(side * 200.0)
-    assert "is beyond" in rig.refused()
+    rig.move(side * 170.0)
+    rig.until(lambda: not rig.program.move.busy)
+    assert rig.pos_deg == pytest.approx(side * 170.0, abs=1e-3)
+
+
+def test_a_limit_switch_open_from_the_start_is_no_alarm():
+    rig = Rig()
+    rig.drive.inputs = DigitalInputs(limit_plus_ok=False)
+    rig.power_up()
+    rig.move(50.0)
+    assert rig.refused() == "at 0.00 deg only motion reverse is open"
+    rig.move(-5.0)
+    rig.until(lambda: not rig.program.move.busy)
+    rig.drive.inputs = DigitalInputs()
+    rig.step()
+    rig.drive.inputs = DigitalInputs(limit_plus_ok=False)
+    rig.step()
+    assert rig.codes == ["LIM-03"], "once it has closed, opening counts"
+
+
+def test_both_limit_switches_open_from_the_start():
+    rig = Rig()
+    rig.drive.inputs = DigitalInputs(limit_plus_ok=False, limit_minus_ok=False)
+    rig.run(0.01)
+    assert rig.codes == ["LIM-04"]
 
 
 @pytest.mark.parametrize(

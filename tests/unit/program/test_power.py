@@ -378,6 +378,52 @@ def test_load_that_the_brake_does_not_stop():
     assert "still stopping" in rig.refused()
 
 
+ON_THE_WAY_UP = [0.0, 0.002, 0.01, 0.06, 0.11, 0.12, 0.2, 0.31]
+
+
+@pytest.mark.parametrize("seconds", ON_THE_WAY_UP)
+def test_power_taken_back_on_the_way_up(seconds):
+    rig = Rig(config=settings(holding_torque_nm=12.0))
+    rig.op(power=True)
+    rig.run(seconds)
+    rig.op(power=False)
+    rig.run(2.0)
+    assert rig.axis.power.phase is P.OFF
+    assert rig.axis.state is AxisState.DISABLED
+    assert not rig.codes
+    assert rig.output.request is DriveRequest.DISABLE
+
+
+@pytest.mark.parametrize("seconds", ON_THE_WAY_UP)
+@pytest.mark.parametrize("code", ["INT-06", "DRV-01", "PWR-01"])
+def test_a_stop_on_the_way_up_ends_safely(seconds, code):
+    rig = Rig()
+    rig.op(power=True)
+    rig.run(seconds)
+    if code == "INT-06":
+        rig.op(quick_stop=True)
+    elif code == "DRV-01":
+        rig.drive.error_code = 5
+        rig.run(0.002)
+    else:
+        rig.drive.inputs = DigitalInputs(mains_ready=False)
+        rig.step()
+    assert rig.first.code == code
+    rig.run(2.0)
+    assert rig.axis.power.phase is P.OFF
+    assert not rig.output.brake_open
+    assert rig.output.torque_ff_nm == 0.0
+    assert rig.axis.state is AxisState.ERROR_STOP
+    assert not rig.program.power.status
+
+
+def test_mains_lost_while_the_brake_holds(parked):
+    parked.drive.inputs = DigitalInputs(mains_ready=False)
+    parked.step()
+    assert parked.codes == ["PWR-01"]
+    assert parked.axis.power.phase is P.OFF
+
+
 def test_servo_holds_by_default():
     rig = Rig()
     rig.power_up()
