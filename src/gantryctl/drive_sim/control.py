@@ -1,0 +1,180 @@
+"""The side channel: a unix socket, one JSON object a line, one answer a line. Both ends."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final
+
+from gantryctl.errors import DeviceError, UsageError
+
+_MAX_LINE: Final = 65536
+_MAX_PATH: Final = 100
+_BACKLOG: Final = 8
+
+
+class ControlServer:
+    """Answers requests on a socket; `with ControlServer(...)`.
+
+    Args:
+        path: of the socket; only this user may open it.
+        answer: takes a parsed request and gives the answer.
+        lock: held around `answer`.
+
+    Raises:
+        UsageError: a path that cannot be used, or a server that lives there already.
+    """
+
+    def __init__(self, path: Path, answer: Callable[[object], dict[str, Any]], lock: threading.RLock) -> None:
+        self.path = path
+        self._answer = answer
+        self._lock = lock
+        self._clients: set[socket.socket] = set()
+        self._listener = _listen(path)
+        self._thread = threading.Thread(target=self._accept, name="side channel", daemon=True)
+
+    def __enter__(self) -> ControlServer:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.path.unlink(missing_ok=True)
+        for end in (self._listener, *list(self._clients)):
+            _hang_up(end)
+        self._thread.join()
+
+    def _accept(self) -> None:
+        while True:
+            try:
+                client, _ = self._listener.accept()
+            except OSError:
+                return
+            self._clients.add(client)
+            threading.Thread(
+                target=self._serve, args=(client,), name="side channel client", daemon=True
+            ).start()
+
+    def _serve(self, client: socket.socket) -> None:
+        gone = contextlib.suppress(OSError, ValueError)
+        with gone, client, client.makefile("rwb") as lines:
+            while line := lines.readline(_MAX_LINE):
+                lines.write(self._reply(line))
+                lines.flush()
+                if not line.endswith(b"\n"):
+                    break
+        self._clients.discard(client)
+
+    def _reply(self, line: bytes) -> bytes:
+        try:
+            request = json.loads(line)
+        except (ValueError, RecursionError):
+            return _line({"ok": False, "error": "a request is one JSON object on one line"})
+        with self._lock:
+            return _line(self._answer(request))
+
+
+class ControlClient:
+    """Asks a drive's side channel; `with ControlClient(path)`.
+
+    Args:
+        path: of the socket.
+        timeout_s: for one answer.
+
+    Raises:
+        DeviceError: nobody listens there.
+    """
+
+    def __init__(self, path: Path, timeout_s: float = 10.0) -> None:
+        self._socket = _unix_socket()
+        self._socket.settimeout(timeout_s)
+        try:
+            self._socket.connect(str(path))
+        except OSError as fault:
+            self._socket.close()
+            raise DeviceError(f"no virtual drive listens on {path}: {fault.strerror or fault}") from None
+        self._lines = self._socket.makefile("rwb")
+
+    def ask(self, cmd: str, **fields: Any) -> dict[str, Any]:
+        """One request, one answer.
+
+        Raises:
+            DeviceError: the request is refused, or the drive is gone.
+        """
+        try:
+            self._lines.write(_line({"cmd": cmd, **fields}))
+            self._lines.flush()
+            line = self._lines.readline()
+        except OSError as fault:
+            raise DeviceError(f"the virtual drive does not answer: {fault}") from None
+        if not line:
+            raise DeviceError("the virtual drive has closed its side channel")
+        answer: dict[str, Any] = json.loads(line)
+        if not answer.pop("ok"):
+            raise DeviceError(str(answer["error"]))
+        return answer
+
+    def __enter__(self) -> ControlClient:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._lines.close()
+        self._socket.close()
+
+
+def _line(data: dict[str, Any]) -> bytes:
+    return json.dumps(data).encode() + b"\n"
+
+
+def _unix_socket() -> socket.socket:
+    if not hasattr(socket, "AF_UNIX"):
+        raise UsageError("the side channel needs unix sockets, which this system has not")
+    return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+
+
+def _listen(path: Path) -> socket.socket:
+    if len(os.fsencode(path)) > _MAX_PATH:
+        raise UsageError(f"--control {path}: the path of a socket has at most {_MAX_PATH} bytes")
+    _remove_stale(path)
+    listener = _unix_socket()
+    try:
+        mask = os.umask(0o177)
+        try:
+            listener.bind(str(path))
+        finally:
+            os.umask(mask)
+        listener.listen(_BACKLOG)
+    except OSError as fault:
+        listener.close()
+        raise UsageError(f"--control {path}: cannot be made: {fault.strerror or fault}") from None
+    return listener
+
+
+def _remove_stale(path: Path) -> None:
+    """A socket that a killed process left behind goes; anything else stays."""
+    if not path.exists():
+        return
+    if not path.is_socket():
+        raise UsageError(f"--control {path}: exists and is no socket")
+    with _unix_socket() as probe:
+        try:
+            probe.connect(str(path))
+        except OSError:
+            path.unlink(missing_ok=True)
+            return
+    raise UsageError(f"--control {path}: another virtual drive listens there")
+
+
+def _hang_up(end: socket.socket) -> None:
+    with contextlib.suppress(OSError):  # not connected: closing is enough
+        end.shutdown(socket.SHUT_RDWR)
+    end.close()

@@ -1,0 +1,146 @@
+"""What can be spoiled: standing faults as one set of switches. They come by the side channel only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal
+
+from gantryctl.errors import UsageError
+
+TpdoKind = Literal["drop", "delay", "duplicate", "swap", "length"]
+TPDO_KINDS: Final = ("drop", "delay", "duplicate", "swap", "length")
+
+
+@dataclass(slots=True)
+class TpdoFault:
+    """What happens to the frames of one TPDO."""
+
+    kind: TpdoKind
+    amount: int = 1
+    """delay: frames held back; length: bytes sent."""
+    count: int | None = None
+    """How many frames are hit; None: all, until cleared."""
+
+
+@dataclass(slots=True)
+class Faults:
+    """Standing faults; the defaults are a sound drive."""
+
+    freeze_position: bool = False
+    """6064 keeps its value (and 606C becomes 0); the drive's own speed loop goes on."""
+    position_offset: int = 0
+    """Added to 6064, increments: a jump."""
+    never_move: bool = False
+    """Stands still and says that it follows (bit 12 = 1)."""
+    ignore_target: bool = False
+    """Stands still with bit 12 = 0."""
+    command_sign: int = 1
+    """-1: turns the other way; feedback is true."""
+    mode_display: int | None = None
+    """What 6061 says."""
+    status_set: int = 0
+    """Bits of 6041 that are always 1."""
+    status_clear: int = 0
+    """Bits of 6041 that are always 0."""
+    status_value: int | None = None
+    """6041 as a whole."""
+    stuck_state: bool = False
+    """The CiA 402 machine obeys no controlword."""
+    quick_stop_off: bool = False
+    """A quick stop is acknowledged, and the shaft goes on turning."""
+    no_torque: bool = False
+    """Enabled, but the power stage gives nothing."""
+    brake: Literal["closed", "open"] | None = None
+    """Where the brake is stuck."""
+    brake_feedback: bool | None = None
+    """What the brake's contact says."""
+    heartbeat_off: bool = False
+    heartbeat_state: int | None = None
+    """NMT state that the heartbeat shows."""
+    silence: bool = False
+    """Off the bus: nothing is sent, nothing is heard. The drive's own time goes on."""
+    sdo_silent: bool = False
+    sdo_abort: int | None = None
+    """Every SDO request is answered by this abort code."""
+    sdo_toggle: bool = False
+    """Segments come with the wrong toggle bit."""
+    warning: bool = False
+    """Bit 7 of 6041."""
+    estop_ok: bool = True
+    """The hard-wired input; False: safe torque off."""
+    enabling_switch: bool = True
+    mains_ready: bool = True
+    limit_minus_ok: bool | None = None
+    """None: by the load angle."""
+    limit_plus_ok: bool | None = None
+    torque_offset: float = 0.0
+    """Added to the torque that 6077 reports, N m."""
+    tpdo: dict[int, TpdoFault] = field(default_factory=dict)
+    """By number, 1 for the first; set by `tpdo_fault`."""
+
+
+_PLAIN: Final = tuple(f.name for f in fields(Faults) if f.name != "tpdo")
+
+
+def names() -> tuple[str, ...]:
+    """Every standing fault but those of TPDOs."""
+    return _PLAIN
+
+
+def default_of(name: str) -> Any:
+    """The sound value of a fault."""
+    return getattr(Faults(), name)
+
+
+def set_fault(faults: Faults, name: str, value: Any) -> None:
+    """Set one standing fault.
+
+    Raises:
+        UsageError: no such fault, or a value it cannot take.
+    """
+    if name not in _PLAIN:
+        raise UsageError(f"there is no fault '{name}'; there are: {', '.join(_PLAIN)}")
+    sound = default_of(name)
+    allowed: tuple[Any, ...] | type
+    if name == "brake":
+        allowed, ok = (None, "closed", "open"), value in (None, "closed", "open")
+    elif name == "command_sign":
+        allowed, ok = (1, -1), value in (1, -1) and not isinstance(value, bool)
+    elif name in ("brake_feedback", "limit_minus_ok", "limit_plus_ok"):
+        allowed, ok = (None, True, False), value is None or isinstance(value, bool)
+    elif isinstance(sound, bool):
+        allowed, ok = (True, False), isinstance(value, bool)
+    elif isinstance(sound, float):
+        allowed = float
+        ok = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
+    else:
+        allowed = int
+        ok = (sound is None and value is None) or _is_u32(value)
+    if not ok:
+        kinds = allowed.__name__ if isinstance(allowed, type) else ", ".join(map(str, allowed))
+        raise UsageError(f"fault '{name}' takes {kinds}, got {value!r}")
+    setattr(faults, name, value)
+
+
+def _is_u32(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and -(1 << 31) <= value < 1 << 32
+
+
+def tpdo_fault(kind: Any, amount: Any = 1, count: Any = None) -> TpdoFault:
+    """A checked fault of a TPDO.
+
+    Raises:
+        UsageError: an unknown kind or a number out of range.
+    """
+    if kind not in TPDO_KINDS:
+        raise UsageError(f"a TPDO fault is one of {', '.join(TPDO_KINDS)}, got {kind!r}")
+    for what, value in (("amount", amount), ("count", count)):
+        if value is None and what == "count":
+            continue
+        if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 1_000_000:
+            raise UsageError(f"{what} of a TPDO fault is a whole number, got {value!r}")
+    if kind == "length" and amount > 8:
+        raise UsageError(f"a frame has at most 8 bytes, got {amount}")
+    if kind == "delay" and amount > 1000:
+        raise UsageError(f"at most 1000 frames are held back, got {amount}")
+    return TpdoFault(kind, amount, count)

@@ -1,0 +1,156 @@
+"""How one drive model differs from the plain CiA 402 drive: data, one switch per quirk seen on real models."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Final, Literal
+
+from gantryctl.errors import UsageError
+
+VelocityUnit = Literal["inc/s", "r/min", "0.1 r/min", "0.001 r/min"]
+
+
+@dataclass(frozen=True)
+class Personality:
+    """Every switch; the defaults are the plain drive."""
+
+    name: str = "plain"
+    summary: str = "CiA 301 and CiA 402 by the text"
+
+    device_type: int = 0x0002_0192
+    """1000h: some have product codes in the upper half, or the bytes swapped."""
+    sync_cob_id: int | None = 0x80
+    """1005h; None: absent."""
+    absent: tuple[int, ...] = ()
+    """Objects the bus does not see; the drive behaves by their defaults."""
+    not_mappable: tuple[int, ...] = ()
+    array_mapping: bool = False
+    """The EDS declares the mapping objects as ARRAY."""
+    no_mode_default: bool = False
+    """The EDS gives no default for 6502."""
+    defaults: tuple[tuple[int, int, int], ...] = ()
+    """Other factory defaults: (index, sub, value in the drive's units)."""
+    quick_dec_deg_s2: float | None = None
+    """Factory default of 6085, motor side; None: the machine's own."""
+
+    counts_per_turn: int = 1 << 19
+    """Increments of 6064 per motor turn; 2^19 x 4096 turns fill the positive half of 32 bit."""
+    velocity_unit: VelocityUnit = "inc/s"
+    """Unit of 60FF, 606C, 60B1 and 607F; of accelerations that per second."""
+    torque_reference: float = 1.0
+    """What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque."""
+
+    csv: bool = True
+    """False: 6502 has no CSV bit, yet mode 9 is accepted and shown, and nothing moves."""
+    auto_operational: bool = False
+    """Enters OPERATIONAL by itself after boot-up."""
+    sdo_preoperational_only: bool = False
+    statusword_zero: bool = False
+    """6041 is 0 until the first controlword."""
+    needs_switch_on: bool = False
+    """0F straight from Ready to switch on is ignored."""
+    reset_by_level: bool = False
+    """Fault reset acts as long as bit 7 is 1."""
+    frozen_while_reset: bool = False
+    """While bit 7 is 1 nothing else of the controlword counts."""
+    lag_ms: int = 0
+    """6041 and 6061 follow that much later."""
+    quick_stop_one_tick: bool = False
+    """Quick stop active lasts one tick, then Switch on disabled, torque off."""
+    quick_stop_ignored: bool = False
+    dead_after_quick_stop: bool = False
+    """Enabled again after a quick stop: says that it follows and stands still until 6060 changes."""
+    needs_cycle_time: bool = False
+    """Does not move before 60C2 was written (and equals 1006 where that is set)."""
+    halt_in_csv: bool = False
+    """Bit 8 of the controlword stops in CSV too."""
+    enabled_before_brake: bool = False
+    """Says Operation enabled (bit 12 = 0) while the brake still opens."""
+    silent_faults: bool = False
+    """Faults come without EMCY and leave 603F at 0."""
+    short_emcy: bool = False
+    """EMCY messages of 3 bytes."""
+    empty_heartbeat: bool = False
+    """Heartbeats without data."""
+    save_ms: int = 0
+    """How long 1010 takes until it answers."""
+    save_silence_ms: int = 0
+    """The node leaves the bus that long while it saves."""
+
+
+def _p(name: str, summary: str, **quirks: Any) -> Personality:
+    return Personality(name, summary, **quirks)
+
+
+PERSONALITIES: Final = {
+    p.name: p
+    for p in (
+        Personality(),
+        _p("no-csv", "accepts mode 9, shows it, never moves; 6502 has no CSV bit", csv=False),
+        _p("self-starting", "enters OPERATIONAL by itself after boot-up", auto_operational=True),
+        _p("sdo-preop-only", "answers SDO in PRE-OPERATIONAL only", sdo_preoperational_only=True),
+        _p("zero-status", "6041 is 0 until the first controlword", statusword_zero=True),
+        _p("step-by-step", "0F straight from Ready to switch on is ignored", needs_switch_on=True),
+        _p("level-reset", "fault reset acts by level", reset_by_level=True),
+        _p("frozen-reset", "frozen while the reset bit stays set", frozen_while_reset=True),
+        _p("lagging", "6041 and 6061 lag a write by 10 ms", lag_ms=10),
+        _p("brief-quick-stop", "Quick stop active lasts one tick", quick_stop_one_tick=True),
+        _p("no-quick-stop", "ignores the quick stop", quick_stop_ignored=True),
+        _p("dead-after-quick-stop", "dead after a quick stop until 6060 changes", dead_after_quick_stop=True),
+        _p("cycle-time", "does not move before 60C2 is written", needs_cycle_time=True),
+        _p("halting", "the halt bit stops in CSV too", halt_in_csv=True),
+        _p("early-enabled", "Operation enabled while the brake opens, bit 12 = 0", enabled_before_brake=True),
+        _p("silent-faults", "faults without EMCY and without 603F", silent_faults=True, absent=(0x603F,)),
+        _p(
+            "sparse",
+            "no 603F, 6502, 60B1, 60B2, 60C2, 60FD, 1029; 6077 cannot be mapped",
+            absent=(0x603F, 0x6502, 0x60B1, 0x60B2, 0x60C2, 0x60FD, 0x1029),
+            not_mappable=(0x6077,),
+        ),
+        _p("array-mapping", "EDS with mapping objects as ARRAY, no default of 6502", array_mapping=True,
+           no_mode_default=True),
+        _p("odd-identity", "1000h byte-swapped, with a product code", device_type=0x9201_3412),
+        _p("no-1005", "1005, 1006 and 1007 absent", sync_cob_id=None, absent=(0x1005, 0x1006, 0x1007)),
+        _p("odd-1005", "1005 is 80000080h", sync_cob_id=0x8000_0080),
+        _p("dangerous-defaults", "6007 = 0, 605E = 0, 6085 = 360 000 deg/s2", quick_dec_deg_s2=360_000.0,
+           defaults=((0x6007, 0, 0), (0x605E, 0, 0))),
+        _p("rpm", "velocities in 0.1 r/min, 65536 increments per turn", velocity_unit="0.1 r/min",
+           counts_per_turn=1 << 16),
+        _p("centre-wrap", "2^20 increments per turn: 6064 wraps in the middle of the multiturn range",
+           counts_per_turn=1 << 20),
+        _p("fine-counts", "2^22 increments per turn: 6064 wraps within the multiturn range",
+           counts_per_turn=1 << 22),
+        _p("standstill-torque", "torques in 0.1 % of 1.2 x rated torque", torque_reference=1.2),
+        _p("short-frames", "EMCY of 3 bytes, empty heartbeats", short_emcy=True, empty_heartbeat=True),
+        _p("slow-save", "1010 takes 1.2 s and leaves the bus for 0.4 s", save_ms=1200, save_silence_ms=400),
+    )
+}  # fmt: skip
+
+
+def personality(names: Sequence[str]) -> Personality:
+    """One drive out of several personalities; later ones win where two set the same switch.
+
+    Raises:
+        UsageError: an unknown name.
+    """
+    plain = Personality()
+    result = plain
+    for name in names:
+        found = PERSONALITIES.get(name)
+        if found is None:
+            raise UsageError(f"there is no personality '{name}'; there are: {', '.join(PERSONALITIES)}")
+        changed = {
+            f.name: getattr(found, f.name)
+            for f in fields(found)
+            if getattr(found, f.name) != getattr(plain, f.name)
+        }
+        for key in ("absent", "not_mappable", "defaults"):
+            if key in changed:
+                changed[key] = getattr(result, key) + changed[key]
+        result = replace(result, **changed)
+    if len(names) > 1:
+        result = replace(
+            result, name="+".join(names), summary="; ".join(PERSONALITIES[n].summary for n in names)
+        )
+    return result
