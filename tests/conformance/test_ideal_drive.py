@@ -1,0 +1,39 @@
+"""The ideal drive is a drive like any other."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from conformance.drive_port import DriveBench, DriveConformance
+from gantryctl.machine import default_machine, with_values
+from gantryctl.wiring import ideal_drive, total_ratio
+
+
+class IdealBench(DriveBench):
+    """Actual = set-point."""
+
+    def __init__(self) -> None:
+        machine = with_values(default_machine(), {"drive.kind": "ideal"})
+        self.drive = self.ideal = ideal_drive(machine)
+        self.period_s = machine.control.scan_period_ms * 1e-3
+        self.ratio = total_ratio(machine)
+        self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
+        self.brake_time_s = 0.01
+
+    def emergency_stop(self, ok: bool) -> None:
+        self.ideal.inputs = self.ideal.inputs._replace(estop_ok=ok)
+
+    def mains(self, ready: bool) -> None:
+        self.ideal.inputs = self.ideal.inputs._replace(mains_ready=ready)
+
+    def trip(self, error_code: int) -> None:
+        self.ideal.error_code = error_code
+
+
+class TestIdealDrive(DriveConformance):
+    """Without any plant."""
+
+    sag_max_deg: ClassVar[float] = 0.0
+
+    def make_bench(self) -> DriveBench:
+        return IdealBench()
