@@ -119,6 +119,7 @@ class AlarmLog:
         self.active[code] = alarm
         if self.first_out is not None:
             self.first_out.consequences.append(alarm)
+            alarm.done = f"{alarm.done} (follows {self.first_out.code})".strip()
         elif reaction >= Reaction.QUICK_STOP:
             self.first_out = alarm
 

@@ -130,7 +130,7 @@ class GantryProgram(AxisProgram):
 
     def _by_key(self, op: OperatorCommand) -> None:
         """Continuous mode, hold-to-run: keys, lease and enabling switch must go on being right."""
-        if self.jog.busy and not self._keys_dead:
+        if self.jog.busy and (op.forward or op.reverse) and not self._keys_dead:
             if self._lease_age >= self._lease_scans:
                 self.axis.stop_by(Code.CTL_15, **self._lease_values())
                 self._keys_dead = True

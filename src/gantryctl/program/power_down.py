@@ -17,6 +17,7 @@ _ABLE: Final = (
     DriveState.READY_TO_SWITCH_ON,
     DriveState.SWITCHED_ON,
 )
+_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _ENVELOPE_RAD_S: Final = rad(0.5)
 """A quick stop may be this much faster than its ramp."""
 _ENVELOPE_REACTION_S: Final = 0.060
@@ -119,7 +120,9 @@ class WayDown(PowerState):
         return inputs.estop_ok and inputs.mains_ready and feedback.position_valid and feedback.state in _ABLE
 
     def _lost(self) -> None:
-        """The drive is not enabled where it must be."""
+        """The drive is not enabled where it must be; a fault of its own is DRV-01, raised by the interlocks."""
+        if self._feedback.state in _FAULTS:
+            return
         self._alarms.raise_(Code.DRV_04, measured=STATE_WORDS[self._feedback.state])
 
     def _stuck_enabled(self) -> None:

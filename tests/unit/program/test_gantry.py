@@ -151,6 +151,7 @@ def test_continuous_moves_while_the_key_is_held(continuous, key, sign):
     rig.until(lambda: rig.axis.state is AxisState.STANDSTILL)
     # Jog-release ramp: v^2 / 2a + v a / 2j at 5 deg/s2, 100 deg/s3.
     assert abs(rig.ref_deg - before) == pytest.approx(0.4 + 0.05, abs=0.005)
+    assert not rig.axis.alarms.history, "the lease may run out once the key is released"
 
 
 def test_the_lease_is_250_ms(continuous):

@@ -457,6 +457,7 @@ def test_d1_drive_fault():
     rig = moving_rig()
     rig.drive.error_code = 0x8611
     expect(rig, "DRV-01", Reaction.TORQUE_OFF, 0.001, "error 34321 (hexadecimal 8611)")
+    assert rig.codes == ["DRV-01"]
     rig.run(0.5)
     rig.op(reset=True)
     rig.run(0.01)
@@ -586,7 +587,8 @@ def test_first_out_and_what_follows_is_folded():
     rig.drive.inputs = DigitalInputs(estop_ok=False)
     rig.run(0.5)
     assert rig.first.code == "ENC-05"
-    assert "INT-03" in [alarm.code for alarm in rig.first.consequences]
+    folded = {alarm.code: alarm for alarm in rig.first.consequences}
+    assert "(follows ENC-05)" in folded["INT-03"].text
     assert len(rig.axis.alarms.history) == len(rig.codes)
 
 
