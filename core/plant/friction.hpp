@@ -30,9 +30,10 @@ struct FrictionParams {
   T stribeck_inverse;  // 1 / (5 vs)
 
   FrictionParams() = default;
+  // Without Coulomb friction there is no spring either, only the viscous part; its level must not be 0 / 0.
   FrictionParams(T coulomb_, T breakaway_, T stribeck, T viscous_, T presliding, T micro_damping, T inertia)
-      : coulomb(coulomb_),
-        breakaway(breakaway_),
+      : coulomb(select(coulomb_ > T(0.0), coulomb_, T(1e-300))),
+        breakaway(select(breakaway_ > T(0.0), breakaway_, T(1e-300))),
         viscous(viscous_),
         stiffness(coulomb_ / presliding),
         damping(micro_damping * vsqrt(stiffness * inertia)),
