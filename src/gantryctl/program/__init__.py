@@ -8,7 +8,7 @@ from gantryctl.program.alarm_table import ALARMS
 from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, all_codes, explain
 from gantryctl.program.axis import Axis
 from gantryctl.program.codes import Code, Reaction, Severity
-from gantryctl.program.commands import CommandStatus, MotionCommand
+from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.program.gantry import GantryProgram
 from gantryctl.program.power_phases import PowerPhase, Proof
 from gantryctl.program.program import AxisProgram

@@ -11,7 +11,7 @@ from gantryctl.motion import SetPoint, stop_point
 from gantryctl.program.alarms import Refusal, refusal
 from gantryctl.program.axis_scan import AxisScan
 from gantryctl.program.codes import Code
-from gantryctl.program.commands import MotionCommand
+from gantryctl.program.command import MotionCommand
 from gantryctl.program.power_phases import PowerPhase
 from gantryctl.program.states import AxisState
 from gantryctl.units import deg
@@ -62,8 +62,7 @@ class Axis(AxisScan):
 
     trace_columns = TRACE_COLUMNS
 
-    # --- asked for by programs and blocks
-    # -----------------------------------------------------------------------
+    # --- asked for by programs and blocks ---------------------------------------------------------
 
     def power_on(self) -> Refusal | None:
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
@@ -181,8 +180,7 @@ class Axis(AxisScan):
             return refusal(Code.CTL_14, measured=text)
         return None
 
-    # --- looked at
-    # -------------------------------------------------------------------------------------------------
+    # --- looked at --------------------------------------------------------------------------------
 
     @property
     def plans(self) -> list[tuple[int, Segments]]:

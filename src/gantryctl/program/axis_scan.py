@@ -125,8 +125,7 @@ class AxisScan:
             self._decide(AxisEvents(*events))
         return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
 
-    # --- the slow paths
-    # ---------------------------------------------------------------------------------------
+    # --- the slow paths ---------------------------------------------------------------------------
 
     def _guard(self, vel_cmd: float, torque_nm: float) -> tuple[float, float]:
         """Nothing that is no number or over its limit reaches the drive: stop, command 0."""

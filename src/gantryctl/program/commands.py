@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from enum import Enum
-from typing import Final
-
 from gantryctl.program.alarms import AlarmLog, Refusal, refusal
 from gantryctl.program.codes import Code
+from gantryctl.program.command import CommandStatus, MotionCommand
+from gantryctl.program.command_checks import check_angle, check_direction, check_speed, check_way
 from gantryctl.program.interlocks import Interlocks
 from gantryctl.program.monitors import Monitors
 from gantryctl.program.power import PowerSequence
@@ -16,51 +14,6 @@ from gantryctl.program.settings import AxisSettings
 from gantryctl.program.states import AxisState
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
-
-# A way shorter than this is none: less than one fine count at the gantry.
-_NO_WAY_RAD: Final = 1e-9
-
-
-class CommandStatus(Enum):
-    """What has become of a command."""
-
-    WAITING = 0
-    """Accepted; the brake is being opened first."""
-    ACTIVE = 1
-    DONE = 2
-    ABORTED = 3
-    """Another command, a stop or power-off took over."""
-    ERROR = 4
-    """Refused, or ended by an alarm; `refusal` says why."""
-
-
-class MotionCommand:
-    """One command and what became of it. Blocks keep it; the axis moves its status on."""
-
-    __slots__ = ("endless", "refusal", "settles", "speed_rad_s", "state", "status", "target_rad")
-
-    def __init__(
-        self, state: AxisState, target_rad: float, speed_rad_s: float, *, settles: bool, endless: bool = False
-    ) -> None:
-        self.state = state
-        self.target_rad = target_rad
-        self.speed_rad_s = speed_rad_s
-        self.settles = settles
-        """Done only when the axis is in position, not when the set-point has arrived."""
-        self.endless = endless
-        """A motion with a speed only; it ends at the end of the travel or by a stop."""
-        self.status = CommandStatus.ACTIVE
-        self.refusal: Refusal | None = None
-
-    @property
-    def alive(self) -> bool:
-        """Waiting or active."""
-        return self.status in (CommandStatus.WAITING, CommandStatus.ACTIVE)
-
-    def fail(self, reason: Refusal) -> MotionCommand:
-        """End it with an error."""
-        self.status, self.refusal = CommandStatus.ERROR, reason
-        return self
 
 
 class MotionCommands:
@@ -99,26 +52,25 @@ class MotionCommands:
         self.state = AxisState.DISABLED
         self.scan = 0
 
-    # --- commands
-    # ---------------------------------------------------------------------------------------------
+    # --- commands ---------------------------------------------------------------------------------
 
     def move_absolute(self, target_rad: float, speed_rad_s: float) -> MotionCommand:
         """To `target_rad` with `speed_rad_s`; linear, no shortest way."""
         command = MotionCommand(AxisState.DISCRETE_MOTION, target_rad, speed_rad_s, settles=True)
-        return self._begin(command, self._check_angle("target", target_rad))
+        return self._begin(command, check_angle("target", target_rad))
 
     def move_relative(self, distance_rad: float, speed_rad_s: float) -> MotionCommand:
         """By `distance_rad` from the set-point."""
         target = self._virtual.pos_ref_rad + distance_rad
         command = MotionCommand(AxisState.DISCRETE_MOTION, target, speed_rad_s, settles=True)
-        return self._begin(command, self._check_angle("distance", distance_rad))
+        return self._begin(command, check_angle("distance", distance_rad))
 
     def move_velocity(self, vel_rad_s: float) -> MotionCommand:
         """With `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
         travel = self._settings.travel
         end = travel.pos_max_rad if vel_rad_s > 0.0 else travel.pos_min_rad
         command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
-        return self._begin(command, self._check_direction(vel_rad_s))
+        return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
 
     def change_speed(self, command: MotionCommand, speed_rad_s: float) -> Refusal | None:
         """Another speed for a command under way."""
@@ -169,8 +121,7 @@ class MotionCommands:
         """A command that moves nothing takes over."""
         self._replace(command)
 
-    # --- what happens to commands
-    # -----------------------------------------------------------------------------
+    # --- what happens to commands -----------------------------------------------------------------
 
     def stop_by(self, reason: Refusal) -> None:
         """HLT: end the motion with an error on the jog-release ramp; power stays on."""
@@ -229,7 +180,9 @@ class MotionCommands:
 
     def _begin(self, command: MotionCommand, refused: Refusal | None) -> MotionCommand:
         refused = refused or self.check_speed(command.speed_rad_s) or self._check_state()
-        refused = refused or self._check_way(command.target_rad)
+        refused = refused or check_way(
+            self._virtual.pos_ref_rad, command.target_rad, self._settings.travel, self._interlocks
+        )
         if refused is None:
             if self._power.parked:
                 refused = self._virtual.check(command.target_rad, command.speed_rad_s)
@@ -254,8 +207,11 @@ class MotionCommands:
         speed = self._settings.speed.setting_max_rad_s
         self._virtual.stop(self._settings.ramps.jog_release(speed), self.scan)
 
-    # --- checks: None, or why not
-    # -----------------------------------------------------------------------------
+    # --- checks: None, or why not -----------------------------------------------------------------
+
+    def check_speed(self, speed_rad_s: float) -> Refusal | None:
+        """Above 0 and no more than the highest speed setting; None when it is."""
+        return check_speed(speed_rad_s, self._settings.speed.setting_max_rad_s)
 
     def _check_state(self) -> Refusal | None:
         if self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None:
@@ -277,47 +233,3 @@ class MotionCommands:
             text = f"the axis is in ErrorStop by {first.code} ({first.measured}): reset first"
             return refusal(Code.CTL_14, measured=text)
         return refusal(Code.PWR_03)
-
-    def _check_angle(self, name: str, angle_rad: float) -> Refusal | None:
-        if math.isfinite(angle_rad):
-            return None
-        return refusal(Code.CTL_01, name=name, allowed="a finite angle", measured=angle_rad)
-
-    def check_speed(self, speed_rad_s: float) -> Refusal | None:
-        """Above 0 and no more than the highest speed setting; None when it is."""
-        top = self._settings.speed.setting_max_rad_s
-        if 0.0 < speed_rad_s <= top:
-            return None
-        allowed = f"above 0 and at most {deg(top):.2f} deg/s"
-        return refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{deg(speed_rad_s):.6g} deg/s")
-
-    def _check_direction(self, vel_rad_s: float) -> Refusal | None:
-        """A motion with a speed only: forward and back are judged by the sign, not by the target."""
-        here, travel = self._virtual.pos_ref_rad, self._settings.travel
-        if vel_rad_s > 0.0 and here >= travel.pos_max_rad - _NO_WAY_RAD:
-            return refusal(Code.LIM_05, measured=deg(here), side="reverse")
-        if vel_rad_s < 0.0 and here <= travel.pos_min_rad + _NO_WAY_RAD:
-            return refusal(Code.LIM_05, measured=deg(here), side="forward")
-        return None
-
-    def _check_way(self, target_rad: float) -> Refusal | None:
-        """Inside the travel, or at least nearer to it; not towards an open limit switch."""
-        here, travel = self._virtual.pos_ref_rad, self._settings.travel
-        low, high = travel.pos_min_rad, travel.pos_max_rad
-        if target_rad > max(high, here) or (target_rad > high and target_rad == here):
-            limit, left = high, high - here
-        elif target_rad < min(low, here) or (target_rad < low and target_rad == here):
-            limit, left = low, here - low
-        else:
-            if target_rad > here + _NO_WAY_RAD and not self._interlocks.plus_open:
-                return refusal(Code.LIM_05, measured=deg(here), side="reverse")
-            if target_rad < here - _NO_WAY_RAD and not self._interlocks.minus_open:
-                return refusal(Code.LIM_05, measured=deg(here), side="forward")
-            return None
-        return refusal(
-            Code.CTL_09,
-            measured=deg(target_rad),
-            limit=deg(limit),
-            position=deg(here),
-            left=max(0.0, deg(left)),
-        )

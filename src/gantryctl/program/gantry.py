@@ -86,7 +86,7 @@ class GantryProgram(AxisProgram):
         if changed or self.inch.attention:
             self._by_increment(op)
 
-    # --- edges ------------------------------------------------------------------------------------------------
+    # --- edges ------------------------------------------------------------------------------------
 
     def _changed(self, op: OperatorCommand, last: OperatorCommand) -> None:
         """Lease, override, quick stop, mode, speed, and whether move and keys may start anything."""
@@ -126,7 +126,7 @@ class GantryProgram(AxisProgram):
         elif self.jog.busy:
             self._allowed(reason)
 
-    # --- by hand ----------------------------------------------------------------------------------------------
+    # --- by hand ----------------------------------------------------------------------------------
 
     def _by_key(self, op: OperatorCommand) -> None:
         """Continuous mode, hold-to-run: keys, lease and enabling switch must go on being right."""
@@ -151,7 +151,7 @@ class GantryProgram(AxisProgram):
             velocity_rad_s=op.speed_rad_s,
         )
 
-    # --- checks: None, or why not -----------------------------------------------------------------------------
+    # --- checks: None, or why not -----------------------------------------------------------------
 
     def _allowed(self, reason: Refusal | None) -> bool:
         if reason is not None:

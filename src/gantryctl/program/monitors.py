@@ -81,9 +81,7 @@ class Monitors:
         self._in_window = self._at_rest = False
         self.in_position = self.not_in_position = False
 
-    def scan(  # noqa: C901  a flat row of tests reads best
-        self, pos_rad: float, pos_err_rad: float, vel_cmd_rad_s: float
-    ) -> None:
+    def scan(self, pos_rad: float, pos_err_rad: float, vel_cmd_rad_s: float) -> None:
         """Look at this scan; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
         feedback, virtual = self._feedback, self._virtual
         vel = feedback.vel_rad_s
@@ -112,8 +110,15 @@ class Monitors:
         low, high = self._over_travel_minus, self._over_travel_plus
         if not (low <= pos_rad <= high and low <= stop <= high):
             self._beyond_travel(pos_rad, stop, vel)
-        # Torque and brake.
-        torque_max = self._torque_max
+        self._torque_and_brake(vel, pos_err_rad, warning)
+        # Standing.
+        if virtual.at_rest:
+            self._at_standstill(pos_err_rad)
+        elif self._at_rest:
+            self._leave_standstill()
+
+    def _torque_and_brake(self, vel: float, pos_err_rad: float, warning: float) -> None:
+        feedback, torque_max = self._feedback, self._torque_max
         if not -torque_max <= feedback.torque_nm <= torque_max:
             self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
         if feedback.torque_limited:
@@ -124,11 +129,6 @@ class Monitors:
             self._brake_closed(vel, pos_err_rad, warning)
         elif self._brake:
             self._brake = 0
-        # Standing.
-        if virtual.at_rest:
-            self._at_standstill(pos_err_rad)
-        elif self._at_rest:
-            self._leave_standstill()
 
     def scan_released(self, pos_rad: float) -> None:
         """The look while the axis does not follow: readings that are no numbers."""
@@ -154,7 +154,7 @@ class Monitors:
         elif pos_rad < -self._over_travel:
             self._over_travel_minus = pos_rad - margin
 
-    # --- one method per monitor, entered when its cheap test failed -----------------------------------------
+    # --- one method per monitor, entered when its cheap test failed -------------------------------
 
     def _following_error(self, error: float, band: float, vel_cmd_rad_s: float) -> None:
         size = abs(error)

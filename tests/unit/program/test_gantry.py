@@ -108,7 +108,9 @@ def test_from_179_to_minus_179_the_long_way():
     assert rig.pos_deg == pytest.approx(-179.0, abs=1e-3)
 
 
-def test_move_to_the_very_limits(rig):
+def test_move_to_the_very_limits():
+    rig = Rig(config=settings(period_s=0.01))
+    rig.power_up()
     for limit in (180.0, -180.0):
         rig.move(limit)
         rig.until(lambda: not rig.program.move.busy, 100.0)

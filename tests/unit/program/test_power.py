@@ -425,7 +425,7 @@ def test_mains_lost_while_the_brake_holds(parked):
 
 
 def test_servo_holds_by_default():
-    rig = Rig()
+    rig = Rig(config=settings(period_s=0.004))
     rig.power_up()
     rig.run(40.0)
     assert rig.axis.power.phase is P.ON

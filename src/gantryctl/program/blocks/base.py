@@ -5,7 +5,7 @@ from __future__ import annotations
 from gantryctl.program.alarms import Refusal
 from gantryctl.program.axis import Axis
 from gantryctl.program.codes import Code
-from gantryctl.program.commands import CommandStatus, MotionCommand
+from gantryctl.program.command import CommandStatus, MotionCommand
 
 
 class Block:

@@ -6,7 +6,7 @@ from gantryctl.program.alarms import refusal
 from gantryctl.program.axis import Axis
 from gantryctl.program.blocks.base import ExecuteBlock
 from gantryctl.program.codes import Code
-from gantryctl.program.commands import CommandStatus, MotionCommand
+from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.units import deg
 
 

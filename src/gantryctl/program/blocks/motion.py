@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from gantryctl.program.axis import Axis
 from gantryctl.program.blocks.base import ExecuteBlock
-from gantryctl.program.commands import CommandStatus, MotionCommand
+from gantryctl.program.command import CommandStatus, MotionCommand
 
 
 class MoveAbsolute(ExecuteBlock):
