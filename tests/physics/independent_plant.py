@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
+from scipy.integrate import RK45
 
 from gantryctl.machine import Machine
 
@@ -42,26 +42,26 @@ class IndependentPlant:
         self.Tu = p.load.eccentric_sign * p.load.mass_kg * 9.81 * p.load.eccentricity_m
         self.kb = p.base.inertia_kg_m2 * (2 * math.pi * p.base.frequency_hz) ** 2
         self.cb = 2 * p.base.damping_ratio * 2 * math.pi * p.base.frequency_hz * p.base.inertia_kg_m2
+        r, s, ph = ge.ring_radius_m, ge.scale, ge.phases_rad
+        self.ring = [(n, s * um * 1e-6 / r, ph[n - 1]) for n, um in enumerate(ge.ring_um, 1)]
+        self.cycles = [
+            (2.0, s * ge.reducer_2x_rad / self.i2, ph[12]),
+            (1.0, s * ge.reducer_1x_rad / self.i2, ph[13]),
+            (4.0, s * ge.reducer_4x_rad / self.i2, ph[14]),
+            (1 / self.i1, s * (ge.output_1x_rad / self.i2 + ge.pinion_1x_um * 1e-6 / r), ph[15]),
+            (ge.pinion_teeth / self.i1, s * ge.mesh_um * 1e-6 / r, ph[16]),
+        ]
         self.wc = 2 * math.pi * m.drive.current_loop.bandwidth_hz
 
     def gear_error(self, thm: float, rho: float) -> tuple[float, float, float, float]:
         """e_r, e_r', e_m, e_m'."""
-        g = self.machine.plant.gear_error
-        ph, r, s = g.phases_rad, g.ring_radius_m, g.scale
-        n = np.arange(1, len(g.ring_um) + 1)
-        amplitude = s * np.asarray(g.ring_um) * 1e-6 / r
-        er = float(np.sum(amplitude * np.sin(n * rho + np.asarray(ph[:12]))))
-        der = float(np.sum(n * amplitude * np.cos(n * rho + np.asarray(ph[:12]))))
-        em = dem = 0.0
-        for a, f, q in (
-            (g.reducer_2x_rad / self.i2, 2.0, ph[12]),
-            (g.reducer_1x_rad / self.i2, 1.0, ph[13]),
-            (g.reducer_4x_rad / self.i2, 4.0, ph[14]),
-            (g.output_1x_rad / self.i2 + g.pinion_1x_um * 1e-6 / r, 1 / self.i1, ph[15]),
-            (g.mesh_um * 1e-6 / r, g.pinion_teeth / self.i1, ph[16]),
-        ):
-            em += s * a * math.sin(f * thm + q)
-            dem += s * a * f * math.cos(f * thm + q)
+        er = der = em = dem = 0.0
+        for n, a, q in self.ring:
+            er += a * math.sin(n * rho + q)
+            der += a * n * math.cos(n * rho + q)
+        for f, a, q in self.cycles:
+            em += a * math.sin(f * thm + q)
+            dem += a * f * math.cos(f * thm + q)
         return er, der, em, dem
 
     @staticmethod
@@ -106,9 +106,17 @@ class IndependentPlant:
         h = t.hysteresis_torque_nm + t.hysteresis_load_ratio * abs(ts)
         return tg, h / t.hysteresis_length_rad * (dd - self.gate(dd, th, h) * abs(dd) * th / h)
 
+    def mesh_of(self, x: np.ndarray) -> float:
+        """Tg of a state."""
+        thm, wm, th, w, ph, dph, _, hys, _, _ = x
+        er, der, em, dem = self.gear_error(thm, th - ph)
+        return self.mesh(
+            thm / self.i + em + er - (th - ph), wm * (1 / self.i + dem) - (w - dph) * (1 - der), hys
+        )[0]
+
     def slope(self, x: np.ndarray, u: float) -> list[float]:
         """x' with torque set-point u."""
-        thm, wm, th, w, ph, dph, te, hys, zl, zm = x
+        thm, wm, th, w, ph, dph, te, hys, zl, zm = (float(v) for v in x)
         p = self.machine.plant
         rho = th - ph
         er, der, em, dem = self.gear_error(thm, rho)
@@ -137,13 +145,10 @@ class IndependentPlant:
 
     def run(self, x: np.ndarray, u: float, duration_s: float, rtol: float = 1e-9) -> np.ndarray:
         """The state after `duration_s` with u held."""
-        sol = solve_ivp(
-            lambda _, y: self.slope(y, u),
-            (0, duration_s),
-            x,
-            method="RK45",
-            rtol=rtol,
-            atol=1e-13,
-            max_step=62.5e-6,
+        first = min(duration_s, 62.5e-6)
+        solver = RK45(
+            lambda _, y: self.slope(y, u), 0.0, x, duration_s, rtol=rtol, atol=1e-13, first_step=first
         )
-        return np.asarray(sol.y[:, -1])
+        while solver.status == "running":
+            solver.step()
+        return np.asarray(solver.y)

@@ -1,0 +1,65 @@
+"""Section 4 of the expected figures: the sampled rigid loop, within 3 %.
+
+P at 1 ms, PI at 125 us, torque held over a cycle, no extra delay, J_wg = 0, ideal encoder, ideal current.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gantryctl.wiring.plant import plant_params
+from physics.plants import DEG, controlled, machine_with, ramp, simulator, trapezoid
+
+EXPECTED: dict[str, Any] = json.loads(
+    (Path(__file__).parent.parent / "data" / "expected.json").read_text(encoding="utf-8")
+)["4_sampled_rigid"]
+
+
+def rigid(**changes: object) -> Any:
+    return machine_with(
+        "rigid",
+        plant__motor__wave_generator_inertia_kg_m2=0.0,
+        drive__speed_loop__feedback="ideal",
+        drive__speed_loop__delay_cycles=0,
+        plant__encoder__latency_us=0.0,
+        **changes,
+    )
+
+
+@pytest.mark.parametrize(("way", "seconds"), [(20, 16.0), (180, 47.0)])
+def test_trapezoid_errors(way: int, seconds: float) -> None:
+    log = controlled(rigid(), trapezoid(0.0, way), seconds)
+    speed = np.max(np.abs(log["vel_load_rad_s"] - log["vel_ref_rad_s"])) / DEG
+    position = np.max(np.abs(log["pos_load_rad"] - log["pos_ref_rad"])) / DEG
+    expected = EXPECTED[f"trap_{way}deg_max_speed_error_deg_s"]
+    assert speed == pytest.approx(expected["value"], rel=expected["rtol"])
+    expected = EXPECTED[f"trap_{way}deg_max_position_error_deg"]
+    assert position == pytest.approx(expected["value"], rel=expected["rtol"])
+
+
+def test_ramp_without_feed_forward() -> None:
+    """Linear to the end: it asks for 1.6 kN m at first, so the torque limit is taken away."""
+    m = rigid(control__kvf=0.0)
+    drive = {"delay_cycles": 0, "latency_s": 0.0, "speed_count": 0.0, "position_count": 0.0}
+    sim = simulator(plant_params(m), "one_evaluation", torque_rated=1e6, torque_max=1e6, **drive)
+    log = controlled(m, ramp(0.0, 6.0 * DEG), 0.6, sim)
+    expected = EXPECTED["ramp6_Kvf0_error_deg_at"]
+    for time, value in expected["value"].items():
+        k = round(float(time) * 1000)
+        error = (log["pos_ref_rad"][k] - log["pos_load_rad"][k]) / DEG
+        assert error == pytest.approx(value, rel=expected["rtol"]), time
+
+
+def test_every_figure_of_the_section_is_tested() -> None:
+    assert set(EXPECTED) == {
+        "trap_20deg_max_speed_error_deg_s",
+        "trap_20deg_max_position_error_deg",
+        "trap_180deg_max_speed_error_deg_s",
+        "trap_180deg_max_position_error_deg",
+        "ramp6_Kvf0_error_deg_at",
+    }
