@@ -204,10 +204,9 @@ class Operating(RuleBasedStateMachine):
             self.set_point_is_smooth(before, virtual)
 
     def moves_for_a_reason(self, axis):
-        motion, operator = axis.motion, self.rig.operator
+        motion = axis.motion
         if axis.virtual.vel_ref_rad_s != 0.0:
-            switching_off = not operator.power
-            assert motion.current is not None or motion.stop_command is not None or switching_off
+            assert motion.current is not None or motion.stop_command is not None or axis.switching_off
             assert axis.state is not AxisState.ERROR_STOP
             assert axis.state is not AxisState.DISABLED
 

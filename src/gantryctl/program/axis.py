@@ -68,7 +68,7 @@ class Axis(AxisScan):
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
         inputs, first = self.feedback.inputs, self.alarms.first_out
         if self.power.phase is not PowerPhase.OFF:
-            if self.power.falling or self.power.phase is PowerPhase.HOLDING:
+            if self._switching_off or self.power.falling or self.power.phase is PowerPhase.HOLDING:
                 return refusal(Code.PWR_04, measured="the axis is still being switched off")
             return None
         reason = None
@@ -196,6 +196,11 @@ class Axis(AxisScan):
     def holding_torque_nm(self) -> float:
         """Learned torque that holds the load at standstill, motor side: for retained memory."""
         return self.power.holding_torque_nm
+
+    @property
+    def switching_off(self) -> bool:
+        """Power was taken back and the axis is coming to rest before it goes down."""
+        return self._switching_off
 
     @property
     def resetting(self) -> bool:

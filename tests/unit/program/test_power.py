@@ -262,6 +262,17 @@ def test_power_off_in_motion_stops_on_the_jog_release_ramp_first():
     assert rig.program.move.command_aborted or not rig.program.move.busy
 
 
+def test_power_asked_for_again_while_it_goes_off_is_refused():
+    rig = moving_rig()
+    rig.op(power=False)
+    rig.op(power=True)
+    assert "still being switched off" in rig.refused()
+    rig.run(4.0)
+    assert rig.axis.power.phase is P.OFF, "Enable must become FALSE and TRUE again"
+    rig.op(power=False)
+    rig.power_up()
+
+
 def test_brake_that_does_not_hold_at_power_off_gets_the_torque_back():
     rig = Rig(config=settings(holding_torque_nm=12.0))
     rig.power_up()
