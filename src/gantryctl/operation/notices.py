@@ -100,8 +100,8 @@ def explain(code: str) -> str:
         )
     known = {str(each) for each in ALARMS} | set(NOTICES)
     if wanted not in known:
-        near = difflib.get_close_matches(wanted, known, n=5, cutoff=0.6)
-        near = near or sorted(each for each in known if wanted and each.startswith(wanted[:3]))
+        group = sorted(each for each in known if wanted and each.startswith(wanted[:3]))
+        near = group if len(wanted) <= 4 else difflib.get_close_matches(wanted, group or sorted(known), n=5)
         hint = f"; did you mean {', '.join(near)}?" if near else "; `gantryctl explain` lists them all"
         raise CommandRefused(f"unknown code {code!r}{hint}")
     return re.sub(r"\{\w+(:[^}]*)?\}", "...", explain_alarm(wanted))

@@ -1,0 +1,105 @@
+"""What is refused before power is switched on, and that the axis would say the same."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gantryctl.errors import CommandRefused
+from gantryctl.image import OperatorCommand
+from gantryctl.machine import default_machine, with_values
+from gantryctl.operation.requests import check_direction, check_speed, check_target, shown, way_note
+from gantryctl.program import GantryProgram
+from gantryctl.runtime import HeldOperator
+from gantryctl.units import deg, rad
+from gantryctl.wiring import build_engine, ideal_drive
+
+MACHINE = default_machine()
+
+
+@pytest.mark.parametrize(
+    ("here", "target", "text"),
+    [
+        (90.0, 200.0, "target 200.00 deg is beyond +180.00 deg; you are at 90.00 deg, so 90.00 deg are left"),
+        (90.0, -180.01, "target -180.01 deg is beyond -180.00 deg; you are at 90.00 deg, so 270.00 deg are left"),
+        (-0.0004, 181.0, "target 181.00 deg is beyond +180.00 deg; you are at 0.00 deg, so 180.00 deg are left"),
+        (182.0, 183.0, "target 183.00 deg is beyond +180.00 deg; you are at 182.00 deg, so 0.00 deg are left"),
+        (0.0, 1e300, "target must be within -180.00 and 180.00 deg, got 1e+300 deg"),
+        (0.0, math.nan, "target must be within -180.00 and 180.00 deg, got nan deg"),
+    ],
+)  # fmt: skip
+def test_a_target_beyond_the_travel_is_refused_in_these_words(here: float, target: float, text: str) -> None:
+    with pytest.raises(CommandRefused) as refused:
+        check_target(MACHINE, here, target)
+    assert str(refused.value) == text
+
+
+@pytest.mark.parametrize(
+    ("here", "target"), [(0.0, 180.0), (0.0, -180.0), (0.0, -0.0), (186.0, 185.0), (186.0, 0.0)]
+)
+def test_inside_the_travel_and_back_towards_it_is_open(here: float, target: float) -> None:
+    check_target(MACHINE, here, target)
+
+
+TARGETS = (0.0, -0.0, 179.99, 180.0, 180.01, 181.0, 184.0, 185.5, 187.0, 399.0, -180.0, -180.01, -185.5, -1e5)
+
+
+@pytest.mark.parametrize("here", [0.0, 90.0, -179.5, 185.0, -185.0])
+def test_the_axis_itself_refuses_the_same_targets_in_the_same_words(here: float) -> None:
+    machine = with_values(MACHINE, {"drive.kind": "ideal"})
+    engine = build_engine(machine, drive=ideal_drive(machine, here))
+    assert isinstance(engine.operator, HeldOperator)
+    assert isinstance(engine.program, GantryProgram)
+    axis = engine.program.axis
+    engine.operator.command = OperatorCommand(power=True)
+    engine.run_for(2.0)
+    for target in TARGETS:
+        here = deg(axis.virtual.pos_ref_rad)
+        command = axis.motion.move_absolute(rad(target), rad(6.0))
+        own = None if command.refusal is None else command.refusal.text.replace("-0.00", "0.00")
+        try:
+            check_target(machine, here, target)
+            refused = None
+        except CommandRefused as reason:
+            refused = str(reason)
+        assert own == refused, target
+
+
+@pytest.mark.parametrize("speed", [0.6, 6.0, 3.3])
+def test_the_speed_setting_reaches_from_a_tenth_to_one_turn_a_minute(speed: float) -> None:
+    check_speed(MACHINE, speed)
+
+
+@pytest.mark.parametrize("speed", [0.59, 6.01, 0.0, -3.0, math.nan, math.inf])
+def test_a_speed_outside_is_refused_never_clamped(speed: float) -> None:
+    with pytest.raises(CommandRefused, match=r"speed must be within 0.60 and 6.00 deg/s, got"):
+        check_speed(MACHINE, speed)
+
+
+def test_at_the_end_of_the_travel_only_the_way_back_is_open() -> None:
+    for here, forward in ((180.0, True), (-180.0, False), (185.0, True)):
+        with pytest.raises(CommandRefused, match="only motion"):
+            check_direction(MACHINE, here, forward)
+        check_direction(MACHINE, here, not forward)
+    check_direction(MACHINE, 179.9, True)
+
+
+@pytest.mark.parametrize(
+    ("here", "target", "note"),
+    [
+        (179.0, -179.0, "358 deg the long way: cable"),
+        (-90.0, 91.0, "181 deg the long way: cable"),
+        (-90.0, 90.0, None),
+        (0.0, 180.0, None),
+        (-90.0, 200.0, None),
+    ],
+)
+def test_the_long_way_is_said(here: float, target: float, note: str | None) -> None:
+    assert way_note(MACHINE, here, target) == note
+
+
+def test_zero_is_shown_without_a_minus() -> None:
+    assert f"{shown(-0.00001, 4):.4f}" == "0.0000"
+    assert f"{shown(-0.0, 2):.2f}" == "0.00"
+    assert shown(-1.23456, 2) == -1.23

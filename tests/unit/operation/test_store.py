@@ -1,0 +1,167 @@
+"""The state directory: whose it is, what is in it, and what happens when it is not as it should be."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gantryctl.errors import StateError, UsageError
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.operation import StateStore, encoder_report, machine_status, reset_machine, reset_simulation
+from gantryctl.operation.store import state_root
+from gantryctl.operation.virtual import keep_machine, new_machine, open_machine
+
+
+@pytest.fixture
+def machine() -> Machine:
+    return default_machine()
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+    return tmp_path
+
+
+def kept(machine: Machine, angle_deg: float = 12.5) -> StateStore:
+    reset_simulation(machine, angle_deg)
+    return StateStore(machine)
+
+
+def test_where_the_state_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    assert state_root() == tmp_path
+    monkeypatch.delenv("GANTRYCTL_STATE")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "xdg"))
+    assert state_root() == tmp_path / "xdg" / "gantryctl"
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert state_root() == tmp_path / "home" / ".local" / "state" / "gantryctl"
+
+
+def test_every_machine_has_a_directory_of_its_own(machine: Machine) -> None:
+    other = with_values(machine, {"machine.name": "second"})
+    assert StateStore(machine).directory != StateStore(other).directory
+
+
+def test_plant_and_memory_come_back_as_they_were(machine: Machine) -> None:
+    fresh = new_machine(machine, 33.0)
+    with StateStore(machine) as store:
+        keep_machine(machine, store, fresh.drive, fresh.retained)
+        again = open_machine(machine, store)
+    assert again.drive.read() == fresh.drive.read()
+    assert again.drive.sim.state == fresh.drive.sim.state  # type: ignore[union-attr]
+    assert again.retained == fresh.retained
+    assert again.notes == ()
+
+
+def test_an_ideal_machine_comes_back_too(machine: Machine) -> None:
+    ideal = with_values(machine, {"drive.kind": "ideal"})
+    with kept(ideal, -7.25) as store:
+        again = open_machine(ideal, store)
+    assert machine_status(ideal).angle_deg == pytest.approx(-7.25, abs=1e-5)
+    assert again.drive.identity().name == "ideal drive"
+
+
+def test_a_new_machine_is_said_to_be_new(machine: Machine) -> None:
+    with StateStore(machine) as store:
+        assert open_machine(machine, store).notes == ("a new simulated machine, standing at 0 deg",)
+
+
+def test_another_plant_stands_at_the_same_angle_and_is_zeroed_anew(machine: Machine) -> None:
+    kept(machine, 45.0)
+    heavier = with_values(machine, {"plant.load.inertia_kg_m2": 2.3e6})
+    with StateStore(heavier) as store:
+        opened = open_machine(heavier, store)
+    assert "[plant] has changed" in opened.notes[0]
+    assert encoder_report(heavier).reading.angle_deg == pytest.approx(45.0, abs=0.01)
+
+
+def test_another_encoder_evaluation_needs_a_new_zero(machine: Machine) -> None:
+    """Counts of another size mean nothing: the stored zero must not be applied to them."""
+    kept(machine, 45.0)
+    coarse = with_values(machine, {"encoder.interpolation": 1024})
+    assert "set-zero" in machine_status(coarse).encoder
+    assert machine_status(coarse).condition == "may not move"
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{}", "[1]", "null", '{"state": {"pos_load": "x"}}', "\0", '{"state": 3}']
+)
+def test_a_damaged_plant_file_is_refused_with_the_way_out(machine: Machine, text: str) -> None:
+    with kept(machine) as store:
+        (store.directory / "plant.json").write_text(text, encoding="utf-8")
+    with pytest.raises(StateError, match="sim reset"):
+        machine_status(machine)
+    reset_simulation(machine, 0.0)
+    assert machine_status(machine).angle_deg == pytest.approx(0.0, abs=0.01)
+
+
+@pytest.mark.parametrize("value", [None, float("nan"), float("inf"), "missing"])
+def test_a_plant_state_that_cannot_be_is_refused(machine: Machine, value: object) -> None:
+    with kept(machine) as store:
+        path = store.directory / "plant.json"
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if value == "missing":
+            del data["state"]["pos_motor"]
+        else:
+            data["state"]["pos_motor"] = value
+        path.write_text(json.dumps(data), encoding="utf-8")
+    with pytest.raises(StateError, match="sim reset"):
+        machine_status(machine)
+
+
+@pytest.mark.parametrize("lost", ["plant.json", "retain.*"])
+def test_half_a_state_is_refused(machine: Machine, lost: str) -> None:
+    with kept(machine) as store:
+        for file in store.directory.glob(lost):
+            file.unlink()
+    with pytest.raises(StateError, match="sim reset"):
+        machine_status(machine)
+
+
+def test_one_damaged_copy_of_the_memory_is_bridged_and_said(machine: Machine) -> None:
+    with kept(machine, 10.0) as store:
+        record = store.load_retained()
+        assert record is not None
+        store.store_retained(record)  # now there are two copies
+        (store.directory / "retain.a.json").write_bytes(b"{")
+    status = machine_status(machine)
+    assert status.angle_deg == pytest.approx(10.0, abs=0.01)
+    assert any("retain.a.json" in note for note in status.notes)
+
+
+def test_both_copies_damaged_is_an_error_that_loses_nothing(machine: Machine) -> None:
+    with kept(machine) as store:
+        for name in ("retain.a.json", "retain.b.json"):
+            (store.directory / name).write_bytes(b"{")
+    with pytest.raises(StateError, match="retained memory"):
+        machine_status(machine)
+    assert (StateStore(machine).directory / "retain.a.json").read_bytes() == b"{"
+
+
+def test_a_second_user_is_locked_out_and_told_who_is_in(machine: Machine) -> None:
+    with StateStore(machine), pytest.raises(StateError, match=r"in use by process \d+"), StateStore(machine):
+        pass
+    with StateStore(machine):
+        pass
+
+
+def test_a_directory_that_cannot_be_made_is_said(machine: Machine, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(StateError, match="cannot be made"):
+        StateStore(machine, tmp_path / "file")
+
+
+def test_a_reset_angle_beyond_the_stops_is_refused_and_changes_nothing(machine: Machine) -> None:
+    kept(machine, 5.0)
+    for angle in (187.0, -200.0, 1e300):
+        with pytest.raises(UsageError, match="mechanical stops"):
+            reset_simulation(machine, angle)
+    assert machine_status(machine).angle_deg == pytest.approx(5.0, abs=0.01)
+
+
+def test_nothing_to_reset_is_said(machine: Machine) -> None:
+    kept(machine)
+    assert reset_machine(machine) == "nothing to reset"
