@@ -10,6 +10,7 @@ from gantryctl.analysis import equation5
 from gantryctl.analysis.mechanics import PlantKind
 from gantryctl.analysis.modes import Mode
 from gantryctl.analysis.paper_loop import pairs, rigid_figures, rigid_loop, two_mass_figures
+from gantryctl.analysis.sampled import Cut
 from gantryctl.analysis.sentences import sentences
 from gantryctl.analysis.study import ClosedFigures, CutFigures, Study
 from gantryctl.machine import config_hash
@@ -27,7 +28,11 @@ def study_data(study: Study) -> dict[str, Any]:
         "loop": dataclasses.asdict(study.settings),
         "equation_5": equation5.as_dict(rigid_loop(study.machine)),
         "stable": study.stable,
-        "cuts": {figures.cut.value: _cut(figures) for figures in study.cuts},
+        "cuts": {
+            # cut at the position command's error or behind its gain Kpp: the same loop
+            "position command": _cut(study.at(Cut.SPEED_COMMAND)),
+            **{figures.cut.value: _cut(figures) for figures in study.cuts},
+        },
         "closed_loops": {figures.name: _closed(figures) for figures in study.closed},
         "poles_rad_s": pairs(study.loop.poles),
         "zeros_rad_s": pairs(study.plant.held_poles()),

@@ -12,9 +12,10 @@ from gantryctl.analysis.linear import MINUS_3_DB, ComplexArray, FloatArray
 
 Response: TypeAlias = Callable[[FloatArray], ComplexArray]
 
-_BISECTIONS: Final = 45
+_BISECTIONS: Final = 24
 _GRID_PER_DECADE: Final = 250
-_AROUND_MODE: Final = np.linspace(-12.0, 12.0, 193)
+_HALF_WIDTHS: Final = 12.0
+_AROUND_MODE: Final = 193
 _LARGEST_GAIN: Final = 1e3
 
 
@@ -37,10 +38,11 @@ def frequency_grid(
     low_rad_s: float, high_rad_s: float, poles: ComplexArray, per_decade: int = _GRID_PER_DECADE
 ) -> FloatArray:
     """Logarithmic grid, made dense around lightly damped poles so that no narrow peak lies between points."""
+    around = np.linspace(-_HALF_WIDTHS, _HALF_WIDTHS, _AROUND_MODE)
     count = max(2, math.ceil(per_decade * math.log10(high_rad_s / low_rad_s)))
     parts = [np.geomspace(low_rad_s, high_rad_s, count)]
     for pole in poles[poles.imag > 0.0]:
-        parts.append(pole.imag + np.maximum(abs(pole.real), 1e-5 * pole.imag) * _AROUND_MODE)
+        parts.append(pole.imag + max(abs(pole.real), 1e-5 * pole.imag) * around)
     grid = np.unique(np.concatenate(parts))
     return np.asarray(grid[(grid >= low_rad_s) & (grid <= high_rad_s)])
 

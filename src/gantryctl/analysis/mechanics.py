@@ -35,11 +35,12 @@ class PlantKind(Enum):
 
 
 class Friction(Enum):
-    """Small-signal friction of motor, rollers and reducer (S3, S4).
+    """Small-signal friction of motor and rollers, and hysteresis of the reducer (S3, S4).
 
-    NONE: absent. SLIDING: the axis turns, only the viscous part changes with speed. HOLDING: the axis stands
-    and every element is a spring sigma0 with its damping sigma1 (hysteresis: h/z_h in parallel to the
-    transmission).
+    NONE: absent, also what a swing much larger than the hysteresis (10 urad at the gantry) sees. SLIDING: the axis
+    turns, the friction of motor and rollers changes with speed only by its viscous part. HOLDING: the axis stands and
+    both are springs sigma0 with their damping sigma1. The hysteresis is a spring h/z_h beside the transmission in the
+    last two, because a small swing does not take it to its end even while the axis turns.
     """
 
     NONE = "none"
@@ -154,7 +155,8 @@ def mechanics(
         kind: which bodies move by themselves.
         friction: small-signal friction and hysteresis; an element whose switch is off is absent anyway.
         variation: other values than the machine's.
-        angle_rad: gantry angle at which the eccentric moment is linearised.
+        angle_rad: gantry angle; the eccentric moment is linearised there, and its torque on the mesh (with the
+            rollers' friction while the axis slides in positive direction) widens the hysteresis.
     """
     p = _with(plant_params(machine), machine.plant.transmission.damping_ratio, variation)
     if kind is PlantKind.RIGID:
@@ -201,7 +203,7 @@ def _flexible(p: _core.PlantParams, friction: Friction, angle_rad: float, with_b
     motor, load, base = np.eye(3)
     parts = [
         (twist, p.stiffness_1, p.damping),
-        (twist, *_hysteresis(p, friction)),
+        (twist, _hysteresis(p, friction, angle_rad), 0.0),
         (roller, *_roller_friction(p, friction)),
         (motor, *_motor_friction(p, friction)),
         (load, _gravity(p, angle_rad), 0.0),
@@ -241,10 +243,14 @@ def _roller_friction(p: _core.PlantParams, friction: Friction) -> tuple[float, f
     )
 
 
-def _hysteresis(p: _core.PlantParams, friction: Friction) -> tuple[float, float]:
-    """Stiffness h/z_h of the reducer's hysteresis without load, at the gantry."""
-    held = p.hysteresis and friction is Friction.HOLDING
-    return (p.hysteresis_torque / p.hysteresis_length if held else 0.0), 0.0
+def _hysteresis(p: _core.PlantParams, friction: Friction, angle_rad: float) -> float:
+    """Stiffness h/z_h of the reducer's hysteresis, h = T_h0 + mu_h |Ts|, at the gantry."""
+    if not p.hysteresis or friction is Friction.NONE:
+        return 0.0
+    load = -p.eccentric_moment * math.sin(angle_rad - p.eccentric_angle)
+    if friction is Friction.SLIDING and p.roller_friction:
+        load += p.roller_coulomb
+    return (p.hysteresis_torque + p.hysteresis_load_ratio * abs(load)) / p.hysteresis_length
 
 
 def _element(
