@@ -7,7 +7,7 @@
 | Operation enabled     | Ready to switch on | 605B: the same                                                      |
 | Operation enabled     | Quick stop active  | the state at once, the ramp of 605A in it; then held, or disabled   |
 | Operation enabled     | Switch on disabled | torque off at once                                                  |
-| Quick stop active     | Operation enabled  | 605A 5..8 only                                                      |
+| Quick stop active     | Operation enabled  | 605A 5..8 only; after a stop by 6007 another command must come first |
 | any                   | Fault              | Fault reaction active with the ramp of 605E; or torque off at once  |
 """
 
@@ -85,6 +85,8 @@ class Axis:
         self.overload_warning = False
         self._after: State | None = None
         self._quick_stop_ticks = 0
+        self._own_stop = False
+        """A quick stop that nobody commanded: the enable that still stands does not end it, a new one does."""
 
     def reset(self) -> None:
         """As after power on: no torque, brake closed, transitions 0 and 1 done."""
@@ -92,6 +94,7 @@ class Axis:
         self.commanded = False
         self.error_code = 0
         self.overload_warning = False
+        self._own_stop = False
         self.set_point.reset()
         self._off(State.SWITCH_ON_DISABLED)
 
@@ -123,7 +126,7 @@ class Axis:
                 self._off(State.SWITCH_ON_DISABLED)
             case AbortConnection.QUICK_STOP:
                 if self.state is State.ENABLED:
-                    self._quick_stop()
+                    self._own_stop = self._quick_stop()
                 elif self.state is not State.QUICK_STOP:
                     self._off(State.SWITCH_ON_DISABLED)
 
@@ -186,6 +189,9 @@ class Axis:
             if kind.frozen_while_reset:
                 return
         command = command_of(word)
+        self._own_stop = self._own_stop and command is Command.ENABLE
+        if self._own_stop:
+            return
         if command is Command.QUICK_STOP and kind.quick_stop_ignored:
             return
         if command is Command.ENABLE and kind.needs_switch_on and self.state is State.READY:
@@ -228,16 +234,17 @@ class Axis:
         elif self._after is not target:
             self._stop(plan.ramp, target)
 
-    def _quick_stop(self) -> None:
-        """Transition 11."""
+    def _quick_stop(self) -> bool:
+        """Transition 11; False where torque went off at once."""
         plan = quick_stop_plan(self._od.number(0x605A))
         if plan.ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
             self._off(State.SWITCH_ON_DISABLED)
-            return
+            return False
         self.state = State.QUICK_STOP
         self._quick_stop_ticks = 0
         if not self._faults.quick_stop_off:
             self._stop(plan.ramp, None if plan.stay else State.SWITCH_ON_DISABLED)
+        return True
 
     def _quirk_of_quick_stop(self) -> None:
         if self._kind.quick_stop_one_tick and self.state is State.QUICK_STOP:
