@@ -34,6 +34,7 @@ def grade_8() -> Machine:
     return gantry(plant__gear_error__scale=1.0)
 
 
+@pytest.mark.timeout(300)
 def test_the_median_of_12_gears_lies_in_the_band_of_the_reference() -> None:
     """A wide check: three standard errors are 0.0023 deg, 21 % of the median. It sees a grade, not a detail: amplitudes
     wrong by a quarter, a map that repeats over the turn, phases that are not drawn at all.

@@ -31,7 +31,7 @@ class Feedback:
     __slots__ = (
         "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max",
         "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s",
-        "_prediction", "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm",
+        "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm",
         "error_code", "inputs", "overload", "position_valid", "state", "torque_limited", "torque_nm",
         "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
@@ -53,7 +53,6 @@ class Feedback:
         self._errors_max = monitors.encoder_errors_max
         self._old_scans = settings.scans(monitors.reading_age_s, least=3)
         self.unchanged_scans = 0
-        self._prediction = 0.0
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self.state = DriveState.UNKNOWN
         self.counts: float = math.nan
@@ -137,6 +136,8 @@ class Feedback:
             self._alarms.raise_(Code.ENC_03, measured=1)
         if math.isnan(self.counts):
             return counts
+        if not math.isfinite(self.vel_rad_s):  # no speed to predict with; the speed has an alarm of its own
+            return self.counts
         return self.counts + round(self.vel_rad_s * self._jump_per_speed)
 
     def _unchanged(self, vel_cmd_rad_s: float, age: int) -> None:

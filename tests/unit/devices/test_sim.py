@@ -1,0 +1,134 @@
+"""What only the simulated drive has: its encoder's wrap, its load, its faults to inject."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveRequest, EncoderFlag, OutputImage
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.ports import Truth
+from gantryctl.wiring import counts_per_turn, drive_around, sim_drive, total_ratio
+
+RANGE = 4096 * 2048 * 2048
+
+
+@pytest.fixture
+def machine() -> Machine:
+    return default_machine()
+
+
+def mounted(machine: Machine, mounting_turns: float, angle_deg: float = 0.0):
+    """A drive whose encoder was put on its shaft so: no machine file would allow it near the wrap."""
+    drive = sim_drive(machine, angle_deg)
+    drive.sim.count_offset = mounting_turns * counts_per_turn(machine)
+    drive.power_on()
+    return drive
+
+
+def run(drive, seconds: float, speed_deg_s: float) -> list[float]:
+    """Enabled, brake open, at a speed; the counts of every scan."""
+    machine = default_machine()
+    vel = math.radians(speed_deg_s) * total_ratio(machine)
+    counts = []
+    for _ in range(round(seconds / 1e-3)):
+        drive.write(OutputImage(DriveRequest.ENABLE, vel, brake_open=True))
+        counts.append(drive.read().pos_act_counts)
+    return counts
+
+
+def test_the_first_reading_lies_within_the_range_wherever_the_encoder_is_mounted(machine: Machine) -> None:
+    for turns in (0.0, 0.5, 2048.0, 4095.9, 5000.0, -3.0):
+        for angle in (-180.0, 0.0, 180.0):
+            assert 0 <= mounted(machine, turns, angle).read().pos_act_counts < RANGE
+
+
+def test_the_reading_goes_on_through_the_wrap_while_power_is_on(machine: Machine) -> None:
+    drive = mounted(machine, 4095.8)
+    run(drive, 0.5, 0.0)
+    counts = run(drive, 1.0, 0.3)
+    assert counts[0] < RANGE < counts[-1]
+    steps = [after - before for before, after in pairwise(counts)]
+    assert max(abs(step) for step in steps) < 0.5 * counts_per_turn(machine) / 100
+    before = drive.read().pos_act_counts
+    drive.power_on()
+    assert drive.read().pos_act_counts == before - RANGE
+
+
+def test_a_saved_plant_reads_the_same_after_power_on(machine: Machine) -> None:
+    drive = sim_drive(machine, 77.0)
+    again = sim_drive(machine, state=drive.sim.state)
+    assert again.read() == drive.read()
+    assert again.truth() == drive.truth()
+
+
+def test_the_load_is_no_part_of_what_the_controller_sees(machine: Machine) -> None:
+    drive = sim_drive(machine, 10.0)
+    assert isinstance(drive, Truth)
+    assert len(drive.truth()) == len(drive.truth_columns)
+    assert math.degrees(drive.truth()[0]) == pytest.approx(10.0, abs=1e-9)
+    assert not set(drive.truth_columns) & set(drive.read()._fields)
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "minus_ok", "plus_ok"),
+    [
+        (0.0, True, True),
+        (181.9, True, True),
+        (182.1, True, False),
+        (-181.9, True, True),
+        (-182.1, False, True),
+    ],
+)
+def test_the_limit_switches_open_at_their_angle(
+    machine: Machine, angle_deg: float, minus_ok: bool, plus_ok: bool
+) -> None:
+    inputs = sim_drive(machine, angle_deg).read().inputs
+    assert (inputs.limit_minus_ok, inputs.limit_plus_ok) == (minus_ok, plus_ok)
+
+
+def test_lost_turns_move_the_reading_and_nothing_else(machine: Machine) -> None:
+    drive = sim_drive(machine, 5.0)
+    before, truth = drive.read(), drive.truth()
+    drive.lose_turns(-2)
+    assert drive.read().pos_act_counts == before.pos_act_counts - 2 * counts_per_turn(machine)
+    assert drive.truth() == truth
+
+
+def test_encoder_flags_are_shown_as_they_are(machine: Machine) -> None:
+    drive = sim_drive(machine)
+    drive.encoder_flags = EncoderFlag.CRC_ERROR | EncoderFlag.WARNING
+    assert drive.read().encoder == EncoderFlag.CRC_ERROR | EncoderFlag.WARNING
+
+
+@pytest.mark.parametrize("code", [0, -1])
+def test_a_fault_needs_a_number(machine: Machine, code: int) -> None:
+    with pytest.raises(DeviceError):
+        sim_drive(machine).trip(code)
+
+
+def test_close_leaves_the_load_at_rest_and_the_encoder_where_it_will_be_read(machine: Machine) -> None:
+    drive = sim_drive(machine)
+    run(drive, 3.0, 2.0)
+    drive.close()
+    left = drive.read().pos_act_counts
+    assert abs(drive.truth()[1]) < 2e-5
+    for _ in range(20_000):
+        drive.write(OutputImage())
+    moved_deg = (drive.read().pos_act_counts - left) / counts_per_turn(machine) * 360.0 / total_ratio(machine)
+    assert abs(moved_deg) < 1e-4
+
+
+def test_a_drive_can_be_put_around_any_plant(machine: Machine) -> None:
+    first = sim_drive(machine, 3.0)
+    second = drive_around(machine, first.sim.copy())
+    run(second, 1.0, 1.0)
+    assert second.truth() != first.truth()
+
+
+def test_another_serial_is_another_encoder() -> None:
+    machine = with_values(default_machine(), {"plant.encoder.serial": "OTHER-7"})
+    assert sim_drive(machine).identity().encoder_serial == "OTHER-7"

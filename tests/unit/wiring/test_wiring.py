@@ -1,0 +1,178 @@
+"""Machine file to engine: units, kinds of drive, and that the controller knows nothing of the plant."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gantryctl.devices.ideal import IdealDrive
+from gantryctl.devices.sim import SimDrive
+from gantryctl.image import OperatorCommand
+from gantryctl.machine import default_machine, with_values
+from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
+from gantryctl.runtime import HeldOperator, MemoryRecorder, RealClock, ScriptedOperator, VirtualClock
+from gantryctl.units import deg, rad
+from gantryctl.wiring import (
+    axis_settings,
+    build_engine,
+    counts_per_turn,
+    delivered_zero_counts,
+    drive_params,
+    motion_limits,
+    plant_params,
+    position_law,
+    ramps_deg,
+    sim_drive,
+    total_ratio,
+)
+
+MACHINE = default_machine()
+IDEAL = with_values(MACHINE, {"drive.kind": "ideal"})
+
+
+def test_the_ratio_and_the_count_are_those_of_the_paper() -> None:
+    assert total_ratio(MACHINE) == 1144.0
+    assert counts_per_turn(MACHINE) == 2048 * 2048
+
+
+def test_settings_are_the_machine_file_in_si() -> None:
+    settings = axis_settings(MACHINE)
+    assert deg(settings.travel.pos_max_rad) == pytest.approx(180.0)
+    assert deg(settings.speed.setting_min_rad_s) == pytest.approx(0.6)
+    assert deg(settings.ramps.quick_dec_rad_s2) == pytest.approx(MACHINE.virtual_axis.quick_dec_deg_s2)
+    assert settings.ramps.jerk_rad_s3 == math.inf  # trapezoid
+    assert settings.period_s == pytest.approx(1e-3)
+    assert settings.law.kpp_per_s == MACHINE.control.kpp_per_s
+    assert settings.monitors.lease_s == pytest.approx(0.25)
+    assert axis_settings(MACHINE, 12.5).power.holding_torque_nm == 12.5
+
+
+def test_the_jerk_limited_profile_has_its_jerk() -> None:
+    smooth = with_values(MACHINE, {"virtual_axis.profile": "jerk_limited"})
+    assert deg(axis_settings(smooth).ramps.jerk_rad_s3) == pytest.approx(MACHINE.virtual_axis.jerk_deg_s3)
+    assert motion_limits(smooth).jerk_rad_s3 < math.inf
+    assert ramps_deg(smooth, 6.0) > ramps_deg(MACHINE, 6.0)
+
+
+def test_the_shortest_move_that_reaches_a_speed() -> None:
+    assert ramps_deg(MACHINE, 6.0) == pytest.approx(91.5, abs=0.05)
+    assert ramps_deg(MACHINE, 0.6) == pytest.approx(0.9, abs=0.05)
+
+
+# Everything the controller is made of stays the same whatever the plant is: a compensation that knew it would cheat.
+PLANT_CHANGES = {
+    "plant.load.inertia_kg_m2": 2.0e6,
+    "plant.transmission.backlash_mm": 0.3,
+    "plant.gear_error.scale": 0.1,
+    "plant.switches.base": False,
+    "plant.motor_friction.coulomb_nm": 2.0,
+    "plant.encoder.serial": "OTHER",
+}
+
+
+@pytest.mark.parametrize("path", PLANT_CHANGES)
+def test_the_controller_reads_nothing_of_the_plant(path: str) -> None:
+    changed = with_values(MACHINE, {path: PLANT_CHANGES[path]})
+    assert axis_settings(changed) == axis_settings(MACHINE)
+    law, reference = position_law(changed), position_law(MACHINE)
+    assert law.scan(0.3, 0.1, 1e6) == reference.scan(0.3, 0.1, 1e6)
+
+
+def test_a_switch_that_is_off_makes_its_effect_exactly_absent() -> None:
+    off = with_values(MACHINE, {"plant.switches.eccentric_moment": False, "plant.switches.backlash": False})
+    params = plant_params(off)
+    assert params.eccentric_moment == 0.0
+    assert params.half_backlash == 0.0
+    assert plant_params(MACHINE).eccentric_moment == pytest.approx(-16.0e3, rel=0.01)
+
+
+def test_the_drive_has_the_encoder_evaluation_of_the_file() -> None:
+    fine = 2.0 * math.pi / counts_per_turn(MACHINE)
+    for feedback, count in (("ideal", 0.0), ("interpolated", fine), ("counts", 2.0 * math.pi / 8192)):
+        params = drive_params(with_values(MACHINE, {"drive.speed_loop.feedback": feedback}))
+        assert params.speed_count == params.position_count == count
+
+
+@pytest.mark.parametrize("machine", [MACHINE, IDEAL], ids=["sim", "ideal"])
+@pytest.mark.parametrize("angle_deg", [0.0, 90.0, -150.0])
+def test_a_delivered_machine_reads_its_angle(machine: object, angle_deg: float) -> None:
+    from gantryctl.operation.virtual import new_machine
+
+    made = new_machine(machine, angle_deg)  # type: ignore[arg-type]
+    counts = made.drive.read().pos_act_counts - delivered_zero_counts(machine)  # type: ignore[arg-type]
+    assert counts / counts_per_turn(MACHINE) / 1144.0 * 360.0 == pytest.approx(angle_deg, abs=0.02)
+
+
+def test_the_kind_of_drive_follows_the_file() -> None:
+    assert isinstance(build_engine(MACHINE).drive, SimDrive)
+    ideal = build_engine(IDEAL)
+    assert isinstance(ideal.drive, IdealDrive)
+    assert ideal.truth is None
+    assert build_engine(MACHINE).truth is not None
+
+
+def test_the_clock_is_virtual_unless_real_time_is_asked_for() -> None:
+    assert isinstance(build_engine(IDEAL).clock, VirtualClock)
+    assert isinstance(build_engine(IDEAL, real_time=True).clock, RealClock)
+
+
+def test_an_engine_stands_with_power_off_and_powers_up_when_told() -> None:
+    engine = build_engine(IDEAL)
+    assert isinstance(engine.program, GantryProgram)
+    assert isinstance(engine.operator, HeldOperator)
+    engine.run_for(0.1)
+    assert engine.program.axis.state is AxisState.DISABLED
+    engine.operator.command = OperatorCommand(power=True)
+    assert engine.run_until(lambda e: e.program.axis.state is AxisState.STANDSTILL, 3.0)  # type: ignore[attr-defined]
+
+
+def test_an_operator_and_a_program_of_ones_own_are_used() -> None:
+    class Mine(AxisProgram):
+        def __init__(self, axis: Axis) -> None:
+            super().__init__(axis)
+            self.scans = 0
+
+        def logic(self, _: object) -> None:
+            self.scans += 1
+
+    operator = ScriptedOperator([(0.0, OperatorCommand())])
+    engine = build_engine(IDEAL, program=Mine, operator=operator)
+    engine.run_for(0.05)
+    assert engine.operator is operator
+    assert isinstance(engine.program, Mine)
+    assert engine.program.scans == 50
+
+
+def test_the_recorder_gets_the_columns_of_program_and_truth() -> None:
+    seen: list[tuple[str, ...]] = []
+
+    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
+        seen.append(columns)
+        return MemoryRecorder(columns)
+
+    build_engine(MACHINE, recorder=recorder)
+    build_engine(IDEAL, recorder=recorder)
+    assert "pos_load_rad" in seen[0]
+    assert "pos_load_rad" not in seen[1]
+    assert seen[0][:2] == ("time_s", "pos_ref_rad")
+
+
+def test_a_state_that_lacks_something_is_refused() -> None:
+    state = sim_drive(MACHINE).sim.state
+    del state["pos_load"]
+    with pytest.raises(ValueError, match="pos_load"):
+        sim_drive(MACHINE, state=state)
+
+
+def test_plans_are_kept_when_asked_for() -> None:
+    engine = build_engine(IDEAL, keep_plans=True)
+    assert isinstance(engine.program, GantryProgram)
+    assert isinstance(engine.operator, HeldOperator)
+    engine.operator.command = OperatorCommand(power=True)
+    engine.run_for(1.0)
+    engine.operator.command = OperatorCommand(
+        power=True, move=True, target_rad=rad(1.0), speed_rad_s=rad(1.0)
+    )
+    engine.run_for(0.1)
+    assert len(engine.program.axis.plans) == 2
