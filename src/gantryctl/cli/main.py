@@ -35,6 +35,9 @@ COMMANDS: Final = {
     "accuracy": Entry(
         "gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
     ),
+    "analyse": Entry(
+        "gantryctl.cli.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
+    ),
     "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
     "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),
