@@ -90,6 +90,7 @@ def run_(
 
     machine = _with_instrument(_simulated(config_file), radius_m, noise_um)
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
+    folder = directory(out or DEFAULT_OUT)
     if not as_json:
         click.echo(_announce(machine, procedure))
     kind = InstrumentKind(instrument)
@@ -100,7 +101,7 @@ def run_(
             click.echo(f"stop {index + 1} of {len(procedure.stops)}: {target_deg:+.1f} deg")
 
     report = accuracy_report(machine, job, *_stamp(), progress)
-    return _finish(report, out or DEFAULT_OUT, as_json)
+    return _finish(report, folder, as_json)
 
 
 def _announce(machine: Machine, procedure: Procedure) -> str:
@@ -250,14 +251,14 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     from gantryctl.accuracy.text import speed_lines
 
     machine = _simulated(config_file)
+    file = directory(out) / "speed_test.svg" if out is not None else None
     runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
-    if out is not None:
-        file = directory(out) / "speed_test.svg"
+    if file is not None:
         file.write_text(svg(speed_errors(runs), "speed"), encoding="utf-8")
     if as_json:
         print_json([speed_to_dict(run) for run in runs])
     else:
         click.echo(speed_lines(runs))
-        if out is not None:
+        if file is not None:
             click.echo(f"figure: {file.resolve()}")
     return int(not all(run.passed for run in runs))

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gantryctl.cli.options import PATH
+
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
 
-FILE = click.Path(path_type=Path)
 DEFAULT_DEST = "machine.toml"
 
 
@@ -21,7 +22,7 @@ def config() -> None:
 
 
 @config.command()
-@click.argument("dest", type=FILE, default=DEFAULT_DEST)
+@click.argument("dest", type=PATH, default=DEFAULT_DEST)
 @click.option("--force", is_flag=True, help="Overwrite DEST.")
 def init(dest: Path, force: bool) -> None:
     """Write the reference machine's file to DEST, to edit from there (default: machine.toml)."""
@@ -42,8 +43,8 @@ def init(dest: Path, force: bool) -> None:
 
 
 @config.command()
-@click.argument("file", type=FILE, required=False)
-@click.option("--config", "option", type=FILE, help="The machine file, as in other commands.")
+@click.argument("file", type=PATH, required=False)
+@click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     """Check FILE (default: the reference machine); every problem is one line, exit code 2."""
@@ -70,8 +71,8 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
 
 
 @config.command()
-@click.argument("file", type=FILE, required=False)
-@click.option("--config", "option", type=FILE, help="The machine file, as in other commands.")
+@click.argument("file", type=PATH, required=False)
+@click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @click.option("--derived/--no-derived", "with_derived", default=True, help="What follows from the values.")
 def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bool) -> None:
@@ -97,8 +98,8 @@ def schema() -> None:
 
 
 @config.command()
-@click.argument("first", metavar="A", type=FILE)
-@click.argument("second", metavar="B", type=FILE)
+@click.argument("first", metavar="A", type=PATH)
+@click.argument("second", metavar="B", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def diff(first: Path, second: Path, as_json: bool) -> None:
     """Compare the values in force of two machine files, defaults included."""

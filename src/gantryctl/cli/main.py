@@ -12,7 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import click
 
-from gantryctl.errors import ConfigError, GantryctlError
+from gantryctl.errors import ConfigError, DeviceError, GantryctlError
 
 TRACEBACK_VARIABLE: Final = "GANTRYCTL_TRACEBACK"
 
@@ -115,10 +115,13 @@ def run(args: list[str] | None = None) -> int:
         result: Any = cli.main(args=args, prog_name="gantryctl", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    except SystemExit:  # click's answer to a closed pipe: who reads the first lines only has got them
-        return 0
-    except click.ClickException as wrong:
+    except SystemExit as asked:
+        return _exit_code(asked)
+    except click.exceptions.NoArgsIsHelpError as wrong:
         wrong.show()
+        return 2
+    except click.ClickException as wrong:
+        click.echo(f"error: {_one_line(wrong)}", err=True)
         return 2
     except click.Abort:
         click.echo("Interrupted.", err=True)
@@ -130,6 +133,10 @@ def run(args: list[str] | None = None) -> int:
     except GantryctlError as wrong:
         click.echo(f"error: {wrong}", err=True)
         return wrong.exit_code
+    except OSError as fault:
+        where = f"{fault.filename}: " if fault.filename else ""
+        click.echo(f"error: {where}{fault.strerror or fault}", err=True)
+        return DeviceError.exit_code
     except Exception as bug:
         if os.environ.get(TRACEBACK_VARIABLE):
             raise
@@ -140,6 +147,21 @@ def run(args: list[str] | None = None) -> int:
         )
         return 3
     return result if isinstance(result, int) else 0
+
+
+def _exit_code(asked: SystemExit) -> int:
+    """0 for click's answer to a closed pipe: who reads the first lines only has got them."""
+    if isinstance(asked.__context__, OSError):
+        return 0
+    return asked.code if isinstance(asked.code, int) else 3
+
+
+def _one_line(wrong: click.ClickException) -> str:
+    """What is wrong with a command line, and where to read on."""
+    message = " ".join(wrong.format_message().split())
+    message = message if message[-1:] in (".", "?", ")") else f"{message}."
+    context = wrong.ctx if isinstance(wrong, click.UsageError) else None
+    return message if context is None else f"{message} See `{context.command_path} --help`."
 
 
 def main() -> None:

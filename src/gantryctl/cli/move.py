@@ -10,6 +10,7 @@ import click
 
 from gantryctl.cli.options import (
     FINITE,
+    SignedCommand,
     config_option,
     fresh_option,
     json_option,
@@ -40,7 +41,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     return command
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
+@click.command(cls=SignedCommand)
 @click.argument("target", type=FINITE, required=False)
 @click.option("--by", "distance", type=FINITE, help="Move by this angle from where the axis is, deg.")
 @click.option("--speed", type=FINITE, help="deg/s; the highest setting when not given.")
@@ -60,8 +61,8 @@ def move(
         raise UsageError(
             "give a target angle, or --by and an angle: gantryctl move 90, gantryctl move --by -5.5"
         )
-    if not 0.0 < override <= 100.0:
-        raise UsageError(f"--override {override:g}: above 0 and at most 100 percent")
+    if not 1.0 <= override <= 100.0:  # below, a long move would take days
+        raise UsageError(f"--override {override:g}: from 1 to 100 percent")
 
     def action(session: AxisSession, say: Callable[[str], None]) -> Motion:
         here = session.angle_deg
@@ -74,8 +75,8 @@ def move(
     return _run(action, "move", **run)
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("direction", type=click.Choice(["+", "-"]))
+@click.command(cls=SignedCommand)
+@click.argument("direction", metavar="[+|-]", type=click.Choice(["+", "-"]))
 @click.option("--speed", type=FINITE, help="deg/s; the lowest setting when not given.")
 @click.option("--for", "seconds", type=FINITE, required=True, help="How long the key is held, s.")
 @_run_options

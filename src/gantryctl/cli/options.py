@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,22 @@ if TYPE_CHECKING:
     from gantryctl.machine import Machine
 
 
-PATH = click.Path(path_type=Path)
+class NamedPath(click.Path):
+    """A file or directory name that can be printed and stored: not empty, and in the system's encoding."""
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> Path:
+        """The path, or a usage error that names it."""
+        name = os.fspath(value)
+        if not name:
+            self.fail("an empty name", param, ctx)
+        if "\0" in name or name != name.encode(errors="ignore").decode():
+            self.fail(f"{name!a} is not a name in UTF-8", param, ctx)
+        return Path(name)
+
+
+PATH = NamedPath()
 
 config_option = click.option(
     "--config", "config_file", type=PATH, help="Machine file; the reference gantry when not given."
@@ -49,6 +66,21 @@ class FiniteFloat(click.ParamType[float]):
 
 
 FINITE = FiniteFloat()
+
+
+class SignedCommand(click.Command):
+    """A command whose arguments may begin with a minus (`move -90`), and which still knows a wrong option."""
+
+    ignore_unknown_options = True
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse, but refuse what looks like a long option and is none."""
+        known = {name for parameter in self.get_params(ctx) for name in parameter.opts}
+        for argument in args[: args.index("--") if "--" in args else None]:
+            name = argument.partition("=")[0]
+            if name.startswith("--") and name not in known:
+                raise click.NoSuchOption(name, possibilities=get_close_matches(name, known), ctx=ctx)
+        return super().parse_args(ctx, args)
 
 
 def machine_of(config_file: Path | None) -> Machine:

@@ -35,6 +35,7 @@ from gantryctl.wiring import ramps_deg, total_ratio
 
 TRACES_KEPT: Final = 50
 """Recordings kept in the state directory; older ones are removed. --out keeps everything."""
+_STOOD_DEG_S: Final = 0.01  # slower than this it only settled where it already was
 Action = Callable[[AxisSession, Callable[[str], None]], Motion]
 """What a command does with an axis that is ready, and where its remarks go."""
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -160,7 +161,24 @@ def _report(
                 "trace": str(file) if file is not None else None,
             }
         )
-        return code
+    else:
+        _print(session, motion, failure, summary, alarms, file)
+    if session.engine.recording_fault:
+        click.echo(f"warning: {session.engine.recording_fault}", err=True)
+    if failure is not None:
+        click.echo(f"error: {failure}", err=True)
+    return code
+
+
+def _print(
+    session: AxisSession,
+    motion: Motion | None,
+    failure: GantryctlError | None,
+    summary: MotionSummary | None,
+    alarms: list[str],
+    file: Path | None,
+) -> None:
+    """The summary in words, on standard output."""
     if summary is not None and not isinstance(failure, CommandRefused):
         word = "stopped by an alarm" if motion is None else _result(session, motion)
         for line in _summary_lines(session.machine, summary, motion, word):
@@ -170,13 +188,8 @@ def _report(
     if session.engine.statistics.lateness.count and summary is not None:
         for line in session.engine.statistics.report(summary.peak_deg_s).splitlines():
             click.echo(f"  {line}")
-    if session.engine.recording_fault:
-        click.echo(f"warning: {session.engine.recording_fault}", err=True)
     if file is not None:
         click.echo(f"  trace             {file}")
-    if failure is not None:
-        click.echo(f"error: {failure}", err=True)
-    return code
 
 
 def _evaluate(
@@ -225,7 +238,7 @@ def _speed_hint(machine: Machine, s: MotionSummary, motion: Motion | None) -> st
     """Why a move did not reach the speed that was asked for."""
     if motion is None or not motion.done or motion.asked_deg_s is None:
         return ""
-    if s.peak_deg_s >= motion.asked_deg_s * (1.0 - 1e-6):
+    if s.peak_deg_s >= motion.asked_deg_s * (1.0 - 1e-6) or s.peak_deg_s < _STOOD_DEG_S:
         return ""
     way = ramps_deg(machine, motion.asked_deg_s)
     return f"; {motion.asked_deg_s / DEG_S_PER_R_MIN:g} r/min needs at least {way:.1f} deg"

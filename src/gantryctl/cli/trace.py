@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.options import PATH
+
 if TYPE_CHECKING:
     from gantryctl.trace import Trace
     from gantryctl.trace.summary import ColumnSummary
-
-FILE = click.Path(path_type=Path)
 
 
 @click.group()
@@ -21,7 +21,7 @@ def trace() -> None:
 
 
 @trace.command()
-@click.argument("file", type=FILE)
+@click.argument("file", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, values as recorded (radians).")
 def show(file: Path, as_json: bool) -> None:
     """Show what FILE says of itself, and smallest, largest and r.m.s. value of every column."""
@@ -63,8 +63,8 @@ def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
 
 
 @trace.command()
-@click.argument("file", type=FILE)
-@click.option("--out", type=FILE, help="PNG, SVG or HTML, as the name ends (default: FILE with .png).")
+@click.argument("file", type=PATH)
+@click.option("--out", type=PATH, help="PNG, SVG or HTML, as the name ends (default: FILE with .png).")
 @click.option("--columns", help="Only these, separated by commas; one diagram per unit.")
 @click.option("--from", "start_s", type=float, help="From this time on, s.")
 @click.option("--to", "end_s", type=float, help="Up to this time, s.")
@@ -123,10 +123,10 @@ def _beside(file: Path, suffix: str) -> Path:
 
 
 @trace.command()
-@click.argument("file", type=FILE)
+@click.argument("file", type=PATH)
 @click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), required=True, help="What to write.")
 @click.option("--degrees", is_flag=True, help="Angles in degrees, also in the names of the columns.")
-@click.option("--out", type=FILE, help="Where to (default: beside FILE).")
+@click.option("--out", type=PATH, help="Where to (default: beside FILE).")
 def export(file: Path, kind: str, degrees: bool, out: Path | None) -> None:
     """Write FILE as CSV for other programs, or as Parquet.
 

@@ -7,15 +7,16 @@ import sys
 from pathlib import Path
 
 from gantryctl.errors import UsageError
-from gantryctl.program import AxisProgram, GantryProgram
+from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.wiring import ProgramFactory
 
 
 def load_program(name: str | None) -> ProgramFactory:
-    """The class behind FILE:CLASS, or the shipped program.
+    """What makes the class behind FILE:CLASS, or the shipped program.
 
     Raises:
-        UsageError: no such file or class, an error in the file, or a class that is no `AxisProgram`.
+        UsageError: no such file or class, an error in the file, or a class that is no `AxisProgram`; when it is made,
+            an error in its constructor.
     """
     if name is None:
         return GantryProgram
@@ -39,4 +40,16 @@ def load_program(name: str | None) -> ProgramFactory:
     found = getattr(module, kind, None)
     if not (isinstance(found, type) and issubclass(found, AxisProgram)):
         raise UsageError(f"--program {name}: {path} has no class {kind} derived from gantryctl.AxisProgram")
-    return found
+
+    def make(axis: Axis) -> AxisProgram:
+        try:
+            made = found(axis)
+        except (Exception, SystemExit) as error:
+            raise UsageError(
+                f"--program {name}: {kind}(axis) failed: {type(error).__name__}: {error}"
+            ) from error
+        if getattr(made, "axis", None) is not axis or not hasattr(made, "trace_columns"):
+            raise UsageError(f"--program {name}: {kind}.__init__ must call super().__init__(axis)")
+        return made
+
+    return make

@@ -72,7 +72,7 @@ def check_speed(machine: Machine, speed_deg_s: float) -> None:
     if not low <= speed_deg_s <= high:
         allowed = f"within {low:.2f} and {high:.2f} deg/s"
         raise CommandRefused(
-            refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{speed_deg_s:.6g} deg/s").text
+            refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{speed_deg_s:.10g} deg/s").text
         )
 
 

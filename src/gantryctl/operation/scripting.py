@@ -45,4 +45,6 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
     trace = recorders[0].trace()
     last = motions[-1] if motions else None
     begin, end = (last.from_s, last.to_s) if last is not None else (0.0, session.engine.time_s)
-    return MoveResult(summarise(trace, begin, end, total_ratio(machine)), trace)
+    summary = summarise(trace, begin, end, total_ratio(machine))
+    assert summary is not None  # what makes rows useless raises before
+    return MoveResult(summary, trace)

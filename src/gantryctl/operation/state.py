@@ -23,6 +23,9 @@ _UNITS: Final = {
 }
 
 
+_WITNESS_LENGTH: Final = 200
+
+
 def operator_name() -> str:
     """Who gives commands: the user of the operating system."""
     try:
@@ -224,8 +227,11 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         raise UsageError(
             f"--angle {angle_deg:g}: the mechanical stops are at +-{axis.mechanical_stop_deg:g} deg"
         )
-    if not witness.strip():
+    witness = witness.strip()
+    if not witness:
         raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")
+    if not witness.isprintable() or len(witness) > _WITNESS_LENGTH:
+        raise UsageError(f"--witness: one line of at most {_WITNESS_LENGTH} printable characters")
     with StateStore(machine) as store:
         virtual = open_machine(machine, store)
         scale = encoder_scale(machine, virtual.drive)
@@ -239,7 +245,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
             rest_position_counts=int(counts),
             zero_set_by=operator_name(),
             zero_set_at=now_text(),
-            zero_witness=witness.strip(),
+            zero_witness=witness,
         )
         reading = evaluate(scale, counts, retained)
         assert reading.margin_minus_deg is not None

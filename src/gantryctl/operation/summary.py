@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 from gantryctl.trace import Trace
 
 Floats = NDArray[np.float64]
+_USED: Final = (
+    "pos_ref_rad", "vel_ref_rad_s", "pos_act_rad", "vel_act_rad_s", "pos_err_rad", "torque_act_nm",
+    "pos_load_rad", "vel_load_rad_s", "vel_motor_rad_s",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -42,9 +46,14 @@ class MotionSummary:
         return asdict(self)
 
 
-def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionSummary:
-    """The motion between two times of a recording; `ratio` is motor turns per gantry turn."""
-    part = trace.slice(from_s, to_s)
+def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionSummary | None:
+    """The motion between two times of a recording; `ratio` is motor turns per gantry turn.
+
+    Rows that are not finite (a program that failed computes nothing any more) are left out; None when no row is left.
+    """
+    part = _finite(trace.slice(from_s, to_s))
+    if not len(part):
+        return None
     ref, vel_ref = np.degrees(part["pos_ref_rad"]), np.degrees(part["vel_ref_rad_s"])
     moving = np.nonzero(vel_ref)[0]
     time_s = part["time_s"]
@@ -66,6 +75,15 @@ def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionS
         speed_error_load_deg_s=load_vel_error,
         torque_max_nm=_largest(part["torque_act_nm"]),
     )
+
+
+def _finite(part: Trace) -> Trace:
+    """The rows in which every column that is summed up has a value."""
+    used = [name for name in _USED if name in part.columns]
+    whole = np.all([np.isfinite(part[name]) for name in used], axis=0)
+    if np.all(whole):
+        return part
+    return Trace.from_rows(part.columns, part.rows()[whole], part.metadata)
 
 
 def _largest(values: Floats) -> float:

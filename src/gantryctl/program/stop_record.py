@@ -19,7 +19,7 @@ class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.done`."""
 
     __slots__ = (
-        "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
+        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
         "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
@@ -30,6 +30,7 @@ class StopRecord:
         self._was_torque = feedback.state in _ENABLED
         self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
         self._rest_pos_rad = alarm.pos_rad
+        self._angle_known = True
         self.finished = False
 
     def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
@@ -44,13 +45,16 @@ class StopRecord:
             self._slow_scan = scan
         if not falling:
             self._rest_pos_rad = pos_rad
+            self._angle_known = (
+                feedback.position_valid
+            )  # else speed and angle are of a wrong or frozen encoder
             self.finished = True
             self.alarm.done = self._text()
 
     def _text(self) -> str:
         alarm = self.alarm
         steps = []
-        if self._slow_scan > alarm.scan:
+        if self._slow_scan > alarm.scan and self._angle_known:
             steps.append(("at rest", self._slow_scan))
         if self._was_torque and alarm.reaction is not Reaction.HOLD:
             steps.append(("torque off", self._torque_scan))
@@ -66,7 +70,11 @@ class StopRecord:
         if not parts:
             return "Nothing was switched on"
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
-        parts.append(f"gantry moved {abs(moved):.2f} deg to {deg(self._rest_pos_rad):.2f} deg")
+        parts.append(
+            f"gantry moved {abs(moved):.2f} deg to {deg(self._rest_pos_rad):.2f} deg"
+            if self._angle_known
+            else "the angle is not known"
+        )
         text = ", ".join(parts)
         return text[0].upper() + text[1:]
 

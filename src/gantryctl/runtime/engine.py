@@ -141,7 +141,7 @@ class Engine:
         except BaseException as failure:
             scan, time_s = self.scan, self.time_s
             silent = self._stop_drive(failure)
-            if not isinstance(failure, Exception):
+            if not isinstance(failure, (Exception, SystemExit)):  # a program that calls sys.exit has a fault
                 raise
             if silent is not None:
                 text = f"{failure} · the drive did not take the quick stop: {silent}"
@@ -234,7 +234,7 @@ class Engine:
         return None
 
 
-def _failure_text(failure: Exception, scan: int, time_s: float) -> str:
+def _failure_text(failure: Exception | SystemExit, scan: int, time_s: float) -> str:
     """The alarm for something in a scan that should never raise, with the line it came from."""
     frames = traceback.extract_tb(failure.__traceback__)
     place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}"

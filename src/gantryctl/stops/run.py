@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gantryctl import _core
 from gantryctl.batch import ClosedLoop, Log
+from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
 from gantryctl.units import deg, rad
@@ -32,6 +33,10 @@ _OFF: Final = 0
 _QUICK_STOP: Final = 2
 _WATCH_S: Final = 2.0  # how long after rest the load and the base are watched
 _BRAKE_WATCH_S: Final = 7.0
+_USED: Final = (
+    "pos_motor_rad", "vel_motor_rad_s", "pos_load_rad", "vel_load_rad_s", "pos_base_rad", "torque_act_nm",
+    "torque_mesh_nm",
+)  # fmt: skip
 
 
 class StopClass(Enum):
@@ -78,6 +83,9 @@ def run_stop(
 
     Args:
         quick_dec_deg_s2: another quick-stop deceleration than the machine's.
+
+    Raises:
+        ConfigError: the plant is too stiff to be simulated.
     """
     loop = _cruising(machine, speed_deg_s, at_deg, quick_dec_deg_s2)
     if stop_class is StopClass.QUICK:
@@ -138,6 +146,13 @@ def _ramp(machine: Machine, stop_class: StopClass, start: SetPoint) -> _core.Seg
 
 
 def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: Log) -> StopResult:
+    if not all(np.isfinite(log[name]).all() for name in _USED):
+        raise ConfigError(
+            [
+                f"{machine.name}: a stop from {abs(speed_deg_s):g} deg/s does not stay finite: [plant] or the drive's "
+                "loops are too stiff to be simulated; go back towards the defaults"
+            ]
+        )
     ratio = total_ratio(machine)
     motor, vel_motor, load = log["pos_motor_rad"], np.abs(log["vel_motor_rad_s"]), log["pos_load_rad"]
     moving = np.nonzero(vel_motor / ratio > rad(AT_REST_DEG_S))[0]
