@@ -1,5 +1,5 @@
 // The servo drive: speed PI at 125 us with anti-windup, torque limit with I2t, quick-stop ramp, encoder
-// evaluation. It is hardware to the controller; plant_equations S7 gives the order of operations.
+// evaluation. It is hardware to the controller; plant equations S7 give the order of operations.
 #pragma once
 
 #include <stdexcept>

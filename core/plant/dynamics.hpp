@@ -1,4 +1,4 @@
-// Torques and accelerations of the plant (plant_equations S3 to S6).
+// Torques and accelerations of the plant (plant equations S3 to S6).
 #pragma once
 
 #include "core/plant/friction.hpp"

@@ -1,4 +1,4 @@
-// Elasto-plastic friction (plant_equations S3, S4; Dupont et al. 2002): one element for rollers, motor and
+// Elasto-plastic friction (plant equations S3, S4; Dupont et al. 2002): one element for rollers, motor and
 // brake.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Gear-error map (plant_equations S2): what the gears add to an ideal transmission, and its slope.
+// Gear-error map (plant equations S2): what the gears add to an ideal transmission, and its slope.
 #pragma once
 
 #include <cstddef>

@@ -1,4 +1,4 @@
-// Integration over one drive cycle (plant_equations S9): one force evaluation, or classical Runge-Kutta.
+// Integration over one drive cycle (plant equations S9): one force evaluation, or classical Runge-Kutta.
 #pragma once
 
 #include "core/plant/dynamics.hpp"

@@ -117,7 +117,7 @@ def roughness_nm(log: Arrays) -> float:
 
 
 def test_8192_steps_chatter_with_185_nm() -> None:
-    """One step over 125 us is 6.1 rad/s, times Kvp 477 N m. physics.md section 1 gives 185..190 N m of a run; here
+    """One step over 125 us is 6.1 rad/s, times Kvp 477 N m. The reference gives 185..190 N m of a run; here
     180 on a move of 20 deg, and the standing drive is as rough.
     """
     log = run("counts", 0.0, 80.0, 100.0, 20.0)
@@ -126,7 +126,7 @@ def test_8192_steps_chatter_with_185_nm() -> None:
 
 
 def test_a_filter_of_2_ms_makes_8192_steps_usable() -> None:
-    """physics.md section 1: 0.0083..0.0104 deg/s on the motor side with such a filter, 0.0064 interpolated."""
+    """The reference: 0.0083..0.0104 deg/s on the motor side with such a filter, 0.0064 interpolated."""
     rough, filtered = (run("counts", t, 0.0, 90.0, 37.3) for t in (0.0, 2e-3))
     assert speed_error_deg_s(rough) > 0.04
     assert 0.007 < speed_error_deg_s(filtered) < 0.0115

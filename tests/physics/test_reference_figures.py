@@ -69,7 +69,7 @@ def test_the_load_settles_in_0_85_s() -> None:
 
 
 def test_torques_of_the_moves() -> None:
-    """35 N m (180) and 54 N m (90) at the peak (physics.md section 2)."""
+    """35 N m (180) and 54 N m (90) at the peak, as the reference has them."""
     for start, peak in ((-90.0, 35.0), (0.0, 54.0)):
         assert np.max(np.abs(move(start, 90.0)["torque_act_nm"])) == pytest.approx(peak, rel=TOLERANCE)
 

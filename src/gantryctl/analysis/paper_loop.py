@@ -18,7 +18,7 @@ from gantryctl.machine import Machine
 
 SKETCH_STIFFNESS_NM_PER_RAD: Final = 5.0e8
 SKETCH_DAMPING_RATIO: Final = 0.025
-"""The two-mass sketch of physics.md: one stiffness at the gantry, no base, no wave generator."""
+"""The two-mass sketch of the gantry: one stiffness at the gantry, no base, no wave generator."""
 
 TORQUE_STEP_NM: Final = 10.0
 _STEP_S: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)

@@ -25,7 +25,7 @@ from gantryctl.machine import Machine
 _LOWEST_RAD_S: Final = 0.3
 _PER_DECADE: Final = 60
 STIFFNESS_NM_PER_RAD: Final = (0.3e9, 1.2e9)
-"""What the transmission may have, at the gantry (physics.md section 6)."""
+"""What the transmission may have, at the gantry."""
 
 
 @dataclass(frozen=True)

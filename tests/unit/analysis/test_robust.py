@@ -38,7 +38,7 @@ def test_the_nominal_case_is_the_study():
 
 
 def test_the_papers_gains_are_unstable_in_a_band_of_stiffness():
-    """physics.md section 1: at 1 % for 0.65-1.6e9 N m/rad, at 0.5 % for 0.25-2.3e9 (two masses, no base)."""
+    """The reference: at 1 % for 0.65-1.6e9 N m/rad, at 0.5 % for 0.25-2.3e9 (two masses, no base)."""
     ((low, high),) = unstable_stiffness(sketch_damping(MACHINE, 0.01))
     assert low == pytest.approx(0.65e9, rel=0.05)
     assert high == pytest.approx(1.6e9, rel=0.02)

@@ -40,13 +40,13 @@ def continuous(kind, **variation):
 
 
 def test_motor_held_modes_of_the_full_plant():
-    """physics.md section 2: 2.00 and 8.52 Hz."""
+    """The reference: 2.00 and 8.52 Hz."""
     held = [Oscillation.of(pole) for pole in loop().plant.held_poles()]
     assert [mode.hz for mode in held] == [pytest.approx(2.00, abs=0.01), pytest.approx(8.52, abs=0.01)]
 
 
 def test_the_loop_leaves_the_load_nine_tenths_of_a_percent():
-    """physics.md section 1: 0.9 % on the full plant with base."""
+    """The reference: 0.9 % on the full plant with base."""
     load, base = modes(loop())
     assert load.closed.zeta == pytest.approx(0.0091, abs=0.0001)
     assert load.held.zeta == pytest.approx(0.0164, abs=0.0001)
