@@ -19,9 +19,11 @@ from gantryctl.machine.effective import (
     short_hash,
 )
 from gantryctl.machine.loading import (
+    configs_folder,
     default_machine,
     default_machine_path,
     load_machine,
+    load_table,
     parse_machine,
     with_values,
 )
@@ -38,6 +40,7 @@ __all__ = [
     "Machine",
     "Origin",
     "config_hash",
+    "configs_folder",
     "default_machine",
     "default_machine_path",
     "derived",
@@ -46,6 +49,7 @@ __all__ = [
     "field_specs",
     "json_schema",
     "load_machine",
+    "load_table",
     "origins",
     "parse_machine",
     "short_hash",

@@ -7,16 +7,19 @@ import json
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine.consistency import contradictions
+from gantryctl.machine.fields import Table
 from gantryctl.machine.model import RULES_LATER, Machine
 from gantryctl.machine.problems import describe, unknown_path
 from gantryctl.machine.reading import Data, parse_toml, printable, read_text
 from gantryctl.machine.specs import field_specs
+
+TableT = TypeVar("TableT", bound=Table)
 
 DEFAULT_FILE: Final = "hust_gantry.toml"
 
@@ -37,6 +40,21 @@ def parse_machine(text: str, name: str = "machine file") -> Machine:
         ConfigError: one line per problem, all of them.
     """
     return check(parse_toml(text, name), name)
+
+
+def load_table(model: type[TableT], path: Path | str) -> TableT:
+    """Read another kind of TOML file as strictly as a machine file, by the model of its whole.
+
+    Raises:
+        ConfigError: one line per problem, all of them; rules between keys are the caller's.
+    """
+    name = str(path)
+    data = parse_toml(read_text(Path(path), ""), name)
+    try:
+        return model.model_validate_json(_as_json(data), strict=True)
+    except ValidationError as error:
+        errors = error.errors(include_url=False, include_input=False)
+        raise ConfigError(describe(errors, data, name, model)[0]) from None
 
 
 def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
@@ -73,12 +91,17 @@ def check(data: Data, name: str) -> Machine:
     return machine
 
 
-def default_machine_path() -> Path:
-    """Where the reference machine's file lies: package data, or `configs/` of a working tree."""
-    packaged = Path(str(resources.files("gantryctl").joinpath("configs", DEFAULT_FILE)))
-    if packaged.is_file():
+def configs_folder() -> Path:
+    """Where the files delivered with the program lie: package data, or `configs/` of a working tree."""
+    packaged = Path(str(resources.files("gantryctl").joinpath("configs")))
+    if packaged.is_dir():
         return packaged
-    return Path(__file__).resolve().parents[3] / "configs" / DEFAULT_FILE
+    return Path(__file__).resolve().parents[3] / "configs"
+
+
+def default_machine_path() -> Path:
+    """Where the reference machine's file lies."""
+    return configs_folder() / DEFAULT_FILE
 
 
 @functools.cache

@@ -9,6 +9,8 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
+from gantryctl.machine.fields import Table
+from gantryctl.machine.model import Machine
 from gantryctl.machine.reading import Data, printable
 from gantryctl.machine.specs import FieldSpec, field_specs, table_models
 
@@ -55,8 +57,15 @@ def show_value(value: object, longest: int | None = 60) -> str:
     return printable(value, most)
 
 
-def describe(errors: Sequence[Mapping[str, Any]], data: Data, name: str) -> tuple[list[str], set[str]]:
-    """Turn pydantic's errors into lines; also answer the dotted paths that cannot be used."""
+def describe(
+    errors: Sequence[Mapping[str, Any]], data: Data, name: str, root: type[Table] = Machine
+) -> tuple[list[str], set[str]]:
+    """Turn pydantic's errors into lines; also answer the dotted paths that cannot be used.
+
+    Args:
+        errors: what pydantic found. data: the file as it was read. name: of the file.
+        root: model of the whole file.
+    """
     name = printable(name, 300)
     lines: list[str] = []
     unusable: set[str] = set()
@@ -64,17 +73,17 @@ def describe(errors: Sequence[Mapping[str, Any]], data: Data, name: str) -> tupl
     for error in errors:
         where: Location = error["loc"]
         if error["type"] == "extra_forbidden":
-            hint = _similar(where, data) if hints > 0 else ""
+            hint = _similar(where, data, root) if hints > 0 else ""
             hints -= 1
             line = _unknown(where, data, hint)
         else:
             unusable.add(_path(where))
             if error["type"] == "missing":
-                line = _missing(where)
+                line = _missing(where, root)
             elif error["type"] == "value_error":
-                line = f"{_place(where)} = {show_value(_found(where, data))}: {error['ctx']['error']}"
+                line = f"{_place(where, root)} = {show_value(_found(where, data))}: {error['ctx']['error']}"
             else:
-                line = _wrong(where, data)
+                line = _wrong(where, data, root)
         line = f"{name}: {line}"
         if line not in lines[-20:]:
             lines.append(line)
@@ -88,10 +97,10 @@ def _path(where: Location) -> str:
     return ".".join(str(part) for part in where if isinstance(part, str))
 
 
-def _place(where: Location) -> str:
+def _place(where: Location, root: type[Table]) -> str:
     """Name a location as it stands in the file: "[table] key" or "[table]"."""
     names = [printable(part) for part in where if isinstance(part, str)]
-    if ".".join(names) in table_models():
+    if ".".join(names) in table_models(root):
         return f"[{'.'.join(names)}]"
     index = "".join(f"[{part}]" for part in where if isinstance(part, int))
     table = f"[{'.'.join(names[:-1])}] " if len(names) > 1 else ""
@@ -109,12 +118,13 @@ def _found(where: Location, data: Data) -> object:
     return value
 
 
-def _missing(where: Location) -> str:
+def _missing(where: Location, root: type[Table]) -> str:
     path = _path(where)
-    spec = field_specs().get(path)
+    spec = field_specs(root).get(path)
     if spec is not None:
         return f"{spec.place}: is missing; allowed {spec.allowed}"
-    keys = [spec.key for spec in field_specs().values() if spec.required and spec.path.startswith(path + ".")]
+    specs = field_specs(root).values()
+    keys = [spec.key for spec in specs if spec.required and spec.path.startswith(path + ".")]
     return f"[{path}]: the table is missing; it must give {', '.join(keys)}"
 
 
@@ -122,7 +132,7 @@ def _unknown(where: Location, data: Data, hint: str) -> str:
     value = _found(where, data)
     if isinstance(value, dict) or (isinstance(value, list) and value and isinstance(value[0], dict)):
         return f"[{'.'.join(printable(part) for part in where)}]: unknown table{hint}"
-    return f"{_place(where)} = {show_value(value)}: unknown key{hint}"
+    return f"{_place(where, Table)} = {show_value(value)}: unknown key{hint}"
 
 
 def unknown_path(path: str) -> str:
@@ -131,15 +141,15 @@ def unknown_path(path: str) -> str:
     return f"{printable(path)}: no key has this path{f'; did you mean {near[0]}?' if near else ''}"
 
 
-def _similar(where: Location, data: Data) -> str:
+def _similar(where: Location, data: Data, root: type[Table]) -> str:
     """Ask "; did you mean ...?" for an unknown key or table, or say nothing."""
     table, key = ".".join(str(part) for part in where[:-1]), str(where[-1])
     if isinstance(_found(where, data), dict):
         whole = f"{table}.{key}" if table else key
-        by_name = [path for path in table_models() if path.split(".")[-1] == key]
-        near = by_name[:1] or difflib.get_close_matches(whole, table_models(), 1)
+        by_name = [path for path in table_models(root) if path.split(".")[-1] == key]
+        near = by_name[:1] or difflib.get_close_matches(whole, table_models(root), 1)
         return f"; did you mean [{near[0]}]?" if near else ""
-    specs = field_specs().values()
+    specs = field_specs(root).values()
     for candidates in (
         {spec.key: spec.key for spec in specs if spec.table == table},
         {spec.key: spec.place for spec in specs},
@@ -150,13 +160,13 @@ def _similar(where: Location, data: Data) -> str:
     return ""
 
 
-def _wrong(where: Location, data: Data) -> str:
-    spec = field_specs().get(_path(where))
+def _wrong(where: Location, data: Data, root: type[Table]) -> str:
+    spec = field_specs(root).get(_path(where))
     value = _found(where, data)
     if spec is None:
-        return f"{_place(where)} = {show_value(value)}: is {_type_name(value)}, must be a table"
+        return f"{_place(where, root)} = {show_value(value)}: is {_type_name(value)}, must be a table"
     element = isinstance(where[-1], int)
-    start = f"{_place(where)} = {show_value(value)}: "
+    start = f"{_place(where, root)} = {show_value(value)}: "
     must_be = "a number" if element else _MUST_BE[spec.kind]
     if not _right_type(value, "number" if element else spec.kind):
         return f"{start}is {_type_name(value)}, must be {must_be}; allowed {spec.allowed}"

@@ -40,8 +40,12 @@ def printable(text: object, longest: int = 80) -> str:
     )
 
 
-def read_text(path: Path) -> str:
-    """Read a machine file as text; never more than the permitted size, never from a device or a pipe."""
+def read_text(path: Path, when_missing: str = "; `gantryctl config init` writes one to start from") -> str:
+    """Read a file as text; never more than the permitted size, never from a device or a pipe.
+
+    Args:
+        path: the file. when_missing: what to do when there is none, the end of the message.
+    """
     name = printable(path, 300)
     try:
         if not stat.S_ISREG(os.stat(path).st_mode):
@@ -49,9 +53,7 @@ def read_text(path: Path) -> str:
         with open(path, "rb") as file:
             raw = file.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise ConfigError(
-            [f"{name}: does not exist; `gantryctl config init` writes one to start from"]
-        ) from None
+        raise ConfigError([f"{name}: does not exist{when_missing}"]) from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         raise ConfigError([f"{name}: cannot be read: {printable(reason)}"]) from None
@@ -60,7 +62,7 @@ def read_text(path: Path) -> str:
 
 def _decode(raw: bytes, name: str) -> str:
     if len(raw) > MAX_BYTES:
-        raise ConfigError([f"{name}: is larger than {MAX_BYTES // 1024} KB, so it is no machine file"])
+        raise ConfigError([f"{name}: is larger than {MAX_BYTES // 1024} KB, so it is no file of this kind"])
     if raw.startswith((b"\xef\xbb\xbf", b"\xff\xfe", b"\xfe\xff")):
         raise ConfigError([f"{name}: begins with a byte-order mark; save it as UTF-8 without one"])
     if b"\0" in raw:

@@ -74,10 +74,10 @@ class FieldSpec:
 
 
 @functools.cache
-def field_specs() -> dict[str, FieldSpec]:
-    """Every key of the machine file by dotted path, in the order of the schema."""
+def field_specs(root: type[Table] = Machine) -> dict[str, FieldSpec]:
+    """Every key of a file by dotted path, in the order of the schema; the machine file unless another is named."""
     found: dict[str, FieldSpec] = {}
-    for table_path, model in table_models().items():
+    for table_path, model in table_models(root).items():
         for key, info in model.model_fields.items():
             if _sub_table(info) is None:
                 spec = _spec(table_path, key, info)
@@ -86,8 +86,8 @@ def field_specs() -> dict[str, FieldSpec]:
 
 
 @functools.cache
-def table_models() -> dict[str, type[Table]]:
-    """The model of every table by dotted path, in the order of the schema."""
+def table_models(root: type[Table] = Machine) -> dict[str, type[Table]]:
+    """The model of every table of a file by dotted path, in the order of the schema."""
     found: dict[str, type[Table]] = {}
 
     def visit(path: str, model: type[Table]) -> None:
@@ -98,7 +98,7 @@ def table_models() -> dict[str, type[Table]]:
             if sub is not None:
                 visit(f"{path}.{key}" if path else key, sub)
 
-    visit("", Machine)
+    visit("", root)
     return found
 
 
