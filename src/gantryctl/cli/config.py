@@ -99,12 +99,14 @@ def schema() -> None:
 
 @config.command()
 @click.argument("first", metavar="A", type=PATH)
-@click.argument("second", metavar="B", type=PATH)
+@click.argument("second", metavar="[B]", type=PATH, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def diff(first: Path, second: Path, as_json: bool) -> None:
-    """Compare the values in force of two machine files, defaults included."""
-    from gantryctl.machine import diff_machines, field_specs, load_machine, show_value
+def diff(first: Path, second: Path | None, as_json: bool) -> None:
+    """Compare the values in force of two machine files, defaults included; A alone: with the reference gantry."""
+    from gantryctl.machine import default_machine_path, diff_machines, field_specs, load_machine, show_value
 
+    if second is None:
+        first, second = default_machine_path(), first
     differences = diff_machines(load_machine(first), load_machine(second))
     if as_json:
         _print_json([difference._asdict() for difference in differences])

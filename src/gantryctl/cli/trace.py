@@ -3,25 +3,46 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH
+from gantryctl.cli.options import PATH, NamedPath
 
 if TYPE_CHECKING:
     from gantryctl.trace import Trace
     from gantryctl.trace.summary import ColumnSummary
 
 
+class Recording(NamedPath):
+    """A recording: a file, or the word `last` for the newest one."""
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> Path:
+        """The file; `last` is looked up in the state directory."""
+        if value == "last":
+            from gantryctl.operation import last_recording
+
+            return last_recording()
+        return super().convert(value, param, ctx)
+
+
+file_argument = click.argument("file", type=Recording(), default="last")
+
+
 @click.group()
 def trace() -> None:
-    """Show, plot and export recordings (*.parquet, or *.arrows of a run that still goes on or was killed)."""
+    """Show, plot and export recordings: *.parquet, or *.arrows of a run that still goes on or was killed.
+
+    FILE is a recording; without it, or with the word `last`, the newest one of the state directory.
+    """
 
 
 @trace.command()
-@click.argument("file", type=PATH)
+@file_argument
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, values as recorded (radians).")
 def show(file: Path, as_json: bool) -> None:
     """Show what FILE says of itself, and smallest, largest and r.m.s. value of every column."""
@@ -63,7 +84,7 @@ def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
 
 
 @trace.command()
-@click.argument("file", type=PATH)
+@file_argument
 @click.option("--out", type=PATH, help="PNG, SVG or HTML, as the name ends (default: FILE with .png).")
 @click.option("--columns", help="Only these, separated by commas; one diagram per unit.")
 @click.option("--from", "start_s", type=float, help="From this time on, s.")
@@ -123,7 +144,7 @@ def _beside(file: Path, suffix: str) -> Path:
 
 
 @trace.command()
-@click.argument("file", type=PATH)
+@file_argument
 @click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), required=True, help="What to write.")
 @click.option("--degrees", is_flag=True, help="Angles in degrees, also in the names of the columns.")
 @click.option("--out", type=PATH, help="Where to (default: beside FILE).")

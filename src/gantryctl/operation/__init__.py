@@ -14,7 +14,7 @@ from gantryctl.operation.state import (
     retained_rows,
     set_encoder_zero,
 )
-from gantryctl.operation.store import StateStore
+from gantryctl.operation.store import StateStore, last_recording
 from gantryctl.operation.summary import MotionSummary, summarise
 from gantryctl.wiring import ProgramFactory
 
@@ -29,6 +29,7 @@ __all__ = [
     "all_codes",
     "encoder_report",
     "explain",
+    "last_recording",
     "load_program",
     "machine_status",
     "read_retained",

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final
 
-from gantryctl.errors import StateError
+from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
 
@@ -29,6 +29,19 @@ def state_root() -> Path:
         return Path(named)
     base = os.environ.get("XDG_STATE_HOME")
     return (Path(base) if base else Path.home() / ".local" / "state") / "gantryctl"
+
+
+def last_recording() -> Path:
+    """The newest recording that any command has left in the state directory.
+
+    Raises:
+        UsageError: there is none.
+    """
+    root = state_root()
+    files = [file for ending in ("parquet", "arrows") for file in root.glob(f"*/traces/*.{ending}")]
+    if not files:
+        raise UsageError(f"no recording under {root} yet: `gantryctl move` makes one, or name a file")
+    return max(files, key=lambda file: file.stat().st_mtime_ns)
 
 
 def plant_hash(machine: Machine) -> str:
