@@ -30,7 +30,13 @@ def reference_page() -> str:
     """The page as Markdown: every command with the text of its `--help`."""
     parts = [_HEAD]
     for path, command in _commands(cli, ("gantryctl",)):
-        context = click.Context(command, info_name=" ".join(path), terminal_width=100, max_content_width=100)
+        context = click.Context(
+            command,
+            info_name=" ".join(path),
+            terminal_width=100,
+            max_content_width=100,
+            help_option_names=cli.context_settings["help_option_names"],
+        )
         parts.append(f"## `{' '.join(path)}`\n\n```text\n{command.get_help(context)}\n```\n")
     return "\n".join(parts)
 

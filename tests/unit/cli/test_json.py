@@ -1,0 +1,107 @@
+"""`--json`: one document, finite numbers, exactly the keys that docs/reference/json.md names."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from command_line import cli, done, machine_file
+
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "json.md"
+COMMAND = re.compile(r"`gantryctl ([^`]+)`")
+KEY = re.compile(r"`([a-z_0-9]+)`")
+
+
+def documented() -> dict[str, set[str]]:
+    """The keys that the page names, by command."""
+    found: dict[str, set[str]] = {}
+    for section in PAGE.read_text(encoding="utf-8").split("\n## ")[1:]:
+        title, _, body = section.partition("\n")
+        items = re.findall(r"^- (.*?):", body, re.MULTILINE)
+        for command in COMMAND.findall(title):
+            found[command] = {key for item in items for key in KEY.findall(item)}
+    return found
+
+
+KEYS = documented()
+
+
+def prepare() -> None:
+    """A machine with a move, a trace, an alarm, and files to look at."""
+    done("sim", "reset", "--angle", "181")
+    done("encoder", "set-zero", "--angle", "0", "--witness", "wrong mark")
+    assert cli("move", "3", "--out", "traces").code == 4  # into the limit switch, by the wrong mark
+    machine_file(Path("a.toml"), {})
+    machine_file(Path("b.toml"), {"control.kvf": 0.9})
+    next(Path("traces").iterdir()).rename("run.parquet")
+
+
+RUNS: dict[str, list[str]] = {
+    "move": ["move", "0.5", "--fresh"],
+    "jog": ["jog", "+", "--for", "1", "--fresh"],
+    "status": ["status"],
+    "alarms": ["alarms"],
+    "reset": ["reset"],
+    "encoder show": ["encoder", "show"],
+    "encoder set-zero": ["encoder", "set-zero", "--angle", "3", "--witness", "mark"],
+    "retain show": ["retain", "show"],
+    "sim reset": ["sim", "reset"],
+    "stops": ["stops", "--speed", "1"],
+    "stops --find-quick": ["stops", "--find-quick"],
+    "speed-test": ["speed-test", "--speed", "0.5"],
+    "accuracy run": ["accuracy", "run", "--no-speed-test", "--out", "report"],
+    "accuracy report": ["accuracy", "report", "--measured", "table.csv", "--out", "report"],
+    "accuracy stats": ["accuracy", "stats", "paper_table2.csv"],
+    "config check": ["config", "check", "a.toml"],
+    "config show": ["config", "show", "a.toml"],
+    "config diff": ["config", "diff", "a.toml", "b.toml"],
+    "trace show": ["trace", "show", "run.parquet"],
+}
+
+
+def test_the_page_names_every_command_that_prints_json() -> None:
+    assert set(KEYS) == set(RUNS)
+    assert all(KEYS.values())
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_the_keys_are_those_of_the_page(command: str) -> None:
+    if command in ("status", "alarms", "reset", "retain show", "trace show") or command.startswith("config"):
+        prepare()
+    Path("table.csv").write_text(
+        "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
+    )
+    answer = cli(*RUNS[command], "--json")
+    assert (answer.code, answer.err) == (0, "")
+    value: Any = answer.json
+    if isinstance(value, list):
+        assert value
+        value = value[0]
+    assert set(value) == KEYS[command]
+    assert answer.out.endswith("\n")
+
+
+def test_summary_and_rows_have_the_keys_of_the_page() -> None:
+    text = PAGE.read_text(encoding="utf-8")
+    summary = done("move", "0.2", "--json").json["summary"]
+    row = done("stops", "--speed", "1", "--json").json["rows"][0]
+    value = done("config", "show", "--json").json["values"]["control.kvf"]
+    for key in (*summary, *row, *value):
+        assert f"`{key}`" in text
+
+
+def test_an_empty_machine_prints_json_too() -> None:
+    assert done("alarms", "--json").json == []
+    assert done("retain", "show", "--json").json is None
+    assert done("reset", "--json").json == {"reset": "nothing to reset"}
+    assert done("config", "diff", *[machine_file(Path(f"{k}.toml"), {}) for k in "ab"], "--json").json == []
+
+
+def test_a_wrong_machine_file_as_json() -> None:
+    answer = cli("config", "check", "nowhere.toml", "--json")
+    assert answer.code == 2
+    assert set(answer.json) == {"file", "ok", "problems"}
+    assert [f"error: {line}" for line in answer.json["problems"]] == answer.err.splitlines()
