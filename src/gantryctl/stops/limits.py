@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Final
 
@@ -57,8 +58,11 @@ def find_quick_dec(machine: Machine) -> float:
     return low * RESOLUTION_DEG_S2
 
 
+@functools.lru_cache(maxsize=16)
 def check_quick_stop(machine: Machine) -> StopResult:
     """Hold the machine file to what the full plant gives; returns the quick stop from the highest speed.
+
+    A machine that has been checked is not simulated again.
 
     Raises:
         ConfigError: the deceleration cannot be given, or the stopping angle is above the permitted one.

@@ -58,11 +58,6 @@ def test_the_seed_changes_the_noise_and_nothing_else(tmp_path: Path) -> None:
     assert tables[0]["measured"] != tables[1]["measured"]  # type: ignore[index]
 
 
-def test_without_noise_the_seed_changes_nothing(tmp_path: Path) -> None:
-    runs = [accuracy(tmp_path / str(k), "--noise-um", "0", "--seed", k)["tables"] for k in range(2)]
-    assert runs[0] == runs[1]
-
-
 def test_accuracy_run_writes_its_report_and_leaves_the_state_alone(tmp_path: Path, state: Path) -> None:
     text = done("accuracy", "run", "--no-speed-test", "--out", tmp_path / "r").out
     assert "A = 0.01" in text
