@@ -55,6 +55,7 @@ struct Drive {
   DriveParams<T> p;
   T cycle_inverse = T(0.0);      // 1/Ts
   T integral_step = T(0.0);      // Ts/Tvi
+  T speed_fresh = T(1.0);        // 1 - speed_filter
   T rated_inverse = T(0.0);      // 1/T_rated
   T budget = T(0.0);             // I2t account at which the limit falls, s
   T torque_continuous = T(0.0);  // the limit then
@@ -63,6 +64,7 @@ struct Drive {
   explicit Drive(const DriveParams<T>& params) : p(params) {
     cycle_inverse = T(1.0) / p.cycle_s;
     integral_step = p.cycle_s / p.tvi_s;
+    speed_fresh = T(1.0) - p.speed_filter;
     rated_inverse = T(1.0) / p.torque_rated;
     const T ratio = p.torque_max * rated_inverse;
     budget = (ratio * ratio - T(1.0)) * p.overload_time_s;
@@ -99,7 +101,7 @@ GANTRY_INLINE T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_mo
   const T pos = encoder_position(drive.p, pos_motor, vel_motor, drive.p.speed_count);
   const T raw = (pos - s.pos_last) * drive.cycle_inverse;
   s.pos_last = pos;
-  s.vel_filtered = raw + (s.vel_filtered - raw) * drive.p.speed_filter;
+  s.vel_filtered = raw * drive.speed_fresh + s.vel_filtered * drive.p.speed_filter;
   return s.vel_filtered;
 }
 
@@ -131,7 +133,7 @@ GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& comman
     s.ramp = select(vabs(s.ramp) > step, s.ramp - sign(s.ramp) * step, T(0.0));
   }
   const T error = s.ramp - vel;
-  const T wanted = p.kvp * (error + s.integral) + command.torque_ff;
+  const T wanted = p.kvp * error + (p.kvp * s.integral + command.torque_ff);
   const T given = clamp(wanted, -limit, limit);
   const auto free = either(given == wanted, (wanted - given) * error < T(0.0));
   s.integral = select(free, s.integral + error * drive.integral_step, s.integral);

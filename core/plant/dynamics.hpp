@@ -136,13 +136,25 @@ GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x,
   return torque;
 }
 
+// Torque of the eccentric moment on the load. The load turns little within a scan, so the sine is taken once
+// and rotated from there.
 template <class T>
-GANTRY_INLINE T eccentric_torque(const PlantParams<T>& p, T pos_load) {
-  return p.eccentric_moment * sincos(pos_load - p.eccentric_angle).sin;
-}
+class EccentricTorque {
+ public:
+  EccentricTorque(const PlantParams<T>& p, T pos_load)
+      : moment_(p.eccentric_moment), angle_(p.eccentric_angle), sine_(pos_load - p.eccentric_angle) {}
+
+  GANTRY_INLINE T operator()(T pos_load) const { return moment_ * sine_(pos_load - angle_); }
+
+ private:
+  T moment_;
+  T angle_;
+  SineNear<T> sine_;
+};
 
 template <class T>
-GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, const RingPoint<T>& ring,
+GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
+                               const EccentricTorque<T>& eccentric, const RingPoint<T>& ring,
                                bool brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
@@ -168,7 +180,7 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, co
     f.roller = friction(plant.roller, vel_ring, x.roller_z, T(0.0), p.friction_ep_ratio);
     on_ring = on_ring - f.roller.torque;
   }
-  f.acc_load = (on_ring + eccentric_torque(p, x.pos_load)) * plant.load_inverse;
+  f.acc_load = (on_ring + eccentric(x.pos_load)) * plant.load_inverse;
   if (p.base)
     f.acc_base =
         (-on_ring - p.base_stiffness * x.pos_base - p.base_damping * x.vel_base) * plant.base_inverse;
@@ -178,10 +190,11 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, co
 // The rigid switch (S6): one inertia on the motor shaft, theta = theta_m / i; friction of both sides acts on
 // it.
 template <class T>
-GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed) {
+GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x,
+                                     const EccentricTorque<T>& eccentric, bool brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
-  T torque = eccentric_torque(p, x.pos_load);
+  T torque = eccentric(x.pos_load);
   if (p.roller_friction) {
     f.roller = friction(plant.roller, x.vel_load, x.roller_z, T(0.0), p.friction_ep_ratio);
     torque = torque - f.roller.torque;

@@ -62,7 +62,7 @@ class GantrySim {
     s = DriveState<T>();
     brake.closed = !servo_on;
     brake.countdown = 0;
-    const T torque_mesh = -eccentric_torque(p, theta0);
+    const T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);
     const T torque_motor = torque_mesh / p.ratio;
     x.pos_load = theta0;
     x.pos_motor = p.ratio * theta0;
@@ -84,10 +84,11 @@ class GantrySim {
     report.limited = false;
     const T start = s.pos_last;
     const T dt = T(cycle_s_);
+    const EccentricTorque<T> eccentric(plant_.p, x.pos_load);
     if (brake.command(brake_open, close_cycles_, open_cycles_)) x.brake_z = brake_grip();
     for (int k = 0; k < cycles_per_scan_; ++k) {
       const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
-      advance(u, dt);
+      step(eccentric, u, dt);
       if (brake.cycle()) x.brake_z = brake_grip();
     }
     report.vel = (s.pos_last - start) / (dt * T(cycles_per_scan_));
@@ -95,12 +96,7 @@ class GantrySim {
   }
 
   // One drive cycle of the plant alone, torque u; for tests without a controller.
-  void advance(T u, T dt) {
-    if (scheme_ == Scheme::kOneEvaluation)
-      step_one_evaluation(plant_, current_, u, brake.closed, dt, x, report.torque_mesh);
-    else
-      step_runge_kutta(plant_, current_, u, brake.closed, dt, rk4_steps_, x, report.torque_mesh);
-  }
+  void advance(T u, T dt) { step(EccentricTorque<T>(plant_.p, x.pos_load), u, dt); }
 
   // Encoder counts since its own zero; whole numbers unless the encoder is ideal. A resolution of several
   // counts must be a whole number of them.
@@ -134,6 +130,13 @@ class GantrySim {
   T count_offset = T(0.0);  // where the encoder is mounted on the shaft, counts; turns it has lost
 
  private:
+  GANTRY_INLINE void step(const EccentricTorque<T>& eccentric, T u, T dt) {
+    if (scheme_ == Scheme::kOneEvaluation)
+      step_one_evaluation(plant_, current_, eccentric, u, brake.closed, dt, x, report.torque_mesh);
+    else
+      step_runge_kutta(plant_, current_, eccentric, u, brake.closed, dt, rk4_steps_, x, report.torque_mesh);
+  }
+
   // Base deflection, wind-up and gear error for a static mesh torque, by fixed-point iteration.
   void settle_gears(T theta0, T torque_mesh) {
     const PlantParams<T>& p = plant_.p;

@@ -31,12 +31,13 @@ struct CurrentLoop {
 // Euler of speeds and positions. One evaluation instead of eight; S9 gives its error, the tests hold it to
 // that.
 template <class T>
-GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current, T u,
-                                       bool brake_closed, T dt, PlantState<T>& x, T& torque_mesh) {
+GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current,
+                                       const EccentricTorque<T>& eccentric, T u, bool brake_closed, T dt,
+                                       PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
   x.torque_motor = current.at_start(u, x.torque_motor);
-  const Forces<T> f =
-      p.rigid ? forces_rigid(plant, x, brake_closed) : forces(plant, x, ring_point(plant, x), brake_closed);
+  const Forces<T> f = p.rigid ? forces_rigid(plant, x, eccentric, brake_closed)
+                              : forces(plant, x, eccentric, ring_point(plant, x), brake_closed);
   torque_mesh = f.torque_mesh;
   if (current.some_real) x.torque_motor = u + (x.torque_motor - u) * current.decay;
   if (p.roller_friction) x.roller_z = friction_step(x.roller_z, f.roller, dt);
@@ -60,10 +61,12 @@ GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<
 
 // x' = f(x): all states but that of the brake.
 template <class T>
-PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed,
+PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current,
+                         const EccentricTorque<T>& eccentric, T u, bool brake_closed,
                          const RingPoint<T>& ring, const PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
-  const Forces<T> f = p.rigid ? forces_rigid(plant, x, brake_closed) : forces(plant, x, ring, brake_closed);
+  const Forces<T> f = p.rigid ? forces_rigid(plant, x, eccentric, brake_closed)
+                              : forces(plant, x, eccentric, ring, brake_closed);
   torque_mesh = f.torque_mesh;
   PlantState<T> d;
   d.pos_motor = x.vel_motor;
@@ -92,13 +95,14 @@ PlantState<T> advanced(const PlantState<T>& x, const PlantState<T>& d, T dt) {
 // in 4 us, far beyond what an explicit method survives: that one state takes the exact step for held speed,
 // after the others.
 template <class T>
-void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current, T u, bool brake_closed, T dt,
-                      int steps, PlantState<T>& x, T& torque_mesh) {
+void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current,
+                      const EccentricTorque<T>& eccentric, T u, bool brake_closed, T dt, int steps,
+                      PlantState<T>& x, T& torque_mesh) {
   x.torque_motor = current.at_start(u, x.torque_motor);
   const RingPoint<T> ring = ring_point(plant, x);
   const T h = dt / T(steps);
   const auto slope = [&](const PlantState<T>& at) {
-    return derivative(plant, current, u, brake_closed, ring, at, torque_mesh);
+    return derivative(plant, current, eccentric, u, brake_closed, ring, at, torque_mesh);
   };
   for (int k = 0; k < steps; ++k) {
     const PlantState<T> k1 = slope(x);
