@@ -48,7 +48,7 @@ TEST(SinCos, agrees_with_libm_up_to_its_stated_limit) {
 }
 
 // The truncated series leaves d^8/40320: 1.4e-14 at the end of the range, and rounding.
-TEST(Sine, NearAPointIsTheSine) {
+TEST(SineNear, agrees_with_libm_around_its_point) {
   std::mt19937_64 random(5);
   std::uniform_real_distribution<double> at(-4.0, 4.0), distance(-0.07, 0.07);
   for (int k = 0; k < 100000; ++k) {
