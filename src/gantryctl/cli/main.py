@@ -35,6 +35,7 @@ COMMANDS: Final = {
     "accuracy": Entry(
         "gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
     ),
+    "size": Entry("gantryctl.cli.size", "size", "Size motors for a requirement sheet; limits that follow."),
     "analyse": Entry(
         "gantryctl.cli.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
     ),
@@ -115,8 +116,8 @@ def run(args: list[str] | None = None) -> int:
         result: Any = cli.main(args=args, prog_name="gantryctl", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    except SystemExit as asked:
-        return _exit_code(asked)
+    except SystemExit:  # click's answer to a closed pipe: who reads the first lines only has got them
+        return 0
     except click.exceptions.NoArgsIsHelpError as wrong:
         wrong.show()
         return 2
@@ -147,13 +148,6 @@ def run(args: list[str] | None = None) -> int:
         )
         return 3
     return result if isinstance(result, int) else 0
-
-
-def _exit_code(asked: SystemExit) -> int:
-    """0 for click's answer to a closed pipe: who reads the first lines only has got them."""
-    if isinstance(asked.__context__, OSError):
-        return 0
-    return asked.code if isinstance(asked.code, int) else 3
 
 
 def _one_line(wrong: click.ClickException) -> str:
