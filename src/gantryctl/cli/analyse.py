@@ -16,12 +16,12 @@ from gantryctl.cli.options import (
     out_option,
     print_json,
 )
+from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
     from gantryctl.analysis.measured import Measured
     from gantryctl.analysis.robust_report import RobustReport
     from gantryctl.analysis.study import Study
-    from gantryctl.analysis.tables import TextTable
     from gantryctl.machine import Machine
 
 DEFAULT_OUT = Path("analysis")
@@ -181,37 +181,17 @@ def _show(study: Study, robust: RobustReport | None, measured: list[Measured]) -
         shown.append(tables.robust_table(robust.margins))
     for table in shown:
         if table.rows:
-            _print(table)
+            print_table(table)
     words = sentences(study)
     if robust is not None:
         words += robust_sentences(robust)
     words += [sentence(result) for result in measured]
     click.echo()
     for text in words:
-        _paragraph(text)
+        paragraph(text)
 
 
 def _roots(roots: list[complex]) -> str:
     """One of each pair, as text."""
     shown = [root for root in roots if root.imag >= 0.0]
     return ", ".join(f"{r.real:.4g}" + (f" ± {r.imag:.4g}j" if r.imag else "") for r in shown)
-
-
-def _print(table: TextTable) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    shown = Table(box=None, pad_edge=False, title=table.title, title_justify="left", title_style="bold")
-    for number, head in enumerate(table.heads):
-        shown.add_column(head, justify="right" if number else "left")
-    for row in table.rows:
-        shown.add_row(*row)
-    console = Console(width=120, highlight=False)
-    console.print()
-    console.print(shown)
-
-
-def _paragraph(text: str) -> None:
-    import textwrap
-
-    click.echo(textwrap.fill(text, 110, initial_indent="- ", subsequent_indent="  "))

@@ -35,6 +35,7 @@ COMMANDS: Final = {
     "accuracy": Entry(
         "gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
     ),
+    "size": Entry("gantryctl.cli.size", "size", "Size motors for a requirement sheet; limits that follow."),
     "analyse": Entry(
         "gantryctl.cli.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
     ),

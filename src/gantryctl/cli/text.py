@@ -1,0 +1,32 @@
+"""Tables and paragraphs on a terminal."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from gantryctl.analysis.tables import TextTable
+
+
+def print_table(table: TextTable) -> None:
+    """A table of text: the first column left, numbers right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    shown = Table(box=None, pad_edge=False, title=table.title, title_justify="left", title_style="bold")
+    for number, head in enumerate(table.heads):
+        shown.add_column(head, justify="right" if number else "left")
+    for row in table.rows:
+        shown.add_row(*row)
+    console = Console(width=120, highlight=False)
+    console.print()
+    console.print(shown)
+
+
+def paragraph(text: str) -> None:
+    """One sentence of a list, wrapped."""
+    import textwrap
+
+    click.echo(textwrap.fill(text, 110, initial_indent="- ", subsequent_indent="  "))
