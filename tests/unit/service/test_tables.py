@@ -1,0 +1,57 @@
+"""The tag table, the role table and the reference page that is made of them."""
+
+from pathlib import Path
+
+import pytest
+
+from gantryctl.service.reference import reference_page
+from gantryctl.service.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role, may
+from gantryctl.service.tags import BY_NAME, TAGS
+
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "service.md"
+UNITS = {
+    "_deg": "deg",
+    "_deg_s": "deg/s",
+    "_deg_s2": "deg/s2",
+    "_nm": "N m",
+    "_ms": "ms",
+    "_us": "us",
+    "_s": "s",
+}
+
+# The table a second time, by hand: v viewer, o operator, p physicist, s service, a admin.
+WANTED = {
+    "view": "vopsa", "stop": "vopsa", "quick_stop": "vopsa", "authority": "ops", "take_over": "ops",
+    "power": "ops", "mode": "ops", "jog": "ops", "move": "ops", "halt": "ops", "reset": "ops",
+    "acknowledge": "ops", "set_speed": "ops", "set_increment": "ops", "set_override": "ops",
+    "set_acceleration": "ps", "brake_test": "ps", "reset_locked": "s", "traces": "ops", "journal": "psa",
+    "users": "a",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("action", Action)
+@pytest.mark.parametrize("role", Role)
+def test_every_cell_of_the_role_table(role: Role, action: Action) -> None:
+    assert may(role, action) == (role.value[0] in WANTED[action])
+
+
+def test_the_admin_moves_nothing_and_stop_is_for_everybody() -> None:
+    assert not any(may(Role.ADMIN, action) for action in NEEDS_AUTHORITY)
+    assert MAY[Action.STOP] == MAY[Action.QUICK_STOP] == frozenset(Role)
+
+
+def test_every_action_is_in_the_table_and_explained() -> None:
+    assert set(MAY) == set(WORDS) == set(Action)
+
+
+def test_tag_names_are_unique_and_end_with_their_unit() -> None:
+    assert len(BY_NAME) == len(TAGS)
+    for tag in TAGS:
+        ending = next((e for e in sorted(UNITS, key=len, reverse=True) if tag.name.endswith(e)), "")
+        if tag.kind == "float" and ending:
+            assert tag.unit == UNITS[ending], tag.name
+        assert bool(tag.labels) == (tag.kind == "enum"), tag.name
+
+
+def test_the_reference_page_is_up_to_date() -> None:
+    assert PAGE.read_text(encoding="utf-8") == reference_page()
