@@ -38,10 +38,10 @@ struct LogTable {
 };
 
 void run_closed_loop(Sim& sim, const PositionLawParams& law, const Segments& plan, double zero_counts,
-                     Table out, double torque_ff_nm) {
+                     Table out, double torque_ff_nm, Compensation<double>* compensation) {
   const LogTable table(out);
   nb::gil_scoped_release release;
-  run_plan(sim, law, plan, zero_counts, static_cast<long>(table.scans), table, torque_ff_nm);
+  run_plan(sim, {law, zero_counts, compensation, torque_ff_nm}, plan, static_cast<long>(table.scans), table);
 }
 
 void run_command(Sim& sim, int mode, double vel_cmd_rad_s, bool brake_open, Table out) {
@@ -56,7 +56,13 @@ void run_command(Sim& sim, int mode, double vel_cmd_rad_s, bool brake_open, Tabl
 
 Cube run_legs_array(const std::vector<Sim*>& sims, const PositionLawParams& law,
                     const std::vector<std::tuple<Segments, long, long>>& legs,
-                    const std::vector<double>& zero_counts, int threads) {
+                    const std::vector<double>& zero_counts, int threads,
+                    const std::vector<Compensation<double>*>& compensations) {
+  if (!compensations.empty() && compensations.size() != sims.size())
+    throw std::invalid_argument("one compensation per plant is needed, or none at all");
+  if (std::set<Compensation<double>*>(compensations.begin(), compensations.end()).size() !=
+      compensations.size())
+    throw std::invalid_argument("a compensation stands in the list twice; every plant needs its own");
   if (zero_counts.size() != sims.size()) throw std::invalid_argument("one zero offset per plant is needed");
   if (threads < 1) throw std::invalid_argument("threads must be at least 1");
   if (std::set<Sim*>(sims.begin(), sims.end()).size() != sims.size())
@@ -67,10 +73,13 @@ Cube run_legs_array(const std::vector<Sim*>& sims, const PositionLawParams& law,
       throw std::invalid_argument("a leg needs 1 <= average <= scans");
     native.push_back({plan, scans, average});
   }
+  std::vector<Control> controls;
+  for (std::size_t k = 0; k < sims.size(); ++k)
+    controls.push_back({law, zero_counts[k], compensations.empty() ? nullptr : compensations[k], 0.0});
   std::vector<std::vector<LegResult>> results;
   {
     nb::gil_scoped_release release;
-    results = run_legs(sims, law, native, zero_counts, threads);
+    results = run_legs(sims, controls, native, threads);
   }
   constexpr std::size_t kColumns = sizeof(LegResult) / sizeof(double);
   auto* data = new double[sims.size() * native.size() * kColumns + 1];
@@ -94,6 +103,7 @@ void bind_loop(nb::module_& m) {
 #undef X
   m.def("run_closed_loop", &run_closed_loop, nb::arg("sim"), nb::arg("law"), nb::arg("plan"),
         nb::arg("zero_counts"), nb::arg("out"), nb::arg("torque_ff_nm") = 0.0,
+        nb::arg("compensation") = nb::none(),
         "Run out.shape[1] scans of one plan, enabled and with the brake open; fill one row of `out` per log "
         "column.\n\n"
         "The same laws and physics as the scan engine, so the same bits; the plant in `sim` moves on.");
@@ -102,7 +112,7 @@ void bind_loop(nb::module_& m) {
         "Run out.shape[1] scans with one command to the drive (mode 0 off, 1 speed, 2 quick stop); log the "
         "state.");
   m.def("run_legs", &run_legs_array, nb::arg("sims"), nb::arg("law"), nb::arg("legs"), nb::arg("zero_counts"),
-        nb::arg("threads") = 1,
+        nb::arg("threads") = 1, nb::arg("compensations") = std::vector<Compensation<double>*>(),
         "Every plant through every leg (plan, scans, scans to average at its end).\n\n"
         "Returns an array [plant, leg, LEG_COLUMNS]; plants are shared out to threads without any effect on "
         "the result.");

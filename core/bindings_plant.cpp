@@ -2,6 +2,7 @@
 #include <nanobind/stl/map.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
 #include <cmath>
 #include <map>
@@ -43,6 +44,28 @@ Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, con
           rk4_steps};
 }
 
+using ScaleTerms = std::vector<std::tuple<double, double, double>>;
+
+LoadEncoderParams make_load_encoder(double step_rad, double noise_rad, double latency_s,
+                                    const ScaleTerms& scale) {
+  LoadEncoderParams p;
+  if (scale.size() > p.scale.size()) throw std::invalid_argument("the scale has at most 4 terms");
+  for (double x : {step_rad, noise_rad, latency_s})
+    if (!(std::isfinite(x) && x >= 0.0))
+      throw std::invalid_argument("the load encoder needs finite steps, noise and latency, none negative");
+  for (std::size_t k = 0; k < scale.size(); ++k) {
+    const auto [waves, amplitude, phase] = scale[k];
+    if (!(std::isfinite(waves) && std::isfinite(amplitude) && std::isfinite(phase)))
+      throw std::invalid_argument("the scale of the load encoder is not finite");
+    p.scale[k] = {waves, amplitude, phase};
+  }
+  p.fitted = true;
+  p.step_rad = step_rad;
+  p.noise_rad = noise_rad;
+  p.latency_s = latency_s;
+  return p;
+}
+
 StateMap get_state(const Sim& sim) {
   StateMap m;
 #define X(name, meaning) m[#name] = sim.x.name;
@@ -57,6 +80,7 @@ StateMap get_state(const Sim& sim) {
   m["report_vel"] = sim.report.vel;
   m["report_limited"] = sim.report.limited ? 1.0 : 0.0;
   m["count_offset"] = sim.count_offset;
+  m["scans_done"] = static_cast<double>(sim.scans_done);
   return m;
 }
 
@@ -84,6 +108,10 @@ void set_state(Sim& sim, const StateMap& m) {
   copy.report.vel = value("report_vel");
   copy.report.limited = value("report_limited") != 0.0;
   copy.count_offset = value("count_offset");
+  const double scans_done = value("scans_done");
+  if (!(scans_done >= 0.0 && scans_done <= 1e15))
+    throw std::invalid_argument("the state has scans_done outside 0..1e15");
+  copy.scans_done = static_cast<std::uint64_t>(scans_done);
   sim = copy;
 }
 
@@ -154,6 +182,16 @@ void bind_sim(nb::module_& m) {
           "rad/s, N m.")
       .def(
           "copy", [](const Sim& sim) { return sim; }, "An independent copy, state included.")
+      .def(
+          "fit_load_encoder",
+          [](Sim& sim, double step_rad, double noise_rad, double latency_s, const ScaleTerms& scale) {
+            sim.ring_encoder = make_load_encoder(step_rad, noise_rad, latency_s, scale);
+          },
+          nb::arg("step_rad"), nb::arg("noise_rad"), nb::arg("latency_s"), nb::arg("scale"),
+          "Put an encoder on the ring. scale: at most 4 of (waves per turn, amplitude rad, phase rad).")
+      .def(
+          "ring_reading", [](const Sim& sim) { return sim.ring_reading(); },
+          "Reading of the load-side encoder in this scan, rad; 0 without one.")
       .def_rw("count_offset", &Sim::count_offset, "Encoder mounting, counts: added to every reading.")
       .def_prop_rw("state", &get_state, &set_state,
                    "The whole state by name; a float survives JSON bit for bit.")

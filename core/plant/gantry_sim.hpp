@@ -1,8 +1,11 @@
 // Drive, brake and plant together: what hangs behind a simulated drive port. One call advances one scan.
 #pragma once
 
+#include <cstdint>
+
 #include "core/plant/drive.hpp"
 #include "core/plant/integration.hpp"
+#include "core/plant/load_encoder.hpp"
 
 namespace gantry {
 
@@ -92,6 +95,7 @@ class GantrySim {
       if (brake.cycle()) x.brake_z = brake_grip();
     }
     report.vel = (s.pos_last - start) / (dt * T(cycles_per_scan_));
+    ++scans_done;
     flush();
   }
 
@@ -114,6 +118,12 @@ class GantrySim {
     return select(has_budget, s.overload / select(has_budget, drive_.budget, T(1.0)), T(0.0));
   }
 
+  // The load-side encoder in this scan, rad; 0 without one. For one plant, not for a pack.
+  double ring_reading() const {
+    if (!ring_encoder.fitted) return 0.0;
+    return load_encoder_reading(ring_encoder, x.pos_load - x.pos_base, x.vel_load - x.vel_base, scans_done);
+  }
+
   T torque_mesh() const { return report.torque_mesh; }
   T vel_report() const { return report.vel; }
   bool limited() const { return report.limited; }
@@ -127,7 +137,9 @@ class GantrySim {
   DriveState<T> s;
   Brake brake;
   Report report;
-  T count_offset = T(0.0);  // where the encoder is mounted on the shaft, counts; turns it has lost
+  LoadEncoderParams ring_encoder;
+  std::uint64_t scans_done = 0;  // numbers the readings of the ring encoder
+  T count_offset = T(0.0);       // where the encoder is mounted on the shaft, counts; turns it has lost
 
  private:
   GANTRY_INLINE void step(const EccentricTorque<T>& eccentric, T u, T dt) {

@@ -29,12 +29,12 @@ std::vector<Leg> legs() {
 std::vector<std::vector<LegResult>> run(int threads, std::size_t n) {
   std::vector<GantrySim<double>> sims = plants(n);
   std::vector<GantrySim<double>*> pointers;
-  std::vector<double> zero;
+  std::vector<Control> controls;
   for (GantrySim<double>& sim : sims) {
     pointers.push_back(&sim);
-    zero.push_back(std::round(sim.counts(example::kFineCount)));
+    controls.push_back({example::law(), std::round(sim.counts(example::kFineCount))});
   }
-  return run_legs(pointers, example::law(), legs(), zero, threads);
+  return run_legs(pointers, controls, legs(), threads);
 }
 
 void expect_same(const std::vector<std::vector<LegResult>>& a, const std::vector<std::vector<LegResult>>& b) {
@@ -59,9 +59,9 @@ TEST(RunLegs, results_are_those_of_the_logged_rows) {
   const double zero = std::round(sim.counts(example::kFineCount));
   GantrySim<double> again = sim;
   const Leg leg = legs()[0];
-  const LegResult result = run_leg(sim, example::law(), leg, zero);
+  const LegResult result = run_leg(sim, {example::law(), zero}, leg);
   double largest_error = 0.0, largest_torque = 0.0, mean = 0.0;
-  run_plan(again, example::law(), leg.plan, zero, leg.scans, [&](long k, const LogRow& row) {
+  run_plan(again, {example::law(), zero}, leg.plan, leg.scans, [&](long k, const LogRow& row) {
     largest_error = std::max(largest_error, std::fabs(row.vel_load_rad_s - row.vel_ref_rad_s));
     largest_torque = std::max(largest_torque, std::fabs(row.torque_mesh_nm));
     if (k >= leg.scans - leg.average) mean += row.pos_load_rad / static_cast<double>(leg.average);
@@ -77,7 +77,7 @@ TEST(RunPlan, is_scan_after_scan_of_the_same_functions) {
   const double zero = std::round(sim.counts(example::kFineCount));
   const PositionLawParams law = example::law();
   const Segments plan = example::triangle(0.0, 0.0002, kAcc);
-  run_plan(sim, law, plan, zero, 300, [&](long k, const LogRow& row) {
+  run_plan(sim, {law, zero}, plan, 300, [&](long k, const LogRow& row) {
     const SetPoint r = plan.sample(static_cast<double>(k) * 1e-3);
     const auto c = position_law(law, r.pos, r.vel, by_hand.counts(law.rad_per_count) - zero);
     EXPECT_EQ(row.pos_ref_rad, r.pos);

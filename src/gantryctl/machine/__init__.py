@@ -8,6 +8,15 @@ from __future__ import annotations
 
 from gantryctl.machine.consistency import RULES
 from gantryctl.machine.derived import Derived, derived
+from gantryctl.machine.calibration import (
+    Calibration,
+    Identified,
+    Maps,
+    calibration_toml,
+    check_belongs,
+    identity_hash,
+    load_calibration,
+)
 from gantryctl.machine.effective import (
     Difference,
     Origin,
@@ -34,11 +43,16 @@ from gantryctl.machine.writing import to_toml
 
 __all__ = [
     "RULES",
+    "Calibration",
     "Derived",
     "Difference",
     "FieldSpec",
+    "Identified",
     "Machine",
+    "Maps",
     "Origin",
+    "calibration_toml",
+    "check_belongs",
     "config_hash",
     "configs_folder",
     "default_machine",
@@ -47,7 +61,9 @@ __all__ = [
     "diff_machines",
     "effective_values",
     "field_specs",
+    "identity_hash",
     "json_schema",
+    "load_calibration",
     "load_machine",
     "load_table",
     "origins",

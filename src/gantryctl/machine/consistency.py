@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Final
 
-from gantryctl.machine import rules_axis, rules_monitors, rules_parts, rules_plant
+from gantryctl.machine import rules_axis, rules_compensation, rules_monitors, rules_parts, rules_plant
 from gantryctl.machine.rules import Rule, violations
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *rules_parts.book.rules,
     *rules_monitors.book.rules,
     *rules_plant.book.rules,
+    *rules_compensation.book.rules,
 )
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.fields import Table, number
+from gantryctl.machine.compensation import Compensation
+from gantryctl.machine.fields import Table, number, table
 
 
 class Control(Table):
@@ -11,6 +12,7 @@ class Control(Table):
     scan_period_ms: float = number(1.0, 0.1, 40.0, "ms", "estimate", "Period of the scan.")
     kpp_per_s: float = number(10.0, 0.1, 200.0, "1/s", "paper", "Gain of the position loop.")
     kvf: float = number(1.0, 0.0, 1.5, "-", "paper", "Velocity feed-forward; 1 = 100 %.")
+    compensation: Compensation = table("What goes beyond the paper's loop.", Compensation)
 
 
 class Monitors(Table):

@@ -12,6 +12,7 @@ from typing import Any, Final, TypeVar
 from pydantic import ValidationError
 
 from gantryctl.errors import ConfigError
+from gantryctl.machine.calibration import load_calibration
 from gantryctl.machine.consistency import contradictions
 from gantryctl.machine.fields import Table
 from gantryctl.machine.model import RULES_LATER, Machine
@@ -25,12 +26,15 @@ DEFAULT_FILE: Final = "hust_gantry.toml"
 
 
 def load_machine(path: Path | str) -> Machine:
-    """Read and check a machine file.
+    """Read and check a machine file, with the calibration file it names if that exists.
 
     Raises:
         ConfigError: one line per problem, all of them.
     """
-    return parse_machine(read_text(Path(path)), str(path))
+    machine = parse_machine(read_text(Path(path)), str(path))
+    named = machine.control.compensation.calibration
+    beside = Path(path).parent / named
+    return machine.calibrated(load_calibration(beside)) if named and beside.exists() else machine
 
 
 def parse_machine(text: str, name: str = "machine file") -> Machine:
@@ -74,7 +78,7 @@ def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
         for part in tables:
             table = table.setdefault(part, {})
         table[key] = list(value) if isinstance(value, tuple) else value
-    return check(data, name)
+    return check(data, name).calibrated(machine.calibration)
 
 
 def check(data: Data, name: str) -> Machine:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Final, Self
 
-from pydantic import ValidationInfo, model_validator
+from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from gantryctl.machine.axis import Axis, Identity, Speed, VirtualAxis
+from gantryctl.machine.calibration import Calibration
 from gantryctl.machine.consistency import contradictions
 from gantryctl.machine.control import Accuracy, Control, Monitors
 from gantryctl.machine.drive import Drive
@@ -39,10 +40,23 @@ class Machine(Table):
     accuracy: Accuracy = table("Chord test.", Accuracy)
     plant: Plant = table("Simulated physics.", Plant)
 
+    _calibration: Calibration | None = PrivateAttr(default=None)
+
     @property
     def name(self) -> str:
         """Name of the machine."""
         return self.machine.name
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The identified values, from the file that [control.compensation] names; None if there is none."""
+        return self._calibration
+
+    def calibrated(self, calibration: Calibration | None) -> Machine:
+        """The same machine with other identified values."""
+        copy = self.model_copy()
+        copy._calibration = calibration
+        return copy
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:

@@ -187,9 +187,11 @@ class PlantEncoder(Table):
 class LoadEncoder(Table):
     """[plant.load_encoder]: optional encoder on the ring."""
 
+    fitted: bool = switch(False, "choice", "The controller can read it; measuring runs can in any case.")
     bits: int = number(26, 8, 32, "bit", "estimate", "Steps per gantry turn, as a power of two.")
     noise_rad: float = number(2.0e-7, 0.0, 1e-5, "rad", "estimate", "Noise, r.m.s.")
     scale_error_rad: float = number(4.0e-6, 0.0, 2e-4, "rad", "estimate", "Amplitude of the scale-error map.")
+    latency_us: float = number(62.5, 0.0, 2000.0, "us", "estimate", "Age of the angle when it is read.")
 
 
 class Switches(Table):

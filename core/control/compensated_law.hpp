@@ -1,0 +1,106 @@
+// The position law with every compensation that is switched on. With all of them off it is `position_law`
+// itself.
+#pragma once
+
+#include "core/control/compensation.hpp"
+#include "core/control/position_law.hpp"
+
+namespace gantry {
+
+template <class T>
+struct CompensatedResult {
+  PositionLawResult<T> law;
+  T torque_ff_nm;      // motor side, to be added to the drive's torque
+  T disagreement_rad;  // load-side encoder minus the angle that motor encoder and maps give
+};
+
+// Where the load is by motor encoder and maps, at rest: what the set-point starts from.
+template <class T>
+T resting_position(const PositionLawParams& law, const CompensationParams<T>& p,
+                   const CompensationState<T>& s, T counts) {
+  const T zero = T(0.0);
+  const T y = T(law.rad_per_count) * counts / T(law.ratio);
+  const T first = y - map_correction(p, s.direction, zero, y, zero, zero, zero).pos;
+  return y - map_correction(p, s.direction, zero, first, zero, zero, zero).pos - s.bias_rad;
+}
+
+// Slow integral of the load-side error: bias' = K (r - y_load) outside the dead band, limited.
+template <class T>
+T load_side_bias(const CompensationParams<T>& p, T bias, T error) {
+  const auto acts = negate(vabs(error) <= p.encoder_dead_band_rad);
+  const T next = bias + select(acts, p.encoder_gain_per_s * error * p.period_s, T(0.0));
+  return clamp(next, -p.encoder_limit_rad, p.encoder_limit_rad);
+}
+
+// Speed, at the gantry, by which the motor yields to the swing of the load: g (Kpp (w - r') + w1^2 (twist -
+// resting twist)), w the filtered load speed.
+template <class T>
+T damping_speed(const CompensationParams<T>& p, double kpp_per_s, CompensationState<T>& s, T ring, T vel_ref,
+                T twist) {
+  s.vel_ring_rad_s =
+      s.vel_ring_rad_s + p.damping_filter * ((ring - s.ring_last_rad) / p.period_s - s.vel_ring_rad_s);
+  s.twist_slow_rad = s.twist_slow_rad + p.damping_slow * (twist - s.twist_slow_rad);
+  const T swing = p.swing_rad_s * p.swing_rad_s * (twist - s.twist_slow_rad);
+  return p.damping_gain * (T(kpp_per_s) * (s.vel_ring_rad_s - vel_ref) + swing);
+}
+
+// First scan after the axis began to follow; direction and bias are kept, they describe the machine.
+template <class T>
+void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint& r, T y, T ring,
+                     CompensationState<T>& s) {
+  s.started = true;
+  s.pos_last_rad = T(r.pos);
+  s.acc_last_rad_s2 = T(r.acc);
+  s.ring_last_rad = ring;
+  s.vel_ring_rad_s = T(r.vel);
+  s.twist_slow_rad = y - ring;
+  s.torque_zero_nm = feed_forward_torque(p, ratio, T(r.pos), T(r.acc));
+}
+
+// One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (any number if none is
+// used). NaN passes through to the command on purpose, as in position_law.
+template <class T>
+CompensatedResult<T> compensated_law(const PositionLawParams& law, const CompensationParams<T>& p,
+                                     CompensationState<T>& s, const SetPoint& r, T counts, T ring) {
+  const T ratio = T(law.ratio);
+  const T lead = T(r.vel) * p.latency_s;  // how far the motor went on since its encoder was read
+  const T y = T(law.rad_per_count) * counts / ratio + lead;
+  if (p.scale_map) ring = ring - harmonics(p.scale, ring).value;
+  if (!s.started) begin_following(p, ratio, r, y, ring, s);
+
+  const T before = s.direction;
+  const T way = (T(r.pos) - s.pos_last_rad) / p.reversal_length_rad;
+  s.direction = clamp(before + way, T(-1.0), T(1.0));
+  const T turning = (s.direction - before) / p.period_s;
+  const T jerk = (T(r.acc) - s.acc_last_rad_s2) / p.period_s;
+  const Motion<T> c = map_correction(p, s.direction, turning, T(r.pos), T(r.vel), T(r.acc), jerk);
+  if (p.load_encoder) s.bias_rad = load_side_bias(p, s.bias_rad, T(r.pos) - ring);
+
+  const T shift = c.pos + s.bias_rad;
+  CompensatedResult<T> out;
+  out.law = position_law(law, T(r.pos) + shift - lead, T(r.vel) + c.vel, counts);
+  out.law.pos_act_rad = out.law.pos_act_rad + lead - shift;
+  if (p.damping) {
+    const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, T(r.vel), y - ring);
+    out.law.vel_cmd_rad_s =
+        clamp(out.law.vel_cmd_rad_s - yields, T(-law.vel_max_rad_s), T(law.vel_max_rad_s));
+  }
+  const T torque = feed_forward_torque(p, ratio, T(r.pos), T(r.acc)) - s.torque_zero_nm;
+  out.torque_ff_nm = clamp(torque, -p.torque_limit_nm, p.torque_limit_nm);
+  out.disagreement_rad = ring - (y - c.pos);
+  s.pos_last_rad = T(r.pos);
+  s.acc_last_rad_s2 = T(r.acc);
+  s.ring_last_rad = ring;
+  return out;
+}
+
+// Parameters and state of one axis; `before` is the state ahead of this scan, for a scan that is done again
+// because its set-point changed.
+template <class T>
+struct Compensation {
+  CompensationParams<T> p;
+  CompensationState<T> s;
+  CompensationState<T> before;
+};
+
+}  // namespace gantry

@@ -1,0 +1,150 @@
+// What the controller knows about its machine from measurements, and the corrections that follow from it.
+// Every number comes from the calibration file; nothing here knows the plant.
+// docs/explanation/compensation.md derives each law; signs: a correction is what the motor must lead the load
+// by, at the gantry.
+#pragma once
+
+#include <array>
+
+#include "core/control/harmonics.hpp"
+#include "core/control/segments.hpp"
+
+namespace gantry {
+
+constexpr int kMapHarmonics = 16;
+constexpr int kReversalHarmonics = 12;
+constexpr int kScaleHarmonics = 40;
+constexpr int kFastWaves = 6;
+
+// clang-format off
+#define GANTRY_COMPENSATION_SWITCHES(X)                                                               \
+  X(torque_eccentric, "motor torque that carries the eccentric moment, fed forward")                  \
+  X(torque_acceleration, "motor torque that accelerates, fed forward")                                \
+  X(gear_map, "gear error, from the map")                                                             \
+  X(windup, "wind-up of the transmission under eccentric moment and acceleration")                    \
+  X(reversal, "lost motion: friction wind-up and backlash, by direction of the last motion")          \
+  X(load_encoder, "slow integral of the load-side error")                                             \
+  X(scale_map, "errors of the load-side encoder itself, from its map")                                \
+  X(damping, "load swing damped through the load-side encoder")
+
+#define GANTRY_COMPENSATION_PARAMS(X)                                                                 \
+  X(period_s, 1e-3, "scan period")                                                                    \
+  X(moment_sine_nm, 0.0, "load torque to hold: moment_sine sin(angle) + moment_cosine cos(angle)")    \
+  X(moment_cosine_nm, 0.0, "see moment_sine_nm")                                                      \
+  X(inertia_kg_m2, 0.0, "load and motor, at the gantry")                                              \
+  X(torque_limit_nm, 0.0, "largest torque fed forward, motor side")                                   \
+  X(compliance_rad_per_nm, 0.0, "wind-up per load torque, 1/k")                                       \
+  X(windup_per_acc_s2, 0.0, "wind-up per acceleration of the load, J/k")                              \
+  X(reversal_length_rad, 1e-4, "way over which the direction turns round")                            \
+  X(fade_rad_s, 1e9, "waves passing faster than this are no longer followed")                         \
+  X(pos_limit_rad, 0.0, "largest correction of all maps together")                                    \
+  X(encoder_gain_per_s, 0.0, "integral gain of the load-side loop")                                   \
+  X(encoder_dead_band_rad, 0.0, "load-side errors below this are left alone")                         \
+  X(encoder_limit_rad, 0.0, "largest correction of the load-side loop")                               \
+  X(damping_gain, 0.0, "part of the swing torque that the motor yields to")                           \
+  X(swing_rad_s, 0.0, "first mode with the motor held")                                               \
+  X(damping_filter, 1.0, "1 - exp(-Ts/T) of the load speed")                                          \
+  X(damping_slow, 0.0, "1 - exp(-Ts/T) of the resting twist")                                         \
+  X(latency_s, 0.0, "age of a motor encoder reading")
+
+#define GANTRY_COMPENSATION_STATE(X)                                                                  \
+  X(direction, "of the last motion, -1..1")                                                           \
+  X(bias_rad, "correction of the load-side loop")                                                     \
+  X(pos_last_rad, "set-point of the last scan")                                                       \
+  X(acc_last_rad_s2, "acceleration of the set-point in the last scan")                                \
+  X(ring_last_rad, "load-side reading of the last scan")                                              \
+  X(vel_ring_rad_s, "load speed, filtered")                                                           \
+  X(twist_slow_rad, "resting twist")                                                                  \
+  X(torque_zero_nm, "feed-forward torque where the axis began to follow")
+// clang-format on
+
+template <class T>
+struct CompensationParams {
+#define X(name, meaning) bool name = false;
+  GANTRY_COMPENSATION_SWITCHES(X)
+#undef X
+#define X(name, value, meaning) T name = T(value);
+  GANTRY_COMPENSATION_PARAMS(X)
+#undef X
+  Harmonics<T, kMapHarmonics> map;
+  Harmonics<T, kReversalHarmonics> lost_motion;
+  Harmonics<T, kScaleHarmonics> scale;
+  std::array<FastWave<T>, kFastWaves> fast{};
+};
+
+template <class T>
+struct CompensationState {
+#define X(name, meaning) T name = T(0.0);
+  GANTRY_COMPENSATION_STATE(X)
+#undef X
+  bool started = false;
+};
+
+template <class T>
+struct Motion {
+  T pos;
+  T vel;
+};
+
+// Load torque that the eccentric moment asks for.
+template <class T>
+Curve<T> holding_moment(const CompensationParams<T>& p, T pos) {
+  const SinCos<T> s = sincos(pos);
+  return {p.moment_sine_nm * s.sin + p.moment_cosine_nm * s.cos,
+          p.moment_sine_nm * s.cos - p.moment_cosine_nm * s.sin};
+}
+
+// Gear map: ring harmonics and fast waves. A wave that passes with w = cycles x speed counts 1/(1 +
+// (w/fade)^4): above that the motor would need more torque than the wave is worth.
+template <class T>
+Motion<T> gear_correction(const CompensationParams<T>& p, T pos, T vel) {
+  const Curve<T> slow = harmonics(p.map, pos);
+  Motion<T> c{slow.value, slow.slope * vel};
+  for (const FastWave<T>& wave : p.fast) {
+    const Curve<T> w = fast_wave(wave, pos);
+    const T passing = wave.cycles * vel / p.fade_rad_s;
+    const T squared = passing * passing;
+    const T share = T(1.0) / (T(1.0) + squared * squared);
+    c.pos = c.pos + share * w.value;
+    c.vel = c.vel + share * w.slope * vel;
+  }
+  return c;
+}
+
+// Wind-up (M(r) + J r'')/k, its speed by M'(r) r' and the jerk of the set-point.
+template <class T>
+Motion<T> windup_correction(const CompensationParams<T>& p, T pos, T vel, T acc, T jerk) {
+  const Curve<T> m = holding_moment(p, pos);
+  return {p.compliance_rad_per_nm * m.value + p.windup_per_acc_s2 * acc,
+          p.compliance_rad_per_nm * m.slope * vel + p.windup_per_acc_s2 * jerk};
+}
+
+// All maps at a set-point; limited, and standing still where it is limited.
+template <class T>
+Motion<T> map_correction(const CompensationParams<T>& p, T direction, T turning, T pos, T vel, T acc,
+                         T jerk) {
+  Motion<T> c{T(0.0), T(0.0)};
+  const auto add = [&c](const Motion<T>& m) {
+    c.pos = c.pos + m.pos;
+    c.vel = c.vel + m.vel;
+  };
+  if (p.gear_map) add(gear_correction(p, pos, vel));
+  if (p.windup) add(windup_correction(p, pos, vel, acc, jerk));
+  if (p.reversal) {
+    const Curve<T> lost = harmonics(p.lost_motion, pos);
+    add({direction * lost.value, direction * lost.slope * vel + turning * lost.value});
+  }
+  const T limited = clamp(c.pos, -p.pos_limit_rad, p.pos_limit_rad);
+  return {limited, select(limited == c.pos, c.vel, T(0.0) * c.pos)};
+}
+
+// Motor torque fed forward: eccentric moment and acceleration, through the ratio.
+template <class T>
+T feed_forward_torque(const CompensationParams<T>& p, T ratio, T pos, T acc) {
+  T torque = T(0.0);
+  if (p.torque_eccentric) torque = torque + holding_moment(p, pos).value / ratio;
+  if (p.torque_acceleration) torque = torque + p.inertia_kg_m2 * acc / ratio;
+  return torque;
+}
+
+}  // namespace gantry
