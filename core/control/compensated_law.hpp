@@ -66,6 +66,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams& law, const Compens
   const T lead = T(r.vel) * p.latency_s;  // how far the motor went on since its encoder was read
   const T y = T(law.rad_per_count) * counts / ratio + lead;
   if (p.scale_map) ring = ring - harmonics(p.scale, ring).value;
+  ring = ring + lead;  // both encoders are latched at the same instant
   if (!s.started) begin_following(p, ratio, r, y, ring, s);
 
   const T before = s.direction;

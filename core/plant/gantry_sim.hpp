@@ -63,6 +63,7 @@ class GantrySim {
     const PlantParams<T>& p = plant_.p;
     x = PlantState<T>();
     s = DriveState<T>();
+    scans_done = 0;
     brake.closed = !servo_on;
     brake.countdown = 0;
     const T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);

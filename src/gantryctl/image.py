@@ -78,6 +78,8 @@ class DriveFeedback(NamedTuple):
     age_scans: int = 0
     """Age of this reading in scans: 0 when it belongs to this scan."""
     inputs: DigitalInputs = DigitalInputs()
+    pos_ring_rad: float = 0.0
+    """Second, load-side encoder at the gantry, zeroed at 0 deg; 0 without one, NaN where it gives no reading."""
 
 
 class DriveIdentity(NamedTuple):

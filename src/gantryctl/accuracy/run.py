@@ -16,7 +16,7 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import gantry_sim, motion_limits, position_law
+from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law
 
 REST_S: Final = 2.0
 """Rest before the first stop of a run."""
@@ -95,14 +95,15 @@ def run_procedure(
     """Take every machine through the procedure, in one continuous run each, from standing still at its start.
 
     Args:
-        machines: differing in [plant] only; profile and loop are those of the first.
+        machines: differing in [plant] and calibration only; profile and loop are those of the first.
         threads: 1 to the number of processors (default: all); no effect on the result.
         between: called as `between(stop index, loop)` before the move to each stop: for what happens to a
             real machine in mid-test, such as a power-off.
     """
     legs = legs_of(machines[0], procedure)
     law = position_law(machines[0])
-    loops = [ClosedLoop.standing_at(gantry_sim(m), law, rad(procedure.start_deg)) for m in machines]
+    start = rad(procedure.start_deg)
+    loops = [ClosedLoop.standing_at(gantry_sim(m), law, start, compensation(m)) for m in machines]
     workers = min(threads or os.cpu_count() or 1, len(loops))
     if between is None:
         statistics = run_legs(loops, legs, workers)

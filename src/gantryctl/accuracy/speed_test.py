@@ -14,7 +14,7 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import DEG_S_PER_R_MIN, rad
-from gantryctl.wiring import gantry_sim, motion_limits, position_law, ramps_deg, total_ratio
+from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law, ramps_deg, total_ratio
 
 PAPER_SPEEDS_R_MIN: Final = (0.1, 0.5, 1.0)
 CRUISE_S: Final = 15.0
@@ -43,7 +43,9 @@ def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: flo
     """One move between two angles from standing still, with at most `speed_deg_s`."""
     limits = motion_limits(machine, speed_deg_s)
     plan = plan_move(SetPoint(rad(from_deg), 0.0, 0.0), rad(to_deg), limits)
-    loop = ClosedLoop.standing_at(gantry_sim(machine), position_law(machine), rad(from_deg))
+    loop = ClosedLoop.standing_at(
+        gantry_sim(machine), position_law(machine), rad(from_deg), compensation(machine)
+    )
     before = loop.run(hold(rad(from_deg)), REST_S)
     log = loop.run(plan, plan.duration + machine.control.scan_period_ms * 1e-3 + SETTLE_S)
     return _evaluate(machine, before, log, (from_deg, to_deg), speed_deg_s)

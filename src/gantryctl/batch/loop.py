@@ -43,25 +43,43 @@ class ClosedLoop:
         sim: drive and plant; moves on with every run.
         law: the position loop.
         zero_counts: encoder counts at gantry angle 0.
+        compensation: what goes beyond the position law, with its state; None for nothing.
     """
 
-    def __init__(self, sim: _core.GantrySim, law: _core.PositionLaw, zero_counts: float) -> None:
+    def __init__(
+        self,
+        sim: _core.GantrySim,
+        law: _core.PositionLaw,
+        zero_counts: float,
+        compensation: _core.Compensation | None = None,
+    ) -> None:
         self.sim = sim
         self.law = law
         self.zero_counts = zero_counts
+        self.compensation = compensation
 
     @classmethod
-    def standing_at(cls, sim: _core.GantrySim, law: _core.PositionLaw, angle_rad: float) -> ClosedLoop:
+    def standing_at(
+        cls,
+        sim: _core.GantrySim,
+        law: _core.PositionLaw,
+        angle_rad: float,
+        compensation: _core.Compensation | None = None,
+    ) -> ClosedLoop:
         """Standing still with the servo on, the encoder zeroed so that the load is where the set-point says."""
         sim.static_start(angle_rad, True)
         counts = sim.feedback(law.rad_per_count)[0]
-        return cls(sim, law, float(round(counts - law.ratio * angle_rad / law.rad_per_count)))
+        motor_rad = angle_rad if compensation is None else angle_rad + compensation.lead(angle_rad)
+        zero_counts = float(round(counts - law.ratio * motor_rad / law.rad_per_count))
+        return cls(sim, law, zero_counts, compensation)
 
     def run(self, plan: _core.Segments, duration_s: float) -> Log:
         """Run `duration_s` (rounded up to whole scans) of a plan and keep every scan."""
         period_s = self.sim.scan_period_s
         values = np.empty((len(_core.LOG_COLUMNS), scans(duration_s, period_s)))
-        _core.run_closed_loop(self.sim, self.law, plan, self.zero_counts, values)
+        _core.run_closed_loop(
+            self.sim, self.law, plan, self.zero_counts, values, compensation=self.compensation
+        )
         return Log(values, period_s)
 
     def command(self, mode: int, duration_s: float, *, brake_open: bool) -> Log:
@@ -99,14 +117,17 @@ class LegStatistics(NamedTuple):
 
 
 def run_legs(loops: Sequence[ClosedLoop], legs: Sequence[Leg], threads: int = 1) -> list[LegStatistics]:
-    """Take every plant through every leg; one entry per leg. All loops share the law of the first.
+    """Take every plant through every leg; one entry per leg. All loops share the law of the first; either all
+    have a compensation of their own or none has.
 
     The number of threads has no effect on the result.
     """
     sims = [loop.sim for loop in loops]
     period_s = sims[0].scan_period_s
     native = [(leg.plan, scans(leg.duration_s, period_s), scans(leg.average_s, period_s)) for leg in legs]
-    result = _core.run_legs(sims, loops[0].law, native, [loop.zero_counts for loop in loops], threads)
+    zero_counts = [loop.zero_counts for loop in loops]
+    own = [loop.compensation for loop in loops if loop.compensation is not None]
+    result = _core.run_legs(sims, loops[0].law, native, zero_counts, threads, own)
     return [LegStatistics(*result[:, k, :].T) for k in range(len(legs))]
 
 

@@ -105,6 +105,7 @@ class SimDrive:
             False,
             0,
             self._digital_inputs(),
+            self.sim.ring_reading(),
         )
 
     def write(self, output: OutputImage) -> None:

@@ -6,8 +6,6 @@ Only `plant` is the simulated world; nothing that controls may read it.
 
 from __future__ import annotations
 
-from gantryctl.machine.consistency import RULES
-from gantryctl.machine.derived import Derived, derived
 from gantryctl.machine.calibration import (
     Calibration,
     Identified,
@@ -17,6 +15,8 @@ from gantryctl.machine.calibration import (
     identity_hash,
     load_calibration,
 )
+from gantryctl.machine.consistency import RULES
+from gantryctl.machine.derived import Derived, derived
 from gantryctl.machine.effective import (
     Difference,
     Origin,

@@ -82,7 +82,9 @@ class Maps(Table):
 
     gear_rad: Waves = Field(max_length=2 * MAP_HARMONICS + 1)
     reversal_rad: Waves = Field(max_length=2 * REVERSAL_HARMONICS + 1)
-    scale_rad: tuple[Annotated[float, Field(ge=-0.1, le=0.1)], ...] = Field(max_length=2 * SCALE_HARMONICS + 1)
+    scale_rad: tuple[Annotated[float, Field(ge=-0.1, le=0.1)], ...] = Field(
+        max_length=2 * SCALE_HARMONICS + 1
+    )
     fast: tuple[FastWave, ...] = Field(max_length=6)
 
 
@@ -145,7 +147,9 @@ def load_calibration(path: Path) -> Calibration:
             f"{name}: {'.'.join(str(part) for part in problem['loc'])}: {problem['msg']}"
             for problem in error.errors(include_url=False, include_input=False)
         ]
-        raise ConfigError([*lines, f"{name}: is no usable calibration: run `gantryctl identify` again"]) from None
+        raise ConfigError(
+            [*lines, f"{name}: is no usable calibration: run `gantryctl identify` again"]
+        ) from None
 
 
 def calibration_toml(calibration: Calibration) -> str:

@@ -17,6 +17,7 @@ MAX_FAST_WAVES = 6
 def _fast_cycles(default: tuple[float, ...], meaning: str) -> Any:
     return Field(
         default=default,
+        min_length=1,
         max_length=MAX_FAST_WAVES,
         description=meaning,
         json_schema_extra={UNIT: "-", SOURCE: "derived"},
@@ -27,7 +28,9 @@ class TorqueFeedForward(Table):
     """[control.compensation.torque]: motor torque that is known beforehand, given to the drive."""
 
     eccentric: bool = switch(False, "choice", "Feed forward the torque that carries the eccentric moment.")
-    acceleration: bool = switch(False, "choice", "Feed forward the torque that accelerates; jerk-limited only.")
+    acceleration: bool = switch(
+        False, "choice", "Feed forward the torque that accelerates; jerk-limited only."
+    )
     limit_nm: float = number(60.0, 0.0, 500.0, "N m", "choice", "Largest torque fed forward, motor side.")
 
 
@@ -40,7 +43,12 @@ class GearMap(Table):
         "Waves per gantry turn to identify beside the slow ones: tooth mesh, motor, wave generator.",
     )
     fade_hz: float = number(
-        8.0, 0.1, 100.0, "Hz", "choice", "A wave that passes faster is no longer followed: torque for nothing."
+        8.0,
+        0.1,
+        100.0,
+        "Hz",
+        "choice",
+        "A wave that passes faster is no longer followed: torque for nothing.",
     )
     limit_deg: float = number(
         0.05, 0.0, 0.5, "deg", "choice", "Largest correction of all maps together, the motor's lead."
@@ -55,7 +63,7 @@ class Windup(Table):
     )
     reversal: bool = switch(False, "choice", "Lost motion of friction and backlash, by the last direction.")
     reversal_length_deg: float = number(
-        0.01, 1e-4, 1.0, "deg", "choice", "Way over which the direction turns round."
+        0.01, 1e-4, 0.5, "deg", "choice", "Way over which the direction turns round."
     )
 
 
@@ -65,10 +73,15 @@ class LoadEncoderLoop(Table):
     active: bool = switch(False, "choice", "Close the loop.")
     own_errors: bool = switch(False, "choice", "Take the encoder's own errors out, from the calibration.")
     integral_per_s: float = number(1.0, 0.01, 10.0, "1/s", "choice", "Integral gain.")
-    dead_band_deg: float = number(1e-4, 0.0, 0.01, "deg", "choice", "Errors below this are left alone.")
+    dead_band_deg: float = number(1e-4, 0.0, 0.005, "deg", "choice", "Errors below this are left alone.")
     limit_deg: float = number(0.05, 0.0, 0.5, "deg", "choice", "Largest correction.")
     disagreement_deg: float = number(
-        0.05, 0.001, 5.0, "deg", "choice", "Difference of both encoders that trips; supervised if the loop is closed."
+        0.05,
+        0.001,
+        2.5,
+        "deg",
+        "choice",
+        "Difference of both encoders that trips; supervised if the loop is closed.",
     )
     disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "ms", "choice", "How long, before it trips.")
 
@@ -79,7 +92,7 @@ class Damping(Table):
     active: bool = switch(False, "choice", "Damp the swing.")
     gain: float = number(0.05, 0.0, 0.3, "-", "choice", "Part of the swing that the motor yields to.")
     filter_ms: float = number(5.0, 0.1, 100.0, "ms", "choice", "Filter of the load speed.")
-    slow_s: float = number(1.0, 0.1, 100.0, "s", "choice", "Twist that lasts longer is no swing.")
+    slow_s: float = number(1.0, 0.1, 50.0, "s", "choice", "Twist that lasts longer is no swing.")
 
 
 class Compensation(Table):

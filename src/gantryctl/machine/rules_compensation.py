@@ -14,9 +14,7 @@ rule = book.rule
 
 _AT = "control.compensation"
 _PROFILE = "virtual_axis.profile"
-_STEP = (
-    'needs [virtual_axis] profile = "jerk_limited": a step of the acceleration would become a jump of the command'
-)
+_STEP = 'must go with [virtual_axis] profile = "jerk_limited": a step of the acceleration becomes a jump of the command'
 
 
 @rule(f"{_AT}.torque.acceleration", _PROFILE)
@@ -38,14 +36,14 @@ def damping_needs_the_load_encoder(m: Machine) -> str | None:
     """Swing damping sees the load through the load-side encoder."""
     c = m.control.compensation
     wrong = c.damping.active and not c.load_encoder.active
-    return "needs the load-side encoder, which it reads: switch its loop on too" if wrong else None
+    return "must go with the load-side loop, whose encoder it reads: switch that on too" if wrong else None
 
 
 @rule(f"{_AT}.load_encoder.own_errors", f"{_AT}.load_encoder.active")
 def own_errors_need_the_load_encoder(m: Machine) -> str | None:
     """The load-side encoder's own errors matter only where it is read."""
     c = m.control.compensation.load_encoder
-    return "needs the load-side loop: switch it on too" if c.own_errors and not c.active else None
+    return "must go with the load-side loop: switch that on too" if c.own_errors and not c.active else None
 
 
 @rule(f"{_AT}.load_encoder.active", "plant.load_encoder.fitted", "drive.kind")
@@ -56,14 +54,22 @@ def load_encoder_is_there(m: Machine) -> str | None:
         and m.drive.kind == "sim"
         and not m.plant.load_encoder.fitted
     )
-    return "the simulated gantry has no encoder on its ring" if wrong else None
+    return "must stay false: the simulated gantry has no encoder on its ring" if wrong else None
 
 
-@rule(f"{_AT}.calibration", f"{_AT}.gear_map.active", f"{_AT}.windup.active", f"{_AT}.damping.active")
+_LIVE_ON_IT = (
+    "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
+    "load_encoder.own_errors", "damping.active",
+)  # fmt: skip
+
+
+@rule(f"{_AT}.calibration", *(f"{_AT}.{key}" for key in _LIVE_ON_IT))
 def calibration_is_named(m: Machine) -> str | None:
     """What lives on identified values needs a calibration file."""
     c = m.control.compensation
     missing = c.needs_calibration and not c.calibration
-    return "a compensation that is on needs identified values: name the file that `gantryctl identify` writes" if (
-        missing
-    ) else None
+    return (
+        "must name the file that `gantryctl identify` writes: a compensation that is on needs identified values"
+        if (missing)
+        else None
+    )

@@ -14,6 +14,7 @@ from gantryctl.program.power_phases import PowerPhase, Proof
 from gantryctl.program.program import AxisProgram
 from gantryctl.program.settings import (
     AxisSettings,
+    CompensationSettings,
     Hold,
     LawSettings,
     MonitorSettings,
@@ -36,6 +37,7 @@ __all__ = [
     "AxisState",
     "Code",
     "CommandStatus",
+    "CompensationSettings",
     "Definition",
     "GantryProgram",
     "Hold",

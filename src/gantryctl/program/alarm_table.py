@@ -56,6 +56,13 @@ _ENCODER: Final = (
         "Plan its service. The axis goes on.",
     ),
     Definition(
+        Code.ENC_07, "Encoders disagree", _STOP, _TO,
+        "Load-side encoder {measured:.4f} deg away from motor encoder and maps, limit {limit:.4f} deg",
+        "One of the two encoders is wrong, the calibration belongs to another machine, or something between "
+        "motor and ring has slipped or broken.",
+        "Compare the angle with the marks. Find out which encoder is right before anything moves.", lock=True,
+    ),
+    Definition(
         Code.CAN_07, "Reading too old", _STOP, _QS,
         "The drive's reading is {measured:.0f} ms old, limit {limit:.0f} ms",
         "The drive's telegrams come late or not at all.",

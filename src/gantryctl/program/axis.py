@@ -131,7 +131,8 @@ class Axis(AxisScan):
         if refused is not None:
             return refused
         counts_per_rad = self.settings.law.counts_per_turn * self.settings.law.ratio / (2.0 * math.pi)
-        self.zero_counts = self.feedback.counts - position_rad * counts_per_rad
+        motor_rad = position_rad if self.load_side is None else self.load_side.new_reference(position_rad)
+        self.zero_counts = self.feedback.counts - motor_rad * counts_per_rad
         self.power.rebase()
         self.pos_act_rad = position_rad
         if self.virtual.following:

@@ -12,6 +12,7 @@ from gantryctl.program.codes import Code, Reaction
 from gantryctl.program.commands import MotionCommands
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.interlocks import Interlocks
+from gantryctl.program.load_side import LoadSide
 from gantryctl.program.monitors import Monitors
 from gantryctl.program.power import PowerSequence
 from gantryctl.program.power_phases import PowerPhase
@@ -30,7 +31,7 @@ class AxisScan:
 
     __slots__ = (
         "_error", "_events", "_hold_scans", "_law", "_ratio", "_settled", "_switching_off", "_torque_max",
-        "_vel_max", "_vel_next", "alarms", "feedback", "interlocks", "monitors", "motion", "pos_act_rad",
+        "_vel_max", "_vel_next", "alarms", "feedback", "interlocks", "load_side", "monitors", "motion", "pos_act_rad",
         "pos_err_rad", "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state",
         "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
@@ -42,9 +43,15 @@ class AxisScan:
         self._ratio = law.ratio
         self._vel_max = settings.speed.command_clamp_rad_s * law.ratio
         self._torque_max = settings.power.torque_max_nm
-        self._law = PositionLaw(law.kpp_per_s, law.kvf, law.ratio, law.counts_per_turn, self._vel_max).scan
+        position_law = PositionLaw(law.kpp_per_s, law.kvf, law.ratio, law.counts_per_turn, self._vel_max)
+        self._law = position_law.scan
         self.alarms = AlarmLog()
         self.feedback = Feedback(settings, self.alarms)
+        self.load_side = (
+            None
+            if settings.compensation is None
+            else LoadSide(settings, settings.compensation, position_law, self.feedback, self.alarms)
+        )
         self.virtual = VirtualAxis(settings, keep_plans=keep_plans)
         self.power = PowerSequence(settings, self.feedback, self.alarms)
         self.interlocks = Interlocks(settings, self.feedback, self.alarms)
@@ -76,13 +83,19 @@ class AxisScan:
         virtual.changed = False
         if virtual.following:
             virtual.sample(scan)
-            self._vel_next, pos, self.pos_err_rad = self._law(
-                virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts
-            )
+            if self.load_side is None:
+                self._vel_next, pos, self.pos_err_rad = self._law(
+                    virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts
+                )
+            else:
+                self._vel_next, pos, self.pos_err_rad = self.load_side.scan(virtual, counts)
             self.pos_act_rad = alarms.pos_rad = pos
             self.monitors.scan(pos, self.pos_err_rad, self.vel_cmd_rad_s)
         else:
-            _, pos, _ = self._law(0.0, 0.0, counts)
+            if self.load_side is None:
+                _, pos, _ = self._law(0.0, 0.0, counts)
+            else:
+                pos = self.load_side.resting(counts)
             self.pos_act_rad = alarms.pos_rad = pos
             virtual.release(pos)
             self.monitors.scan_released(pos)
@@ -103,13 +116,13 @@ class AxisScan:
         """What this scan says to the drive, after the program's logic; decides on the axis state."""
         virtual, power, motion = self.virtual, self.power, self.motion
         vel_cmd = 0.0
+        torque = power.torque_ff_nm
         if virtual.following:
             if virtual.changed:
-                self._vel_next, self.pos_act_rad, self.pos_err_rad = self._law(
-                    virtual.pos_ref_rad, virtual.vel_ref_rad_s, self.feedback.counts - self.zero_counts
-                )
+                self._control_again()
             vel_cmd = self._vel_next
-        torque = power.torque_ff_nm
+            if self.load_side is not None:
+                torque += self.load_side.torque_ff_nm
         vel_max, torque_max = self._vel_max, self._torque_max
         if not (-vel_max <= vel_cmd <= vel_max and -torque_max <= torque <= torque_max):
             vel_cmd, torque = self._guard(vel_cmd, torque)
@@ -124,6 +137,15 @@ class AxisScan:
         if events != self._events or not self._settled:
             self._decide(AxisEvents(*events))
         return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
+
+    def _control_again(self) -> None:
+        """The program took a new plan in this scan: the position loop once more, for its set-point."""
+        virtual, counts = self.virtual, self.feedback.counts - self.zero_counts
+        self._vel_next, self.pos_act_rad, self.pos_err_rad = (
+            self._law(virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts)
+            if self.load_side is None
+            else self.load_side.scan_again(virtual, counts)
+        )
 
     # --- the slow paths ---------------------------------------------------------------------------
 
@@ -174,6 +196,8 @@ class AxisScan:
     def _follow(self) -> None:
         """Power is on: the set-point is where the axis is, and the axis follows from now on."""
         self.virtual.follow_from(self.pos_act_rad, self.scan)
+        if self.load_side is not None:
+            self.load_side.begin()
         self.monitors.reset()
         self.monitors.open_the_way_back(self.pos_act_rad)
 

@@ -44,6 +44,7 @@ class Code(StrEnum):
     ENC_04 = "ENC-04"
     ENC_05 = "ENC-05"
     ENC_06 = "ENC-06"
+    ENC_07 = "ENC-07"
     CTL_01 = "CTL-01"
     CTL_02 = "CTL-02"
     CTL_03 = "CTL-03"

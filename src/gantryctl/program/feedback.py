@@ -24,6 +24,7 @@ class Feedback:
     Attributes:
         counts: encoder count used this scan; a single bad reading is replaced by a prediction.
         vel_rad_s: the drive's speed at the gantry.
+        pos_ring_rad: reading of a load-side encoder, unchecked; 0 without one.
         position_valid: False after a fault of the encoder.
         unchanged_scans: scans without a new count while the axis is told to move.
     """
@@ -31,8 +32,8 @@ class Feedback:
     __slots__ = (
         "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max",
         "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s",
-        "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm",
-        "error_code", "inputs", "overload", "position_valid", "state", "torque_limited", "torque_nm",
+        "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm", "error_code",
+        "inputs", "overload", "pos_ring_rad", "position_valid", "state", "torque_limited", "torque_nm",
         "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
@@ -66,6 +67,7 @@ class Feedback:
         self.age_scans = 0
         self._doubt = False
         self.inputs = DigitalInputs()
+        self.pos_ring_rad = 0.0
         self.position_valid = True
         self.encoder_alarm = False
 
@@ -73,7 +75,7 @@ class Feedback:
         """Take this scan's reading; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
-            encoder, self.error_code, self.warning, age, self.inputs,
+            encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad,
         ) = drive  # fmt: skip
         step = counts - self.counts
         vel = self.vel_rad_s

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
+from gantryctl._core import Compensation
 from gantryctl.motion import MotionLimits
 
 _DEG: Final = math.pi / 180.0
@@ -158,6 +159,18 @@ class PowerSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class CompensationSettings:
+    """What the position loop does beyond the paper's."""
+
+    laws: Compensation
+    """Switches, numbers and maps; an axis takes a copy of its own."""
+    load_encoder: bool = False
+    """A load-side encoder is read, and watched against the motor's."""
+    disagreement_rad: float = 0.05 * _DEG
+    disagreement_time_s: float = 0.020
+
+
+@dataclass(frozen=True, slots=True)
 class AxisSettings:
     """All of it."""
 
@@ -168,6 +181,7 @@ class AxisSettings:
     law: LawSettings
     power: PowerSettings
     monitors: MonitorSettings = field(default_factory=MonitorSettings)
+    compensation: CompensationSettings | None = None
 
     def scans(self, time_s: float, least: int = 2) -> int:
         """`scans` with this axis' period."""

@@ -8,7 +8,8 @@ from gantryctl import _core
 from gantryctl.devices.ideal import IdealDrive
 from gantryctl.devices.sim import SimDrive
 from gantryctl.machine import Machine
-from gantryctl.units import rad
+from gantryctl.units import deg, rad
+from gantryctl.wiring.compensation import compensation
 from gantryctl.wiring.plant import counts_per_turn, gantry_sim, total_ratio
 
 
@@ -47,7 +48,9 @@ def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
         return _ideal_zero_counts(machine)
     drive = sim_drive(machine, angle_deg)
     at_angle = drive.read().pos_act_counts
-    return round(at_angle - angle_deg / 360.0 * total_ratio(machine) * counts_per_turn(machine))
+    laws = compensation(machine)
+    lead_deg = 0.0 if laws is None else deg(laws.lead(rad(angle_deg)))
+    return round(at_angle - (angle_deg + lead_deg) / 360.0 * total_ratio(machine) * counts_per_turn(machine))
 
 
 def ideal_drive(machine: Machine, angle_deg: float = 0.0) -> IdealDrive:

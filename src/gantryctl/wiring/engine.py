@@ -10,6 +10,7 @@ from gantryctl.machine import Machine
 from gantryctl.ports import Clock, Operator, Recorder
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.runtime import Engine, HeldOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
+from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.drives import delivered_zero_counts, ideal_drive, sim_drive
 from gantryctl.wiring.settings import axis_settings
 
@@ -43,6 +44,8 @@ def build_engine(
     """
     if drive is None:
         drive = ideal_drive(machine) if machine.drive.kind == "ideal" else sim_drive(machine)
+    if machine.control.compensation.needs_calibration and isinstance(drive, SimDrive):
+        check_calibration(machine, drive.identity().encoder_serial)
     if zero_counts is None:
         zero_counts = float(delivered_zero_counts(machine))
     settings = axis_settings(machine, holding_torque_nm)

@@ -6,6 +6,7 @@ import math
 from typing import Final
 
 from gantryctl import _core
+from gantryctl.instruments.load_encoder import SCALE_TERMS
 from gantryctl.machine import Machine
 from gantryctl.machine.plant import GearError, Plant
 from gantryctl.motion import MotionLimits
@@ -173,7 +174,18 @@ def gantry_sim(
         integration.rk4_steps,
     )
     sim.count_offset = float(machine.plant.encoder.mounting_turns * counts_per_turn(machine))
+    if machine.plant.load_encoder.fitted:
+        fit_load_encoder(machine, sim)
     return sim
+
+
+def fit_load_encoder(machine: Machine, sim: _core.GantrySim) -> None:
+    """Put the encoder of [plant.load_encoder] on the simulated ring, zeroed at 0 deg."""
+    encoder = machine.plant.load_encoder
+    scale = [(waves, gain * encoder.scale_error_rad, phase) for waves, gain, phase in SCALE_TERMS]
+    sim.fit_load_encoder(
+        2.0 * math.pi / 2.0**encoder.bits, encoder.noise_rad, encoder.latency_us * 1e-6, scale
+    )
 
 
 def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLimits:

@@ -17,6 +17,7 @@ from gantryctl.program.settings import (
     TravelSettings,
 )
 from gantryctl.units import rad
+from gantryctl.wiring.compensation import compensation_settings
 from gantryctl.wiring.plant import counts_per_turn, total_ratio
 
 _MS: Final = 1e-3
@@ -50,6 +51,7 @@ def axis_settings(machine: Machine, holding_torque_nm: float = 0.0) -> AxisSetti
         ),
         power=_power(machine, holding_torque_nm),
         monitors=_monitors(machine),
+        compensation=compensation_settings(machine),
     )
 
 

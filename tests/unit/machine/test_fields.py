@@ -82,7 +82,7 @@ def test_elements_and_lengths_of_arrays(path):
     ):
         line = refused(path, [*usual[:-1], value])[0]
         assert line.startswith(f"f.toml: {spec.place}[{len(usual) - 1}] = ")
-    assert "has 40 numbers" in refused(path, [0.1] * 40)[0]
+    assert "has 40 numbers" in refused(path, [usual[0]] * 40)[0]
     assert "has 0 numbers" in refused(path, [])[0]
 
 

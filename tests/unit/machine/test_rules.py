@@ -8,6 +8,7 @@ from gantryctl.machine.fields import Table
 
 MACHINE = default_machine()
 TRANSMISSION = "plant.transmission."
+COMPENSATION = "control.compensation."
 
 # By rule: changes that break it.
 BREAKS = {
@@ -55,6 +56,12 @@ BREAKS = {
     "scan_is_whole_cycles": {"control.scan_period_ms": 1.1},
     "position_loop_is_sampled_enough": {"control.kpp_per_s": 130.0, "control.scan_period_ms": 4.0},
     "integral_is_sampled_enough": {"drive.speed_loop.tvi_ms": 0.2},
+    "acceleration_torque_without_steps": {COMPENSATION + "torque.acceleration": True},
+    "windup_without_steps": {COMPENSATION + "windup.active": True},
+    "damping_needs_the_load_encoder": {COMPENSATION + "damping.active": True},
+    "own_errors_need_the_load_encoder": {COMPENSATION + "load_encoder.own_errors": True},
+    "load_encoder_is_there": {COMPENSATION + "load_encoder.active": True},
+    "calibration_is_named": {COMPENSATION + "gear_map.active": True},
     "speed_loop_is_sampled_enough": {
         "motor.inertia_kg_m2": 0.005, "plant.motor.wave_generator_inertia_kg_m2": 0.0,
     },

@@ -25,7 +25,7 @@ KEY_FIELDS = [
 ]  # fmt: skip
 
 # 0 deg stays 0 deg in every unit.
-UNNOTICED = {"plant.load.eccentric_angle_deg"}
+UNNOTICED = {"plant.load.eccentric_angle_deg", "control.compensation.latency_us"}
 
 
 def changed(path, factor):

@@ -1,0 +1,195 @@
+// The compensations against their closed forms, their limits, and what a wrong or missing number does to
+// them.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/control/compensated_law.hpp"
+#include "core/plant/load_encoder.hpp"
+#include "example.hpp"
+
+namespace gantry {
+namespace {
+
+using Params = CompensationParams<double>;
+using State = CompensationState<double>;
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+Params maps() {
+  Params p;
+  p.gear_map = p.windup = p.reversal = true;
+  p.map.mean = 1e-6;
+  p.map.sine = {3e-5, -2e-5, 1e-5};
+  p.map.cosine = {1e-5, 4e-6, -7e-6};
+  p.lost_motion.mean = 1.4e-5;
+  p.lost_motion.cosine = {2e-6, -3e-6};
+  p.fast[0] = {338.0, 4e-6, 1e-6};
+  p.fast[1] = {1144.0, 1e-6, -2e-6};
+  p.moment_sine_nm = 1.6e4;
+  p.moment_cosine_nm = -2e3;
+  p.compliance_rad_per_nm = 2.8e-9;
+  p.windup_per_acc_s2 = 6.2e-3;
+  p.pos_limit_rad = 1e-3;
+  return p;
+}
+
+TEST(Harmonics, are_the_sum_of_their_waves) {
+  const Params p = maps();
+  for (double x : {-3.1, -0.4, 0.0, 1.7}) {
+    double value = p.map.mean, slope = 0.0;
+    for (int n = 1; n <= 3; ++n) {
+      const auto k = static_cast<std::size_t>(n - 1);
+      value += p.map.sine[k] * std::sin(n * x) + p.map.cosine[k] * std::cos(n * x);
+      slope += n * (p.map.sine[k] * std::cos(n * x) - p.map.cosine[k] * std::sin(n * x));
+    }
+    EXPECT_NEAR(harmonics(p.map, x).value, value, 1e-18);
+    EXPECT_NEAR(harmonics(p.map, x).slope, slope, 1e-18);
+  }
+}
+
+// The speed of every correction is its change per time: the feed-forward would push the wrong way otherwise.
+TEST(Maps, speed_is_the_derivative_of_the_position) {
+  Params p = maps();
+  p.fade_rad_s = 1e12;  // the fading itself moves with the speed and is left out of the derivative on purpose
+  const double pos = 0.7, vel = 0.05, acc = 0.01, jerk = 0.02, h = 1e-5;
+  const auto at = [&](double t) {
+    return map_correction(p, 0.3 + 2.0 * t, 2.0, pos + t * (vel + t * (acc / 2 + t * jerk / 6)),
+                          vel + t * (acc + t * jerk / 2), acc + t * jerk, jerk);
+  };
+  const double slope = (at(h).pos - at(-h).pos) / (2 * h);
+  EXPECT_NEAR(at(0.0).vel, slope, 1e-6 * std::fabs(slope));
+}
+
+TEST(Maps, windup_is_torque_over_stiffness) {
+  Params p = maps();
+  p.gear_map = p.reversal = false;
+  const double pos = 1.1, acc = 0.0117;
+  const double wanted = (1.6e4 * std::sin(pos) - 2e3 * std::cos(pos)) * 2.8e-9 + 6.2e-3 * acc;
+  EXPECT_NEAR(map_correction(p, 0.0, 0.0, pos, 0.0, acc, 0.0).pos, wanted, 1e-16);
+}
+
+TEST(Maps, are_limited_and_then_stand_still) {
+  Params p = maps();
+  p.map.sine[0] = 1.0;  // a map of nonsense
+  const auto c = map_correction(p, 1.0, 5.0, 1.5, 0.1, 0.0, 0.0);
+  EXPECT_EQ(c.pos, p.pos_limit_rad);
+  EXPECT_EQ(c.vel, 0.0);
+}
+
+TEST(Maps, waves_that_pass_too_fast_are_left_alone) {
+  Params p = maps();
+  p.fade_rad_s = 50.0;
+  Params slow = p;
+  slow.fast = {};
+  const auto difference = [&](double vel) {
+    return std::fabs(gear_correction(p, 0.7, vel).pos - gear_correction(slow, 0.7, vel).pos);
+  };
+  EXPECT_GT(difference(0.001), 1e-6);
+  EXPECT_LT(difference(1.0), 0.01 * difference(0.001));  // 338 waves at 1 rad/s: (338/50)^4 is 2000
+}
+
+TEST(TorqueFeedForward, is_clamped_and_zero_where_the_axis_began) {
+  Params p = maps();
+  p.torque_eccentric = p.torque_acceleration = true;
+  p.inertia_kg_m2 = 2.65e6;
+  p.torque_limit_nm = 20.0;
+  State s;
+  const PositionLawParams law = example::law();
+  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 0.0}, 0.0, 0.0).torque_ff_nm, 0.0);
+  const double up = compensated_law(law, p, s, {1.0, 0.0, 0.004}, 0.0, 0.0).torque_ff_nm;
+  EXPECT_NEAR(up, 2.65e6 * 0.004 / law.ratio, 1e-9);
+  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 1.0}, 0.0, 0.0).torque_ff_nm, 20.0);
+  EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, -1.0}, 0.0, 0.0).torque_ff_nm, -20.0);
+}
+
+TEST(LoadSide, integral_goes_towards_the_error_and_is_limited) {
+  Params p;
+  p.load_encoder = true;
+  p.encoder_gain_per_s = 1.0;
+  p.encoder_dead_band_rad = 2e-6;
+  p.encoder_limit_rad = 1e-4;
+  EXPECT_EQ(load_side_bias(p, 0.0, 1.9e-6), 0.0);
+  EXPECT_NEAR(load_side_bias(p, 0.0, 1e-3), 1e-6, 1e-18);
+  EXPECT_EQ(load_side_bias(p, 1e-4, 1.0), 1e-4);
+  EXPECT_EQ(load_side_bias(p, -1e-4, -1.0), -1e-4);
+}
+
+TEST(CompensatedLaw, with_everything_off_is_the_position_law) {
+  const PositionLawParams law = example::law();
+  const Params p;
+  State s;
+  for (double counts : {0.0, 1e6, -3e7}) {
+    const auto bare = position_law(law, 0.3, 0.01, counts);
+    const auto with = compensated_law(law, p, s, {0.3, 0.01, 0.002}, counts, kNaN);
+    EXPECT_EQ(with.law.vel_cmd_rad_s, bare.vel_cmd_rad_s);
+    EXPECT_EQ(with.law.pos_act_rad, bare.pos_act_rad);
+    EXPECT_EQ(with.law.pos_err_rad, bare.pos_err_rad);
+    EXPECT_EQ(with.torque_ff_nm, 0.0);
+  }
+}
+
+TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
+  Params p;
+  p.load_encoder = p.damping = true;
+  p.damping_gain = 0.05;
+  p.swing_rad_s = 12.6;
+  State s;
+  const PositionLawParams law = example::law();
+  compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 0.0);
+  EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 1e3).law.vel_cmd_rad_s, -law.vel_max_rad_s);
+}
+
+TEST(CompensatedLaw, lets_nan_through_to_the_guard) {
+  Params p = maps();
+  p.load_encoder = true;
+  p.encoder_gain_per_s = 1.0;
+  p.encoder_limit_rad = 1e-4;
+  const PositionLawParams law = example::law();
+  State s;
+  const auto lost = compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, kNaN);
+  EXPECT_TRUE(std::isnan(lost.law.vel_cmd_rad_s));
+  EXPECT_TRUE(std::isnan(lost.disagreement_rad));
+  State other;
+  EXPECT_TRUE(std::isnan(compensated_law(law, p, other, {0.0, 0.0, 0.0}, kNaN, 0.0).law.vel_cmd_rad_s));
+}
+
+TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {
+  const Params p = maps();
+  const PositionLawParams law = example::law();
+  State s;
+  s.direction = 1.0;
+  const double counts = 0.9 * law.ratio / law.rad_per_count;
+  const double rest = resting_position(law, p, s, counts);
+  const auto first = compensated_law(law, p, s, {rest, 0.0, 0.0}, counts, 0.0);
+  // third order of a map of 1e-4 rad with slopes of 4e-3; 5e-9 rad are a sixtieth of an encoder step
+  EXPECT_NEAR(first.law.pos_err_rad, 0.0, 5e-9);
+  EXPECT_NEAR(first.law.pos_act_rad, rest, 5e-9);
+}
+
+TEST(LoadEncoder, noise_has_mean_0_and_variance_1) {
+  double sum = 0.0, squares = 0.0;
+  constexpr int kReadings = 100000;
+  for (std::uint64_t n = 0; n < kReadings; ++n) {
+    const double x = reading_noise(n);
+    sum += x;
+    squares += x * x;
+  }
+  // three standard errors of mean and variance
+  EXPECT_NEAR(sum / kReadings, 0.0, 0.0095);
+  EXPECT_NEAR(squares / kReadings, 1.0, 0.0135);
+}
+
+TEST(LoadEncoder, reads_steps_of_an_older_angle_with_its_own_errors) {
+  LoadEncoderParams p;
+  p.fitted = true;
+  p.step_rad = 1e-6;
+  p.latency_s = 1e-3;
+  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.1, 7), 0.4999, 0.5e-6);
+  p.step_rad = 0.0;
+  p.scale[0] = {2.0, 4e-6, 1.0};
+  EXPECT_NEAR(load_encoder_reading(p, 0.0, 0.0, 7), 0.0, 1e-18);
+  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.0, 7), 0.5 + 4e-6 * (std::sin(2.0) - std::sin(1.0)), 1e-15);
+}
+
+}  // namespace
+}  // namespace gantry

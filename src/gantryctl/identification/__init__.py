@@ -1,0 +1,11 @@
+"""What one machine is like, measured: slow turns, fast moves and a creep, and the numbers fitted to them.
+
+The controller's compensations live on these numbers and on nothing else. The runs use the public position loop
+with all compensations off; the truth of a simulated plant is read only to say how wrong the numbers are.
+"""
+
+from gantryctl.identification.fit import Fit, calibrate, fit
+from gantryctl.identification.measure import Instrument, Recording, record
+from gantryctl.identification.truth import Comparison, comparisons
+
+__all__ = ["Comparison", "Fit", "Instrument", "Recording", "calibrate", "comparisons", "fit", "record"]
