@@ -39,6 +39,9 @@ COMMANDS: Final = {
     "analyse": Entry(
         "gantryctl.cli.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
     ),
+    "tune": Entry(
+        "gantryctl.cli.tune", "tune", "Tune the loops: a proposal by the paper's procedure or by margins."
+    ),
     "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
     "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),
