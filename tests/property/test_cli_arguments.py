@@ -6,6 +6,7 @@ import math
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import click
 import pytest
@@ -13,11 +14,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from command_line import cli, done, plant_truth
-from gantryctl.cli.main import COMMANDS
 from gantryctl.cli.main import cli as root
 
-OF_OTHERS = {"eds", "analyse", "size"}
-"""Commands with property tests of their own, or too slow for many runs."""
+HERE = (
+    "move", "jog", "stops", "speed-test", "accuracy", "status", "alarms", "explain", "reset", "encoder", "retain",
+    "config", "trace", "sim", "completion",
+)  # fmt: skip
+"""Those of machine, motion and measuring; sizing, analysis, tuning and drives have tests of their own."""
 TOO_LONG = {"--find-quick", "--real-time"}
 NEVER_BEGINS = {("accuracy", "run"): ["--out", "file"], ("speed-test",): ["--out", "file"]}
 """What makes a long run stop before it begins, after everything else has been judged."""
@@ -59,10 +62,15 @@ WORD = (
 )
 
 
+def mostly(good: st.SearchStrategy[Any], other: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Four times in five the one, else the other: an example with several values is to be accepted now and then."""
+    return st.integers(0, 4).flatmap(lambda k: other if k == 4 else good)
+
+
 def commands() -> dict[tuple[str, ...], click.Command]:
     """Every command by its words."""
     found: dict[tuple[str, ...], click.Command] = {}
-    for name in sorted(COMMANDS.keys() - OF_OTHERS):
+    for name in HERE:
         command = root.get_command(click.Context(root), name)
         assert command is not None
         if isinstance(command, click.Group):
@@ -85,7 +93,7 @@ def command_lines(draw: st.DrawFn) -> list[str]:
         flags = [*option.opts, *option.secondary_opts]
         line.append(draw(st.sampled_from(flags)))
         if not option.is_flag:
-            line.append(draw(WORD))
+            line.append(draw(mostly(NUMBER, WORD)))
     for argument in ALL[words].params:
         if isinstance(argument, click.Argument) and draw(st.integers(0, 9)):
             line.append(draw(WORD))
@@ -107,7 +115,7 @@ def judged(words: list[str]) -> int:
     return answer.code
 
 
-@settings(max_examples=400)
+@settings(max_examples=150)
 @given(command_lines())
 def test_any_value_for_any_option_and_argument(words: list[str]) -> None:
     judged(words)
@@ -135,16 +143,18 @@ def stands_within(before_deg: float) -> None:
     assert here["condition"] == "power off, brake closed"
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(
     start=st.floats(-186.99, 186.99),
-    way=st.sampled_from(["", "--by"]),
-    value=st.one_of(NUMBER, st.floats(-1.0, 1.0).map(repr)),
-    speed=st.none() | NUMBER | st.floats(0.6, 6.0).map(repr),
-    override=st.none() | st.sampled_from(["0", "0.99", "101", "nan", ""]) | st.floats(20.0, 100.0).map(repr),
+    way=st.booleans(),
+    value=mostly(st.floats(-180.0, 180.0).map(repr), NUMBER),
+    speed=mostly(st.none() | st.floats(3.0, 6.0).map(repr), NUMBER),
+    override=mostly(
+        st.none() | st.floats(50.0, 100.0).map(repr), st.sampled_from(["0", "0.99", "101", "nan", ""])
+    ),
 )
 def test_any_move_from_anywhere(
-    start: float, way: str, value: str, speed: str | None, override: str | None
+    start: float, way: bool, value: str, speed: str | None, override: str | None
 ) -> None:
     done("sim", "reset", "--angle", repr(start))
     words = ["move", "--no-trace", "--json"]
@@ -171,8 +181,8 @@ def test_any_move_from_anywhere(
 @given(
     start=st.floats(-186.99, 186.99),
     key=st.sampled_from("+-"),
-    seconds=NUMBER | st.floats(0.0, 8.0).map(repr),
-    speed=st.none() | NUMBER | st.floats(0.6, 6.0).map(repr),
+    seconds=mostly(st.floats(0.0, 8.0).map(repr), NUMBER),
+    speed=mostly(st.none() | st.floats(0.6, 6.0).map(repr), NUMBER),
 )
 def test_any_jog_from_anywhere(start: float, key: str, seconds: str, speed: str | None) -> None:
     done("sim", "reset", "--angle", repr(start))
@@ -197,7 +207,7 @@ def test_any_jog_from_anywhere(start: float, key: str, seconds: str, speed: str 
 
 
 @settings(max_examples=60)
-@given(angle=NUMBER | st.floats(-187.0, 187.0).map(repr), witness=TEXT | st.just("mark"))
+@given(angle=mostly(st.floats(-187.0, 187.0).map(repr), NUMBER), witness=mostly(st.just("mark"), TEXT))
 def test_any_zero(angle: str, witness: str) -> None:
     done("sim", "reset")
     before = plant_truth()

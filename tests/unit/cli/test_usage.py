@@ -45,10 +45,10 @@ def test_help_fits_a_terminal_and_needs_no_machine(words: tuple[str, ...], state
     assert not state.exists()
 
 
-def test_the_help_has_one_line_for_every_command() -> None:
-    lines = done("--help").out.splitlines()
+def test_the_help_names_every_command_and_says_what_it_does() -> None:
+    text = " ".join(done("--help").out.split())
     for name, entry in COMMANDS.items():
-        assert any(line.split()[:1] == [name] and line.endswith(entry.help) for line in lines), name
+        assert f" {name} {entry.help}" in text
 
 
 def test_version() -> None:

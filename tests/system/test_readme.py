@@ -1,0 +1,145 @@
+"""Every command line of the README and of the pages for beginners does what the page says."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from command_line import cli, done
+
+ROOT = Path(__file__).parents[2]
+PAGES = {
+    "README.md": [],
+    "docs/tutorials/first-gantry.md": [],
+    "docs/how-to/after-an-alarm.md": ["move 0.5"],
+    "docs/how-to/describe-a-machine.md": ["config init other.toml"],
+}
+"""Pages, and what has to happen before their first command."""
+
+NOT_RUN = {
+    "gantryctl accuracy run --ensemble 8": "`make demo` runs it; ten seconds",
+    "gantryctl tune": "has tests of its own",
+    "gantryctl analyse": "has tests of its own",
+    "gantryctl size": "has tests of its own",
+    "gantryctl drive-sim": "a server that runs until it is stopped; has tests of its own",
+    "gantryctl eds": "has tests of its own",
+}
+"""Command lines that begin like this are not run here, and why."""
+
+EXIT_CODES = {"gantryctl move 200": 2}
+"""Commands that the page says are refused."""
+
+STAND_INS = {"TABLE.csv": "paper_table2.csv"}
+"""Names in capitals are the reader's own files."""
+
+
+class Line(NamedTuple):
+    """A command, what the page shows as its output, and the keys that it tells the reader to set afterwards."""
+
+    command: str
+    output: tuple[str, ...]
+    settings: tuple[tuple[str, str, str], ...]
+
+
+SETTING = re.compile(r"`\[([a-z_.]+)\] ([a-z_0-9]+) = ([^`]+)`")
+
+
+def command_of(text: str) -> str | None:
+    """The command in a line of a code block, without prompt and comment."""
+    text = text.strip().removeprefix("$ ")
+    return text.partition("  #")[0].strip() if text.startswith("gantryctl ") else None
+
+
+def blocks(page: str) -> Iterator[Line]:
+    """The commands in indented blocks (fenced ones hold other languages), each with what follows it."""
+    command, output, prose = None, [], ""
+    for text in page.splitlines():
+        code = text.startswith("    ") and not text.lstrip().startswith(("-", "*"))
+        found = command_of(text) if code else None
+        if found is not None:
+            if command is not None:
+                yield Line(command, tuple(output), tuple(SETTING.findall(prose)))
+            command, output, prose = found, [], ""
+        elif code and command is not None and not prose and text.strip() != "...":
+            output.append(text[4:].rstrip())
+        elif text:
+            prose += " " + text
+    if command is not None:
+        yield Line(command, tuple(output), tuple(SETTING.findall(prose)))
+
+
+def left_out(command: str) -> bool:
+    return any(command.startswith(start) for start in NOT_RUN)
+
+
+def execute(command: str) -> str:
+    """What the command prints; it ends with the exit code that the page promises."""
+    words = [STAND_INS.get(word, word) for word in shlex.split(command)[1:]]
+    answer = cli(*words)
+    assert answer.code == EXIT_CODES.get(command, 0), (command, answer)
+    return answer.out
+
+
+def change(file: Path, table: str, key: str, value: str) -> None:
+    """What the page tells the reader to do with an editor."""
+    before, head, rest = file.read_text(encoding="utf-8").partition(f"\n[{table}]\n")
+    assert head, f"{file} has no [{table}]"
+    body, count = re.subn(rf"(?m)^{key} = [^#\n]*", f"{key} = {value}", rest, count=1)
+    assert count, f"{file}: [{table}] has no {key}"
+    file.write_text(before + head + body, encoding="utf-8")
+
+
+@pytest.fixture(autouse=True)
+def _place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_every_command_in_a_block_does_what_the_page_says(name: str) -> None:
+    lines = list(blocks((ROOT / name).read_text(encoding="utf-8")))
+    assert len(lines) >= 3, "the page has no commands, or this test does not find them"
+    assert name != "docs/tutorials/first-gantry.md" or sum(len(line.settings) for line in lines) >= 3
+    for command in PAGES[name]:
+        done(*command.split())
+    for line in lines:
+        if left_out(line.command):
+            continue
+        printed = execute(line.command)
+        for shown in line.output:
+            assert shown in printed.splitlines(), (line.command, shown, printed)
+        if line.settings and " config init " in line.command:
+            for table, key, value in line.settings:
+                change(Path(line.command.split()[-1]), table, key, value)
+
+
+def test_every_command_in_a_table_of_the_readme_prints_the_figures_beside_it() -> None:
+    """Numbers with two decimals or more in the answer column are those that the command prints."""
+    commands = figures = 0
+    for row in (ROOT / "README.md").read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip(" `") for cell in row.split("|")]
+        if len(cells) != 5 or not cells[2].startswith("gantryctl ") or left_out(cells[2]):
+            continue
+        commands += 1
+        printed = execute(cells[2])
+        for figure in re.findall(r"\d+\.\d{2,}", cells[3]):
+            assert figure in printed, (cells[2], figure)
+            figures += 1
+    assert commands >= 4
+    assert figures >= 5
+
+
+def test_the_weak_machine_of_the_tutorial_ends_as_it_says() -> None:
+    page = (ROOT / "docs/tutorials/first-gantry.md").read_text(encoding="utf-8")
+    assert "`gantryctl move 30 --config weak.toml`" in page
+    assert "exit\ncode 4" in page
+    done("config", "init", "weak.toml")
+    change(Path("weak.toml"), "control", "kvf", "0.0")
+    answer = cli("move", "30", "--config", "weak.toml")
+    assert answer.code == 4
+    assert answer.err.startswith("error: CTL-03 STOP")
