@@ -46,6 +46,21 @@ class EncoderFlag(IntFlag):
     WARNING = 4
 
 
+class LinkFlag(IntFlag):
+    """What is wrong with the connection to a drive on a bus; a drive in this process has none of it."""
+
+    NONE = 0
+    HEARTBEAT_LOST = 1
+    RESTARTED = 2
+    """The drive has booted by itself: it has lost its mapping."""
+    NOT_OPERATIONAL = 4
+    BUS_DOWN = 8
+    OTHER_MASTER = 16
+    """Somebody else sends what only the controller may send."""
+    IGNORES_COMMAND = 32
+    """The drive is enabled and does not follow the speed command."""
+
+
 class DigitalInputs(NamedTuple):
     """Hard-wired inputs. The safe state of every one is False."""
 
@@ -80,6 +95,7 @@ class DriveFeedback(NamedTuple):
     inputs: DigitalInputs = DigitalInputs()
     pos_ring_rad: float = 0.0
     """Second, load-side encoder at the gantry, zeroed at 0 deg; 0 without one, NaN where it gives no reading."""
+    link: LinkFlag = LinkFlag.NONE
 
 
 class DriveIdentity(NamedTuple):

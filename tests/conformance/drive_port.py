@@ -285,6 +285,8 @@ class DriveConformance(ABC):
         assert bench.scans(1.0, ENABLE, brake_open=True).state in NO_TORQUE
         assert bench.speed_deg_s() == pytest.approx(0.0, abs=0.02)
         getattr(bench, wire)(True)
+        if bench.drive.read().state is DriveState.FAULT:  # lost mains may be a fault like any other
+            bench.scan(FAULT_RESET)
         assert bench.scan(DISABLE).state is DriveState.SWITCH_ON_DISABLED
         assert bench.enable().state is ENABLED
 

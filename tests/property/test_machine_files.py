@@ -60,6 +60,8 @@ def consistent_changes(draw):
             changes[path] = draw(0.0, 1.0) < 0.5
         elif spec.kind == "word":
             changes[path] = spec.words[int(draw(0.0, len(spec.words) - 0.001))]
+    if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output
+        changes |= {"drive.speed_loop.cycle_us": 125.0, "control.scan_period_ms": 4.0, "brake.owner": "drive"}
     return changes
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from gantryctl import _core
@@ -65,6 +66,16 @@ class Motor:
         """Read the encoder afresh: only the absolute value within its range is known."""
         span = float(self._hardware.fine_counts_per_turn * self._hardware.turns)
         self.wrap_counts = self.counts // span * span
+
+    def restore(self, state: Mapping[str, float]) -> None:
+        """Go on from a state of the plant kept before.
+
+        Raises:
+            ValueError: a state that lacks a value or has a non-finite one.
+        """
+        self.sim.state = dict(state)
+        self._read()
+        self.power_on()
 
     @property
     def overload(self) -> float:

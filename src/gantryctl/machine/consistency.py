@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING, Final
 
-from gantryctl.machine import rules_axis, rules_compensation, rules_monitors, rules_parts, rules_plant
+from gantryctl.machine import (
+    rules_axis,
+    rules_can,
+    rules_compensation,
+    rules_monitors,
+    rules_parts,
+    rules_plant,
+)
 from gantryctl.machine.rules import Rule, violations
 
 if TYPE_CHECKING:
@@ -15,6 +22,7 @@ RULES: Final[tuple[Rule, ...]] = (
     *rules_axis.book.rules,
     *rules_parts.book.rules,
     *rules_monitors.book.rules,
+    *rules_can.book.rules,
     *rules_plant.book.rules,
     *rules_compensation.book.rules,
 )

@@ -41,10 +41,10 @@ class CurrentLoop(Table):
 class Drive(Table):
     """[drive]: the kind of drive and its loops."""
 
-    kind: Literal["sim", "ideal"] = choice(
+    kind: Literal["sim", "ideal", "canopen"] = choice(
         "sim",
         "choice",
-        "Simulated drive with the gantry behind it, or actual = set-point for trying programs.",
+        "Simulated drive with the gantry behind it, actual = set-point for trying programs, or a drive on a bus.",
     )
     speed_loop: SpeedLoop = table("Speed loop of the simulated drive.", SpeedLoop)
     current_loop: CurrentLoop = table("Current loop of the simulated drive.", CurrentLoop)

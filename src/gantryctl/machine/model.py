@@ -8,6 +8,7 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from gantryctl.machine.axis import Axis, Identity, Speed, VirtualAxis
 from gantryctl.machine.calibration import Calibration
+from gantryctl.machine.can import Can
 from gantryctl.machine.consistency import contradictions
 from gantryctl.machine.control import Accuracy, Control, Monitors
 from gantryctl.machine.drive import Drive
@@ -36,6 +37,7 @@ class Machine(Table):
     encoder: Encoder = table("Motor encoder.")
     brake: Brake = table("Holding brake.", Brake)
     drive: Drive = table("Drive and its loops.", Drive)
+    can: Can = table("CANopen bus and drive.", Can)
     monitors: Monitors = table("Supervision.", Monitors)
     accuracy: Accuracy = table("Chord test.", Accuracy)
     plant: Plant = table("Simulated physics.", Plant)

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final
 
+from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
@@ -21,12 +22,14 @@ from gantryctl.operation.absolute import (
     refusal,
     unwrapped,
 )
+from gantryctl.operation.commissioned import check_record, load_record, record_path
 from gantryctl.operation.ending import RunEnd, retained_after
 from gantryctl.operation.motions import Motion, Snapshot, Stop, state_words
 from gantryctl.operation.requests import check_direction, check_speed, check_target
 from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import VirtualDrive, encoder_scale, keep_machine, open_machine
+from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, open_machine
+from gantryctl.ports import Drive
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import AlarmEntry, Engine, HeldOperator
 from gantryctl.units import deg, rad
@@ -75,8 +78,22 @@ class AxisSession:
         self._observer = observer
         virtual = open_machine(machine, store)
         self.notes, self._retained, self._drive = virtual.notes, virtual.retained, virtual.drive
-        scale = encoder_scale(machine, virtual.drive)
-        counts = virtual.drive.read().pos_act_counts
+        try:
+            self._prepare(program, recorder, real_time)
+        except BaseException:
+            if isinstance(self._drive, CanopenDrive):  # leave the bus as it was found
+                self._drive.close()
+            raise
+        self._power_ups = self._moves = 0
+        self._powered = False
+
+    def _prepare(self, program: ProgramFactory, recorder: RecorderFactory | None, real_time: bool) -> None:
+        """Judge the encoder's reading and make the engine."""
+        machine, drive = self.machine, self._drive
+        if isinstance(drive, CanopenDrive):
+            self._judge_bus(drive)
+        scale = encoder_scale(machine, drive)
+        counts = drive.read().pos_act_counts
         reading = evaluate(scale, counts, self._retained)
         self._refuse(refusal(reading))
         self._record_accepted(reading)
@@ -89,7 +106,7 @@ class AxisSession:
             machine,
             program=program,
             operator=self.operator,
-            drive=virtual.drive,
+            drive=drive,
             zero_counts=zero + counts - unwrapped(scale, counts, zero),
             holding_torque_nm=self._retained.holding_torque_nm or 0.0,
             recorder=recorder,
@@ -97,8 +114,19 @@ class AxisSession:
         )
         assert isinstance(self.engine.program, AxisProgram)
         self.axis = self.engine.program.axis
-        self._power_ups = self._moves = 0
-        self._powered = False
+
+    def _judge_bus(self, drive: CanopenDrive) -> None:
+        """A drive that would not stop by itself is not enabled, nor one that nobody has commissioned."""
+        if drive.refusals:
+            lines = "\n  ".join(drive.refusals)
+            raise CommandRefused(f"the drive's parameters forbid enabling it:\n  {lines}")
+        if (
+            self._store is not None
+            and self.machine.can.commissioning_required
+            and not is_simulated(self.machine)
+        ):
+            record = load_record(record_path(self._store.directory, self.machine))
+            check_record(self.machine, record, drive.opened.identity.key)
 
     def _refuse(self, reason: str | None) -> None:
         held = self._retained.error_stop
@@ -127,8 +155,8 @@ class AxisSession:
         return deg(self.axis.pos_act_rad) if self.engine.scan else self._opened_deg
 
     @property
-    def drive(self) -> VirtualDrive:
-        """The simulated or ideal drive."""
+    def drive(self) -> Drive:
+        """The drive that is run."""
         return self._drive
 
     def snapshot(self) -> Snapshot:
@@ -344,10 +372,11 @@ class AxisSession:
         finally:
             if self.engine.scan:
                 self.engine.close()
-            elif (
-                self.engine.recorder is not None
-            ):  # refused before anything was switched on: the drive stays as it is
-                self.engine.recorder.close()
+            else:  # refused before anything was switched on: the drive stays as it is
+                if isinstance(self._drive, CanopenDrive):
+                    self._drive.close()
+                if self.engine.recorder is not None:
+                    self.engine.recorder.close()
             self._keep(result, alarm)
 
     def _keep(self, result: str, alarm: AlarmStop | None) -> None:

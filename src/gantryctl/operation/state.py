@@ -7,11 +7,13 @@ from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from typing import Any, Final
 
+from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused, UsageError
+from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.operation.absolute import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, keep_machine, new_machine, open_machine
+from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, looked_at, new_machine
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 
@@ -24,6 +26,7 @@ _UNITS: Final = {
 
 
 _WITNESS_LENGTH: Final = 200
+_MOVABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
 def operator_name() -> str:
@@ -59,10 +62,11 @@ class MachineStatus:
 
 def machine_status(machine: Machine) -> MachineStatus:
     """The state that the last run left behind; nothing is changed."""
-    with StateStore(machine) as store:
-        virtual = open_machine(machine, store)
-    retained = virtual.retained
-    reading = evaluate(encoder_scale(machine, virtual.drive), virtual.drive.read().pos_act_counts, retained)
+    with StateStore(machine) as store, looked_at(machine, store) as virtual:
+        retained = virtual.retained
+        reading = evaluate(
+            encoder_scale(machine, virtual.drive), virtual.drive.read().pos_act_counts, retained
+        )
     held = refusal(reading)
     if retained.error_stop:
         condition = (
@@ -121,8 +125,7 @@ def reset_machine(machine: Machine) -> str:
         CommandRefused: the position is not valid; a reset cannot make it so.
     """
     who, when = operator_name(), now_text()
-    with StateStore(machine) as store:
-        virtual = open_machine(machine, store)
+    with StateStore(machine) as store, looked_at(machine, store) as virtual:
         retained = virtual.retained
         counts = virtual.drive.read().pos_act_counts
         reading = evaluate(encoder_scale(machine, virtual.drive), counts, retained)
@@ -150,10 +153,14 @@ def reset_machine(machine: Machine) -> str:
 
 def reset_simulation(machine: Machine, angle_deg: float) -> str:
     """Throw the simulated machine and its memory away and put a new one there."""
+    if not is_simulated(machine):
+        raise UsageError(f"{machine.name}: its drive is on a bus; there is nothing simulated to reset")
     virtual = new_machine(machine, angle_deg)
     with StateStore(machine) as store:
         store.forget()
         keep_machine(machine, store, virtual.drive, virtual.retained)
+    if isinstance(virtual.drive, CanopenDrive):
+        virtual.drive.close()
     return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
 
 
@@ -208,10 +215,9 @@ class EncoderReport:
 
 def encoder_report(machine: Machine) -> EncoderReport:
     """What the encoder reads and what it means."""
-    with StateStore(machine) as store:
-        virtual = open_machine(machine, store)
-    scale = encoder_scale(machine, virtual.drive)
-    reading = evaluate(scale, virtual.drive.read().pos_act_counts, virtual.retained)
+    with StateStore(machine) as store, looked_at(machine, store) as virtual:
+        scale = encoder_scale(machine, virtual.drive)
+        reading = evaluate(scale, virtual.drive.read().pos_act_counts, virtual.retained)
     return EncoderReport(reading, virtual.retained, scale)
 
 
@@ -232,10 +238,12 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")
     if not witness.isprintable() or len(witness) > _WITNESS_LENGTH:
         raise UsageError(f"--witness: one line of at most {_WITNESS_LENGTH} printable characters")
-    with StateStore(machine) as store:
-        virtual = open_machine(machine, store)
+    with StateStore(machine) as store, looked_at(machine, store) as virtual:
         scale = encoder_scale(machine, virtual.drive)
-        counts = virtual.drive.read().pos_act_counts
+        seen = virtual.drive.read()
+        if seen.state in _MOVABLE:
+            raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
+        counts = seen.pos_act_counts
         zero = round(counts - angle_deg / scale.deg_per_count) % scale.range_counts
         retained = replace(
             virtual.retained,

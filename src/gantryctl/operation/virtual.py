@@ -1,36 +1,58 @@
-"""The simulated machine between two runs: taken out of its state directory, and put back."""
+"""The machine between two runs: simulated ones live in the state directory, real ones are looked at."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, Protocol
 
-from gantryctl.devices.ideal import IdealDrive
 from gantryctl.devices.sim import SimDrive
 from gantryctl.errors import StateError, UsageError
+from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation.absolute import EncoderScale
 from gantryctl.operation.store import StateStore
+from gantryctl.ports import Drive
 from gantryctl.runtime import Retained
 from gantryctl.units import deg, rad
-from gantryctl.wiring import delivered_zero_counts, ideal_drive, sim_drive, total_ratio
+from gantryctl.wiring import (
+    SIMULATED,
+    SimulatedCanDrive,
+    canopen_drive,
+    delivered_zero_counts,
+    ideal_drive,
+    look_at_drive,
+    sim_drive,
+    total_ratio,
+)
 
-VirtualDrive: TypeAlias = SimDrive | IdealDrive
+
+class ReadDrive(Protocol):
+    """What a question about a machine needs of its drive."""
+
+    def identity(self) -> DriveIdentity:
+        """Encoder."""
+        ...
+
+    def read(self) -> DriveFeedback:
+        """Reading."""
+        ...
 
 
 class VirtualMachine(NamedTuple):
-    """The simulated drive and what the controller remembers of it.
+    """The drive and what the controller remembers of it.
 
     Attributes:
         notes: what had to be done to open it, in words.
     """
 
-    drive: VirtualDrive
+    drive: Drive
     retained: Retained
     notes: tuple[str, ...]
 
 
-def encoder_scale(machine: Machine, drive: VirtualDrive) -> EncoderScale:
+def encoder_scale(machine: Machine, drive: ReadDrive) -> EncoderScale:
     """Sizes of the encoder and the travel."""
     axis = machine.axis
     return EncoderScale(
@@ -66,12 +88,24 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> VirtualMachine:
     return VirtualMachine(drive, retained, ())
 
 
-def open_machine(machine: Machine, store: StateStore | None) -> VirtualMachine:
+def is_simulated(machine: Machine) -> bool:
+    """The machine lives in this process and in its state directory."""
+    return machine.drive.kind != "canopen" or machine.can.interface == SIMULATED
+
+
+def open_machine(machine: Machine, store: StateStore | None, *, to_look: bool = False) -> VirtualMachine:
     """The simulated machine as the last run left it; a new one when there is none (or without a store).
 
+    A real one as it stands, with what the controller remembers of it.
+
+    Args:
+        to_look: only questions will be asked: a drive on a bus is read by SDO and not set up.
+
     Raises:
-        StateError: retained memory or plant cannot be used.
+        StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
+    if not is_simulated(machine):
+        return _real_machine(machine, store, to_look)
     if store is None:
         return new_machine(machine)
     kept = store.load_plant()
@@ -116,17 +150,35 @@ def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
     )
 
 
-def _new_drive(machine: Machine, angle_deg: float) -> VirtualDrive:
-    if machine.drive.kind == "ideal":
-        return ideal_drive(machine, angle_deg)
-    return sim_drive(machine, angle_deg)
+def _real_machine(machine: Machine, store: StateStore | None, to_look: bool) -> VirtualMachine:
+    if store is None:
+        raise UsageError(
+            f"{machine.name}: a drive on a bus has no new machine behind it; leave --fresh out, and set its zero once: "
+            "gantryctl encoder set-zero"
+        )
+    retained = store.load_retained() or Retained(machine=machine.name, config_hash=config_hash(machine))
+    notes = tuple(f"retained memory: {note}" for note in store.notes)
+    drive: Drive = look_at_drive(machine) if to_look else canopen_drive(machine)
+    return VirtualMachine(drive, retained, notes)
 
 
-def _kept_drive(machine: Machine, state: dict[str, float]) -> VirtualDrive:
+def _new_drive(machine: Machine, angle_deg: float) -> Drive:
+    match machine.drive.kind:
+        case "ideal":
+            return ideal_drive(machine, angle_deg)
+        case "sim":
+            return sim_drive(machine, angle_deg)
+        case "canopen":
+            return canopen_drive(machine, angle_deg)
+
+
+def _kept_drive(machine: Machine, state: dict[str, float]) -> Drive:
     """The drive as it was left; StateError when the state does not fit it."""
     try:
         if machine.drive.kind == "ideal":
             return ideal_drive(machine, deg(state["pos_ideal"]))
+        if machine.drive.kind == "canopen":
+            return canopen_drive(machine, state=state)
         return sim_drive(machine, state=state)
     except (ValueError, KeyError) as fault:
         raise StateError(
@@ -135,15 +187,29 @@ def _kept_drive(machine: Machine, state: dict[str, float]) -> VirtualDrive:
         ) from fault
 
 
-def _state_of(machine: Machine, drive: VirtualDrive) -> dict[str, float]:
+def _state_of(machine: Machine, drive: Drive) -> dict[str, float]:
     if isinstance(drive, SimDrive):
         return drive.sim.state
+    if isinstance(drive, SimulatedCanDrive):
+        return drive.virtual.motor.sim.state
     counts = drive.read().pos_act_counts - delivered_zero_counts(machine)
     return {"pos_ideal": counts * rad(360.0) / (drive.identity().counts_per_turn * total_ratio(machine))}
 
 
-def keep_machine(machine: Machine, store: StateStore | None, drive: VirtualDrive, retained: Retained) -> None:
+def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retained: Retained) -> None:
     """Put plant and memory back: the memory first, a plant without it could not be trusted."""
     if store is not None:
         store.store_retained(retained)
-        store.store_plant(_state_of(machine, drive))
+        if is_simulated(machine):
+            store.store_plant(_state_of(machine, drive))
+
+
+@contextmanager
+def looked_at(machine: Machine, store: StateStore) -> Iterator[VirtualMachine]:
+    """The machine, for questions; a bus is left again afterwards."""
+    found = open_machine(machine, store, to_look=True)
+    try:
+        yield found
+    finally:
+        if isinstance(found.drive, SimulatedCanDrive):
+            found.drive.close()

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl.program.alarm_rows import Definition
+from gantryctl.program.alarm_rows_bus import BUS
 from gantryctl.program.alarm_rows_power import POWER
 from gantryctl.program.alarm_rows_refusals import REFUSALS
 from gantryctl.program.codes import Code, Reaction, Severity
@@ -61,12 +62,6 @@ _ENCODER: Final = (
         "One of the two encoders is wrong, the calibration belongs to another machine, or something between "
         "motor and ring has slipped or broken.",
         "Compare the angle with the marks. Find out which encoder is right before anything moves.", lock=True,
-    ),
-    Definition(
-        Code.CAN_07, "Reading too old", _STOP, _QS,
-        "The drive's reading is {measured:.0f} ms old, limit {limit:.0f} ms",
-        "The drive's telegrams come late or not at all.",
-        "Check bus cable, terminators and load, then reset.",
     ),
 )  # fmt: skip
 
@@ -147,5 +142,7 @@ _CONTROL: Final = (
     ),
 )  # fmt: skip
 
-ALARMS: Final[dict[Code, Definition]] = {row.code: row for row in (*_ENCODER, *_CONTROL, *POWER, *REFUSALS)}
+ALARMS: Final[dict[Code, Definition]] = {
+    row.code: row for row in (*_ENCODER, *BUS, *_CONTROL, *POWER, *REFUSALS)
+}
 """Every code with its definition."""

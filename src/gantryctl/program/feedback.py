@@ -6,13 +6,21 @@ import math
 from collections import deque
 from typing import Final
 
-from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag
+from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program.alarms import AlarmLog
 from gantryctl.program.codes import Code, Reaction
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
 _NO_FLAG: Final = EncoderFlag.NONE
+_LINK_CODES: Final = (
+    (LinkFlag.BUS_DOWN, Code.CAN_08),
+    (LinkFlag.RESTARTED, Code.DRV_11),
+    (LinkFlag.HEARTBEAT_LOST, Code.CAN_06),
+    (LinkFlag.NOT_OPERATIONAL, Code.CAN_13),
+    (LinkFlag.OTHER_MASTER, Code.CAN_12),
+    (LinkFlag.IGNORES_COMMAND, Code.DRV_05),
+)
 
 
 class Feedback:
@@ -52,7 +60,7 @@ class Feedback:
         self._frozen_scans = settings.scans(monitors.encoder_frozen_time_s, least=3)
         self._error_scans = settings.scans(monitors.encoder_errors_time_s, least=monitors.encoder_errors_max)
         self._errors_max = monitors.encoder_errors_max
-        self._old_scans = settings.scans(monitors.reading_age_s, least=3)
+        self._old_scans = max(3, int(monitors.reading_age_s / period_s + 1e-9))
         self.unchanged_scans = 0
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self.state = DriveState.UNKNOWN
@@ -75,8 +83,10 @@ class Feedback:
         """Take this scan's reading; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
-            encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad,
+            encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link,
         ) = drive  # fmt: skip
+        if link:
+            self._link(link)
         step = counts - self.counts
         vel = self.vel_rad_s
         allowed = self._jump_base + (vel if vel >= 0.0 else -vel) * self._jump_per_speed
@@ -100,6 +110,13 @@ class Feedback:
         time_ms = self.unchanged_scans * self._period_s * 1e3
         self._raise(Code.ENC_02, measured=deg(abs(vel_cmd_rad_s) / self._ratio), time_ms=time_ms)
 
+    def _link(self, link: LinkFlag) -> None:
+        """The connection to the drive; the first that applies is the cause."""
+        for flag, code in _LINK_CODES:
+            if link & flag:
+                self._alarms.raise_(code)
+                return
+
     def _doubtful(self, counts: float, step: float, encoder: EncoderFlag, age: int) -> float:
         """The slow path: first scan, flags, an old reading, or a step that is too large."""
         self.encoder_alarm = bool(encoder & EncoderFlag.ALARM)
@@ -110,7 +127,7 @@ class Feedback:
         missed = max(age, self.age_scans)
         self.age_scans = age
         self._doubt = self.encoder_alarm or age > 0
-        if age > self._old_scans:
+        if age >= self._old_scans:
             period_ms = self._period_s * 1e3
             self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
         if not math.isfinite(counts):

@@ -1,7 +1,17 @@
 """Machine file to engine: the only place that chooses concrete parts."""
 
+from gantryctl.wiring.can import (
+    SIMULATED,
+    SimulatedCanDrive,
+    can_link,
+    canopen_drive,
+    canopen_settings,
+    in_virtual_time,
+    look_at_drive,
+    virtual_node,
+)
 from gantryctl.wiring.compensation import check_calibration, compensation
-from gantryctl.wiring.drives import delivered_zero_counts, drive_around, ideal_drive, sim_drive
+from gantryctl.wiring.drives import delivered_zero_counts, drive_around, drive_of, ideal_drive, sim_drive
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
 from gantryctl.wiring.plant import (
     counts_per_turn,
@@ -18,24 +28,33 @@ from gantryctl.wiring.plant import (
 from gantryctl.wiring.settings import axis_settings
 
 __all__ = [
+    "SIMULATED",
     "ProgramFactory",
     "RecorderFactory",
+    "SimulatedCanDrive",
     "axis_settings",
     "build_engine",
+    "can_link",
+    "canopen_drive",
+    "canopen_settings",
     "check_calibration",
     "compensation",
     "counts_per_turn",
     "delivered_zero_counts",
     "drive_around",
+    "drive_of",
     "drive_params",
     "eccentric_moment_nm",
     "fit_load_encoder",
     "gantry_sim",
     "ideal_drive",
+    "in_virtual_time",
+    "look_at_drive",
     "motion_limits",
     "plant_params",
     "position_law",
     "ramps_deg",
     "sim_drive",
     "total_ratio",
+    "virtual_node",
 ]

@@ -6,7 +6,7 @@ from gantryctl.drive_sim.hardware import Hardware
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.units import rad, rad_s_from_r_min
-from gantryctl.wiring.plant import counts_per_turn, drive_params, plant_params, total_ratio
+from gantryctl.wiring.plant import drive_params, fine_counts_per_turn, plant_params, total_ratio
 
 
 def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
@@ -27,9 +27,9 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
         drive=drive_params(machine),
         scheme=machine.plant.integration.scheme,
         rk4_steps=machine.plant.integration.rk4_steps,
-        fine_counts_per_turn=counts_per_turn(machine),
+        fine_counts_per_turn=fine_counts_per_turn(machine),
         turns=encoder.turns,
-        count_offset=float(machine.plant.encoder.mounting_turns * counts_per_turn(machine)),
+        count_offset=float(machine.plant.encoder.mounting_turns * fine_counts_per_turn(machine)),
         torque_rated_nm=motor.torque_rated_nm,
         torque_max_nm=motor.torque_max_nm,
         overload_time_s=machine.drive.speed_loop.overload_time_s,

@@ -8,9 +8,11 @@ from gantryctl import _core
 from gantryctl.devices.ideal import IdealDrive
 from gantryctl.devices.sim import SimDrive
 from gantryctl.machine import Machine
+from gantryctl.ports import Drive
 from gantryctl.units import deg, rad
+from gantryctl.wiring.can import canopen_drive
 from gantryctl.wiring.compensation import compensation
-from gantryctl.wiring.plant import counts_per_turn, gantry_sim, total_ratio
+from gantryctl.wiring.plant import counts_per_turn, fine_counts_per_turn, gantry_sim, total_ratio
 
 
 def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:
@@ -36,10 +38,21 @@ def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
     return SimDrive(
         sim,
         serial=machine.plant.encoder.serial,
-        counts_per_turn=counts_per_turn(machine),
+        counts_per_turn=fine_counts_per_turn(machine),
         turns=machine.encoder.turns,
         limit_switch_rad=rad(machine.axis.limit_switch_deg),
     )
+
+
+def drive_of(machine: Machine) -> Drive:
+    """A new drive of the kind that the machine file names; a real one on a bus as it stands."""
+    match machine.drive.kind:
+        case "ideal":
+            return ideal_drive(machine)
+        case "sim":
+            return sim_drive(machine)
+        case "canopen":
+            return canopen_drive(machine)
 
 
 def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
@@ -50,7 +63,9 @@ def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
     at_angle = drive.read().pos_act_counts
     laws = compensation(machine)
     lead_deg = 0.0 if laws is None else deg(laws.lead(rad(angle_deg)))
-    return round(at_angle - (angle_deg + lead_deg) / 360.0 * total_ratio(machine) * counts_per_turn(machine))
+    per_turn = fine_counts_per_turn(machine)
+    fine = round(at_angle - (angle_deg + lead_deg) / 360.0 * total_ratio(machine) * per_turn)
+    return round(fine * counts_per_turn(machine) / per_turn)
 
 
 def ideal_drive(machine: Machine, angle_deg: float = 0.0) -> IdealDrive:

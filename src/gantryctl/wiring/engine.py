@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gantryctl.devices.ideal import IdealDrive
-from gantryctl.devices.sim import SimDrive
+from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.machine import Machine
-from gantryctl.ports import Clock, Operator, Recorder
+from gantryctl.ports import Clock, Drive, Operator, Recorder, Truth
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.runtime import Engine, HeldOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
+from gantryctl.wiring.can import in_virtual_time
 from gantryctl.wiring.compensation import check_calibration
-from gantryctl.wiring.drives import delivered_zero_counts, ideal_drive, sim_drive
+from gantryctl.wiring.drives import delivered_zero_counts, drive_of
 from gantryctl.wiring.settings import axis_settings
 
 ProgramFactory = Callable[[Axis], AxisProgram]
@@ -23,7 +23,7 @@ def build_engine(
     *,
     program: ProgramFactory = GantryProgram,
     operator: Operator | None = None,
-    drive: SimDrive | IdealDrive | None = None,
+    drive: Drive | None = None,
     zero_counts: float | None = None,
     holding_torque_nm: float = 0.0,
     recorder: RecorderFactory | None = None,
@@ -39,18 +39,21 @@ def build_engine(
         zero_counts: encoder count at 0 deg (retained memory); that of a new machine when not given.
         holding_torque_nm: what held the load last time: the preload of the first release of the brake.
         recorder: makes a recorder for the columns of the trace; none when not given.
-        real_time: pace the scans by the clock.
+        real_time: pace the scans by the clock; a real drive on a bus always is.
         keep_plans: keep every set-point plan with its start scan in `axis.virtual.plans`.
     """
     if drive is None:
-        drive = ideal_drive(machine) if machine.drive.kind == "ideal" else sim_drive(machine)
-    if machine.control.compensation.needs_calibration and isinstance(drive, SimDrive):
+        drive = drive_of(machine)
+    if machine.control.compensation.needs_calibration and machine.drive.kind != "ideal":
         check_calibration(machine, drive.identity().encoder_serial)
     if zero_counts is None:
         zero_counts = float(delivered_zero_counts(machine))
-    settings = axis_settings(machine, holding_torque_nm)
+    on_bus = isinstance(drive, CanopenDrive)
+    preload = not isinstance(drive, CanopenDrive) or drive.torque_preload
+    settings = axis_settings(machine, holding_torque_nm, preload)
+    real_time = real_time or not in_virtual_time(machine)
     made = program(Axis(settings, zero_counts, keep_plans=keep_plans))
-    truth = drive if isinstance(drive, SimDrive) else None
+    truth = drive if isinstance(drive, Truth) else None
     clock: Clock = RealClock(settings.period_s) if real_time else VirtualClock()
     return Engine(
         drive,
@@ -60,6 +63,6 @@ def build_engine(
         settings.period_s,
         recorder=recorder(trace_columns(made, truth)) if recorder is not None else None,
         truth=truth,
-        # the simulated plant waits for a late scan: nothing runs away
-        overrun_policy=OverrunPolicy.CONTINUE,
+        # the simulated plant waits for a late scan: nothing runs away; a drive on a bus does not
+        overrun_policy=OverrunPolicy.QUICK_STOP if on_bus and real_time else OverrunPolicy.CONTINUE,
     )

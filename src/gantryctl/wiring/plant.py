@@ -21,9 +21,15 @@ def total_ratio(machine: Machine) -> float:
     return machine.axis.reducer_ratio * machine.axis.ring_ratio
 
 
-def counts_per_turn(machine: Machine) -> int:
+def fine_counts_per_turn(machine: Machine) -> int:
     """Fine encoder counts per motor turn, as the drive evaluates them."""
     return machine.encoder.lines * machine.encoder.interpolation
+
+
+def counts_per_turn(machine: Machine) -> int:
+    """Counts per motor turn that the controller reads: on a bus, increments of the drive."""
+    on_bus = machine.drive.kind == "canopen"
+    return machine.can.increments_per_turn if on_bus else fine_counts_per_turn(machine)
 
 
 def eccentric_moment_nm(machine: Machine) -> float:
@@ -128,7 +134,7 @@ def drive_params(machine: Machine) -> _core.DriveParams:
     """The simulated drive: speed PI, torque limit, encoder evaluation, brake times."""
     loop, motor, encoder = machine.drive.speed_loop, machine.motor, machine.encoder
     ratio = total_ratio(machine)
-    fine = 2.0 * math.pi / counts_per_turn(machine)
+    fine = 2.0 * math.pi / fine_counts_per_turn(machine)
     coarse = 2.0 * math.pi / encoder.counts_per_turn
     count = {"ideal": 0.0, "interpolated": fine, "counts": coarse}[loop.feedback]
     p = _core.DriveParams()
@@ -173,7 +179,7 @@ def gantry_sim(
         integration.scheme,
         integration.rk4_steps,
     )
-    sim.count_offset = float(machine.plant.encoder.mounting_turns * counts_per_turn(machine))
+    sim.count_offset = float(machine.plant.encoder.mounting_turns * fine_counts_per_turn(machine))
     if machine.plant.load_encoder.fitted:
         fit_load_encoder(machine, sim)
     return sim

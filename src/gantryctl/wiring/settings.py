@@ -23,12 +23,15 @@ from gantryctl.wiring.plant import counts_per_turn, total_ratio
 _MS: Final = 1e-3
 
 
-def axis_settings(machine: Machine, holding_torque_nm: float = 0.0) -> AxisSettings:
+def axis_settings(
+    machine: Machine, holding_torque_nm: float = 0.0, torque_preload: bool = True
+) -> AxisSettings:
     """The settings of one axis.
 
     Args:
         holding_torque_nm: learned holding torque from retained memory, motor side: the preload at the first
             release of the brake.
+        torque_preload: the drive takes a torque beside the speed.
     """
     axis, speed, encoder = machine.axis, machine.speed, machine.encoder
     return AxisSettings(
@@ -49,7 +52,7 @@ def axis_settings(machine: Machine, holding_torque_nm: float = 0.0) -> AxisSetti
             turns=encoder.turns,
             wrap_margin_rad=rad(encoder.wrap_margin_min_deg),
         ),
-        power=_power(machine, holding_torque_nm),
+        power=_power(machine, holding_torque_nm, torque_preload),
         monitors=_monitors(machine),
         compensation=compensation_settings(machine),
     )
@@ -67,13 +70,13 @@ def _ramps(machine: Machine) -> RampSettings:
     )
 
 
-def _power(machine: Machine, holding_torque_nm: float) -> PowerSettings:
+def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> PowerSettings:
     brake, monitors = machine.brake, machine.monitors
     return PowerSettings(
         torque_max_nm=machine.motor.torque_max_nm,
         hold=Hold(brake.hold),
         hold_brake_after_s=brake.hold_brake_after_s,
-        torque_preload=True,
+        torque_preload=torque_preload,
         proof_torque_nm=brake.proof_torque_nm,
         holding_torque_nm=holding_torque_nm,
         sag_max_rad=rad(brake.sag_max_deg),

@@ -151,7 +151,7 @@ def test_whole_numbers_stand_for_numbers_with_a_point():
          "[encoder] turns = 4096.0: is a number with a point, must be a whole number; "
          "allowed 1..65536 turns"),
         ('kind = "sim" ', 'kind = "idel"',
-         '[drive] kind = "idel": allowed "sim", "ideal"; did you mean "ideal"?'),
+         '[drive] kind = "idel": allowed "sim", "ideal", "canopen"; did you mean "ideal"?'),
         ("base = true", 'base = "on"',
          '[plant.switches] base = "on": is text, must be true or false; allowed true, false'),
         ("eccentric_sign = -1.0", "eccentric_sign = 0.5",

@@ -11,6 +11,7 @@ TRANSMISSION = "plant.transmission."
 COMPENSATION = "control.compensation."
 
 # By rule: changes that break it.
+CAN = {"drive.kind": "canopen", "control.scan_period_ms": 4.0}
 BREAKS = {
     "travel_is_not_empty": {"axis.pos_min_deg": 0.0, "axis.pos_max_deg": 0.5},
     "over_travel_below_lowest": {"axis.pos_min_deg": -181.0},
@@ -82,6 +83,15 @@ BREAKS = {
         "monitors.lease_ms": 60.0, "control.scan_period_ms": 40.0, "control.kpp_per_s": 1.0,
     },
     "lease_within_stopping_angle": {"monitors.lease_ms": 670.0},
+    "nodes_differ": CAN | {"can.node": 127},
+    "interface_is_named": CAN | {"can.interface": ""},
+    "heartbeat_within_timeout": CAN | {"can.heartbeat_timeout_ms": 99.0},
+    "deadline_outlasts_scans": CAN | {"can.rpdo_deadline_ms": 11.0},
+    "answers_fit_a_scan": CAN | {"can.answer_ms": 3.0},
+    "position_fits_32_bits": CAN | {"can.increments_per_turn": 2**22},
+    "truth_is_for_virtual_drives": CAN | {"can.side_channel": "/run/drive.sock"},
+    "somebody_works_the_brake": CAN | {"brake.owner": "controller_output"},
+    "sync_period_can_be_told": CAN | {"control.scan_period_ms": 2.5},
     "average_within_dwell": {"accuracy.average_s": 6.1},
     "average_spans_scans": {"accuracy.average_s": 0.01, "control.scan_period_ms": 10.0},
     "dwell_longer_than_arrival": {"accuracy.dwell_s": 0.15, "accuracy.average_s": 0.1},
@@ -177,6 +187,7 @@ def test_the_rule_reads_no_key_that_it_does_not_name(rule):
     switched = MACHINE.model_copy(
         update={
             "brake": MACHINE.brake.model_copy(update={"hold": "brake"}),
+            "drive": MACHINE.drive.model_copy(update={"kind": "canopen"}),
             "virtual_axis": MACHINE.virtual_axis.model_copy(update={"profile": "jerk_limited"}),
         }
     )
@@ -206,6 +217,7 @@ def test_the_rule_reads_no_key_that_it_does_not_name(rule):
         {"control.kvf": 0.0},
         {"brake.hold": "brake"},
         {"drive.kind": "ideal"},
+        CAN,
         {"axis.pos_min_deg": 0.0},
     ],
     ids=str,

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag
+from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program import AxisState, PowerPhase, Reaction
 from gantryctl.units import rad
 from unit.program.rig import COUNTS_PER_DEG, RATIO, Rig, moving_rig, settings
@@ -195,7 +195,25 @@ def test_a16_old_readings():
         return frozen._replace(age_scans=state["age"])
 
     rig.spoil = old
-    expect(rig, "CAN-07", Reaction.QUICK_STOP, 0.031, "31 ms old, limit 30 ms")
+    expect(rig, "CAN-07", Reaction.QUICK_STOP, 0.030, "30 ms old, limit 30 ms")
+
+
+@pytest.mark.parametrize(
+    ("flag", "code", "reaction"),
+    [
+        (LinkFlag.BUS_DOWN, "CAN-08", Reaction.TORQUE_OFF),
+        (LinkFlag.RESTARTED, "DRV-11", Reaction.TORQUE_OFF),
+        (LinkFlag.HEARTBEAT_LOST, "CAN-06", Reaction.TORQUE_OFF),
+        (LinkFlag.NOT_OPERATIONAL, "CAN-13", Reaction.TORQUE_OFF),
+        (LinkFlag.OTHER_MASTER, "CAN-12", Reaction.QUICK_STOP),
+        (LinkFlag.IGNORES_COMMAND, "DRV-05", Reaction.QUICK_STOP),
+        (LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL, "DRV-11", Reaction.TORQUE_OFF),
+    ],
+)
+def test_what_is_wrong_with_the_bus_acts_on_the_first_scan(flag, code, reaction):
+    rig = moving_rig(speed_deg_s=0.6)
+    rig.spoil = lambda drive: drive._replace(link=flag)
+    expect(rig, code, reaction, rig.period_s)
 
 
 def test_one_old_reading_is_nothing():

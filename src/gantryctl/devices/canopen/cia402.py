@@ -1,0 +1,80 @@
+"""CiA 402 as two pure functions: statusword to state, state and request to controlword. Nobody waits here.
+
+| state seen             | DISABLE | ENABLE | QUICK_STOP | FAULT_RESET             |
+|------------------------|---------|--------|------------|-------------------------|
+| Switch on disabled     | 00      | 06     | 00         | 00                      |
+| Ready to switch on     | 00      | 07     | 00         | 00                      |
+| Switched on            | 00      | 0F     | 00         | 00                      |
+| Operation enabled      | 00      | 0F     | 02         | 00                      |
+| Quick stop active      | 00      | 02     | 02         | 00                      |
+| Fault                  | 00      | 00     | 00         | 80 and 00 in turn       |
+| anything else          | 00      | 00     | 00         | 00                      |
+
+A quick stop is ended by DISABLE only: 0F would enable again with option codes 5 to 8. The reset bit is taken back in
+between, for drives that want an edge and for those that stand still while it is set.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.image import DriveRequest, DriveState
+
+DISABLE_VOLTAGE: Final = 0x00
+QUICK_STOP: Final = 0x02
+SHUTDOWN: Final = 0x06
+SWITCH_ON: Final = 0x07
+DISABLE_OPERATION: Final = 0x07
+ENABLE_OPERATION: Final = 0x0F
+FAULT_RESET: Final = 0x80
+
+WARNING: Final = 1 << 7
+INTERNAL_LIMIT: Final = 1 << 11
+FOLLOWS_COMMAND: Final = 1 << 12
+"""In cyclic synchronous velocity: the drive follows 60FF."""
+
+_BY_4F: Final = {
+    0x00: DriveState.NOT_READY_TO_SWITCH_ON,
+    0x40: DriveState.SWITCH_ON_DISABLED,
+    0x0F: DriveState.FAULT_REACTION_ACTIVE,
+    0x08: DriveState.FAULT,
+}
+_BY_6F: Final = {
+    0x21: DriveState.READY_TO_SWITCH_ON,
+    0x23: DriveState.SWITCHED_ON,
+    0x27: DriveState.OPERATION_ENABLED,
+    0x07: DriveState.QUICK_STOP_ACTIVE,
+}
+_STATES: Final = tuple(
+    _BY_4F.get(low & 0x4F, _BY_6F.get(low & 0x6F, DriveState.UNKNOWN)) for low in range(128)
+)
+_TO_ENABLED: Final = {
+    DriveState.SWITCH_ON_DISABLED: SHUTDOWN,
+    DriveState.READY_TO_SWITCH_ON: SWITCH_ON,
+    DriveState.SWITCHED_ON: ENABLE_OPERATION,
+    DriveState.OPERATION_ENABLED: ENABLE_OPERATION,
+    DriveState.QUICK_STOP_ACTIVE: QUICK_STOP,
+}
+_STOPPABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+
+
+def decode_statusword(word: int) -> DriveState:
+    """The state that 6041 shows; UNKNOWN where the pattern is none of the table."""
+    return _STATES[word & 0x7F]
+
+
+def next_controlword(state: DriveState, request: DriveRequest, previous: int) -> int:
+    """The word for 6040.
+
+    Args:
+        state: as decoded from the last statusword.
+        request: what the program wants.
+        previous: the word sent last, for the edge of the reset bit.
+    """
+    if request is DriveRequest.ENABLE:
+        return _TO_ENABLED.get(state, DISABLE_VOLTAGE)
+    if request is DriveRequest.QUICK_STOP and state in _STOPPABLE:
+        return QUICK_STOP
+    if request is DriveRequest.FAULT_RESET and state is DriveState.FAULT and not previous & FAULT_RESET:
+        return FAULT_RESET
+    return DISABLE_VOLTAGE

@@ -1,0 +1,298 @@
+"""A CiA 402 drive in cyclic synchronous velocity on a CANopen bus, behind the `Drive` port.
+
+One scan: `read` sends SYNC and takes the answers that belong to it, `write` sends the RPDO, which acts at the next
+SYNC. So the feedback of scan k is the state at its SYNC, and a command acts one period later.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Final, NamedTuple
+
+from gantryctl.devices.canopen.brake import BrakeWork
+from gantryctl.devices.canopen.cia402 import (
+    DISABLE_VOLTAGE,
+    ENABLE_OPERATION,
+    FOLLOWS_COMMAND,
+    INTERNAL_LIMIT,
+    WARNING,
+    decode_statusword,
+    next_controlword,
+)
+from gantryctl.devices.canopen.link import Link
+from gantryctl.devices.canopen.matrix import Verdict
+from gantryctl.devices.canopen.node import NmtState, RemoteNode
+from gantryctl.devices.canopen.opening import open_node
+from gantryctl.devices.canopen.process_image import ProcessImage
+from gantryctl.devices.canopen.settings import CanopenSettings, drive_identity
+from gantryctl.errors import DeviceError
+from gantryctl.image import (
+    SAFE_OUTPUT,
+    DriveFeedback,
+    DriveIdentity,
+    DriveRequest,
+    DriveState,
+    EncoderFlag,
+    LinkFlag,
+    OutputImage,
+)
+
+_FIRST_ANSWER_S: Final = 0.5
+_CLOSE_S: Final = 3.0
+_OBEYED_SCANS: Final = 3
+"""From a controlword until the statusword must show it: it acts at the next SYNC and shows at the one after."""
+_REST_RAD_S: Final = 0.02
+_LATCHED: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEAT_LOST
+_LOST: Final = _LATCHED | LinkFlag.BUS_DOWN
+"""With one of these nothing that the drive said last is believed."""
+_TORQUE_TAKEN: Final = (
+    DriveState.SWITCHED_ON,  # a drive opens its brake against the preload before it shows Operation enabled
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+)
+_ENERGISED: Final = (
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION_ACTIVE,
+)
+
+
+class BusCounters(NamedTuple):
+    """Live figures of the bus; ages in scans."""
+
+    scans: int
+    received: tuple[int, ...]
+    missed: tuple[int, ...]
+    late: tuple[int, ...]
+    duplicated: tuple[int, ...]
+    wrong_length: tuple[int, ...]
+    longest_age: tuple[int, ...]
+    emergencies: int
+    boots: int
+    others: int
+    strange: int
+
+
+class CanopenDrive:
+    """One drive; made by `CanopenDrive(...)`, set up by `open()`.
+
+    Args:
+        link: the bus; closed by `close`.
+        settings: of the drive.
+
+    Attributes:
+        node: NMT, SDO, emergency messages.
+        opened: identity, matrix, mapping; after `open`.
+        commanded: the program has written: heartbeats are sent, and the drive watches us.
+        silent_process_data, silent_heartbeat: for the proof that the drive stops a silent controller's axis.
+    """
+
+    def __init__(self, link: Link, settings: CanopenSettings) -> None:
+        self.link, self.settings = link, settings
+        self.node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
+        self.silent_process_data = self.silent_heartbeat = False
+        self.scan = 0
+        self._brake = BrakeWork(settings)
+        self._controlword = DISABLE_VOLTAGE
+        self.commanded = self._due = self._closed = False
+        self._flags = LinkFlag.NONE
+        self._followed = False
+        self._enabling = 0
+
+    # --- before the first scan ---------------------------------------------------------------------------------
+
+    def open(self) -> CanopenDrive:
+        """Set the drive up, start it, and see that it answers SYNC.
+
+        Raises:
+            DeviceError: it cannot be set up; the link is closed then.
+        """
+        try:
+            self.opened = open_node(self.node, self.settings)
+            self.process = ProcessImage(self.node, self.settings, self.opened.units, self.opened.mapping)
+            self.node.forget_boots()
+            self.node.emergencies.code = self.opened.error_code
+            self._heartbeats = any(
+                row.place == "1017:00" and row.verdict is Verdict.OK for row in self.opened.rows
+            )
+            self._first_answer()
+        except BaseException:
+            self._closed = True
+            self.link.close()
+            raise
+        return self
+
+    def _first_answer(self) -> None:
+        self._due = True
+        self._exchange(_FIRST_ANSWER_S)
+        if not self.process.complete:
+            raise DeviceError(
+                f"node {self.settings.node} does not answer SYNC with its process data: is it OPERATIONAL, and is "
+                "1005 = 80h?"
+            )
+        self._last = self._feedback()
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why this drive is not enabled; () when nothing is against it."""
+        return self.opened.refusals
+
+    @property
+    def torque_preload(self) -> bool:
+        """60B2 is mapped."""
+        return self.process.torque_offset
+
+    def identity(self) -> DriveIdentity:
+        """Name, serial number and resolution."""
+        return drive_identity(self.settings, self.opened.identity.text, self.opened.identity.key)
+
+    # --- the scan ----------------------------------------------------------------------------------------------
+
+    def read(self) -> DriveFeedback:
+        """The state at this scan's SYNC; asked again before a `write`, the same."""
+        if self._due and not self._closed:
+            self._exchange(self.settings.answer_s)
+            self._last = self._feedback()
+        return self._last
+
+    def write(self, output: OutputImage) -> None:
+        """The command of this scan; it acts at the next SYNC."""
+        if self._closed:
+            return
+        if not self.commanded:
+            self.commanded = True  # from the first heartbeat on the drive watches us
+            self.node.forget_boots()
+        state = self._last.state
+        request = DriveRequest.DISABLE if self.refusals or self._flags & _LOST else output.request
+        word = next_controlword(state, request, self._controlword)
+        self._controlword = word = self._brake.word(word, state, request, output.brake_open)
+        self._enabling = self._enabling + 1 if word == ENABLE_OPERATION else 0
+        enabled = state is DriveState.OPERATION_ENABLED and request is DriveRequest.ENABLE
+        vel = output.vel_cmd_rad_s if enabled else 0.0
+        torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
+        if not self.silent_process_data:
+            self.process.send(word, vel, torque, self._brake.released)
+        self._due = True
+
+    def _exchange(self, answer_s: float) -> None:
+        """SYNC out, process data in."""
+        self._due = False
+        node, process = self.node, self.process
+        node.drain()
+        self.scan += 1
+        node.scan = self.scan
+        node.heartbeat_age += 1
+        if self.commanded and not self.silent_heartbeat and self.scan % self.settings.heartbeat_scans == 0:
+            node.heartbeat()
+        if self.silent_process_data:
+            node.listen_for(self.settings.period_s)
+            return
+        process.begin()
+        node.sync()
+        process.collect(answer_s)
+
+    def _feedback(self) -> DriveFeedback:
+        process = self.process
+        flags = self._flags = self._link_flags()
+        status = process.statusword
+        state = DriveState.UNKNOWN if flags & _LOST else self._shown(decode_statusword(status), status)
+        inputs, brake = process.inputs()
+        brake_open = self._brake.is_open(state, brake)
+        in_fault = state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+        return DriveFeedback(
+            state,
+            process.counts,
+            process.vel_rad_s,
+            process.torque_nm,
+            brake_open,
+            bool(status & INTERNAL_LIMIT) and state in _ENERGISED,
+            0.0,
+            EncoderFlag.NONE,
+            (process.error_code or self.node.emergencies.code) if in_fault else 0,
+            bool(status & WARNING),
+            process.age,
+            inputs,
+            flags,
+        )
+
+    def _shown(self, state: DriveState, status: int) -> DriveState:
+        """Operation enabled counts from the moment the drive follows 60FF: some say it while the brake opens."""
+        if state is not DriveState.OPERATION_ENABLED:
+            self._followed = False
+        elif not self.settings.follows_bit or status & FOLLOWS_COMMAND:
+            self._followed = True
+        elif not self._followed:
+            return DriveState.SWITCHED_ON
+        return state
+
+    def _link_flags(self) -> LinkFlag:
+        """What is wrong with the connection; what cannot mend itself stays until the drive is opened again."""
+        node = self.node
+        flags = self._flags & _LATCHED
+        if self.link.down:
+            flags |= LinkFlag.BUS_DOWN
+        if not self.commanded:
+            return flags
+        if node.boots:
+            flags |= LinkFlag.RESTARTED
+        if node.heartbeat_age > self.settings.timeout_scans and self._heartbeats:
+            flags |= LinkFlag.HEARTBEAT_LOST
+        if node.state not in (None, NmtState.BOOT_UP, NmtState.OPERATIONAL) and node.heartbeat_age == 0:
+            flags |= LinkFlag.NOT_OPERATIONAL
+        if node.others:
+            flags |= LinkFlag.OTHER_MASTER
+        ignores = (
+            self._enabling > _OBEYED_SCANS
+            and self._followed
+            and not self.process.statusword & FOLLOWS_COMMAND
+        )
+        if ignores and self.settings.follows_bit:
+            state = decode_statusword(self.process.statusword)
+            flags |= LinkFlag.IGNORES_COMMAND if state is DriveState.OPERATION_ENABLED else LinkFlag.NONE
+        return flags
+
+    def counters(self) -> BusCounters:
+        """How well the bus works."""
+        watches, node = self.process.watches, self.node
+        return BusCounters(
+            self.scan,
+            tuple(w.received for w in watches),
+            tuple(w.missed for w in watches),
+            tuple(w.late for w in watches),
+            tuple(w.duplicated for w in watches),
+            tuple(w.wrong_length for w in watches),
+            tuple(w.longest_age for w in watches),
+            node.emergencies.count,
+            node.boots,
+            node.others,
+            node.strange,
+        )
+
+    # --- the end -----------------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Torque off, brake closed; the drive's watch over us is taken off before we fall silent. Then off the bus."""
+        if self._closed:
+            return
+        try:
+            self.silent_process_data = self.silent_heartbeat = False
+            if self.commanded:
+                self._come_to_rest()
+            with suppress(DeviceError):
+                self.node.enter_pre_operational()
+                if self.node.sdo.optional(0x1016, 1):
+                    self.node.sdo.set(0x1016, 1, 0)
+        finally:
+            self._closed = True
+            self.link.close()
+
+    def _come_to_rest(self) -> None:
+        """Scans of our own until nothing turns; a drive that does not answer is not waited for."""
+        period = self.settings.period_s
+        for _ in range(round(_CLOSE_S / period)):
+            self.write(SAFE_OUTPUT)
+            self.link.pace(period)
+            seen = self.read()
+            still = seen.state not in _ENERGISED and not seen.brake_open
+            if seen.link or (still and abs(seen.vel_act_rad_s) < _REST_RAD_S):
+                return

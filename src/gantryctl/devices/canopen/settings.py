@@ -1,0 +1,85 @@
+"""What the master has to know of its drive, in SI at the motor shaft; made by wiring from the machine file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal, NamedTuple
+
+from gantryctl.image import DriveIdentity
+
+BrakeOwner = Literal["drive", "object_60FE"]
+
+VELOCITY_UNITS: Final = {
+    "inc/s": 0x00B5_0300,
+    "r/min": 0x00B4_4700,
+    "0.1 r/min": 0xFFB4_4700,
+    "0.001 r/min": 0xFDB4_4700,
+}
+"""Units of 60FF and what 60A9 says of each."""
+
+
+class InputBits(NamedTuple):
+    """Bits of 60FD; None where nothing is wired: that input then counts as good."""
+
+    estop_ok: int | None = None
+    enabling_switch: int | None = None
+    mains_ready: int | None = None
+    brake_open: int | None = None
+    limit_minus: int | None = 0
+    """CiA 402: 1 = limit reached."""
+    limit_plus: int | None = 1
+
+
+_NOTHING_WIRED: Final = InputBits()
+
+
+@dataclass(frozen=True, slots=True)
+class CanopenSettings:
+    """One drive on one bus."""
+
+    period_s: float
+    """Scan and SYNC period."""
+    node: int
+    master_node: int
+    """Node id of our heartbeat."""
+    increments_per_turn: int
+    """Of 6064, per motor turn."""
+    turns: int
+    """Multiturn range in motor turns."""
+    velocity_unit: str
+    torque_rated_nm: float
+    """Used where the drive has no 6076."""
+    torque_reference: float
+    """What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque."""
+    torque_max_nm: float
+    quick_dec_rad_s2: float
+    speed_ceiling_rad_s: float
+    inverted: bool = False
+    """The motor's positive direction is the gantry's negative one."""
+    brake_owner: BrakeOwner = "drive"
+    brake_close_s: float = 0.15
+    heartbeat_s: float = 0.05
+    heartbeat_timeout_s: float = 0.15
+    rpdo_deadline_s: float = 0.05
+    answer_s: float = 0.002
+    """How long a scan waits for the answers to its SYNC."""
+    sdo_timeout_s: float = 0.5
+    follows_bit: bool = True
+    """Bit 12 of 6041 says whether the drive follows 60FF."""
+    inputs: InputBits = _NOTHING_WIRED
+
+    @property
+    def heartbeat_scans(self) -> int:
+        """Scans between two heartbeats of ours."""
+        return max(1, round(self.heartbeat_s / self.period_s))
+
+    @property
+    def timeout_scans(self) -> int:
+        """Scans without a heartbeat of the drive until it counts as lost."""
+        return max(2, round(self.heartbeat_timeout_s / self.period_s))
+
+
+def drive_identity(settings: CanopenSettings, name: str, key: str) -> DriveIdentity:
+    """What the program sees of the drive. The encoder has no serial number on the bus: the drive's stands for it."""
+    turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
+    return DriveIdentity(name, f"CAN-{key}", settings.increments_per_turn, turns)

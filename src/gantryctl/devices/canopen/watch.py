@@ -1,0 +1,57 @@
+"""Live counters of one TPDO: age in scans, missed, late, duplicated, of the wrong length."""
+
+from __future__ import annotations
+
+
+class TpdoWatch:
+    """Sorts the telegrams of one identifier by the SYNC they answer.
+
+    `begin` is called when SYNC goes out. The first telegram after it is its answer; one that comes when the next SYNC
+    is due is late, and any other is a duplicate and changes nothing. Everything that waits on the bus is read before
+    SYNC goes out, so a telegram can never be taken for the answer to a later SYNC unless it takes longer than a period.
+
+    Args:
+        size: bytes of the mapping.
+
+    Attributes:
+        data: of the newest telegram; None before the first.
+        age: scans since it was sampled; 0 when it belongs to this scan.
+    """
+
+    def __init__(self, size: int) -> None:
+        self.size = size
+        self.data: bytes | None = None
+        self.age = 0
+        self.waiting = False
+        self.received = self.missed = self.late = self.duplicated = self.wrong_length = 0
+        self.longest_age = 0
+
+    def begin(self) -> None:
+        """SYNC goes out: whatever was waited for until now is missed."""
+        if self.waiting:
+            self.missed += 1
+        self.waiting = True
+        self.age += 1
+
+    def take(self, data: bytes, in_time: bool) -> bool:
+        """One telegram; True when it is news.
+
+        Args:
+            in_time: it came while the scan waited for it.
+        """
+        if len(data) != self.size:
+            self.wrong_length += 1
+            return False
+        if not self.waiting:
+            self.duplicated += 1
+            return False
+        self.waiting = False
+        self.received += 1
+        self.late += not in_time
+        self.age = 0
+        self.data = data
+        return True
+
+    def end(self) -> None:
+        """The scan has stopped waiting."""
+        self.longest_age = max(self.longest_age, self.age)
