@@ -20,6 +20,8 @@ from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
+    from gantryctl.tuning.by_margins import Conditions
+    from gantryctl.tuning.procedure import Criteria
     from gantryctl.tuning.result import Tuning
 
 DEFAULT_OUT = Path("tuning")
@@ -53,9 +55,16 @@ PROPOSAL = "proposal.toml"
 @click.option(
     "--sensitivity",
     type=FINITE,
-    default=2.0,
+    default=1.7,
     show_default=True,
     help="Largest sensitivity peak (method margins).",
+)
+@click.option(
+    "--damping-left",
+    type=FINITE,
+    default=0.8,
+    show_default=True,
+    help="Part of its own damping that the loop leaves the load at least (method margins).",
 )
 @click.option("--log", "with_log", is_flag=True, help="Print every trial.")
 @click.option("--plot", is_flag=True, help="Write pictures to --out.")
@@ -67,6 +76,7 @@ def tune(
     plant: str,
     base_um: float,
     sensitivity: float,
+    damping_left: float,
     with_log: bool,
     plot: bool,
     out: Path | None,
@@ -81,7 +91,7 @@ def tune(
     from gantryctl.tuning.result import tuning_data
 
     machine = _simulated(config_file)
-    result = _run(machine, method, plant, base_um, sensitivity)
+    result = _run(machine, method, plant, _criteria(base_um), _conditions(sensitivity, damping_left))
     proposed_machine(result)  # refused before anything is written
     folder = directory(out or DEFAULT_OUT)
     files = _write(result, folder, config_file, plot)
@@ -103,23 +113,30 @@ def _simulated(config_file: Path | None) -> Machine:
     return machine
 
 
-def _run(machine: Machine, method: str, plant: str, base_um: float, sensitivity: float) -> Tuning:
+def _criteria(base_um: float) -> Criteria:
     from gantryctl.errors import UsageError
-    from gantryctl.tuning.by_margins import Conditions
     from gantryctl.tuning.procedure import Criteria
-    from gantryctl.tuning.result import tune as run
 
     if base_um <= 0.0:
         raise UsageError(f"--base-limit {base_um:g}: must be above 0 um")
+    return Criteria(base_um=base_um)
+
+
+def _conditions(sensitivity: float, damping_left: float) -> Conditions:
+    from gantryctl.errors import UsageError
+    from gantryctl.tuning.by_margins import Conditions
+
     if not 1.0 < sensitivity <= 10.0:
         raise UsageError(f"--sensitivity {sensitivity:g}: must be above 1 and at most 10")
-    return run(
-        machine,
-        method,
-        as_paper=plant == "paper-drive",
-        criteria=Criteria(base_um=base_um),
-        conditions=Conditions(sensitivity=sensitivity),
-    )
+    if not 0.0 < damping_left <= 10.0:
+        raise UsageError(f"--damping-left {damping_left:g}: must be above 0 and at most 10")
+    return Conditions(sensitivity=sensitivity, damping_left=damping_left)
+
+
+def _run(machine: Machine, method: str, plant: str, criteria: Criteria, conditions: Conditions) -> Tuning:
+    from gantryctl.tuning.result import tune as run
+
+    return run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
 
 
 def _write(result: Tuning, folder: Path, config_file: Path | None, plot: bool) -> list[Path]:
@@ -131,7 +148,7 @@ def _write(result: Tuning, folder: Path, config_file: Path | None, plot: bool) -
     from gantryctl.tuning.proposal import write_proposal
     from gantryctl.tuning.result import tuning_data
 
-    files = [write_proposal(result, folder / PROPOSAL, config_file or default_machine_path())]
+    files = write_proposal(result, folder / PROPOSAL, config_file or default_machine_path())
     data = folder / "tuning.json"
     try:
         data.write_text(json.dumps(tuning_data(result), indent=2, allow_nan=False) + "\n", encoding="utf-8")

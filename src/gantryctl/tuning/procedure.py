@@ -20,7 +20,7 @@ _KVF_STEPS: Final = 10
 
 
 class Criteria(NamedTuple):
-    """Where raising a value stops.
+    """Where raising a value stops: our choices, settled with the paper's gains in sight (docs/explanation/tuning.md).
 
     Attributes:
         speed_overshoot: of the motor speed behind a step, while the integral is slow: exp(-pi) = 4.3 % belongs to a

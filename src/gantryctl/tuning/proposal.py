@@ -37,8 +37,8 @@ def proposal_text(tuning: Tuning) -> str:
     return "\n".join(lines) + "\n" + to_toml(proposed_machine(tuning))
 
 
-def write_proposal(tuning: Tuning, path: Path, in_use: Path) -> Path:
-    """Write the proposal.
+def write_proposal(tuning: Tuning, path: Path, in_use: Path) -> list[Path]:
+    """Write the proposal, and beside it a copy of the calibration file that the machine names.
 
     Args:
         tuning: the result. path: where to. in_use: the machine file that was tuned.
@@ -51,6 +51,13 @@ def write_proposal(tuning: Tuning, path: Path, in_use: Path) -> Path:
         if path.exists() and path.samefile(in_use):
             raise UsageError(f"{path}: is the machine file in use; choose another --out")
         path.write_text(text, encoding="utf-8")
+        named = tuning.machine.control.compensation.calibration
+        calibration = in_use.parent / named
+        if not named or not calibration.is_file():
+            return [path]
+        copy = path.parent / named
+        if not (copy.exists() and copy.samefile(calibration)):
+            copy.write_bytes(calibration.read_bytes())
     except OSError as fault:
         raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
-    return path
+    return [path, copy]

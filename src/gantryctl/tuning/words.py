@@ -10,6 +10,12 @@ from gantryctl.tuning.procedure import PHASES, Tuned
 from gantryctl.tuning.result import WITHIN, Tuning, differences
 
 
+_CHOICES = (
+    "The stop criteria are choices made with the paper's gains in sight; with neighbouring ones Tvi and Kpp leave the "
+    "20 % (docs/explanation/tuning.md)."
+)
+
+
 def sentences(tuning: Tuning) -> list[str]:
     """The most important first."""
     found = _method(tuning)
@@ -20,7 +26,7 @@ def sentences(tuning: Tuning) -> list[str]:
 
 def _method(tuning: Tuning) -> list[str]:
     if tuning.tuned is not None:
-        return [_end(tuning.tuned), *_against_paper(tuning)]
+        return [_end(tuning.tuned), *_against_paper(tuning), _CHOICES]
     designed = tuning.designed
     assert designed is not None
     limit = "" if designed.kvp_max is None else f"; one encoder step permits Kvp up to {designed.kvp_max:.0f}"
