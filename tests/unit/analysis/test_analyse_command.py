@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gantryctl.cli.analyse import analyse
+from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, GantryctlError, UsageError
 from gantryctl.machine import default_machine, default_machine_path, to_toml, with_values
 
@@ -16,7 +16,7 @@ EXPECTED = json.loads((Path(__file__).parents[2] / "data" / "expected.json").rea
 
 
 def run(*arguments):
-    result = CliRunner().invoke(analyse, [str(argument) for argument in arguments], standalone_mode=False)
+    result = CliRunner().invoke(cli, ["analyse", *map(str, arguments)], standalone_mode=False)
     if isinstance(result.exception, GantryctlError):
         raise result.exception
     assert result.exception is None, result.exception

@@ -8,14 +8,14 @@ from click.testing import CliRunner, Result
 
 from gantryctl.canopen_od import parse_eds, read_eds
 from gantryctl.canopen_od.csv_axis import WISHES, check_csv_axis, lacking
-from gantryctl.cli.eds import eds
+from gantryctl.cli.main import cli
 from gantryctl.errors import GantryctlError
 
 FILES = Path(__file__).parents[2] / "data" / "eds"
 
 
 def run(*args: str) -> Result:
-    return CliRunner().invoke(eds, ["check", *args], standalone_mode=False)
+    return CliRunner().invoke(cli, ["eds", "check", *args], standalone_mode=False)
 
 
 def test_a_minimal_file_makes_an_axis_and_the_lacks_have_consequences() -> None:

@@ -5,7 +5,7 @@ import json
 import pytest
 from click.testing import CliRunner
 
-from gantryctl.cli.config import config
+from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, UsageError
 from gantryctl.machine import (
     config_hash,
@@ -18,7 +18,7 @@ from gantryctl.machine import (
 
 
 def run(*arguments):
-    result = CliRunner().invoke(config, [str(argument) for argument in arguments])
+    result = CliRunner().invoke(cli, ["config", *map(str, arguments)])
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
     return result
@@ -71,7 +71,7 @@ def test_check_of_a_wrong_file(machine_file):
     with pytest.raises(ConfigError) as caught:
         run("check", machine_file)
     assert len(caught.value.problems) == 2
-    result = CliRunner().invoke(config, ["check", str(machine_file), "--json"])
+    result = CliRunner().invoke(cli, ["config", "check", str(machine_file), "--json"])
     assert isinstance(result.exception, ConfigError)
     assert json.loads(result.stdout) == {
         "file": str(machine_file),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from gantryctl.cli.size import size
+from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, GantryctlError, UsageError
 from gantryctl.machine import config_hash, configs_folder, default_machine, load_machine
 
@@ -17,7 +17,7 @@ PAPER = MOTORS / "im_31kw_1150.toml"
 
 
 def run(*arguments):
-    result = CliRunner().invoke(size, [str(argument) for argument in arguments], standalone_mode=False)
+    result = CliRunner().invoke(cli, ["size", *map(str, arguments)], standalone_mode=False)
     if isinstance(result.exception, GantryctlError):
         raise result.exception
     assert result.exception is None, result.exception

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from gantryctl.cli.trace import trace as command
+from gantryctl.cli.main import cli
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.runtime import ArrowRecorder
 from gantryctl.trace import read_trace
@@ -34,7 +34,7 @@ def file(live: ArrowRecorder) -> Path:
 
 
 def run(*arguments: object) -> Result:
-    return CliRunner().invoke(command, [str(argument) for argument in arguments])
+    return CliRunner().invoke(cli, ["trace", *map(str, arguments)])
 
 
 def printed(*arguments: object) -> str:
