@@ -28,7 +28,7 @@ _MARGIN_DEG: Final = 0.5  # of the travel, kept at both ends
 _JERK_TIME_S: Final = 0.5  # acceleration ramps of the runs
 _SETTLE_S: Final = 3.0
 _TRANSIENT_S: Final = 2.0  # after a change of the acceleration
-_BLOCK: Final = 20  # scans that are averaged to one sample
+_BLOCK: Final = 40  # scans that are averaged to one sample
 
 
 class Instrument(Enum):
@@ -42,7 +42,7 @@ class Instrument(Enum):
 
 @dataclass(frozen=True)
 class Samples:
-    """One steady stretch of motion; means over 20 scans each, at the gantry, SI.
+    """One steady stretch of motion; means over 40 scans each, at the gantry, SI.
 
     Attributes:
         act_rad: by the motor encoder. load_rad: by the instrument. ring_rad: by the load-side encoder.

@@ -1,0 +1,24 @@
+"""Two ways of control on one plant: the same runs, the same figures, over one gear or over many."""
+
+from gantryctl.comparison.ensemble import Ensemble, ensemble, random_plant
+from gantryctl.comparison.figures import FIGURES, Figures, figures_of
+from gantryctl.comparison.profiles import ProfileRow, profiles_at_equal_base_motion
+from gantryctl.comparison.report import CompareReport, compare_report
+from gantryctl.comparison.variants import Variant, check_same_plant, variants, without_load_encoder
+
+__all__ = [
+    "FIGURES",
+    "CompareReport",
+    "Ensemble",
+    "Figures",
+    "ProfileRow",
+    "Variant",
+    "check_same_plant",
+    "compare_report",
+    "ensemble",
+    "figures_of",
+    "profiles_at_equal_base_motion",
+    "random_plant",
+    "variants",
+    "without_load_encoder",
+]
