@@ -29,7 +29,7 @@ class Move(NamedTuple):
     Attributes:
         time_s: of the profile. load_error_deg_s, motor_error_deg_s: largest speed error against the set-point.
         base_um: base motion, peak to peak, gravity taken out. residual_um: the same, 0.2 to 2.2 s after the profile.
-        settling_s: after the profile, until the load stays within 0.001 deg. reducer_knm: largest reducer output torque.
+        settling_s: after the profile, until the load stays within 0.001 deg. reducer_knm: at the reducer's output.
     """
 
     time_s: float

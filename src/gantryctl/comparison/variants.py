@@ -58,7 +58,7 @@ def variants(paper: Machine, improved: Machine) -> list[Variant]:
     Swing damping is shown with the encoder it reads but with its integral next to nothing.
     """
     compensation = improved.control.compensation
-    off = dict.fromkeys((_AT + key for key in _SWITCHES), False) | {_AT + "latency_us": 0.0}
+    off: dict[str, object] = {_AT + key: False for key in _SWITCHES} | {_AT + "latency_us": 0.0}
     rows = [
         Variant(f"{paper.name}, as it is", paper),
         Variant("profile alone", with_values(improved, off)),
@@ -66,7 +66,7 @@ def variants(paper: Machine, improved: Machine) -> list[Variant]:
     for name, keys in _ALONE:
         if not all(_is_on(improved, key) for key in keys):
             continue
-        changes: dict[str, object] = off | dict.fromkeys((_AT + key for key in keys), True)
+        changes = off | {_AT + key: True for key in keys}
         if name == "swing damping":
             changes[_AT + "load_encoder.integral_per_s"] = 0.01
         if name == "dead time":

@@ -4,8 +4,8 @@ The controller's compensations live on these numbers and on nothing else. The ru
 with all compensations off; the truth of a simulated plant is read only to say how wrong the numbers are.
 """
 
-from gantryctl.identification.fit import Fit, calibrate, fit
+from gantryctl.identification.fit import Fit, calibrate, calibration_of, fit
 from gantryctl.identification.measure import Instrument, Recording, record
 from gantryctl.identification.truth import Comparison, comparisons
 
-__all__ = ["Comparison", "Fit", "Instrument", "Recording", "calibrate", "comparisons", "fit", "record"]
+__all__ = ["Comparison", "Fit", "Instrument", "Recording", "calibrate", "calibration_of", "comparisons", "fit", "record"]
