@@ -7,6 +7,8 @@
 
 namespace gantry {
 
+constexpr double kAnyAngleRad = 10.0;  // a reading beyond this is none
+
 template <class T>
 struct CompensatedResult {
   PositionLawResult<T> law;
@@ -57,16 +59,27 @@ void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint& r,
   s.torque_zero_nm = feed_forward_torque(p, ratio, T(r.pos), T(r.acc));
 }
 
-// One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (any number if none is
-// used). NaN passes through to the command on purpose, as in position_law.
+// The load-side reading without the encoder's own errors; a reading that is none (NaN, or no angle of a
+// gantry) is replaced by dead reckoning from the last one, and the disagreement tells.
+template <class T>
+T load_side_reading(const CompensationParams<T>& p, const CompensationState<T>& s, T ring, T lead, T vel_ref,
+                    T y) {
+  const T seen = (p.scale_map ? ring - harmonics(p.scale, ring).value : ring) + lead;
+  const T reckoned = s.started ? s.ring_last_rad + vel_ref * p.period_s : y;
+  return select(vabs(ring) < T(kAnyAngleRad), seen, reckoned);
+}
+
+// One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (0 if none is used).
+// NaN of the motor side passes through to the command on purpose, as in position_law.
 template <class T>
 CompensatedResult<T> compensated_law(const PositionLawParams& law, const CompensationParams<T>& p,
                                      CompensationState<T>& s, const SetPoint& r, T counts, T ring) {
   const T ratio = T(law.ratio);
   const T lead = T(r.vel) * p.latency_s;  // how far the motor went on since its encoder was read
   const T y = T(law.rad_per_count) * counts / ratio + lead;
-  if (p.scale_map) ring = ring - harmonics(p.scale, ring).value;
-  ring = ring + lead;  // both encoders are latched at the same instant
+  const T reading = ring;
+  ring =
+      load_side_reading(p, s, reading, lead, T(r.vel), y);  // both encoders are latched at the same instant
   if (!s.started) begin_following(p, ratio, r, y, ring, s);
 
   const T before = s.direction;
@@ -88,7 +101,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams& law, const Compens
   }
   const T torque = feed_forward_torque(p, ratio, T(r.pos), T(r.acc)) - s.torque_zero_nm;
   out.torque_ff_nm = clamp(torque, -p.torque_limit_nm, p.torque_limit_nm);
-  out.disagreement_rad = ring - (y - c.pos);
+  out.disagreement_rad = select(vabs(reading) < T(kAnyAngleRad), ring, reading) - (y - c.pos);
   s.pos_last_rad = T(r.pos);
   s.acc_last_rad_s2 = T(r.acc);
   s.ring_last_rad = ring;

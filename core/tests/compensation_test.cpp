@@ -139,18 +139,29 @@ TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
   EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 1e3).law.vel_cmd_rad_s, -law.vel_max_rad_s);
 }
 
-TEST(CompensatedLaw, lets_nan_through_to_the_guard) {
+TEST(CompensatedLaw, lets_a_motor_side_that_is_no_number_through_to_the_guard) {
+  State s;
+  EXPECT_TRUE(
+      std::isnan(compensated_law(example::law(), maps(), s, {0.0, 0.0, 0.0}, kNaN, 0.0).law.vel_cmd_rad_s));
+}
+
+TEST(CompensatedLaw, reckons_on_without_a_load_side_reading_and_says_so) {
   Params p = maps();
-  p.load_encoder = true;
+  p.load_encoder = p.damping = true;
   p.encoder_gain_per_s = 1.0;
   p.encoder_limit_rad = 1e-4;
+  p.damping_gain = 0.05;
+  p.swing_rad_s = 12.6;
   const PositionLawParams law = example::law();
-  State s;
-  const auto lost = compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, kNaN);
-  EXPECT_TRUE(std::isnan(lost.law.vel_cmd_rad_s));
-  EXPECT_TRUE(std::isnan(lost.disagreement_rad));
-  State other;
-  EXPECT_TRUE(std::isnan(compensated_law(law, p, other, {0.0, 0.0, 0.0}, kNaN, 0.0).law.vel_cmd_rad_s));
+  for (double lost : {kNaN, std::numeric_limits<double>::infinity(), 1e300}) {
+    State s;
+    compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3);
+    const auto out =
+        compensated_law(law, p, s, {0.30001, 0.01, 0.0}, 0.30001 * law.ratio / law.rad_per_count, lost);
+    EXPECT_TRUE(std::isfinite(out.law.vel_cmd_rad_s));
+    EXPECT_NEAR(s.ring_last_rad, 0.30001, 1e-9);
+    EXPECT_FALSE(std::fabs(out.disagreement_rad) < 1.0);
+  }
 }
 
 TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {

@@ -81,7 +81,9 @@ def _next_version(path: Path, force: bool) -> int:
     try:
         return load_calibration(path).origin.version + 1
     except ConfigError:
-        raise UsageError(f"{path}: is no calibration file, so it is not replaced; --out writes elsewhere") from None
+        raise UsageError(
+            f"{path}: is no calibration file, so it is not replaced; --out writes elsewhere"
+        ) from None
 
 
 def _write(path: Path, calibration: Calibration) -> None:
@@ -102,14 +104,22 @@ def _show(
     swing = calibration.identified.swing_hz
     acc = machine.virtual_axis.acc_deg_s2
     click.echo(
-        f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by {calibration.origin.instrument}; "
-        f"the fit leaves {found.residual_deg:.5f} deg (rms)"
+        f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by "
+        f"{calibration.origin.instrument}; the fit leaves {found.residual_deg:.5f} deg (rms)"
     )
     rows = tuple(
-        (c.name, f"{c.identified:.6g}", f"{c.truth:.6g}", c.unit, f"{c.error_percent:+.1f} %" if c.truth else "")
+        (
+            c.name,
+            f"{c.identified:.6g}",
+            f"{c.truth:.6g}",
+            c.unit,
+            f"{c.error_percent:+.1f} %" if c.truth else "",
+        )
         for c in beside
     )
-    print_table(TextTable("Identified, beside the truth of the simulator", ("", "found", "truth", "", "off by"), rows))
+    print_table(
+        TextTable("Identified, beside the truth of the simulator", ("", "found", "truth", "", "off by"), rows)
+    )
     click.echo(
         f"\nFirst mode with the motor held: {swing:.2f} Hz. An S-curve whose ramps last one period of it: "
         f"jerk_deg_s3 = {acc * swing:.3g} with the present acc_deg_s2 = {acc:.4g}."

@@ -42,6 +42,14 @@ COMMANDS: Final = {
     "tune": Entry(
         "gantryctl.cli.tune", "tune", "Tune the loops: a proposal by the paper's procedure or by margins."
     ),
+    "identify": Entry(
+        "gantryctl.cli.identify",
+        "identify",
+        "Measure friction, moment, stiffness and gear map of this machine.",
+    ),
+    "compare": Entry(
+        "gantryctl.cli.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
+    ),
     "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
     "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),

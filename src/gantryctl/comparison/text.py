@@ -34,9 +34,9 @@ def tables(report: CompareReport) -> list[TextTable]:
 def notes(report: CompareReport) -> list[str]:
     """What a reader must know."""
     return [
-        "A by eq. (6), deg. Seen: median of 500 draws of the tracker's noise, which alone gives 0.0024 with procedure A.",
-        "Speed errors are the largest of a move from 0 to 90 deg. With wind-up and maps compensated the motor leaves the "
-        "set-point on purpose: judge the load side.",
+        "A by eq. (6), deg. Seen: median of 500 draws of the tracker's noise, which alone gives 0.0024 (A).",
+        "Speed errors are the largest of a move from 0 to 90 deg. With wind-up and maps compensated the motor leaves "
+        "the set-point on purpose: judge the load side.",
         "Base: motion at the ring radius without gravity's part; after: 0.2 to 2.2 s after the profile. Settled: time "
         "after the profile until the load stays within 0.001 deg.",
         f"What is identified comes from runs of {report.improved} with everything off, never from [plant]; the tracker "
@@ -55,7 +55,13 @@ def _rows(report: CompareReport) -> TextTable:
 
 def _identified(report: CompareReport) -> TextTable:
     rows = tuple(
-        (c.name, f"{c.identified:.5g}", f"{c.truth:.5g}", c.unit, f"{c.error_percent:+.1f} %" if c.truth else "")
+        (
+            c.name,
+            f"{c.identified:.5g}",
+            f"{c.truth:.5g}",
+            c.unit,
+            f"{c.error_percent:+.1f} %" if c.truth else "",
+        )
         for c in report.identified
     )
     return TextTable("What the compensations know, and the truth", ("", "known", "truth", "", "off by"), rows)
@@ -81,8 +87,8 @@ def _quantiles(report: CompareReport, name: str) -> TextTable:
     assert report.ensemble is not None
     quantiles = report.ensemble.quantiles(name)
     rows = tuple(
-        (what, unit, *(_text(key, value) for value in quantiles[key])) for key, (what, unit) in FIGURES.items()
+        (what, unit, *(_text(key, value) for value in quantiles[key]))
+        for key, (what, unit) in FIGURES.items()
     )
     title = f"{name} on {len(report.ensemble.seeds)} random gears and plants"
     return TextTable(title, ("", "", "5 %", "median", "95 %"), rows)
-

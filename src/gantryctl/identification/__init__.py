@@ -8,4 +8,14 @@ from gantryctl.identification.fit import Fit, calibrate, calibration_of, fit
 from gantryctl.identification.measure import Instrument, Recording, record
 from gantryctl.identification.truth import Comparison, comparisons
 
-__all__ = ["Comparison", "Fit", "Instrument", "Recording", "calibrate", "calibration_of", "comparisons", "fit", "record"]
+__all__ = [
+    "Comparison",
+    "Fit",
+    "Instrument",
+    "Recording",
+    "calibrate",
+    "calibration_of",
+    "comparisons",
+    "fit",
+    "record",
+]

@@ -1,0 +1,99 @@
+"""Calibration files: round trip, damage, and files of another machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gantryctl.errors import ConfigError
+from gantryctl.machine import (
+    calibration_toml,
+    check_belongs,
+    config_hash,
+    default_machine,
+    default_machine_path,
+    identity_hash,
+    load_calibration,
+    load_machine,
+    with_values,
+)
+from gantryctl.wiring import build_engine, compensation, sim_drive
+from improved import improved_machine
+
+TEXT = default_machine_path().with_name("hust_improved.calibration.toml").read_text(encoding="utf-8")
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "a.calibration.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_text_of_a_calibration_is_read_back_bit_for_bit(tmp_path: Path) -> None:
+    calibration = improved_machine().calibration
+    assert calibration is not None
+    assert load_calibration(written(tmp_path, calibration_toml(calibration))) == calibration
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("swing_hz = ", "swing_hz = nan #", "swing_hz"),
+        ("swing_hz = ", "swing_hz = -1.0 #", "swing_hz"),
+        ("stiffness_nm_per_rad = ", "stiffness_nm_per_rad = 0.0 #", "stiffness_nm_per_rad"),
+        ("version = 1", "version = 0", "version"),
+        ("identity = ", 'identity = "none" #', "identity"),
+        ("moment_sine_nm = ", "moment_sin_nm = ", "moment_sin_nm"),
+        ("[maps]", "[map]", "map"),
+        ("gear_rad = [", "gear_rad = [ 5.0,", "gear_rad"),
+        ("gear_rad = [", "gear_rad = [ inf,", "gear_rad"),
+        ("[origin]", "[origin", "line"),
+    ],
+)
+def test_a_damaged_file_is_refused_and_the_message_names_the_place(
+    tmp_path: Path, old: str, new: str, said: str
+) -> None:
+    assert old in TEXT
+    with pytest.raises(ConfigError) as refused:
+        load_calibration(written(tmp_path, TEXT.replace(old, new, 1)))
+    assert any("a.calibration.toml" in line and said in line for line in refused.value.problems)
+
+
+def test_a_calibration_of_other_gears_is_refused() -> None:
+    other = with_values(improved_machine(), {"motor.inertia_kg_m2": 0.3})
+    with pytest.raises(ConfigError, match="measured on another machine"):
+        compensation(other)
+
+
+def test_a_calibration_of_another_encoder_is_refused_where_the_drive_is_asked() -> None:
+    other = with_values(improved_machine(), {"plant.encoder.serial": "SIM-0002"})
+    with pytest.raises(ConfigError, match=r"SIM-0001.*SIM-0002"):
+        build_engine(other, drive=sim_drive(other))
+
+
+def test_gains_profiles_and_plant_do_not_make_another_machine() -> None:
+    calibration = improved_machine().calibration
+    assert calibration is not None
+    assert identity_hash(default_machine()) == identity_hash(improved_machine())
+    check_belongs(calibration, with_values(improved_machine(), {"control.kpp_per_s": 8.0}), "SIM-0001")
+
+
+def test_without_its_file_a_compensation_says_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "m.toml"
+    path.write_text(default_machine_path().with_name("hust_improved.toml").read_text("utf-8"), "utf-8")
+    machine = load_machine(path)
+    assert machine.calibration is None
+    with pytest.raises(ConfigError, match="gantryctl identify"):
+        compensation(machine)
+
+
+def test_a_calibration_stays_with_changed_values_and_out_of_the_hash() -> None:
+    machine = improved_machine()
+    assert with_values(machine, {"control.kvf": 0.9}).calibration == machine.calibration
+    assert machine.calibrated(None).calibration is None
+    assert config_hash(machine.calibrated(None)) == config_hash(machine)
+
+
+def test_the_ideal_drive_has_nothing_to_compensate() -> None:
+    assert compensation(with_values(improved_machine(), {"drive.kind": "ideal"})) is None
