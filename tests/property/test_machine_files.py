@@ -62,9 +62,21 @@ def consistent_changes(draw):
             changes[path] = draw(0.0, 1.0) < 0.5
         elif spec.kind == "word":
             changes[path] = spec.words[int(draw(0.0, len(spec.words) - 0.001))]
+    _agree(changes)
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output
         changes |= {"drive.speed_loop.cycle_us": 125.0, "control.scan_period_ms": 4.0, "brake.owner": "drive"}
     return changes
+
+
+def _agree(changes):
+    """Compensations ask for a calibration, an encoder, and a profile without steps."""
+    at = "control.compensation."
+    changes[at + "calibration"] = "m.calibration.toml"
+    for needs_encoder in ("load_encoder.own_errors", "damping.active"):
+        changes[at + needs_encoder] &= changes[at + "load_encoder.active"]
+    changes["plant.load_encoder.fitted"] |= changes[at + "load_encoder.active"]
+    for needs_smoothness in ("torque.acceleration", "windup.active"):
+        changes[at + needs_smoothness] &= changes["virtual_axis.profile"] == "jerk_limited"
 
 
 def test_a_thousand_valid_machines_are_accepted_and_come_back():

@@ -99,7 +99,9 @@ def test_the_packaged_calibration_is_what_identify_gives(found: Fit) -> None:
     packaged = improved_machine().calibration
     assert packaged is not None
     # least squares of another processor rounds differently
-    assert found.identified.model_dump() == pytest.approx(packaged.identified.model_dump(), rel=1e-6, abs=1e-3)
+    assert found.identified.model_dump() == pytest.approx(
+        packaged.identified.model_dump(), rel=1e-6, abs=1e-3
+    )
     assert found.maps.gear_rad == pytest.approx(packaged.maps.gear_rad, abs=1e-11)
     assert found.maps.scale_rad == pytest.approx(packaged.maps.scale_rad, abs=1e-11)
 
