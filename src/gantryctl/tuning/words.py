@@ -9,7 +9,6 @@ from gantryctl.tuning.judge import sentences as verdict_sentences
 from gantryctl.tuning.procedure import PHASES, Tuned
 from gantryctl.tuning.result import WITHIN, Tuning, differences
 
-
 _CHOICES = (
     "The stop criteria are choices made with the paper's gains in sight; with neighbouring ones Tvi and Kpp leave the "
     "20 % (docs/explanation/tuning.md)."
