@@ -56,7 +56,9 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
         raise UsageError(
             "--can is missing: which python-can interface (socketcan, udp_multicast, slcan ...)?"
         )
-    bus = _open_bus(interface, given["channel"], given["bitrate"])
+    from gantryctl.wiring.can_bus import open_bus
+
+    bus = open_bus(interface, given["channel"], given["bitrate"])
     try:
         _serve(bus, interface, kind, given)
     finally:
@@ -84,26 +86,6 @@ def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
     except OSError as fault:
         raise UsageError(f"--write-eds {file}: cannot be written: {fault.strerror or fault}") from None
     click.echo(f"wrote {file}: {len(visible.objects)} objects, personality {kind.name}")
-
-
-def _open_bus(interface: str, channel: str | None, bitrate: int | None) -> can.BusABC:
-    import can
-
-    from gantryctl.errors import DeviceError, UsageError
-
-    if interface not in can.VALID_INTERFACES:
-        known = ", ".join(sorted(can.VALID_INTERFACES))
-        raise UsageError(f"--can {interface}: python-can has no such interface; it has: {known}")
-    if channel is None and interface == "udp_multicast":
-        channel = "239.74.163.2"  # python-can's IPv4 group; its default, the IPv6 one, is lost on many hosts
-    options: dict[str, Any] = {} if bitrate is None else {"bitrate": bitrate}
-    if channel is not None:
-        options["channel"] = channel
-    try:
-        return can.Bus(interface=interface, ignore_config=True, **options)
-    except (can.CanError, OSError, ValueError, ImportError, TypeError) as fault:
-        where = interface if channel is None else f"{interface}, channel {channel}"
-        raise DeviceError(f"the CAN interface cannot be opened ({where}): {fault}") from None
 
 
 def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, Any]) -> None:

@@ -60,6 +60,10 @@ COMMANDS: Final = {
     "retain": Entry("gantryctl.cli.state", "retain", "The controller's retained memory: show."),
     "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),
     "trace": Entry("gantryctl.cli.trace", "trace", "Recordings: show, plot, export."),
+    "can": Entry("gantryctl.cli.can", "can", "The CAN bus: who is on it."),
+    "drive": Entry(
+        "gantryctl.cli.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."
+    ),
     "eds": Entry("gantryctl.cli.eds", "eds", "EDS and DCF files of drives: check."),
     "sim": Entry("gantryctl.cli.state", "sim", "The simulated machine: reset."),
     "completion": Entry("gantryctl.cli.completion", "completion", "Shell completion for bash, zsh or fish."),

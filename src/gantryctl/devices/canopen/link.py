@@ -123,7 +123,7 @@ class BusLink:
         while self._open:
             message = self._next(max(0.0, end - self.now_s()))
             if message is None:
-                if self._advance is None or self.now_s() >= end - 1e-9:
+                if self._advance is None or self.now_s() >= end - 1e-7:
                     return None
                 self.pause(0.001)
             elif (frame := self._plain(message)) is not None:

@@ -146,7 +146,7 @@ class RemoteNode:
     def listen_for(self, seconds: float) -> None:
         """Take what comes for a time."""
         end = self.link.now_s() + seconds
-        while (left := end - self.link.now_s()) > 1e-9:
+        while (left := end - self.link.now_s()) > 1e-6:
             frame = self.link.receive(left)
             if frame is not None:
                 self.dispatch(frame)
