@@ -107,6 +107,10 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
 
 
 def _run(loop: DriveLoop, stop: threading.Event, interface: str, given: dict[str, Any]) -> None:
+    from contextlib import nullcontext
+
+    from gantryctl.runtime import keeps_time
+
     node = loop.node
     how = "stepped by SYNC" if node.stepped else "in real time"
     where = interface if given["channel"] is None else f"{interface} {given['channel']}"
@@ -115,7 +119,8 @@ def _run(loop: DriveLoop, stop: threading.Event, interface: str, given: dict[str
         click.echo(f"side channel: {given['control']}")
     with loop.lock:
         node.boot()
-    loop.run(stop)
+    with nullcontext() if node.stepped else keeps_time():
+        loop.run(stop)
     _farewell(loop, node)
 
 

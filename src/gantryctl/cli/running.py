@@ -188,6 +188,8 @@ def _print(
     if session.engine.statistics.lateness.count and summary is not None:
         for line in session.engine.statistics.report(summary.peak_deg_s).splitlines():
             click.echo(f"  {line}")
+    for line in session.bus_lines():
+        click.echo(f"  bus               {line}")
     if file is not None:
         click.echo(f"  trace             {file}")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import select
 import socket
 import threading
 from collections.abc import Callable
@@ -102,15 +103,38 @@ class ControlClient:
             raise DeviceError(f"no virtual drive listens on {path}: {fault.strerror or fault}") from None
         self._lines = self._socket.makefile("rwb")
 
+    def send(self, cmd: str, **fields: Any) -> None:
+        """A request whose answer is fetched later by `poll`.
+
+        Raises:
+            DeviceError: the drive is gone.
+        """
+        try:
+            self._lines.write(_line({"cmd": cmd, **fields}))
+            self._lines.flush()
+        except OSError as fault:
+            raise DeviceError(f"the virtual drive does not answer: {fault}") from None
+
+    def poll(self) -> dict[str, Any] | None:
+        """The answer to the request of `send`, or None while it is not there; never waits.
+
+        Raises:
+            DeviceError: the request was refused, or the drive is gone.
+        """
+        ready, _, _ = select.select([self._socket], [], [], 0.0)
+        return self._answer() if ready else None
+
     def ask(self, cmd: str, **fields: Any) -> dict[str, Any]:
         """One request, one answer.
 
         Raises:
             DeviceError: the request is refused, or the drive is gone.
         """
+        self.send(cmd, **fields)
+        return self._answer()
+
+    def _answer(self) -> dict[str, Any]:
         try:
-            self._lines.write(_line({"cmd": cmd, **fields}))
-            self._lines.flush()
             line = self._lines.readline()
         except OSError as fault:
             raise DeviceError(f"the virtual drive does not answer: {fault}") from None

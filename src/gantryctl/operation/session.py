@@ -7,6 +7,7 @@ the brake closed, the torque taken off and the state kept.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, Final
 
@@ -31,9 +32,9 @@ from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
-from gantryctl.runtime import AlarmEntry, Engine, HeldOperator
+from gantryctl.runtime import AlarmEntry, Engine, HeldOperator, keeps_time
 from gantryctl.units import deg, rad
-from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine
+from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, in_virtual_time
 
 SLICE_S: Final = 0.1
 """Axis time between two looks at observer and stop request."""
@@ -86,6 +87,9 @@ class AxisSession:
             raise
         self._power_ups = self._moves = 0
         self._powered = False
+        self._timed = ExitStack()
+        if isinstance(self._drive, CanopenDrive) and not in_virtual_time(machine):
+            self._timed.enter_context(keeps_time())
 
     def _prepare(self, program: ProgramFactory, recorder: RecorderFactory | None, real_time: bool) -> None:
         """Judge the encoder's reading and make the engine."""
@@ -158,6 +162,13 @@ class AxisSession:
     def drive(self) -> Drive:
         """The drive that is run."""
         return self._drive
+
+    def bus_lines(self) -> tuple[str, ...]:
+        """How well the bus worked, and what the drive complained of; () without a bus."""
+        if not isinstance(self._drive, CanopenDrive):
+            return ()
+        said = [message.text for message in self._drive.node.emergencies.messages if message.code]
+        return (*self._drive.counters().lines(), *said)
 
     def snapshot(self) -> Snapshot:
         """What a display shows now."""
@@ -370,6 +381,7 @@ class AxisSession:
             elif not self._off():
                 self.power_down()
         finally:
+            self._timed.close()
             if self.engine.scan:
                 self.engine.close()
             else:  # refused before anything was switched on: the drive stays as it is

@@ -137,7 +137,9 @@ class Feedback:
             return self._bad_reading(counts)
         if math.isnan(self.counts):  # the first reading: nothing to compare with
             return counts
-        allowed = (self._jump_base + abs(self.vel_rad_s) * self._jump_per_speed) * (missed + 1)
+        # A late telegram may have been sampled late too: one scan more.
+        scans = missed + 2 if missed else 1
+        allowed = (self._jump_base + abs(self.vel_rad_s) * self._jump_per_speed) * scans
         if not -allowed <= step <= allowed:
             per_deg = self._counts_per_rad * math.pi / 180.0
             self._raise(Code.ENC_01, measured=abs(step) / per_deg, limit=allowed / per_deg)

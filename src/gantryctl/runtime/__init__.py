@@ -5,6 +5,7 @@ from gantryctl.runtime.engine import NOTHING_READ, Engine, trace_columns
 from gantryctl.runtime.lock import StateLock
 from gantryctl.runtime.operators import HeldOperator, ScriptedOperator
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
+from gantryctl.runtime.priority import keeps_time
 from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.runtime.retain import RetainedMemory
 from gantryctl.runtime.retained import AlarmEntry, Retained
@@ -27,5 +28,6 @@ __all__ = [
     "ScriptedOperator",
     "StateLock",
     "VirtualClock",
+    "keeps_time",
     "trace_columns",
 ]

@@ -105,10 +105,20 @@ class SideChannelDrive(CanopenDrive):
     def __init__(self, link: Link, settings: CanopenSettings, channel: ControlClient) -> None:
         super().__init__(link, settings)
         self.channel = channel
+        self._true = self._values(channel.ask("truth"))
+        self._asked = False
 
     def truth(self) -> tuple[float, ...]:
-        """True state of load, motor and base, asked for now."""
-        answer = self.channel.ask("truth")
+        """True state of load, motor and base: the last answer there is. Nobody waits for a side channel in a scan."""
+        if not self._asked:
+            self.channel.send("truth")
+            self._asked = True
+        elif (answer := self.channel.poll()) is not None:
+            self._true = self._values(answer)
+            self._asked = False
+        return self._true
+
+    def _values(self, answer: Mapping[str, float]) -> tuple[float, ...]:
         return tuple(float(answer[name]) for name in self.truth_columns)
 
 

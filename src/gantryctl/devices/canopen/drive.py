@@ -71,6 +71,18 @@ class BusCounters(NamedTuple):
     boots: int
     others: int
     strange: int
+    refused: int
+
+    def lines(self) -> tuple[str, ...]:
+        """For people: a row per telegram, and what else was on the bus."""
+        tpdos = zip(self.received, self.missed, self.late, self.duplicated, self.longest_age, strict=True)
+        rows = [
+            f"TPDO {n}: {got} of {self.scans} in time or late, {missed} missed, {late} late, {twice} twice, "
+            f"oldest {age} scans"
+            for n, (got, missed, late, twice, age) in enumerate(tpdos, start=1)
+        ]
+        rest = f"emergency messages {self.emergencies}, telegrams refused by the bus {self.refused}"
+        return (*rows, rest)
 
 
 class CanopenDrive:
@@ -97,7 +109,8 @@ class CanopenDrive:
         self.commanded = self._due = self._closed = False
         self._flags = LinkFlag.NONE
         self._followed = False
-        self._enabling = 0
+        self._enabling = self._gap = 0
+        self._synced_s = 0.0
 
     # --- before the first scan ---------------------------------------------------------------------------------
 
@@ -160,6 +173,7 @@ class CanopenDrive:
         if self._closed:
             return
         if not self.commanded:
+            self._synced_s = self.link.now_s()
             self.commanded = True  # from the first heartbeat on the drive watches us
             self.node.forget_boots()
         state = self._last.state
@@ -187,9 +201,17 @@ class CanopenDrive:
         if self.silent_process_data:
             node.listen_for(self.settings.period_s)
             return
+        self._note_gap()
         process.begin()
         node.sync()
         process.collect(answer_s)
+
+    def _note_gap(self) -> None:
+        """SYNC periods that were skipped before this one: so long nobody has looked at the axis."""
+        now = self.link.now_s()
+        late = 0 if self.link.stepped or not self.commanded else now - self._synced_s
+        self._gap = max(0, round(late / self.settings.period_s) - 1)
+        self._synced_s = now
 
     def _feedback(self) -> DriveFeedback:
         process = self.process
@@ -210,7 +232,7 @@ class CanopenDrive:
             EncoderFlag.NONE,
             (process.error_code or self.node.emergencies.code) if in_fault else 0,
             bool(status & WARNING),
-            process.age,
+            max(process.age, self._gap),
             inputs,
             flags,
         )
@@ -266,6 +288,7 @@ class CanopenDrive:
             node.boots,
             node.others,
             node.strange,
+            self.link.refused,
         )
 
     # --- the end -----------------------------------------------------------------------------------------------

@@ -27,6 +27,11 @@ class Frame(NamedTuple):
 class Link(Protocol):
     """What the master needs of a bus."""
 
+    stepped: bool
+    """The drive's time goes on by SYNC, not by itself."""
+    refused: int
+    """Frames that the bus did not take."""
+
     @property
     def down(self) -> bool:
         """Sending or receiving does not work any more."""
@@ -81,7 +86,7 @@ class BusLink:
         stepped: bool = False,
     ) -> None:
         self._bus = bus
-        self._stepped = stepped or advance is not None
+        self.stepped = stepped or advance is not None
         self._advance = advance
         self._virtual_s = 0.0
         self._sent: Counter[tuple[int, bytes]] | None = Counter() if echoes else None
@@ -174,7 +179,7 @@ class BusLink:
 
     def pace(self, period_s: float) -> None:
         """Sleep; not for a drive that is stepped by SYNC."""
-        if not self._stepped:
+        if not self.stepped:
             time.sleep(period_s)
 
     def now_s(self) -> float:
