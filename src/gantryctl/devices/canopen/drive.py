@@ -234,7 +234,7 @@ class CanopenDrive:
             bool(status & WARNING),
             max(process.age, self._gap),
             inputs,
-            flags,
+            link=flags,
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:
