@@ -50,6 +50,9 @@ COMMANDS: Final = {
     "compare": Entry(
         "gantryctl.cli.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
     ),
+    "serve": Entry("gantryctl.cli.serve", "serve", "Run the controller with its operator page."),
+    "user": Entry("gantryctl.cli.user", "user", "Users of the page: add, list, remove, passwd."),
+    "journal": Entry("gantryctl.cli.journal", "journal", "The service's journal: show, verify, export."),
     "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
     "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),

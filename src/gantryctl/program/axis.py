@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 from gantryctl._core import Segments
@@ -124,6 +125,23 @@ class Axis(AxisScan):
         if override == self.virtual.override:
             return None
         return self.virtual.set_override(override, self.scan)
+
+    def set_acceleration(self, acc_rad_s2: float) -> Refusal | None:
+        """Acceleration of the normal motions from now on, at most that of the settings; deceleration in proportion.
+
+        Only at standstill. Halt and every other stop keep the ramps of the settings.
+        """
+        ramps = self.settings.ramps
+        if not 0.0 < acc_rad_s2 <= ramps.acc_rad_s2:
+            allowed = f"above 0 and at most {deg(ramps.acc_rad_s2):.4g} deg/s2"
+            return refusal(
+                Code.CTL_01, name="acceleration", allowed=allowed, measured=f"{deg(acc_rad_s2):.6g} deg/s2"
+            )
+        if not self.virtual.at_rest or self.motion.current is not None:
+            return refusal(Code.CTL_14, measured="the acceleration changes at standstill only")
+        dec = ramps.dec_rad_s2 * acc_rad_s2 / ramps.acc_rad_s2
+        self.virtual.use_ramps(replace(ramps, acc_rad_s2=acc_rad_s2, dec_rad_s2=dec))
+        return None
 
     def set_position(self, position_rad: float) -> Refusal | None:
         """Call the present angle `position_rad`; only at standstill, and never so that the encoder wraps."""

@@ -9,7 +9,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move, plan_stop, stop_point
 from gantryctl.program.alarms import Refusal, refusal
 from gantryctl.program.codes import Code
-from gantryctl.program.settings import AxisSettings
+from gantryctl.program.settings import AxisSettings, RampSettings
 from gantryctl.units import deg
 
 # Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry.
@@ -109,6 +109,15 @@ class VirtualAxis:
         if refused is not None:
             self.override = before
         return refused
+
+    @property
+    def acc_setting_rad_s2(self) -> float:
+        """Acceleration of the motions that begin now."""
+        return self._ramps.acc_rad_s2
+
+    def use_ramps(self, ramps: RampSettings) -> None:
+        """Other ramps for the motions that begin from now on."""
+        self._ramps = ramps
 
     def stop(self, limits: MotionLimits, scan: int) -> None:
         """Come to rest with `limits`; a stop under way that ends no later is kept: no stop is made weaker."""

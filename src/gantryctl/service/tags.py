@@ -168,11 +168,11 @@ _MACHINE: Final = (
     _out("blocked_by", "", "text", "on change", "Why power cannot be switched on; empty when it can."),
     _out("eccentric_moment_nm", "N m", "float", "1 Hz",
          "Eccentric moment at the gantry, learned from the torque; null until learned."),
-    _out("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it turns nothing; null until learned."),
+    _out("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it would come to rest by itself; null until learned."),
     _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
     _out("refusal_text", "", "text", "on change", "The last command that the program refused, and why."),
     _out("alarms", "", "rows", "on change", "Active alarms, the first-out first (rows below)."),
-    _out("alarm_history", "", "rows", "on change", "The last 100 alarms, newest first (rows below)."),
+    _out("alarm_history", "", "rows", "on change", "The last 50 alarms, newest first (rows below)."),
 )  # fmt: skip
 
 TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_LIMITS, *_MACHINE)

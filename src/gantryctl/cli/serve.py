@@ -1,0 +1,44 @@
+"""`gantryctl serve`: the controller as a service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gantryctl.cli.options import PATH, config_option, proven_machine
+
+
+@click.command()
+@config_option
+@click.option(
+    "--listen",
+    default="127.0.0.1:8650",
+    show_default=True,
+    metavar="HOST:PORT",
+    help="Address of the page; port 0 for a free one.",
+)
+@click.option("--tls-cert", type=PATH, help="Certificate (PEM), needed for another host than loopback.")
+@click.option("--tls-key", type=PATH, help="Its private key (PEM).")
+@click.option(
+    "--name", "names", multiple=True, help="Host name under which browsers reach the page; may be repeated."
+)
+@click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
+def serve(
+    config_file: Path | None,
+    listen: str,
+    tls_cert: Path | None,
+    tls_key: Path | None,
+    names: tuple[str, ...],
+    no_page: bool,
+) -> int:
+    """Run the controller with its operator page until Ctrl-C.
+
+    Virtual gantry by default. Only this machine can reach the page unless --listen names another address, which needs
+    TLS and users (`gantryctl user add`). Ctrl-C brings the axis to rest, closes the brake and closes the journal.
+    """
+    from gantryctl.cli.serving import Listen, run_service
+
+    machine = proven_machine(config_file)
+    page = None if no_page else Listen(listen, tls_cert, tls_key, names)
+    return run_service(machine, config_file, page)

@@ -1,0 +1,127 @@
+"""Starts the service for a command line: address, self-test, processes."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+
+from gantryctl.errors import StateError, UsageError
+from gantryctl.machine import Machine, default_machine_path, short_hash
+from gantryctl.operation import StateStore
+from gantryctl.operation.store import state_root
+from gantryctl.service.selftest import self_test
+from gantryctl.service.supervisor import Supervisor
+from gantryctl.service.users import Users
+
+
+class Listen(NamedTuple):
+    """Where the page listens, as given on the command line."""
+
+    address: str
+    certificate: Path | None
+    key: Path | None
+    names: tuple[str, ...]
+
+
+def run_service(machine: Machine, config_file: Path | None, page: Listen | None) -> int:
+    """Check, start, say where, wait for the end; the exit code.
+
+    Raises:
+        UsageError: an address that may not be used. StateError: the self-test failed.
+    """
+    root = state_root()
+    gateway = None if page is None else gateway_command(page, machine, root)
+    store = StateStore(machine)
+    checks = self_test(machine, store, root)
+    for check in checks:
+        if not check.ok:
+            click.echo(f"warning: {check.name}: {check.text}", err=True)
+    if any(check.vital and not check.ok for check in checks):
+        raise StateError("the self-test failed: the service does not start")
+    config = (config_file or default_machine_path()).resolve()
+    supervisor = Supervisor(
+        machine, config, store.directory, gateway, lambda text: click.echo(text, err=True)
+    )
+
+    def ready() -> None:
+        click.echo(
+            f"{machine.name} is in service (configuration {short_hash(machine)}, {machine.drive.kind} drive)"
+        )
+        if page is None:
+            click.echo("no page; `gantryctl attach` sends commands here")
+        else:
+            click.echo(f"page: {address_of(page)}")
+            click.echo(how_to_log_in(Users(root)))
+        click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
+
+    return asyncio.run(supervisor.run(ready))
+
+
+def address_of(page: Listen) -> str:
+    """The page's address for people."""
+    host, port = split(page.address)
+    shown = page.names[0] if page.names else (f"[{host}]" if ":" in host else host)
+    return f"{'https' if page.certificate else 'http'}://{shown}:{port}/"
+
+
+def how_to_log_in(users: Users) -> str:
+    """Who can log in, or how to make it possible."""
+    names = sorted(users.all())
+    if names:
+        return f"log in as: {', '.join(names)}"
+    return "nobody can log in yet: gantryctl user add NAME --role operator"
+
+
+def split(address: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT; UsageError when it is none."""
+    host, colon, port = address.rpartition(":")
+    host = host.strip("[]")
+    if not colon or not host or not port.isdigit() or not int(port) <= 65535:
+        raise UsageError(f"--listen {address}: write HOST:PORT, for example 127.0.0.1:8650")
+    return host, int(port)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches it."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def gateway_command(page: Listen, machine: Machine, root: Path) -> list[str]:
+    """Module and settings of the gateway process.
+
+    Raises:
+        UsageError: an address beyond loopback without TLS or without users.
+    """
+    host, port = split(page.address)
+    if (page.certificate is None) != (page.key is None):
+        raise UsageError("--tls-cert and --tls-key belong together")
+    for file in (page.certificate, page.key):
+        if file is not None and not file.is_file():
+            raise UsageError(f"{file}: there is no such file")
+    if not is_loopback(host):
+        if page.certificate is None:
+            raise UsageError(
+                f"--listen {page.address}: other machines could reach it: --tls-cert and --tls-key are needed"
+            )
+        if not Users(root).all():
+            raise UsageError(
+                f"--listen {page.address}: there are no users: gantryctl user add NAME --role operator"
+            )
+    settings = {
+        "host": host,
+        "port": port,
+        "certificate": str(page.certificate) if page.certificate else None,
+        "key": str(page.key) if page.key else None,
+        "names": list(page.names),
+        "root": str(root),
+        "directory": str(root / machine.name),
+    }
+    return ["gantryctl.gateway", json.dumps(settings)]

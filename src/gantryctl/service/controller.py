@@ -1,0 +1,252 @@
+"""The controller process: the scan, alone. `python -m gantryctl.service.controller HANDLE CONFIG HASH` runs it.
+
+It opens the machine (and so locks its state directory: two controllers are impossible), scans until it is told to end,
+brings the axis to rest, closes the brake, takes the torque off and keeps the state.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import signal
+import sys
+import threading
+import time
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
+from gantryctl.machine import Machine, config_hash, load_machine, short_hash
+from gantryctl.operation import StateStore
+from gantryctl.operation.ending import RunEnd, retained_after
+from gantryctl.operation.virtual import keep_machine
+from gantryctl.program import AxisState, PowerPhase
+from gantryctl.runtime import Engine, Retained
+from gantryctl.service.alarm_view import AlarmView
+from gantryctl.service.events import EventLog
+from gantryctl.service.memory import SharedMemory, Word
+from gantryctl.service.messages import Identity, Refused
+from gantryctl.service.opening import open_service
+from gantryctl.service.publisher import Publisher
+from gantryctl.service.realtime import die_with_parent, prepare_scan_process
+from gantryctl.service.view import Picture, publish_json
+from gantryctl.units import rad
+
+RECORDER_S: Final = 10.0
+"""A recorder that is silent for longer keeps no events."""
+END_S: Final = 20.0
+"""A shutdown that takes longer ends with torque off and the brake closed."""
+_DAY_S: Final = 86400.0
+_STOP_S: Final = 5.0
+
+
+class Controller:
+    """One machine in service, from opening to closing.
+
+    Args:
+        memory: the service's shared memory.
+        store: the machine's state directory, locked.
+    """
+
+    def __init__(self, machine: Machine, store: StateStore, memory: SharedMemory) -> None:
+        self.machine, self.memory = machine, memory
+        self._store = store
+        self.real_time = False
+        opened = open_service(machine, store, memory)
+        self.engine, self.operator, self._recorder = opened.engine, opened.operator, opened.recorder
+        self._drive, self._retained, self.notes = opened.drive, opened.retained, opened.notes
+        self.axis = self.operator.program.axis
+        self.events: EventLog = self.operator.events
+        self.alarms = AlarmView(self.axis.alarms, self.events)
+        rules = self.operator.rules
+        rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
+        self.operator.on_reset = self._reset
+        self._powered = self._moving = False
+        self._power_ups = self._moves = 0
+        self._way_rad, self._last_pos = 0.0, math.nan
+        self._end_s = math.inf
+        self._keeper: threading.Thread | None = None
+
+    # --- the run ----------------------------------------------------------------------------------
+
+    def run(self) -> int:
+        """Scan until the end; the exit code."""
+        self._say_hello()
+        publish_json(self.memory.columns, self._metadata())
+        self._publisher = Publisher(
+            self.machine, self.engine, self.operator, self.alarms, self._recorder, self.memory,
+            real_time=self.real_time, version=version("gantryctl"),
+        )  # fmt: skip
+        failure: AlarmStop | None = None
+        try:
+            while not self.engine.run_until(self._after, _DAY_S):
+                pass
+        except AlarmStop as stopped:
+            failure = stopped
+            self.events.put("alarm", str(stopped))
+            with contextlib.suppress(GantryctlError):
+                self.engine.run_for(_STOP_S)
+        finally:
+            self._close(failure)
+        return 0 if failure is None else AlarmStop.exit_code
+
+    def end(self) -> None:
+        """Come to rest, brake closed, torque off, then leave `run`."""
+        self.operator.shutdown = True
+
+    def _after(self, _: Engine) -> bool:
+        """After every scan; True ends the run."""
+        self.operator.settle()
+        self._watch()
+        self._publisher.scan()
+        if not self.operator.shutdown:
+            return False
+        now_s = time.monotonic()
+        self._end_s = min(self._end_s, now_s + END_S)
+        resting = self.axis.power.phase is PowerPhase.OFF and self.operator.at_rest
+        return resting or now_s > self._end_s
+
+    def _watch(self) -> None:
+        """Power up and down, motions: counters, recording, state on the disk."""
+        axis = self.axis
+        on = axis.power.phase is not PowerPhase.OFF
+        if on is not self._powered:
+            self._powered = on
+            self._switched(on)
+        moving = axis.state in (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
+        if moving is not self._moving:
+            self._moving = moving
+            self._moves += moving
+        pos = axis.pos_act_rad
+        if abs(pos - self._last_pos) > _TRAVEL_STEP_RAD:
+            self._way_rad += abs(pos - self._last_pos)
+            self._last_pos = pos
+        elif self._last_pos != self._last_pos:
+            self._last_pos = pos
+
+    def _switched(self, on: bool) -> None:
+        if on:
+            self._power_ups += 1
+            self._recorder.number = int(time.time() * 1000)
+            return
+        self._recorder.stop()
+        if self._keeper is None or not self._keeper.is_alive():
+            self._keeper = threading.Thread(target=self._keep, args=(self._state("power off"),))
+            self._keeper.start()  # the disk may take its time; power is off
+
+    # --- the state --------------------------------------------------------------------------------
+
+    def _state(self, result: str, alarm: AlarmStop | None = None) -> Retained:
+        """What the controller remembers of this run so far."""
+        end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
+        levels = self.operator.levels
+        record = replace(
+            retained_after(self.machine, self._retained, self.axis, self._drive, end),
+            speed_rad_s=levels.speed_rad_s,
+            increment_rad=levels.increment_rad,
+            travelled_rad=self._retained.travelled_rad + self._way_rad,
+        )
+        if self.operator.rules.blocked_by and not record.error_stop:
+            record = replace(record, error_stop=self._retained.error_stop)
+        return record
+
+    def _keep(self, record: Retained) -> None:
+        """Write the state; a disk that fails is an event, never an exception in the scan process."""
+        try:
+            keep_machine(self.machine, self._store, self._drive, record)
+        except GantryctlError as fault:
+            self.events.put("service", f"the state was not kept: {fault}")
+
+    def _close(self, failure: AlarmStop | None) -> None:
+        """Torque off, brake closed, state kept, and said so."""
+        try:
+            self.engine.close()
+        finally:
+            if self._keeper is not None:
+                self._keeper.join()
+            result = "shut down" if failure is None else f"stopped by an alarm: {failure}"
+            self._keep(self._state(result, failure))
+            self._recorder.stop()
+            self.memory.words[Word.CONTROLLER_CLEAN] = 1
+            angle = math.degrees(self.axis.pos_act_rad)
+            self.events.put("service", f"controller ended at {angle:.3f} deg, brake closed, torque off")
+
+    # --- odds and ends ----------------------------------------------------------------------------
+
+    def _say_hello(self) -> None:
+        """Start in the journal, and how the run before ended when nobody closed it."""
+        before, age_ms = Picture(self.memory).fast()
+        if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
+            text = (
+                f"SYS-05 INFO · the previous run of the controller ended {age_ms * 1e-3:.1f} s ago at "
+                f"{before['pos_act_deg']} deg with {before['vel_act_deg_s']} deg/s"
+            )
+            self.events.put("alarm", text)
+        self.memory.words[Word.CONTROLLER_CLEAN] = 0
+        self.events.put("service", f"controller started: {self.machine.name}", hash=short_hash(self.machine))
+        for note in self.notes:
+            self.events.put("service", note)
+
+    def _metadata(self) -> dict[str, object]:
+        return {
+            "columns": list(self._recorder.columns),
+            "metadata": {
+                "machine": self.machine.name,
+                "config_hash": short_hash(self.machine),
+                "version": version("gantryctl"),
+                "period_s": self.engine.period_s,
+            },
+        }
+
+    def _journal_keeps(self) -> bool:
+        words = self.memory.words
+        alive = time.monotonic_ns() - words[Word.RECORDER_NS] < RECORDER_S * 1e9
+        return alive and words[Word.JOURNAL_STATE] in (0, 1)
+
+    def _reset(self, who: Identity) -> str:
+        """What a reset acknowledges beside the program's alarms."""
+        words, rules = self.memory.words, self.operator.rules
+        if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and rules.resets_locked(who):
+            self.events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
+        if not rules.blocked_by:
+            return ""
+        if rules.blocked_by.startswith(_NOT_BY_RESET):
+            raise Refused(rules.blocked_by.partition(" ")[0], rules.blocked_by)
+        said, rules.blocked_by = rules.blocked_by, ""
+        self._retained = replace(self._retained, error_stop="")
+        self.events.put("command", f"acknowledged: {said}", who)
+        return said
+
+
+_TRAVEL_STEP_RAD: Final = rad(0.001)
+_NOT_BY_RESET: Final = ("ENC-08", "ENC-10", "ENC-11", "CFG-ENC-01")
+_JOURNAL_LOCKED: Final = 4
+
+
+def main(arguments: list[str]) -> int:
+    """Entry point of the process."""
+    handle, config, wanted = int(arguments[0]), Path(arguments[1]), arguments[2]
+    die_with_parent()
+    memory = SharedMemory(handle)
+    machine = load_machine(config)
+    if config_hash(machine) != wanted:
+        raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
+    with StateStore(machine) as store:
+        controller = Controller(machine, store, memory)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, lambda *_: controller.end())
+        controller.real_time = prepare_scan_process()
+        return controller.run()
+
+
+if __name__ == "__main__":
+    try:
+        code = main(sys.argv[1:])
+    except GantryctlError as fault:
+        sys.stderr.write(f"controller: {fault}\n")
+        code = fault.exit_code
+    sys.stderr.flush()
+    os._exit(code)  # everything is closed; memory that was frozen cannot be taken apart any more

@@ -1,0 +1,75 @@
+"""From a state directory to an engine that people can command, and what keeps it from being switched on."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from dataclasses import replace
+from typing import NamedTuple
+
+from gantryctl.machine import Machine, config_hash
+from gantryctl.operation import StateStore
+from gantryctl.operation.absolute import RestVerdict, evaluate, refusal, unwrapped
+from gantryctl.operation.virtual import VirtualDrive, encoder_scale, open_machine
+from gantryctl.program import GantryProgram
+from gantryctl.runtime import Engine, Retained
+from gantryctl.service.events import EventLog
+from gantryctl.service.memory import SharedMemory, Source
+from gantryctl.service.operator import ServiceOperator
+from gantryctl.service.rules import rules_of
+from gantryctl.service.trace_ring import RingRecorder
+from gantryctl.wiring import build_engine
+
+
+class Opened(NamedTuple):
+    """Everything of one machine in service."""
+
+    engine: Engine
+    operator: ServiceOperator
+    drive: VirtualDrive
+    retained: Retained
+    recorder: RingRecorder
+    notes: tuple[str, ...]
+
+
+def open_service(machine: Machine, store: StateStore, memory: SharedMemory) -> Opened:
+    """The machine as the last run left it, with power off.
+
+    Raises:
+        StateError: retained memory or plant cannot be used.
+    """
+    virtual = open_machine(machine, store)
+    retained, drive = virtual.retained, virtual.drive
+    counts = drive.read().pos_act_counts
+    scale = encoder_scale(machine, drive)
+    reading = evaluate(scale, counts, retained)
+    zero = retained.zero_offset_counts
+    zero_counts = counts if zero is None else zero + counts - unwrapped(scale, counts, zero)
+    rules = rules_of(machine, time.monotonic(), retained.speed_rad_s, retained.increment_rad)
+    rules.blocked_by = refusal(reading) or ""
+    if retained.error_stop and not rules.blocked_by:
+        rules.blocked_by = f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset"
+    for ring in memory.commands:
+        ring.clear()  # what was sent to a controller that is gone
+    events = EventLog(memory.events[Source.CONTROLLER])
+    operator = ServiceOperator(memory.commands, memory.replies, events, rules, secrets.randbits(40))
+    recorders: list[RingRecorder] = []
+
+    def recorder(columns: tuple[str, ...]) -> RingRecorder:
+        recorders.append(RingRecorder(memory.rows, columns))
+        return recorders[-1]
+
+    engine = build_engine(
+        machine,
+        operator=operator,
+        drive=drive,
+        zero_counts=zero_counts,
+        holding_torque_nm=retained.holding_torque_nm or 0.0,
+        recorder=recorder,
+        real_time=True,
+    )
+    assert isinstance(engine.program, GantryProgram)
+    operator.attach(engine.program)
+    if reading.verdict is RestVerdict.MOVED:  # a reset acknowledges it
+        retained = replace(retained, rest_position_counts=int(counts), config_hash=config_hash(machine))
+    return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)

@@ -1,0 +1,374 @@
+"""The operator of the scan engine that is people: commands from the rings, judged in the scan, one at a time.
+
+A command that the program must judge is put on the levels of one scan; after that scan `settle` looks whether the
+program refused it, and answers. Stops come first and are never refused.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import OrderedDict, deque
+from collections.abc import Callable, Sequence
+from typing import Any, Final, NamedTuple
+
+from gantryctl.image import Mode, OperatorCommand
+from gantryctl.program import GantryProgram, PowerPhase
+from gantryctl.program.power_phases import RISING
+from gantryctl.service.authority import Authority
+from gantryctl.service.events import EventLog
+from gantryctl.service.lease import HoldToRun
+from gantryctl.service.messages import SILENT, Identity, Message, Refused, checked, from_record
+from gantryctl.service.ring import Ring
+from gantryctl.service.rules import Rules
+
+_PER_SCAN: Final = 64
+"""Records looked at in one scan."""
+_CLIENTS: Final = 1024
+_STOPS: Final = ("stop", "quick_stop", "release", "gone")
+
+
+class Waiting(NamedTuple):
+    """A message with its sender, and the ring that its reply goes to."""
+
+    source: int
+    who: Identity
+    message: Message
+
+
+class ServiceOperator:
+    """Commands of people as operator levels of the scan.
+
+    Args:
+        commands, replies: rings, one of each for every source.
+        events: where what happened is written down.
+        rules: limits and roles.
+        epoch: the first one.
+        now: the monotonic time, s.
+
+    Attributes:
+        levels: what the program sees.
+        shutdown: raised to bring the axis to rest and switch off.
+    """
+
+    def __init__(
+        self,
+        commands: Sequence[Ring],
+        replies: Sequence[Ring],
+        events: EventLog,
+        rules: Rules,
+        epoch: int,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.rules, self.events = rules, events
+        self.authority, self.hold = Authority(epoch), HoldToRun(rules.lease_s)
+        self.levels = OperatorCommand(
+            speed_rad_s=rules.speed_rad_s, increment_rad=rules.increment_rad, override=1.0
+        )
+        self.shutdown = False
+        self.on_reset: Callable[[Identity], str] = lambda _: ""
+        self.program: GantryProgram
+        self._commands, self._replies, self.now = commands, replies, now
+        self._stops: deque[Waiting] = deque()
+        self._others: deque[Waiting] = deque()
+        self._acting: Waiting | None = None
+        self._refusals = 0
+        self._gap = False
+        self._stop_scans = 0
+        self._last_seq: OrderedDict[str, int] = OrderedDict()
+
+    def attach(self, program: GantryProgram) -> None:
+        """The program that the levels go to."""
+        self.program = program
+
+    @property
+    def at_rest(self) -> bool:
+        """No motion under way or waiting."""
+        axis = self.program.axis
+        return axis.motion.current is None and axis.motion.waiting is None and axis.virtual.at_rest
+
+    # --- once a scan ------------------------------------------------------------------------------
+
+    def poll(self, time_s: float) -> OperatorCommand:
+        """The levels of this scan."""
+        now_s = self.now()
+        for source, ring in enumerate(self._commands):
+            if len(ring):
+                self._receive(source, ring)
+        self._watch(now_s)
+        while self._stops:
+            self._stop_now(self._stops.popleft())
+        if self._gap:
+            self._gap = False
+        else:
+            while self._others and self._acting is None:
+                self._carry_out(self._others.popleft(), now_s)
+        if self._acting is None or self._acting.message.kind != "increment":
+            self._keys()
+        self._refusals = self.program.axis.refusal_count
+        return self.levels
+
+    def _watch(self, now_s: float) -> None:
+        """What happens without a command: leases that run out, a holder that is silent, alarms, shutdown."""
+        if self._stop_scans:
+            self._hold_stop()
+        if self.hold.alive and self.hold.check(now_s):
+            self.events.put(
+                "command", "hold-to-run: the lease ran out, the axis stops", self.authority.holder
+            )
+        if self.authority.silent(now_s) and self.authority.holder is not None:
+            self._free(self.authority.holder.client, "was silent for 2 s")
+        first_out = self.program.axis.alarms.first_out is not None
+        if first_out:
+            self.hold.end()
+        if self.shutdown:
+            self._shut_down()
+        elif first_out and self.levels.power:
+            self._set(power=False)  # Power needs a new edge after an alarm
+
+    def _keys(self) -> None:
+        """The hold-to-run keys as they are now."""
+        levels, hold = self.levels, self.hold
+        if (levels.forward, levels.reverse, levels.lease) != (hold.forward, hold.reverse, hold.count):
+            self._set(forward=hold.forward, reverse=hold.reverse, lease=hold.count)
+
+    def settle(self) -> None:
+        """After the scan: answer the command that was on its levels, and take edges back."""
+        acting = self._acting
+        if acting is None:
+            return
+        self._acting, self._gap = None, True
+        kind, axis = acting.message.kind, self.program.axis
+        self._set(move=False, halt=False, reset=False)
+        if kind == "increment":
+            self._set(forward=False, reverse=False)
+        reason = axis.refusal if axis.refusal_count > self._refusals else None
+        if reason is None:
+            if kind == "reset":
+                self.authority.new_epoch()
+            self._answer(acting, None)
+            return
+        if kind == "jog":
+            self.hold.end()
+        elif kind == "mode":
+            self._set(mode=self.program.mode)
+        elif kind == "power":
+            self._set(power=False)
+        self._answer(acting, Refused(str(reason.code), reason.text))
+
+    # --- in and out -------------------------------------------------------------------------------
+
+    def _receive(self, source: int, ring: Ring) -> None:
+        for record in ring.peek(_PER_SCAN):
+            ring.advance(1)
+            if record is None:
+                continue
+            try:
+                who, raw = from_record(record)
+            except (ValueError, KeyError, TypeError):
+                continue
+            if raw.get("type") in ("gone", "restart"):  # of the gateway itself, about its clients
+                self._gone(source, who, str(raw.get("type")))
+                continue
+            try:
+                message = checked(raw)
+            except Refused as refused:
+                self._reply(source, who, raw.get("seq"), refused, 0)
+                continue
+            waiting = Waiting(source, who, message)
+            (self._stops if message.kind in _STOPS else self._others).append(waiting)
+
+    def _gone(self, source: int, who: Identity, kind: str) -> None:
+        """A connection, or with `restart` every connection of a source, has ended."""
+        holder = self.authority.holder
+        if kind == "restart":
+            if holder is None or holder.local != (source == 1):
+                return
+            who = holder
+        if self.hold.client == who.client:
+            self.hold.end()
+        self._last_seq.pop(who.client, None)
+        self._free(who.client, "has gone")
+
+    def _free(self, client: str, why: str) -> None:
+        holder = self.authority.holder
+        if self.authority.give(client):
+            self.hold.end()
+            self.events.put("authority", f"control is free: the holder {why}", holder)
+
+    def _answer(self, waiting: Waiting, refused: Refused | None) -> None:
+        """One reply and one event for a command."""
+        message, number = waiting.message, 0
+        if message.kind not in SILENT:
+            outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
+            values = {name: value for name, value in message.values.items() if name != "lease"}
+            kind = {"set": "setting", "take": "authority", "give": "authority"}.get(message.kind, "command")
+            number = self.events.put(kind, f"{message.kind}: {outcome}", waiting.who, **values)
+        if refused is not None or message.kind not in SILENT:
+            self._reply(waiting.source, waiting.who, message.seq, refused, number)
+
+    def _reply(self, source: int, who: Identity, seq: Any, refused: Refused | None, number: int) -> None:
+        reply = {
+            "type": "reply",
+            "seq": seq if isinstance(seq, int) else 0,
+            "ok": refused is None,
+            "code": "" if refused is None else refused.code,
+            "text": "" if refused is None else str(refused)[:300],
+            "epoch": self.authority.epoch,
+            "journal": number,
+        }
+        self._replies[source].put(json.dumps([who.client, reply], separators=(",", ":")).encode())
+
+    # --- stopping: always ---------------------------------------------------------------------------
+
+    def _stop_now(self, waiting: Waiting) -> None:
+        who, message = waiting.who, waiting.message
+        if message.kind == "release":
+            self.hold.release(message.values["lease"], who.client)
+        else:
+            self.stop(quick=message.kind == "quick_stop")
+        self._answer(waiting, None)
+
+    def stop(self, *, quick: bool = False) -> None:
+        """Stop on the jog-release ramp, or by a quick stop; everything sent before is of the past."""
+        self.hold.end()
+        self.authority.new_epoch()
+        axis = self.program.axis
+        if quick:
+            self._set(quick_stop=True)
+            self._stop_scans = 1
+        if axis.power.phase in RISING:
+            self._set(power=False)
+        elif not quick and axis.power.status and axis.alarms.first_out is None:
+            self._set(stop=True)
+            self._stop_scans = 1
+
+    def _hold_stop(self) -> None:
+        """Stop is held until the axis is at rest; quick stop is an edge."""
+        self._stop_scans += 1
+        if self._stop_scans > 2:
+            self._set(quick_stop=False)
+            if self.program.axis.virtual.at_rest or not self.levels.stop:
+                self._set(stop=False)
+                self._stop_scans = 0
+
+    def _shut_down(self) -> None:
+        """Come to rest, then power off."""
+        self.hold.end()
+        self._others.clear()
+        if self.levels.power and not self.levels.stop and not self._stop_scans:
+            if self.at_rest:
+                self._set(power=False)
+            else:
+                self.stop()
+
+    # --- everything else --------------------------------------------------------------------------
+
+    def _carry_out(self, waiting: Waiting, now_s: float) -> None:
+        """Judge one command, then do it at once or put it on the levels of this scan."""
+        try:
+            self._check_fresh(waiting)
+            self.authority.alive(waiting.who, now_s)
+            self.rules.check(self, waiting.who, waiting.message)
+            done = self._do(waiting, now_s)
+        except Refused as refused:
+            self._answer(waiting, refused)
+            return
+        if done:
+            self._answer(waiting, None)
+        else:
+            self._acting = waiting
+
+    def _check_fresh(self, waiting: Waiting) -> None:
+        who, message = waiting.who, waiting.message
+        if not message.seq > self._last_seq.get(who.client, -1):
+            raise Refused("SEC-04", f"sequence number {message.seq} was used before")
+        self._last_seq[who.client] = message.seq
+        self._last_seq.move_to_end(who.client)
+        if len(self._last_seq) > _CLIENTS:
+            self._last_seq.popitem(last=False)
+        self.rules.check_age(message, self.frame())
+        if message.epoch is not None and message.epoch != self.authority.epoch:
+            raise Refused(
+                "SEC-03", "sent before the last stop, reset or change of control: look, then ask again"
+            )
+
+    def frame(self) -> int:
+        """Status frame number now."""
+        return self.rules.frame(self.now())
+
+    def _do(self, waiting: Waiting, now_s: float) -> bool:
+        """True: done. False: the program decides in this scan."""
+        who, message = waiting.who, waiting.message
+        values = message.values
+        match message.kind:
+            case "alive":
+                pass
+            case "take":
+                self._take(who, values["over"], now_s)
+            case "give":
+                if self.hold.client == who.client:
+                    self.hold.end()
+                self.authority.give(who.client)
+            case "renew":
+                self._lease(self.hold.renew(values["lease"], who.client, now_s))
+            case "jog":
+                forward = values["direction"] == "forward"
+                self._lease(self.hold.begin(values["lease"], who.client, forward, now_s))
+                return False
+            case "set":
+                self.rules.apply(self, values["tag"], float(values["value"]))
+            case "acknowledge":
+                self.rules.acknowledge(values["id"], who)
+            case "power":
+                return self._power(values["on"])
+            case _:
+                return self._edge(waiting)
+        return True
+
+    def _edge(self, waiting: Waiting) -> bool:
+        """Commands that the program takes as an edge; True when there is nothing to do."""
+        who, values = waiting.who, waiting.message.values
+        match waiting.message.kind:
+            case "mode":
+                mode = Mode[values["mode"].upper()]
+                if mode is self.program.mode:
+                    return True
+                self._set(mode=mode)
+            case "increment":
+                key = values["direction"]
+                self._set(forward=key == "forward", reverse=key == "reverse")
+            case "move":
+                self._set(move=True, target_rad=self.rules.rad(values["target_deg"]))
+            case "halt":
+                self._set(halt=True)
+            case "reset":
+                self.on_reset(who)
+                self.program.service = self.rules.resets_locked(who)
+                self._set(reset=True)
+        return False
+
+    def _take(self, who: Identity, over: bool, now_s: float) -> None:
+        """Control, also over a moving axis when the local console wants it: that stops it first."""
+        held = self.authority.holder
+        if who.local and held is not None and held.client != who.client and not self.at_rest:
+            self.stop()
+        refused = self.authority.take(who, over, self.at_rest, now_s)
+        if refused is not None:
+            raise Refused(*refused)
+
+    def _power(self, on: bool) -> bool:
+        if on and self.levels.power and self.program.axis.power.phase is not PowerPhase.OFF:
+            return True
+        if not on:
+            self.hold.end()
+        self._set(power=on)
+        return not on
+
+    @staticmethod
+    def _lease(reason: str | None) -> None:
+        if reason is not None:
+            raise Refused("SEC-09", reason)
+
+    def _set(self, **levels: Any) -> None:
+        self.levels = self.levels._replace(**levels)

@@ -1,0 +1,119 @@
+"""A bounded ring of records in shared memory, from one process to one other, without locks.
+
+The writer moves `tail` after the record is whole, the reader moves `head` when it is done with it. Both are eight
+aligned bytes, stored at once; x86 keeps the order of stores, a check sum refuses a record that came apart elsewhere.
+A process that is killed in between leaves the ring as it was.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import Final
+
+from gantryctl.errors import UsageError
+
+_HEAD: Final = 0
+_TAIL: Final = 8  # in words of eight bytes, one cache line away
+_DAMAGED: Final = 16
+_FIRST_SLOT: Final = 192
+_RECORD: Final = struct.Struct("<II")
+
+
+class Ring:
+    """One end of a ring; which end it is decides which methods may be called.
+
+    Args:
+        memory: the same shared memory on both ends, zero at first, aligned to eight bytes.
+        slot_bytes: room for one record.
+    """
+
+    def __init__(self, memory: memoryview, slot_bytes: int) -> None:
+        if slot_bytes % 8:
+            raise UsageError(f"slot of {slot_bytes} bytes: a multiple of 8 is needed")
+        self.slots = (len(memory) - _FIRST_SLOT) // slot_bytes
+        if self.slots < 1:
+            raise UsageError(f"ring of {len(memory)} bytes has no room for a slot of {slot_bytes} bytes")
+        self.record_max = slot_bytes - _RECORD.size
+        self._slot = slot_bytes
+        self._memory = memory
+        self._words = memory[:_FIRST_SLOT].cast("Q")
+
+    def __len__(self) -> int:
+        """Records that wait."""
+        return max(0, min(self.slots, self._words[_TAIL] - self._words[_HEAD]))
+
+    @property
+    def damaged(self) -> int:
+        """Records that the reader had to throw away."""
+        return self._words[_DAMAGED]
+
+    # --- writer -----------------------------------------------------------------------------------
+
+    def put(self, record: bytes) -> bool:
+        """Append one record; False when the ring is full and nothing was written.
+
+        Raises:
+            UsageError: the record is longer than a slot.
+        """
+        if len(record) > self.record_max:
+            raise UsageError(f"record of {len(record)} bytes: a slot takes {self.record_max}")
+        words = self._words
+        tail = words[_TAIL]
+        if tail - words[_HEAD] >= self.slots:
+            return False
+        at = _FIRST_SLOT + tail % self.slots * self._slot
+        memory = self._memory
+        _RECORD.pack_into(memory, at, len(record), zlib.crc32(record))
+        memory[at + 8 : at + 8 + len(record)] = record
+        words[_TAIL] = tail + 1
+        return True
+
+    @property
+    def written(self) -> int:
+        """Records ever written: the number of the newest one."""
+        return self._words[_TAIL]
+
+    @property
+    def done(self) -> int:
+        """Records ever taken: everything up to this number."""
+        return self._words[_HEAD]
+
+    # --- reader -----------------------------------------------------------------------------------
+
+    def take(self) -> bytes | None:
+        """The oldest record; None when there is none. Damaged ones are counted and left out."""
+        while True:
+            found = self.peek(1)
+            if not found:
+                return None
+            self.advance(1)
+            if found[0] is not None:
+                return found[0]
+            self._words[_DAMAGED] += 1
+
+    def peek(self, limit: int) -> list[bytes | None]:
+        """The oldest records, at most `limit`, left where they are; None for a damaged one."""
+        words, memory = self._words, self._memory
+        head, tail = words[_HEAD], words[_TAIL]
+        if not 0 <= tail - head <= self.slots:  # no writer of ours leaves this: begin anew
+            words[_DAMAGED] += 1
+            words[_HEAD] = tail
+            return []
+        found: list[bytes | None] = []
+        for number in range(head, min(tail, head + limit)):
+            at = _FIRST_SLOT + number % self.slots * self._slot
+            length, check = _RECORD.unpack_from(memory, at)
+            record = bytes(memory[at + 8 : at + 8 + min(length, self.record_max)])
+            found.append(record if len(record) == length and zlib.crc32(record) == check else None)
+        return found
+
+    def advance(self, count: int) -> None:
+        """The oldest `count` records are done with."""
+        self._words[_HEAD] = min(self._words[_HEAD] + count, self._words[_TAIL])
+
+    def clear(self) -> int:
+        """Throw away everything that waits; how many there were."""
+        waiting = len(self)
+        self._words[_HEAD] = self._words[_TAIL]
+        return waiting

@@ -1,0 +1,163 @@
+"""What a command may ask for: roles, control, limits, age. The program judges the rest in its scan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from gantryctl.image import Mode
+from gantryctl.machine import Machine
+from gantryctl.program import Code
+from gantryctl.program.alarms import refusal
+from gantryctl.service.messages import Identity, Message, Refused, action_of
+from gantryctl.service.roles import NEEDS_AUTHORITY, Action, may
+from gantryctl.units import deg, rad
+
+if TYPE_CHECKING:
+    from gantryctl.service.operator import ServiceOperator
+
+FRAME_S: Final = 0.050
+FRAMES_MAX: Final = 10
+FRAMES_MAX_JOG: Final = 6
+_ACC_PART: Final = 0.1
+"""The lowest acceleration setting as a part of that of the machine file."""
+_NEW_MOTION: Final = frozenset({Action.POWER, Action.JOG, Action.MOVE, Action.BRAKE_TEST})
+_NAMES: Final = {
+    "speed_setting_deg_s": ("speed", "deg/s"),
+    "increment_deg": ("increment", "deg"),
+    "override_percent": ("override", "%"),
+    "acc_setting_deg_s2": ("acceleration", "deg/s2"),
+}
+
+
+@dataclass
+class Rules:
+    """Limits of one machine, in degrees, and who may do what.
+
+    Attributes:
+        limits: lowest and highest value of every tag that can be set.
+        start_s: monotonic time of status frame 0.
+        blocked_by: why power cannot be switched on, or "".
+        journal_keeps: whether the journal is able to keep events.
+        acknowledge: marks an alarm row as seen; raises Refused for a row that is not there.
+    """
+
+    limits: dict[str, tuple[float, float]]
+    lease_s: float
+    speed_rad_s: float
+    increment_rad: float
+    cap_rad_s: float
+    start_s: float
+    blocked_by: str = ""
+    journal_keeps: Callable[[], bool] = field(default=lambda: True)
+    acknowledge: Callable[[int, Identity], None] = field(default=lambda _id, _who: None)
+
+    @staticmethod
+    def rad(angle_deg: float) -> float:
+        """Degrees of a message to radians."""
+        return rad(angle_deg)
+
+    def frame(self, now_s: float) -> int:
+        """Status frame number at a monotonic time; the first is 1."""
+        return int((now_s - self.start_s) / FRAME_S) + 1
+
+    def check_age(self, message: Message, frame: int) -> None:
+        """Refuse what was sent by somebody who saw an old picture."""
+        most = FRAMES_MAX_JOG if message.kind in ("jog", "renew") else FRAMES_MAX
+        behind = frame - message.frame
+        if not 0 <= behind <= most:
+            raise Refused("SEC-02", f"status frame {message.frame} is {behind} behind, at most {most}")
+
+    def check(self, operator: ServiceOperator, who: Identity, message: Message) -> None:
+        """Role, control, and what the service knows better than the program.
+
+        Raises:
+            Refused: with the reason.
+        """
+        action = action_of(message)
+        if not may(who.role, action):
+            raise Refused("SEC-01", f"the role {who.role} may not do this ({action})")
+        power_off = message.kind == "power" and not message.values["on"]
+        if action in NEEDS_AUTHORITY and not power_off and not operator.authority.holds(who):
+            held = operator.authority.holder
+            raise Refused("SEC-07", f"{held.user} has control" if held else "take control first")
+        if action in _NEW_MOTION and not power_off and message.kind != "renew":
+            self._check_motion(operator, who, message)
+
+    def _check_motion(self, operator: ServiceOperator, who: Identity, message: Message) -> None:
+        """Whether anything new may begin."""
+        if not (self.journal_keeps() and operator.events.room):
+            raise Refused("JRN-02", "the journal cannot keep events now: no new motion; see `journal_state`")
+        if operator.shutdown:
+            raise Refused("SYS-07", "the service is being shut down")
+        if message.kind == "power" and self.blocked_by:
+            raise Refused(str(Code.PWR_04), self.blocked_by)
+        if message.kind == "brake_test":
+            text = "not testable here: use the drive's own function"
+            raise Refused(str(Code.CTL_14), text)
+        wanted = {"jog": Mode.CONTINUOUS, "increment": Mode.INCREMENTAL}.get(message.kind)
+        mode = operator.program.mode
+        if wanted is not None and mode is not wanted and mode is not Mode.NONE:
+            words = f"{message.kind} needs the mode {wanted.name.lower()}, it is {mode.name.lower()}"
+            raise Refused(str(Code.CTL_16), words)
+        if message.kind == "move" and who.place == "remote":
+            self._check_remote(operator)
+
+    def _check_remote(self, operator: ServiceOperator) -> None:
+        """A remote screen moves faster than the cap only with the enabling switch."""
+        speed = operator.levels.speed_rad_s
+        if speed > self.cap_rad_s and not operator.program.axis.feedback.inputs.enabling_switch:
+            reason = refusal(Code.INT_05, measured=deg(speed), limit=deg(self.cap_rad_s))
+            raise Refused(str(reason.code), reason.text)
+
+    def apply(self, operator: ServiceOperator, tag: str, value: float) -> None:
+        """Change one setting; refused outside its limits, never clamped."""
+        low, high = self.limits[tag]
+        name, unit = _NAMES[tag]
+        if not low <= value <= high:
+            allowed = f"within {low:.4g} and {high:.4g} {unit}"
+            reason = refusal(Code.CTL_01, name=name, allowed=allowed, measured=f"{value:.6g} {unit}")
+            raise Refused(str(reason.code), reason.text)
+        levels = operator.levels
+        match tag:
+            case "speed_setting_deg_s":
+                operator.levels = levels._replace(speed_rad_s=rad(value))
+            case "increment_deg":
+                operator.levels = levels._replace(increment_rad=rad(value))
+            case "override_percent":
+                operator.levels = levels._replace(override=value / 100.0)
+            case "acc_setting_deg_s2":
+                axis = operator.program.axis
+                refused = axis.set_acceleration(rad(value))
+                if refused is not None:
+                    raise Refused(str(refused.code), refused.text)
+
+    @staticmethod
+    def resets_locked(who: Identity) -> bool:
+        """Whether a reset by this person clears locked alarms."""
+        return may(who.role, Action.RESET_LOCKED)
+
+
+def rules_of(
+    machine: Machine, start_s: float, speed_rad_s: float | None, increment_rad: float | None
+) -> Rules:
+    """The rules of a machine file, with settings of the last run where they still fit."""
+    speed, axis, virtual = machine.speed, machine.axis, machine.virtual_axis
+    low, high = speed.setting_min_deg_s, speed.setting_max_deg_s
+    travel = axis.pos_max_deg - axis.pos_min_deg
+    kept = deg(speed_rad_s) if speed_rad_s is not None else low
+    step = deg(increment_rad) if increment_rad is not None else 1.0
+    return Rules(
+        limits={
+            "speed_setting_deg_s": (low, high),
+            "increment_deg": (0.001, travel),
+            "override_percent": (0.0, 100.0),
+            "acc_setting_deg_s2": (_ACC_PART * virtual.acc_deg_s2, virtual.acc_deg_s2),
+        },
+        lease_s=machine.monitors.lease_ms * 1e-3,
+        speed_rad_s=rad(min(max(kept, low), high)),
+        increment_rad=rad(step if 0.001 <= step <= travel else 1.0),
+        cap_rad_s=rad(1.0),
+        start_s=start_s,
+    )

@@ -1,0 +1,97 @@
+"""What is looked at before the service starts; nothing here moves or writes anything of the machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import NamedTuple
+
+from gantryctl.errors import GantryctlError
+from gantryctl.machine import Machine
+from gantryctl.operation import StateStore
+from gantryctl.service.journal import FILE, verify
+from gantryctl.service.memory import SharedMemory
+from gantryctl.service.recorder import JOURNAL_RESERVE
+from gantryctl.service.users import Users
+
+
+class Check(NamedTuple):
+    """One thing looked at; `vital` ones stop the start when they fail."""
+
+    name: str
+    ok: bool
+    text: str
+    vital: bool = True
+
+
+def self_test(machine: Machine, store: StateStore, root: Path) -> list[Check]:
+    """All checks, none left out when one fails."""
+    return [
+        _memory(),
+        _clock(),
+        _state(store),
+        _disk(store.directory),
+        _journal(store.directory),
+        _users(root),
+    ]
+
+
+def _memory() -> Check:
+    """A record through a ring and a picture through the sequence lock."""
+    try:
+        memory = SharedMemory.create()
+    except GantryctlError as fault:
+        return Check("shared memory", False, str(fault))
+    token = os.urandom(200)
+    memory.slow.publish(token)
+    found = memory.slow.read()
+    whole = memory.commands[0].put(token) and memory.commands[0].take() == token
+    memory.close()
+    return Check("shared memory", bool(whole and found and found.data == token), "ring and sequence lock")
+
+
+def _clock() -> Check:
+    """The monotonic clock must be finer than a scan."""
+    step_s = time.get_clock_info("monotonic").resolution
+    return Check("clock", step_s < 1e-5, f"CLOCK_MONOTONIC, resolution {step_s:.1e} s")
+
+
+def _state(store: StateStore) -> Check:
+    """Nobody else runs this machine, and its memory can be read."""
+    try:
+        with store:
+            retained, plant = store.load_retained(), store.load_plant()
+    except GantryctlError as fault:
+        return Check("state", False, str(fault))
+    text = "a new machine" if retained is None and plant is None else "retained memory and plant read"
+    return Check("state", (retained is None) == (plant is None), text)
+
+
+def _disk(directory: Path) -> Check:
+    found = os.statvfs(directory)
+    free = found.f_bavail * found.f_frsize
+    text = f"{free / 2**20:.0f} MB free, at least {JOURNAL_RESERVE / 2**20:.0f} MB for the journal"
+    return Check("disk", free >= JOURNAL_RESERVE, text)
+
+
+def _journal(directory: Path) -> Check:
+    """A damaged journal does not stop the start: it is moved aside, and motion waits for service."""
+    if not (directory / FILE).exists():
+        return Check("journal", True, "a new one", vital=False)
+    try:
+        verdict = verify(directory)
+    except GantryctlError as fault:
+        return Check("journal", False, str(fault), vital=False)
+    return Check(
+        "journal", not verdict.wrong, verdict.wrong or f"{verdict.rows} events, chain intact", vital=False
+    )
+
+
+def _users(root: Path) -> Check:
+    try:
+        count = len(Users(root).all())
+    except (GantryctlError, json.JSONDecodeError) as fault:
+        return Check("users", False, str(fault))
+    return Check("users", True, f"{count} users" if count else "no users yet: nobody can log in", vital=False)

@@ -1,0 +1,76 @@
+"""A record that one process publishes and many read, always whole and never waited for by the writer.
+
+The sequence is odd while the writer writes. A reader copies, and takes the copy only if the sequence was even and has
+not changed; a check sum covers machines that reorder stores.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from typing import Final, NamedTuple
+
+from gantryctl.errors import UsageError
+
+_HEADER: Final = 24
+_LENGTHS: Final = struct.Struct("<II")
+_TRIES: Final = 200
+
+
+class Published(NamedTuple):
+    """What was read.
+
+    Attributes:
+        version: rises by one with every publication.
+    """
+
+    version: int
+    data: bytes
+
+
+class SequenceLock:
+    """Writer (`publish`) or reader (`read`) of one record in shared memory, zero at first.
+
+    Args:
+        memory: shared memory, aligned to eight bytes.
+    """
+
+    def __init__(self, memory: memoryview) -> None:
+        self.capacity = len(memory) - _HEADER
+        self._memory = memory
+        self._words = memory[:8].cast("Q")
+
+    def publish(self, data: bytes) -> None:
+        """Replace the record.
+
+        Raises:
+            UsageError: it is too long; the old one stays.
+        """
+        if len(data) > self.capacity:
+            raise UsageError(f"record of {len(data)} bytes: there is room for {self.capacity}")
+        words, memory = self._words, self._memory
+        writing = words[0] | 1  # odd already when a writer was killed inside
+        words[0] = writing
+        _LENGTHS.pack_into(memory, 8, len(data), zlib.crc32(data))
+        memory[_HEADER : _HEADER + len(data)] = data
+        words[0] = writing + 1
+
+    @property
+    def version(self) -> int:
+        """How often something was published."""
+        return self._words[0] // 2
+
+    def read(self) -> Published | None:
+        """The newest whole record; None when there is none or the writer does not finish one."""
+        words, memory = self._words, self._memory
+        for _ in range(_TRIES):
+            before = words[0]
+            if before == 0:
+                return None
+            if before % 2:
+                continue
+            length, check = _LENGTHS.unpack_from(memory, 8)
+            data = bytes(memory[_HEADER : _HEADER + min(length, self.capacity)])
+            if words[0] == before and len(data) == length and zlib.crc32(data) == check:
+                return Published(before // 2, data)
+        return None
