@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import ipaddress
 import json
+import socket
 from pathlib import Path
 from typing import NamedTuple
 
@@ -35,7 +36,7 @@ def run_service(machine: Machine, config_file: Path | None, page: Listen | None)
         UsageError: an address that may not be used. StateError: the self-test failed.
     """
     root = state_root()
-    gateway = None if page is None else gateway_command(page, machine, root)
+    listener = None if page is None else _listener(page, root)
     store = StateStore(machine)
     checks = self_test(machine, store, root)
     for check in checks:
@@ -44,27 +45,67 @@ def run_service(machine: Machine, config_file: Path | None, page: Listen | None)
     if any(check.vital and not check.ok for check in checks):
         raise StateError("the self-test failed: the service does not start")
     config = (config_file or default_machine_path()).resolve()
+    gateway = (
+        None if page is None or listener is None else gateway_command(page, listener, root, store.directory)
+    )
     supervisor = Supervisor(
-        machine, config, store.directory, gateway, lambda text: click.echo(text, err=True)
+        machine,
+        config,
+        store.directory,
+        gateway,
+        listener.fileno() if listener is not None else -1,
+        lambda text: click.echo(text, err=True),
     )
 
     def ready() -> None:
         click.echo(
             f"{machine.name} is in service (configuration {short_hash(machine)}, {machine.drive.kind} drive)"
         )
-        if page is None:
+        if page is None or listener is None:
             click.echo("no page; `gantryctl attach` sends commands here")
         else:
-            click.echo(f"page: {address_of(page)}")
+            click.echo(f"page: {address_of(page, listener)}")
             click.echo(how_to_log_in(Users(root)))
         click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
 
     return asyncio.run(supervisor.run(ready))
 
 
-def address_of(page: Listen) -> str:
-    """The page's address for people."""
+def _listener(page: Listen, root: Path) -> socket.socket:
+    """The listening socket, after the checks on where it may listen.
+
+    Raises:
+        UsageError: an address beyond loopback without TLS or without users, or one that cannot be had.
+    """
     host, port = split(page.address)
+    if (page.certificate is None) != (page.key is None):
+        raise UsageError("--tls-cert and --tls-key belong together")
+    for file in (page.certificate, page.key):
+        if file is not None and not file.is_file():
+            raise UsageError(f"{file}: there is no such file")
+    if not is_loopback(host):
+        if page.certificate is None:
+            raise UsageError(
+                f"--listen {page.address}: other machines reach it: it needs --tls-cert and --tls-key"
+            )
+        if not Users(root).all():
+            raise UsageError(
+                f"--listen {page.address}: there are no users: gantryctl user add NAME --role operator"
+            )
+    try:
+        family, *_, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        return socket.create_server(address[:2], family=family, backlog=64)
+    except OSError as fault:
+        raise UsageError(
+            f"--listen {page.address}: {fault.strerror or fault}; a free port: {host}:0"
+        ) from fault
+
+
+def address_of(page: Listen, listener: socket.socket) -> str:
+    """The page's address for people."""
+    host, port = split(page.address)[0], listener.getsockname()[1]
     shown = page.names[0] if page.names else (f"[{host}]" if ":" in host else host)
     return f"{'https' if page.certificate else 'http'}://{shown}:{port}/"
 
@@ -94,34 +135,16 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
-def gateway_command(page: Listen, machine: Machine, root: Path) -> list[str]:
-    """Module and settings of the gateway process.
-
-    Raises:
-        UsageError: an address beyond loopback without TLS or without users.
-    """
-    host, port = split(page.address)
-    if (page.certificate is None) != (page.key is None):
-        raise UsageError("--tls-cert and --tls-key belong together")
-    for file in (page.certificate, page.key):
-        if file is not None and not file.is_file():
-            raise UsageError(f"{file}: there is no such file")
-    if not is_loopback(host):
-        if page.certificate is None:
-            raise UsageError(
-                f"--listen {page.address}: other machines could reach it: --tls-cert and --tls-key are needed"
-            )
-        if not Users(root).all():
-            raise UsageError(
-                f"--listen {page.address}: there are no users: gantryctl user add NAME --role operator"
-            )
+def gateway_command(page: Listen, listener: socket.socket, root: Path, directory: Path) -> list[str]:
+    """Module and settings of the gateway process."""
     settings = {
-        "host": host,
-        "port": port,
-        "certificate": str(page.certificate) if page.certificate else None,
-        "key": str(page.key) if page.key else None,
+        "host": split(page.address)[0],
+        "port": listener.getsockname()[1],
+        "listener": listener.fileno(),
+        "certificate": str(page.certificate.resolve()) if page.certificate else None,
+        "key": str(page.key.resolve()) if page.key else None,
         "names": list(page.names),
-        "root": str(root),
-        "directory": str(root / machine.name),
+        "root": str(root.resolve()),
+        "directory": str(directory.resolve()),
     }
     return ["gantryctl.gateway", json.dumps(settings)]

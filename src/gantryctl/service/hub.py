@@ -79,7 +79,7 @@ class Client:
             if not self._hub.send(self.who, raw):
                 raise Refused("SYS-11", "the controller takes no commands now")
         except Refused as refused:
-            self.answer(refusal_of(seq, refused))
+            self.answer(refusal_of(seq or refused.seq, refused))
             return
         if message.kind not in SILENT:
             self.used_s = time.monotonic()

@@ -27,6 +27,8 @@ class Refused(GantryctlError):
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text)
         self.code = code
+        self.seq = 0
+        """Of the message, where it has one."""
 
 
 class Identity(NamedTuple):
@@ -149,7 +151,12 @@ def parse(text: str | bytes) -> Message:
         found = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_twins)
     except (ValueError, RecursionError):
         raise Refused("SEC-05", "not one JSON object with finite numbers") from None
-    return checked(found)
+    try:
+        return checked(found)
+    except Refused as refused:
+        seq = found.get("seq") if isinstance(found, dict) else 0
+        refused.seq = seq if _whole(seq) and isinstance(seq, int) else 0
+        raise
 
 
 def checked(found: object) -> Message:

@@ -202,8 +202,9 @@ class ServiceOperator:
         if message.kind not in SILENT:
             outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
             values = {name: value for name, value in message.values.items() if name != "lease"}
+            asked = " ".join([message.kind, *(str(value) for value in values.values())])
             kind = {"set": "setting", "take": "authority", "give": "authority"}.get(message.kind, "command")
-            number = self.events.put(kind, f"{message.kind}: {outcome}", waiting.who, **values)
+            number = self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values)
         if refused is not None or message.kind not in SILENT:
             self._reply(waiting.source, waiting.who, message.seq, refused, number)
 

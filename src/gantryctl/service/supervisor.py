@@ -33,11 +33,14 @@ class Child:
     """One process that is kept running.
 
     Args:
+        handles: open files that it inherits.
         critical: the service ends when it cannot be kept running.
     """
 
-    def __init__(self, name: str, command: Sequence[str], handle: int, *, critical: bool = False) -> None:
-        self.name, self._command, self._handle = name, list(command), handle
+    def __init__(
+        self, name: str, command: Sequence[str], handles: Sequence[int], *, critical: bool = False
+    ) -> None:
+        self.name, self._command, self._handles = name, list(command), tuple(handles)
         self.critical = critical
         self.process: asyncio.subprocess.Process | None = None
         self.starts = 0
@@ -50,7 +53,7 @@ class Child:
             began_s = time.monotonic()
             self.process = await asyncio.create_subprocess_exec(
                 *self._command,
-                pass_fds=(self._handle,),
+                pass_fds=self._handles,
                 start_new_session=True,  # Ctrl-C is for the supervisor only
             )
             self.starts += 1
@@ -90,6 +93,7 @@ class Supervisor:
     Args:
         config: the machine file that the controller loads. directory: the machine's state directory.
         gateway: command line of the gateway without the handle, or None for a service without a page.
+        listener: handle of its listening socket.
         say: gets one line for whoever started the service.
     """
 
@@ -99,6 +103,7 @@ class Supervisor:
         config: Path,
         directory: Path,
         gateway: Sequence[str] | None,
+        listener: int,
         say: Callable[[str], None],
     ) -> None:
         self.memory = SharedMemory.create()
@@ -110,15 +115,14 @@ class Supervisor:
         self.controller = Child(
             "controller",
             [*run, "gantryctl.service.controller", str(handle), str(config), wanted],
-            handle,
+            [handle],
             critical=True,
         )
-        self.recorder = Child(
-            "recorder", [*run, "gantryctl.service.recorder", str(handle), str(directory)], handle
-        )
-        self.gateway = (
-            Child("gateway", [*run, *gateway, str(handle)], handle) if gateway is not None else None
-        )
+        recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory)]
+        self.recorder = Child("recorder", recorder, [handle])
+        self.gateway: Child | None = None
+        if gateway is not None:
+            self.gateway = Child("gateway", [*run, *gateway, str(handle)], [handle, listener])
         self._directory, self._say = directory, say
         self.hub: Hub
 

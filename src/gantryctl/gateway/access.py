@@ -1,0 +1,119 @@
+"""Logging in and out, and who may ask: shared by REST and WebSocket."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from typing import Final
+
+from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import JSONResponse, Response
+
+from gantryctl.errors import StateError
+from gantryctl.gateway.guard import address_of, error
+from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions
+from gantryctl.gateway.settings import Settings, is_loopback
+from gantryctl.service.hub import Hub
+from gantryctl.service.messages import Identity
+from gantryctl.service.roles import MAY, Action, Role, may
+from gantryctl.service.users import PASSWORD_MAX, User, Users
+
+COOKIE: Final = "gantryctl_session"
+_FAILURES_WRITTEN: Final = 5
+"""Wrong passwords of one account and address that go into the journal one by one; then every tenth."""
+
+
+class Access:
+    """Sessions, passwords and the journal entries about them."""
+
+    def __init__(self, settings: Settings, hub: Hub) -> None:
+        self.settings, self.hub = settings, hub
+        self.users = Users(settings.root)
+        self.sessions, self.locks = Sessions(self.users), LockOut()
+        self._checking = asyncio.Semaphore(1)  # a check takes 64 MB and 0.1 s of a processor
+
+    def session(self, connection: HTTPConnection) -> Session | None:
+        """The session of a request."""
+        return self.sessions.find(connection.cookies.get(COOKIE))
+
+    def refuse(self, request: Request, action: Action | None) -> Response | None:
+        """Why a request may not be answered, or None."""
+        if request.method == "POST":
+            refused = self._refuse_post(request.headers)
+            if refused is not None:
+                return refused
+        if action is None:
+            return None
+        session = self.session(request)
+        if session is None:
+            return error(401, "SEC-01", "log in first")
+        if not may(session.role, action):
+            return error(403, "SEC-01", f"the role {session.role} may not do this ({action})")
+        self.sessions.use(session)
+        return None
+
+    def _refuse_post(self, headers: Headers) -> Response | None:
+        origin = headers.get("origin")
+        if origin is not None and origin.lower() not in self.settings.origins:
+            return error(403, "SEC-04", "asked from a foreign page")
+        if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+            return error(400, "SEC-05", "Content-Type: application/json is needed")
+        return None
+
+    def place(self, connection: HTTPConnection) -> str:
+        """Whether a browser runs on this machine."""
+        return "loopback" if is_loopback(address_of(connection.scope)) else "remote"
+
+    async def log_in(self, request: Request, name: str, password: str) -> Response:
+        """Check name and password; a cookie, or why not."""
+        address = address_of(request.scope)
+        account = name[:64]
+        wait_s = self.locks.wait_s(account, address)
+        if wait_s > 0.0:
+            return error(429, "SEC-01", "too many wrong passwords: wait", retry_after=str(math.ceil(wait_s)))
+        user = await self._check(name, password)
+        if user is None:
+            count = self.locks.failed(account, address)
+            if count <= _FAILURES_WRITTEN or count % 10 == 0:
+                who = Identity("", account, Role.VIEWER, self.place(request))
+                self.hub.events.put(
+                    "login", f"refused: wrong name or password, {count} times", who, address=address
+                )
+            return error(401, "SEC-01", "wrong name or password")
+        self.locks.passed(account, address)
+        session = self.sessions.open(user)
+        who = Identity("", user.name, user.role, self.place(request))
+        self.hub.events.put("login", "logged in", who, address=address)
+        answer = JSONResponse(person(session))
+        answer.set_cookie(
+            COOKIE, session.token, max_age=round(WHOLE_S), path="/", httponly=True,
+            secure=self.settings.secure, samesite="strict",
+        )  # fmt: skip
+        return answer
+
+    async def _check(self, name: str, password: str) -> User | None:
+        if len(password) > PASSWORD_MAX:
+            return None
+        async with self._checking:
+            try:
+                return await asyncio.to_thread(self.users.check, name, password)
+            except StateError:
+                return None
+
+    def log_out(self, request: Request) -> Response:
+        """End the session of a request."""
+        session = self.session(request)
+        if session is not None:
+            self.sessions.close(session)
+            who = Identity("", session.user, session.role, self.place(request))
+            self.hub.events.put("login", "logged out", who)
+        answer = Response(status_code=204)
+        answer.delete_cookie(COOKIE, path="/")
+        return answer
+
+
+def person(session: Session) -> dict[str, object]:
+    """Who is logged in, and what the role may do."""
+    allowed = [str(action) for action, roles in MAY.items() if session.role in roles]
+    return {"user": session.user, "role": str(session.role), "may": allowed}

@@ -1,0 +1,65 @@
+"""The application: guard, REST, WebSocket, page."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator
+
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp
+
+from gantryctl.gateway.access import Access
+from gantryctl.gateway.guard import Guard, error
+from gantryctl.gateway.live import Live
+from gantryctl.gateway.page import Page
+from gantryctl.gateway.rest import Rest
+from gantryctl.gateway.routes import API
+from gantryctl.gateway.settings import Settings
+from gantryctl.service.hub import Hub
+from gantryctl.service.memory import SharedMemory, Source, Word
+
+
+def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None) -> ASGIApp:
+    """The ASGI application; its hub runs for as long as the application does."""
+    hub = Hub(memory, Source.WEB)
+    access = Access(settings, hub)
+    live, rest, shown = Live(access, hub), Rest(access, hub), page or Page()
+
+    @contextlib.asynccontextmanager
+    async def running(_: Starlette) -> AsyncIterator[None]:
+        hub.look()
+        tasks = [asyncio.create_task(hub.run()), asyncio.create_task(_beat(memory))]
+        yield
+        for client in hub.clients():
+            hub.leave(client)
+        for task in tasks:
+            task.cancel()
+
+    async def file(request: Request) -> Response:
+        return shown.answer(request)
+
+    async def unknown(_: Request) -> Response:
+        return error(404, "SEC-08", "not found")
+
+    app = Starlette(
+        routes=[
+            *rest.routes(),
+            WebSocketRoute(f"{API}/socket", live.serve),
+            Route("/api/{rest:path}", unknown),
+            Route("/{path:path}", file, methods=["GET"]),
+        ],
+        lifespan=running,
+    )
+    return Guard(app, settings)
+
+
+async def _beat(memory: SharedMemory) -> None:
+    """A sign of life twice a second."""
+    while True:
+        memory.words[Word.GATEWAY_NS] = time.monotonic_ns()
+        await asyncio.sleep(0.5)

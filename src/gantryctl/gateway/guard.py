@@ -1,0 +1,143 @@
+"""What every request passes first: host, rate, size; and the headers that every answer carries."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, Final
+
+from starlette.datastructures import MutableHeaders
+from starlette.responses import Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from gantryctl.gateway.settings import BODY_MAX, REQUESTS_PER_S, REQUESTS_RESERVE, Settings
+
+CSP: Final = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "font-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+_HEADERS: Final = {
+    "content-security-policy": CSP,
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "referrer-policy": "no-referrer",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "permissions-policy": "camera=(), microphone=(), geolocation=()",
+}
+_ADDRESSES: Final = 10_000
+
+
+def error(status: int, code: str, text: str, **headers: str) -> Response:
+    """An error in the one form that the routes use."""
+    body = json.dumps({"error": {"code": code, "text": text}}, ensure_ascii=False)
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    return Response(body, status, named, media_type="application/json")
+
+
+class RateLimit:
+    """So many requests a second for each address, with a reserve."""
+
+    def __init__(
+        self,
+        per_s: float = REQUESTS_PER_S,
+        reserve: float = REQUESTS_RESERVE,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._per_s, self._reserve, self._now = per_s, reserve, now
+        self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait_s(self, address: str) -> float:
+        """0 and one request less, or how long this address must wait."""
+        now_s = self._now()
+        left, at_s = self._left.pop(address, (self._reserve, now_s))
+        left = min(self._reserve, left + (now_s - at_s) * self._per_s)
+        allowed = left >= 1.0
+        self._left[address] = (left - 1.0 if allowed else left, now_s)
+        if len(self._left) > _ADDRESSES:
+            self._left.popitem(last=False)
+        return 0.0 if allowed else (1.0 - left) / self._per_s
+
+
+class Guard:
+    """The outermost layer of the application."""
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        self._app, self._settings = app, settings
+        self._hosts, self._limit = settings.hosts, RateLimit()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """One request or WebSocket."""
+        if scope["type"] not in ("http", "websocket"):
+            await self._app(scope, receive, send)
+            return
+        refused = self._refuse(scope)
+        if refused is not None and scope["type"] == "http":
+            await refused(scope, receive, self._with_headers(send))
+        elif refused is not None:
+            await deny(scope, receive, send, refused)
+        else:
+            await self._app(scope, _limited(receive), self._with_headers(send))
+
+    def _refuse(self, scope: Scope) -> Response | None:
+        headers = dict(scope["headers"])
+        if headers.get(b"host", b"").decode("latin-1").lower() not in self._hosts:
+            return error(403, "SEC-04", "this host name is not served here")
+        wait_s = self._limit.wait_s(address_of(scope))
+        if wait_s > 0.0:
+            return error(429, "SEC-06", "too many requests", retry_after=str(math.ceil(wait_s)))
+        length = headers.get(b"content-length", b"0")
+        if not length.isdigit() or len(length) > 9 or int(length) > BODY_MAX:
+            return error(413, "SEC-05", f"a body of at most {BODY_MAX} bytes")
+        return None
+
+    def _with_headers(self, send: Send) -> Send:
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in _HEADERS.items():
+                    headers[name] = value
+                if self._settings.secure:
+                    headers["strict-transport-security"] = "max-age=31536000"
+                if "cache-control" not in headers:
+                    headers["cache-control"] = "no-store"
+            await send(message)
+
+        return sending
+
+
+def _limited(receive: Receive) -> Receive:
+    """Bodies without a length are cut off as well."""
+    taken = 0
+
+    async def receiving() -> Message:
+        nonlocal taken
+        message = await receive()
+        if message["type"] == "http.request":
+            taken += len(message.get("body", b""))
+            if taken > BODY_MAX:
+                return {"type": "http.disconnect"}
+        return message
+
+    return receiving
+
+
+async def deny(scope: Scope, receive: Receive, send: Send, response: Response) -> None:
+    """Refuse a WebSocket before it opens, with an HTTP status."""
+    if "websocket.http.response" not in scope.get("extensions", {}):
+        await send({"type": "websocket.close", "code": 1008})
+        return
+
+    async def sending(message: Message) -> None:
+        await send({**message, "type": f"websocket.{message['type']}"})
+
+    await response({**scope, "type": "http"}, receive, sending)
+
+
+def address_of(scope: Scope) -> str:
+    """Address of whoever asks."""
+    client: Any = scope.get("client")
+    return str(client[0]) if client else ""

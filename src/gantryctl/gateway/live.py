@@ -1,0 +1,109 @@
+"""The WebSocket: status out, commands in, for as long as the session lives."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from typing import Final
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from gantryctl.gateway.access import Access
+from gantryctl.gateway.guard import address_of, deny, error
+from gantryctl.gateway.sessions import Session
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, is_loopback
+from gantryctl.service.hub import Client, Flooded, Hub
+from gantryctl.service.messages import Identity
+
+SESSION_ENDED, TOO_SLOW, TOO_MANY, NOT_UNDERSTOOD = 4401, 4408, 4429, 1008
+_STUCK_S: Final = 5.0
+"""A connection that takes nothing for so long is closed."""
+
+
+class Live:
+    """The endpoint."""
+
+    def __init__(self, access: Access, hub: Hub) -> None:
+        self._access, self._hub = access, hub
+        self._of_address: dict[str, int] = {}
+
+    async def serve(self, socket: WebSocket) -> None:
+        """One connection from its handshake to its end."""
+        session = self._access.session(socket)
+        origin = socket.headers.get("origin", "").lower()
+        if origin not in self._access.settings.origins:
+            await deny(
+                socket.scope, socket.receive, socket.send, error(403, "SEC-04", "asked from a foreign page")
+            )
+            return
+        if session is None:
+            await deny(socket.scope, socket.receive, socket.send, error(401, "SEC-01", "log in first"))
+            return
+        address = address_of(socket.scope)
+        most = CONNECTIONS if is_loopback(address) else CONNECTIONS_REMOTE
+        if self._of_address.get(address, 0) >= most or len(self._hub) >= CONNECTIONS:
+            await deny(
+                socket.scope, socket.receive, socket.send, error(429, "SEC-06", "too many connections")
+            )
+            return
+        self._of_address[address] = self._of_address.get(address, 0) + 1
+        try:
+            await socket.accept()
+            await self._run(socket, session)
+        finally:
+            self._of_address[address] -= 1
+            if not self._of_address[address]:
+                del self._of_address[address]
+
+    async def _run(self, socket: WebSocket, session: Session) -> None:
+        client = self._hub.connect(session.user, session.role, self._access.place(socket))
+        self._log(client, "connected")
+        tasks = [
+            asyncio.create_task(self._receive(socket, client)),
+            asyncio.create_task(self._send(socket, client, session)),
+        ]
+        try:
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            code = next((task.result() for task in done if task.exception() is None), None)
+        finally:
+            self._hub.leave(client)
+            for task in tasks:
+                task.cancel()
+            self._log(client, "disconnected")
+        if code is not None:
+            with contextlib.suppress(RuntimeError, asyncio.TimeoutError, WebSocketDisconnect, OSError):
+                await asyncio.wait_for(socket.close(code), 1.0)
+
+    async def _receive(self, socket: WebSocket, client: Client) -> int | None:
+        """Commands in; the close code, None when the other end has closed."""
+        while True:
+            message = await socket.receive()
+            if message["type"] != "websocket.receive":
+                return None
+            text = message.get("text")
+            if text is None:
+                return NOT_UNDERSTOOD
+            try:
+                client.take(text)
+            except Flooded:
+                return TOO_MANY
+
+    async def _send(self, socket: WebSocket, client: Client, session: Session) -> int | None:
+        """Status and replies out; the close code."""
+        await socket.send_text(self._hub.welcome(client.who))
+        while True:
+            await client.wake.wait()
+            session.used_s = max(session.used_s, client.used_s)
+            if not self._access.sessions.lives(session):
+                return SESSION_ENDED
+            for text in client.outgoing():
+                try:
+                    await asyncio.wait_for(socket.send_text(text), _STUCK_S)
+                except TimeoutError:
+                    return TOO_SLOW
+                except (WebSocketDisconnect, RuntimeError, OSError):
+                    return None
+
+    def _log(self, client: Client, text: str) -> None:
+        who: Identity = client.who
+        self._hub.events.put("login", text, who)

@@ -1,0 +1,134 @@
+"""The REST routes: looking and downloading. Nothing moves over REST."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from gantryctl.errors import DeviceError
+from gantryctl.gateway.access import Access, person
+from gantryctl.gateway.guard import error
+from gantryctl.gateway.routes import API, ROUTES, openapi
+from gantryctl.gateway.traces import Traces
+from gantryctl.service.hub import Hub
+from gantryctl.service.journal import read_journal
+from gantryctl.service.messages import Identity
+from gantryctl.service.roles import Action
+from gantryctl.service.tags import TAGS
+
+JOURNAL_MAX = 10_000
+Handler = Callable[[Request], Awaitable[Response]]
+
+
+class Rest:
+    """All routes of the table, each behind its check."""
+
+    def __init__(self, access: Access, hub: Hub) -> None:
+        self._access, self._hub = access, hub
+        self._directory = access.settings.directory
+        self._files = Traces(self._directory / "traces")
+        self._described = openapi()
+
+    def routes(self) -> list[Route]:
+        """For the application."""
+        return [
+            Route(
+                API + row.path, self._behind(row.action, getattr(self, f"_{row.name}")), methods=[row.method]
+            )
+            for row in ROUTES
+        ]
+
+    def _behind(self, action: Action | None, handler: Handler) -> Handler:
+        async def checked(request: Request) -> Response:
+            return self._access.refuse(request, action) or await handler(request)
+
+        return checked
+
+    async def _login(self, request: Request) -> Response:
+        try:
+            found: Any = json.loads(await request.body())
+            name, password = found["user"], found["password"]
+            right = set(found) == {"user", "password"} and isinstance(name, str) and isinstance(password, str)
+        except ClientDisconnect:
+            return error(413, "SEC-05", "the body is too long")
+        except (ValueError, KeyError, TypeError, RecursionError):
+            right = False
+        if not right:
+            return error(400, "SEC-05", 'write {"user": NAME, "password": PASSWORD}')
+        return await self._access.log_in(request, name, password)
+
+    async def _logout(self, request: Request) -> Response:
+        return self._access.log_out(request)
+
+    async def _session(self, request: Request) -> Response:
+        session = self._access.session(request)
+        assert session is not None
+        return JSONResponse(person(session))
+
+    async def _tags(self, _: Request) -> Response:
+        rows = [{**tag._asdict(), "type": tag.kind, "labels": list(tag.labels)} for tag in TAGS]
+        return JSONResponse([{key: row[key] for key in row if key != "kind"} for row in rows])
+
+    async def _status(self, _: Request) -> Response:
+        return JSONResponse(self._hub.status())
+
+    async def _alarms(self, _: Request) -> Response:
+        tags = self._hub.status()["tags"]
+        return JSONResponse({"active": tags.get("alarms", []), "history": tags.get("alarm_history", [])})
+
+    async def _traces(self, _: Request) -> Response:
+        return JSONResponse(await asyncio.to_thread(self._files.rows))
+
+    async def _trace(self, request: Request) -> Response:
+        found = await asyncio.to_thread(self._files.open, request.path_params["id"])
+        if found is None:
+            return error(404, "SEC-08", "no such recording")
+        name, size, content = found
+        self._log(request, f"recording {name} was read")
+        headers = {"content-length": str(size), "content-disposition": f'attachment; filename="{name}"'}
+        return StreamingResponse(content, 200, headers, media_type="application/vnd.apache.parquet")
+
+    async def _journal(self, request: Request) -> Response:
+        try:
+            after, limit = (
+                _whole(request, name, default) for name, default in (("from", 0), ("limit", 1000))
+            )
+        except ValueError as wrong:
+            return error(400, "SEC-05", str(wrong))
+        try:
+            rows = await asyncio.to_thread(read_journal, self._directory, after, min(limit, JOURNAL_MAX))
+        except DeviceError as fault:
+            return error(503, "JRN-02", str(fault))
+        self._log(request, f"journal was read from {after}")
+        lines = [json.dumps({"seq": row.seq, **row.values, "hash": row.hash}) + "\n" for row in rows]
+        return Response("".join(lines), media_type="application/jsonl")
+
+    async def _health(self, _: Request) -> Response:
+        return JSONResponse({"controller": "ok" if self._hub.fresh else "silent"})
+
+    async def _openapi(self, _: Request) -> Response:
+        return JSONResponse(self._described)
+
+    def _log(self, request: Request, text: str) -> None:
+        session = self._access.session(request)
+        if session is not None:
+            who = Identity("", session.user, session.role, self._access.place(request))
+            self._hub.events.put("read", text, who)
+
+
+def not_found(_: Request) -> Response:
+    """Every other address below the API."""
+    return PlainTextResponse("not found\n", 404)
+
+
+def _whole(request: Request, name: str, default: int) -> int:
+    text = request.query_params.get(name, str(default))
+    if not (text.isascii() and text.isdigit() and len(text) <= 12):
+        raise ValueError(f"{name}: a whole number from 0 up")
+    return int(text)

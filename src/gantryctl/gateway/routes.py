@@ -1,0 +1,106 @@
+"""The table of REST routes, and the OpenAPI description that is made of it."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+from typing import Any, Final, NamedTuple
+
+from gantryctl.service.roles import Action
+
+
+class RouteEntry(NamedTuple):
+    """One route.
+
+    Attributes:
+        action: what the role must allow; None for everybody.
+        answers: status and meaning.
+        query: names of whole-number parameters.
+    """
+
+    method: str
+    path: str
+    name: str
+    action: Action | None
+    summary: str
+    answers: dict[int, str]
+    query: tuple[str, ...] = ()
+
+
+API: Final = "/api/v1"
+_LOG_IN: Final = {401: "not logged in", 403: "the role may not do it", 429: "too many requests"}
+ROUTES: Final = (
+    RouteEntry(
+        "POST", "/login", "login", None, "Log in; the answer sets the session cookie.",
+        {200: "logged in", 400: "not understood", 401: "wrong name or password", 403: "foreign page", 429: "locked"},
+    ),
+    RouteEntry("POST", "/logout", "logout", Action.VIEW, "End the session.", {204: "done", 401: "not logged in"}),
+    RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "nobody"}),
+    RouteEntry("GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN}),
+    RouteEntry("GET", "/status", "status", Action.VIEW, "All tags as they are now.", {200: "status", **_LOG_IN}),
+    RouteEntry("GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN}),
+    RouteEntry("GET", "/traces", "traces", Action.TRACES, "Recordings, newest first.", {200: "list", **_LOG_IN}),
+    RouteEntry(
+        "GET", "/traces/{id}", "trace", Action.TRACES, "One recording as Parquet.",
+        {200: "the file", 404: "no such recording", **_LOG_IN},
+    ),
+    RouteEntry(
+        "GET", "/journal", "journal", Action.JOURNAL, "Events after number `from` as JSON lines.",
+        {200: "events", 400: "not understood", **_LOG_IN}, ("from", "limit"),
+    ),
+    RouteEntry("GET", "/health", "health", None, "Whether the controller is alive.", {200: "ok or silent"}),
+    RouteEntry("GET", "/openapi.json", "openapi", None, "This description.", {200: "OpenAPI 3.1"}),
+)  # fmt: skip
+
+
+def openapi() -> dict[str, Any]:
+    """The description of all routes."""
+    paths: dict[str, Any] = {}
+    for route in ROUTES:
+        paths.setdefault(API + route.path, {})[route.method.lower()] = _operation(route)
+    return {
+        "openapi": "3.1.0",
+        "info": {"title": "gantryctl", "version": version("gantryctl"), "license": {"name": "MIT"}},
+        "paths": paths,
+        "components": {
+            "securitySchemes": {"session": {"type": "apiKey", "in": "cookie", "name": "gantryctl_session"}},
+            "schemas": {"Error": _ERROR},
+        },
+    }
+
+
+_ERROR: Final = {
+    "type": "object",
+    "required": ["error"],
+    "properties": {
+        "error": {
+            "type": "object",
+            "required": ["code", "text"],
+            "properties": {"code": {"type": "string"}, "text": {"type": "string"}},
+        }
+    },
+}
+
+
+def _operation(route: RouteEntry) -> dict[str, Any]:
+    failing = {"application/json": {"schema": {"$ref": "#/components/schemas/Error"}}}
+    found: dict[str, Any] = {
+        "operationId": route.name,
+        "summary": route.summary,
+        "responses": {
+            str(status): {"description": words, **({"content": failing} if status >= 400 else {})}
+            for status, words in route.answers.items()
+        },
+        "security": [] if route.action is None else [{"session": []}],
+    }
+    parameters: list[dict[str, Any]] = [
+        {"name": name, "in": "query", "schema": {"type": "integer", "minimum": 0}} for name in route.query
+    ]
+    if "{id}" in route.path:
+        parameters.append({"name": "id", "in": "path", "required": True, "schema": {"type": "string"}})
+    if parameters:
+        found["parameters"] = parameters
+    if route.name == "login":
+        words = {name: {"type": "string"} for name in ("user", "password")}
+        schema = {"type": "object", "required": ["user", "password"], "properties": words}
+        found["requestBody"] = {"required": True, "content": {"application/json": {"schema": schema}}}
+    return found

@@ -1,0 +1,123 @@
+"""Sessions and lock-out: who is logged in, and who has tried too often."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from gantryctl.service.roles import Role
+from gantryctl.service.users import User, Users
+
+IDLE_S: Final = 15 * 60.0
+WHOLE_S: Final = 8 * 3600.0
+FAILURES: Final = 5
+LOCK_MAX_S: Final = 15 * 60.0
+_SESSIONS: Final = 256
+_REMEMBERED: Final = 10_000
+
+
+@dataclass
+class Session:
+    """One login.
+
+    Attributes:
+        key: the password's key at login: another password ends the session. used_s: last request of its user.
+    """
+
+    token: str
+    user: str
+    role: Role
+    key: str
+    since_s: float
+    used_s: float
+
+
+class Sessions:
+    """Sessions in memory: a restart of the gateway ends them all."""
+
+    def __init__(self, users: Users, now: Callable[[], float] = time.monotonic) -> None:
+        self._users, self._now = users, now
+        self._sessions: OrderedDict[str, Session] = OrderedDict()
+        self._known: dict[str, User] = {}
+        self._stamp: tuple[int, int] | None = None
+
+    def open(self, user: User) -> Session:
+        """A new session; the oldest one makes room when there are too many."""
+        now_s = self._now()
+        session = Session(secrets.token_hex(16), user.name, user.role, user.key, now_s, now_s)
+        self._sessions[session.token] = session
+        while len(self._sessions) > _SESSIONS:
+            self._sessions.popitem(last=False)
+        return session
+
+    def find(self, token: str | None) -> Session | None:
+        """The living session of a cookie, or None."""
+        session = self._sessions.get(token or "")
+        if session is None or not self.lives(session):
+            return None
+        return session
+
+    def lives(self, session: Session) -> bool:
+        """Whether a session still counts: in time, not closed, user and role unchanged."""
+        now_s = self._now()
+        user = self._user(session.user)
+        alive = (
+            session.token in self._sessions
+            and now_s - session.used_s < IDLE_S
+            and now_s - session.since_s < WHOLE_S
+            and user is not None
+            and (user.role, user.key) == (session.role, session.key)
+        )
+        if not alive:
+            self.close(session)
+        return alive
+
+    def use(self, session: Session) -> None:
+        """Its user has asked for something."""
+        session.used_s = self._now()
+
+    def close(self, session: Session) -> None:
+        """Log out."""
+        self._sessions.pop(session.token, None)
+
+    def _user(self, name: str) -> User | None:
+        """The user as the file says now; the file is read when it has changed."""
+        try:
+            found = self._users.path.stat()
+            stamp = (found.st_mtime_ns, found.st_ino)
+        except OSError:
+            stamp = None
+        if stamp != self._stamp:
+            self._known, self._stamp = self._users.all(), stamp
+        return self._known.get(name)
+
+
+class LockOut:
+    """After five failures, each further one doubles the wait of that account from that address; nobody else waits."""
+
+    def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
+        self._now = now
+        self._failures: OrderedDict[tuple[str, str], tuple[int, float]] = OrderedDict()
+
+    def wait_s(self, account: str, address: str) -> float:
+        """How long this pair must still wait; 0 when it may try."""
+        count, at_s = self._failures.get((account, address), (0, 0.0))
+        if count < FAILURES:
+            return 0.0
+        return max(0.0, at_s + min(LOCK_MAX_S, 2.0 ** (count - FAILURES)) - self._now())
+
+    def failed(self, account: str, address: str) -> int:
+        """A wrong password; how many there were."""
+        count = self._failures.pop((account, address), (0, 0.0))[0] + 1
+        self._failures[account, address] = (count, self._now())
+        if len(self._failures) > _REMEMBERED:
+            self._failures.popitem(last=False)
+        return count
+
+    def passed(self, account: str, address: str) -> None:
+        """A right one."""
+        self._failures.pop((account, address), None)

@@ -1,0 +1,78 @@
+"""What the gateway is told when it is started, and what follows from it: addresses, limits."""
+
+from __future__ import annotations
+
+import ipaddress
+import json
+from pathlib import Path
+from typing import Final, NamedTuple
+
+BODY_MAX: Final = 64 * 1024
+"""Bytes of a request body."""
+CONNECTIONS: Final = 64
+CONNECTIONS_REMOTE: Final = 8
+"""Connections of one address; loopback is everybody on this machine and may have all."""
+REQUESTS_PER_S: Final = 10.0
+REQUESTS_RESERVE: Final = 40.0
+HEADER_S: Final = 5.0
+"""A connection that sends no whole request for so long is closed."""
+
+
+class Settings(NamedTuple):
+    """Everything the gateway needs to know.
+
+    Attributes:
+        listener: handle of the listening socket, made by the supervisor and kept over restarts.
+        certificate, key: files of TLS, or None on loopback.
+        names: host names under which browsers reach the page, beside the address.
+        root: state root with the users. directory: state directory of the machine.
+    """
+
+    host: str
+    port: int
+    listener: int
+    certificate: str | None
+    key: str | None
+    names: tuple[str, ...]
+    root: Path
+    directory: Path
+
+    @classmethod
+    def from_json(cls, text: str) -> Settings:
+        """From the argument of the process."""
+        found = json.loads(text)
+        paths = {name: Path(found[name]) for name in ("root", "directory")}
+        return cls(**{**found, **paths, "names": tuple(found["names"])})
+
+    @property
+    def secure(self) -> bool:
+        """TLS is on."""
+        return self.certificate is not None
+
+    @property
+    def hosts(self) -> frozenset[str]:
+        """What `Host` may say."""
+        names = {_bracketed(self.host), *self.names}
+        if is_loopback(self.host):
+            names |= {"127.0.0.1", "localhost", "[::1]"}
+        default = 443 if self.secure else 80
+        plain = names if self.port == default else set()
+        return frozenset({f"{name}:{self.port}".lower() for name in names} | {name.lower() for name in plain})
+
+    @property
+    def origins(self) -> frozenset[str]:
+        """What `Origin` may say."""
+        scheme = "https" if self.secure else "http"
+        return frozenset(f"{scheme}://{host}" for host in self.hosts)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether an address is of this machine only."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def _bracketed(host: str) -> str:
+    return f"[{host}]" if ":" in host else host

@@ -1,0 +1,80 @@
+"""Recordings for download: an opaque id stands for a file; no name of a request ever becomes a path."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import os
+import secrets
+import stat
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final
+
+_CHUNK: Final = 256 * 1024
+_LISTED: Final = 500
+
+
+class Traces:
+    """The recordings of one directory."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._key = secrets.token_bytes(16)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Id, name, size and date of every closed recording, newest first."""
+        found: list[dict[str, Any]] = []
+        for name, size, modified in self._files():
+            at = datetime.fromtimestamp(modified, UTC).isoformat(timespec="seconds")
+            found.append({"id": self._id(name), "name": name, "size": size, "modified": at})
+        return sorted(found, key=lambda row: row["modified"], reverse=True)[:_LISTED]
+
+    def open(self, wanted: str) -> tuple[str, int, Iterator[bytes]] | None:
+        """Name, size and content of a recording; None for every id that is none."""
+        for name, _, _ in self._files():
+            if hmac.compare_digest(self._id(name).encode(), wanted.encode(errors="replace")):
+                return self._read(name)
+        return None
+
+    def _read(self, name: str) -> tuple[str, int, Iterator[bytes]] | None:
+        try:
+            folder = os.open(self._directory, os.O_RDONLY | os.O_DIRECTORY)
+            try:
+                handle = os.open(name, os.O_RDONLY | os.O_NOFOLLOW, dir_fd=folder)
+            finally:
+                os.close(folder)
+        except OSError:
+            return None
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode):
+            os.close(handle)
+            return None
+        return name, found.st_size, _chunks(handle, found.st_size)
+
+    def _files(self) -> list[tuple[str, int, float]]:
+        try:
+            with os.scandir(self._directory) as entries:
+                return [
+                    (
+                        entry.name,
+                        entry.stat(follow_symlinks=False).st_size,
+                        entry.stat(follow_symlinks=False).st_mtime,
+                    )
+                    for entry in entries
+                    if entry.name.endswith(".parquet") and entry.is_file(follow_symlinks=False)
+                ]
+        except OSError:
+            return []
+
+    def _id(self, name: str) -> str:
+        return hmac.new(self._key, name.encode(), hashlib.sha256).hexdigest()[:32]
+
+
+def _chunks(handle: int, size: int) -> Iterator[bytes]:
+    with os.fdopen(handle, "rb") as file:
+        left = size
+        while left > 0 and (chunk := file.read(min(_CHUNK, left))):
+            left -= len(chunk)
+            yield chunk
