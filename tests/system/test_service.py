@@ -1,0 +1,235 @@
+"""The service with real processes on loopback: what a person at the page, a script and a second person can do."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+
+from gantryctl.service.journal import read_journal, verify
+from gantryctl.trace import read_trace
+from service_process import PASSWORD, Service, add_users
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
+LEASE = "0123456789abcdef"
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    root = tmp_path_factory.mktemp("service")
+    add_users(root)
+    with Service(root) as made:
+        yield made
+
+
+@pytest.fixture(autouse=True)
+def _at_rest(service: Service) -> Iterator[None]:
+    yield
+    with service.page("viewer") as page:
+        page.do("stop")
+        page.until(lambda tags: tags["at_rest"] and not tags["authority_user"])
+
+
+def test_an_operator_moves_to_an_angle_and_the_journal_says_so(service: Service) -> None:
+    with service.page("operator") as page:
+        page.power_up()
+        target = round(page.tags["pos_act_deg"] + 0.2, 3)
+        page.do("set", tag="speed_setting_deg_s", value=0.6)
+        page.do("move", target_deg=target)
+        page.until(lambda tags: tags["in_position"] and tags["axis_state"] == "standstill")
+        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.005)  # the in-position window
+        page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
+    texts = [row.values["text"] for row in read_journal(service.directory)]
+    assert f"move {target}: done" in texts
+    assert verify(service.directory).wrong == ""
+
+
+def test_hold_to_run_stops_when_released_and_when_the_lease_ends(service: Service) -> None:
+    with service.page("operator") as page:
+        page.power_up()
+        page.do("jog", lease=LEASE, direction="reverse")
+        page.until(lambda tags: tags["vel_act_deg_s"] < -0.05, renew=LEASE)
+        assert page.tags["lease_left_ms"] > 0.0
+        page.do("release", lease=LEASE)
+        page.until(lambda tags: tags["at_rest"])
+        other = LEASE[::-1]
+        page.do("jog", lease=other, direction="forward")
+        page.until(lambda tags: tags["vel_act_deg_s"] > 0.05, renew=other)
+        page.until(lambda tags: tags["at_rest"])  # nobody renews any more
+        assert page.tags["lease_left_ms"] == 0.0
+        page.say("renew", lease=other)
+        page.until(lambda _: bool(page.replies))
+        assert page.replies.popitem()[1]["code"] == "SEC-09"
+        assert page.refused("jog", lease=other, direction="forward") == "SEC-09"
+
+
+def test_a_browser_that_is_gone_stops_its_jog_and_frees_control(service: Service) -> None:
+    with service.page("viewer") as watcher:
+        page = service.page("operator")
+        page.power_up()
+        page.do("jog", lease="f" * 16, direction="forward")
+        page.until(lambda tags: tags["vel_act_deg_s"] > 0.05, renew="f" * 16)
+        page.socket.socket.shutdown(socket.SHUT_RDWR)  # as when a browser is killed
+        watcher.until(lambda tags: tags["at_rest"])
+        watcher.until(lambda tags: tags["authority_user"] == "")
+
+
+def test_what_is_of_the_past_is_refused(service: Service) -> None:
+    with service.page("operator") as page:
+        page.power_up()
+        epoch = page.tags["epoch"]
+        assert page.refused("move", target_deg=1.0, frame=page.frame - 20) == "SEC-02"
+        assert page.refused("move", target_deg=1.0, frame=page.frame + 1000) == "SEC-02"
+        page.do("stop")
+        assert page.refused("move", target_deg=1.0, epoch=epoch) == "SEC-03"
+        page.look()
+        assert page.refused("move", target_deg=1.0, seq=1) == "SEC-04"
+
+
+def test_two_operators_have_one_control_and_everyone_may_stop(service: Service) -> None:
+    with (
+        service.page("operator") as first,
+        service.page("physicist") as second,
+        service.page("viewer") as viewer,
+    ):
+        first.power_up()
+        assert second.refused("take", over=False) == "SEC-07"
+        assert second.refused("move", target_deg=1.0) == "SEC-07"
+        first.do("set", tag="speed_setting_deg_s", value=3.0)
+        first.do("move", target_deg=first.tags["pos_act_deg"] + 20.0)
+        first.until(lambda tags: tags["vel_act_deg_s"] > 0.2)
+        second.look()
+        assert second.refused("take", over=True) == "SEC-08"
+        viewer.do("stop")
+        first.until(lambda tags: tags["at_rest"])
+        second.until(lambda tags: tags["at_rest"] and tags["vel_act_deg_s"] < 0.01)
+        second.do("take", over=True)
+        first.look()
+        assert first.refused("power", on=True) == "SEC-07"
+        assert viewer.refused("take", over=False) == "SEC-01"
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        ('{"type":"move","seq":1,"frame":1,"epoch":1,"target_deg":NaN}', "SEC-05"),
+        ('{"type":"move","seq":1,"frame":1,"epoch":1,"target_deg":"5"}', "SEC-05"),
+        ('{"type":"move","seq":1,"frame":1,"epoch":1,"target_deg":1e999}', "SEC-05"),
+        ('{"type":"stop","seq":1,"seq":2,"frame":1}', "SEC-05"),
+        ('{"type":"stop","seq":true,"frame":1}', "SEC-05"),
+        ("[" * 5000, "SEC-05"),
+        ("stop", "SEC-05"),
+    ],
+)
+def test_what_is_no_message_is_refused(service: Service, text: str, code: str) -> None:
+    with service.page("operator") as page:
+        page.socket.send(text)
+        page.until(lambda _: bool(page.replies))
+        assert page.replies.popitem()[1]["code"] == code
+
+
+def test_only_the_page_itself_with_a_session_gets_a_socket(service: Service) -> None:
+    cookie = {"Cookie": f"gantryctl_session={service.log_in('operator')}"}
+    address, own = f"ws://{service.address}/api/v1/socket", f"http://{service.address}"
+    for origin, headers, status in (
+        ("http://elsewhere.example", cookie, 403),
+        (None, cookie, 403),
+        ("null", cookie, 403),
+        (own, {}, 401),
+        (own, {"Cookie": "gantryctl_session=" + "0" * 32}, 401),
+    ):
+        with (
+            pytest.raises(InvalidStatus) as refused,
+            connect(address, origin=origin, additional_headers=headers),  # type: ignore[arg-type]
+        ):
+            pass
+        assert refused.value.response.status_code == status, (origin, headers)
+    assert service.request("GET", "/api/v1/health", Host="rebound.example")[0] == 403
+
+
+def test_rest_gives_what_the_role_may_see(service: Service) -> None:
+    assert service.request("GET", "/api/v1/status")[0] == 401
+    cookie = service.log_in("physicist")
+    status, body, headers = service.request("GET", "/api/v1/status", cookie=cookie)
+    assert status == 200
+    assert json.loads(body)["tags"]["machine"] == "hust_gantry"
+    assert "default-src 'none'" in headers["content-security-policy"]
+    rows = json.loads(service.request("GET", "/api/v1/tags", cookie=cookie)[1])
+    assert {row["name"] for row in rows} == set(json.loads(body)["tags"])
+    status, body, _ = service.request("GET", "/api/v1/journal?from=0&limit=5", cookie=cookie)
+    assert (status, len(body.splitlines())) == (200, 5)
+    assert service.request("GET", "/api/v1/journal?from=-1", cookie=cookie)[0] == 400
+    assert service.request("GET", "/api/v1/journal", cookie=service.log_in("operator"))[0] == 403
+    assert service.request("POST", "/api/v1/logout", {}, cookie)[0] == 204
+    assert service.request("GET", "/api/v1/status", cookie=cookie)[0] == 401
+
+
+def test_a_recording_is_had_by_its_id_and_by_nothing_else(service: Service, tmp_path: Path) -> None:
+    cookie = service.log_in("operator")
+    with service.page("operator") as page:
+        page.power_up()
+        page.do("power", on=False)
+        page.until(lambda tags: tags["power_phase"] == "off" and not tags["recording"])
+        while not (rows := json.loads(service.request("GET", "/api/v1/traces", cookie=cookie)[1])):
+            page.look()
+    status, body, _ = service.request("GET", f"/api/v1/traces/{rows[0]['id']}", cookie=cookie)
+    (tmp_path / "one.parquet").write_bytes(body)
+    assert status == 200
+    assert "pos_act_rad" in read_trace(tmp_path / "one.parquet").columns
+    for wrong in (rows[0]["name"], "..%2f..%2fusers.json", "%2e%2e/users.json", "0" * 32, "", "."):
+        status, body, _ = service.request("GET", f"/api/v1/traces/{wrong}", cookie=cookie)
+        assert status in (200, 404)
+        assert b"scrypt" not in body
+        assert b"salt" not in body
+
+
+def test_five_wrong_passwords_lock_this_account_and_no_other(service: Service) -> None:
+    wrong = {"user": "nobody", "password": "x" * 12}
+    answers = [service.request("POST", "/api/v1/login", wrong)[0] for _ in range(6)]
+    assert answers == [401] * 5 + [429]
+    right = {"user": "viewer", "password": PASSWORD}
+    assert service.request("POST", "/api/v1/login", right, Origin="http://elsewhere.example")[0] == 403
+    assert service.request("POST", "/api/v1/login", right)[0] == 200
+
+
+def test_gateway_and_recorder_may_be_killed_while_the_axis_moves(service: Service) -> None:
+    with service.page("operator") as page:
+        page.power_up()
+        page.do("set", tag="speed_setting_deg_s", value=0.6)
+        target = page.tags["pos_act_deg"] + 4.0
+        page.do("move", target_deg=target)
+        page.until(lambda tags: tags["vel_act_deg_s"] > 0.3)
+        os.kill(service.child("recorder"), signal.SIGKILL)
+        os.kill(service.child("gateway"), signal.SIGKILL)
+    for _ in range(100):  # the listening socket stays open: requests wait until the gateway is back
+        try:
+            service.request("GET", "/api/v1/health")
+            break
+        except OSError:
+            continue
+    with service.page("viewer") as page:
+        page.until(lambda tags: tags["at_rest"])
+        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.01)
+        page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
+    assert verify(service.directory).wrong == ""
+    assert "SYS-06 recorder ended with code -9" in service.errors()
+
+
+def test_a_second_controller_on_the_same_machine_is_impossible(service: Service) -> None:
+    for command in (["serve", "--no-page"], ["move", "1"]):
+        done = subprocess.run(
+            [sys.executable, "-m", "gantryctl", *command],
+            env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
+            capture_output=True, text=True, timeout=60, check=False,
+        )  # fmt: skip
+        assert done.returncode == 3
+        assert "in use by process" in done.stderr
