@@ -8,7 +8,7 @@ from typing import NamedTuple
 from gantryctl.errors import AlarmStop
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation.state import now_text
-from gantryctl.ports import Drive
+from gantryctl.operation.virtual import ReadDrive
 from gantryctl.program import Axis
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import rad
@@ -31,7 +31,7 @@ class RunEnd(NamedTuple):
     time_s: float
 
 
-def retained_after(machine: Machine, before: Retained, axis: Axis, drive: Drive, end: RunEnd) -> Retained:
+def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDrive, end: RunEnd) -> Retained:
     """The retained memory after a run."""
     identity = drive.identity()
     counts_range = identity.counts_per_turn * identity.turns

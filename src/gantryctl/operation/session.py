@@ -23,13 +23,12 @@ from gantryctl.operation.absolute import (
     refusal,
     unwrapped,
 )
-from gantryctl.operation.commissioned import check_record, load_record, record_path
 from gantryctl.operation.ending import RunEnd, retained_after
 from gantryctl.operation.motions import Motion, Snapshot, Stop, state_words
 from gantryctl.operation.requests import check_direction, check_speed, check_target
 from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, open_machine
+from gantryctl.operation.virtual import encoder_scale, judge_bus, keep_machine, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import AlarmEntry, Engine, HeldOperator, keeps_time
@@ -121,16 +120,7 @@ class AxisSession:
 
     def _judge_bus(self, drive: CanopenDrive) -> None:
         """A drive that would not stop by itself is not enabled, nor one that nobody has commissioned."""
-        if drive.refusals:
-            lines = "\n  ".join(drive.refusals)
-            raise CommandRefused(f"the drive's parameters forbid enabling it:\n  {lines}")
-        if (
-            self._store is not None
-            and self.machine.can.commissioning_required
-            and not is_simulated(self.machine)
-        ):
-            record = load_record(record_path(self._store.directory, self.machine))
-            check_record(self.machine, record, drive.opened.identity.key)
+        judge_bus(self.machine, self._store, drive)
 
     def _refuse(self, reason: str | None) -> None:
         held = self._retained.error_stop

@@ -11,6 +11,7 @@ import math
 import os
 import signal
 import sys
+import tempfile
 import threading
 import time
 from dataclasses import replace
@@ -18,13 +19,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
+from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
+from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.ending import RunEnd, retained_after
-from gantryctl.operation.virtual import keep_machine
+from gantryctl.operation.virtual import ReadDrive, is_simulated, keep_machine
 from gantryctl.program import AxisState, PowerPhase
-from gantryctl.runtime import Engine, Retained
+from gantryctl.runtime import Engine, Retained, StateLock
 from gantryctl.service.alarm_view import AlarmView
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Word
@@ -143,8 +146,10 @@ class Controller:
         """What the controller remembers of this run so far."""
         end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
         levels = self.operator.levels
+        on_bus = isinstance(self._drive, CanopenDrive)
+        seen: ReadDrive = _LastRead(self.engine) if on_bus else self._drive
         record = replace(
-            retained_after(self.machine, self._retained, self.axis, self._drive, end),
+            retained_after(self.machine, self._retained, self.axis, seen, end),
             speed_rad_s=levels.speed_rad_s,
             increment_rad=levels.increment_rad,
             travelled_rad=self._retained.travelled_rad + self._way_rad,
@@ -221,8 +226,32 @@ class Controller:
         return said
 
 
+def _drive_lock(machine: Machine) -> contextlib.AbstractContextManager[object]:
+    """A drive on a real bus has one controller, whatever the machine files are called."""
+    if is_simulated(machine):
+        return contextlib.nullcontext()
+    can = machine.can
+    name = "".join(c if c.isalnum() else "-" for c in f"{can.interface}-{can.channel}-{can.node}")
+    return StateLock(Path(tempfile.gettempdir()) / f"gantryctl-drive-{name}")
+
+
+class _LastRead:
+    """What the last scan has read: a drive on a bus is read once a scan and no more."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def identity(self) -> DriveIdentity:
+        """Encoder."""
+        return self._engine.drive.identity()
+
+    def read(self) -> DriveFeedback:
+        """The reading of the last scan."""
+        return self._engine.image.drive
+
+
 _TRAVEL_STEP_RAD: Final = rad(0.001)
-_NOT_BY_RESET: Final = ("ENC-08", "ENC-10", "ENC-11", "CFG-ENC-01")
+_NOT_BY_RESET: Final = ("ENC-08", "ENC-10", "ENC-11", "CFG-")
 _JOURNAL_LOCKED: Final = 4
 
 
@@ -234,7 +263,7 @@ def main(arguments: list[str]) -> int:
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
-    with StateStore(machine) as store:
+    with StateStore(machine) as store, _drive_lock(machine):
         controller = Controller(machine, store, memory)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())

@@ -5,12 +5,15 @@ from __future__ import annotations
 import secrets
 import time
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
+from gantryctl.devices.canopen import CanopenDrive
+from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.absolute import RestVerdict, evaluate, refusal, unwrapped
-from gantryctl.operation.virtual import VirtualDrive, encoder_scale, open_machine
+from gantryctl.operation.virtual import encoder_scale, judge_bus, open_machine
+from gantryctl.ports import Drive
 from gantryctl.program import GantryProgram
 from gantryctl.runtime import Engine, Retained
 from gantryctl.service.events import EventLog
@@ -26,7 +29,7 @@ class Opened(NamedTuple):
 
     engine: Engine
     operator: ServiceOperator
-    drive: VirtualDrive
+    drive: Drive
     retained: Retained
     recorder: RingRecorder
     notes: tuple[str, ...]
@@ -36,7 +39,7 @@ def open_service(machine: Machine, store: StateStore, memory: SharedMemory) -> O
     """The machine as the last run left it, with power off.
 
     Raises:
-        StateError: retained memory or plant cannot be used.
+        StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
     virtual = open_machine(machine, store)
     retained, drive = virtual.retained, virtual.drive
@@ -46,7 +49,7 @@ def open_service(machine: Machine, store: StateStore, memory: SharedMemory) -> O
     zero = retained.zero_offset_counts
     zero_counts = counts if zero is None else zero + counts - unwrapped(scale, counts, zero)
     rules = rules_of(machine, time.monotonic(), retained.speed_rad_s, retained.increment_rad)
-    rules.blocked_by = refusal(reading) or ""
+    rules.blocked_by = refusal(reading) or _bus_refusal(machine, store, drive)
     if retained.error_stop and not rules.blocked_by:
         rules.blocked_by = f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset"
     for ring in memory.commands:
@@ -73,3 +76,16 @@ def open_service(machine: Machine, store: StateStore, memory: SharedMemory) -> O
     if reading.verdict is RestVerdict.MOVED:  # a reset acknowledges it
         retained = replace(retained, rest_position_counts=int(counts), config_hash=config_hash(machine))
     return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)
+
+
+def _bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
+    """Why a drive on a bus may not be enabled, or ""."""
+    if isinstance(drive, CanopenDrive):
+        try:
+            judge_bus(machine, store, drive)
+        except CommandRefused as reason:
+            return f"{_BUS} {' '.join(str(reason).split())}"
+    return ""
+
+
+_BUS: Final = "CFG-CAN"

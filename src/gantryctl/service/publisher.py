@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
+from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, short_hash
 from gantryctl.program import GantryProgram
@@ -160,12 +161,18 @@ class Publisher:
             "alarm_count": len(axis.alarms.active),
             "refusal_count": axis.refusal_count,
             "feedback_age_ms": engine.image.drive.age_scans * engine.period_s * 1e3,
-            "heartbeat_age_ms": math.nan,
+            "heartbeat_age_ms": self._heartbeat_age_ms(),
             "journal_sequence": events.written,
             "journal_committed": events.done,
             "journal_state": memory.words[Word.JOURNAL_STATE],
             "recording": self._recorder.number > 0,
         }
+
+    def _heartbeat_age_ms(self) -> float:
+        drive = self._engine.drive
+        if not isinstance(drive, CanopenDrive):
+            return math.nan
+        return drive.node.heartbeat_age * self._engine.period_s * 1e3
 
     def slow(self) -> dict[str, Any]:
         """Everything else but the alarms, as JSON values."""
