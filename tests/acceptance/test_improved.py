@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gantryctl.batch import ClosedLoop
-from gantryctl.comparison import FIGURES, ensemble, without_load_encoder
+from gantryctl.comparison import FIGURES, compare_report, ensemble, without_load_encoder
 from gantryctl.comparison.figures import chord_figures, move_figures
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import hold
@@ -118,3 +118,38 @@ def test_the_measures_hold_for_the_median_of_50_gears_and_plants(
     assert improved["settling_s"] <= ENSEMBLE_FACTOR * SETTLED_S
     assert improved["base_um"] <= ENSEMBLE_FACTOR * paper["base_um"]
     assert math.isclose(improved["time_90_s"], TIME_90_S, abs_tol=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_every_compensation_buys_what_it_is_for_and_all_together_most(
+    evidence: Callable[[str, dict[str, object]], None],
+) -> None:
+    report = compare_report(default_machine(), improved_machine())
+    evidence("improved_compare", report.as_dict())
+    rows = dict(report.rows)
+    bare, everything = rows["profile alone"], rows["hust_improved, as it is"]
+    # the map is most of A; without it nothing on the motor side matters much
+    assert rows["gear map alone"].a_true_a < 0.5 * bare.a_true_a
+    # lost motion shows where every stop reverses
+    assert rows["lost motion alone"].a_true_b < 0.9 * bare.a_true_b
+    assert rows["wind-up alone"].load_error_deg_s < bare.load_error_deg_s
+    assert rows["wind-up alone"].residual_um < bare.residual_um
+    assert rows["load encoder alone"].a_true_b <= A_WITH_ENCODER_DEG
+    assert rows["load encoder, own errors out alone"].a_true_b < 0.5 * rows["load encoder alone"].a_true_b
+    assert rows["swing damping alone"].residual_um < 0.5 * bare.residual_um
+    # the drive's integrator does it nearly as well: no gain, and no harm
+    for name in (
+        "torque of the eccentric moment alone",
+        "torque of the acceleration alone",
+        "dead time alone",
+    ):
+        assert rows[name].load_error_deg_s == pytest.approx(bare.load_error_deg_s, rel=0.05), name
+        assert rows[name].a_true_a == pytest.approx(bare.a_true_a, rel=0.05), name
+    assert everything.a_true_b <= rows["all without the load encoder"].a_true_b
+    assert everything.load_error_deg_s < min(
+        bare.load_error_deg_s, rows["hust_gantry, as it is"].load_error_deg_s
+    )
+    trapezoid, s_curve = report.profiles
+    assert s_curve.move.time_s < trapezoid.move.time_s
+    assert s_curve.move.residual_um < 0.5 * trapezoid.move.residual_um
