@@ -74,6 +74,8 @@ def _next_version(path: Path, force: bool) -> int:
     from gantryctl.errors import ConfigError, UsageError
     from gantryctl.machine import load_calibration
 
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: there is no directory {path.parent}")
     if not path.exists():
         return 1
     if not force:

@@ -16,6 +16,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, looked_at, new_machine
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
+from gantryctl.wiring import lead_deg
 
 _UNITS: Final = {
     "_rad_s": (deg(1.0), "deg/s"),
@@ -244,7 +245,8 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         if seen.state in _MOVABLE:
             raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
         counts = seen.pos_act_counts
-        zero = round(counts - angle_deg / scale.deg_per_count) % scale.range_counts
+        motor_deg = angle_deg + lead_deg(machine, angle_deg)
+        zero = round(counts - motor_deg / scale.deg_per_count) % scale.range_counts
         retained = replace(
             virtual.retained,
             encoder_serial=scale.identity.encoder_serial,

@@ -10,7 +10,7 @@ from gantryctl.wiring.can import (
     look_at_drive,
     virtual_node,
 )
-from gantryctl.wiring.compensation import check_calibration, compensation
+from gantryctl.wiring.compensation import check_calibration, compensation, lead_deg
 from gantryctl.wiring.drives import delivered_zero_counts, drive_around, drive_of, ideal_drive, sim_drive
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
 from gantryctl.wiring.plant import (
@@ -49,6 +49,7 @@ __all__ = [
     "gantry_sim",
     "ideal_drive",
     "in_virtual_time",
+    "lead_deg",
     "look_at_drive",
     "motion_limits",
     "plant_params",

@@ -9,7 +9,7 @@ from gantryctl import _core
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Calibration, Machine, check_belongs
 from gantryctl.program.settings import CompensationSettings
-from gantryctl.units import rad
+from gantryctl.units import deg, rad
 
 _MS: Final = 1e-3
 _US: Final = 1e-6
@@ -67,6 +67,12 @@ def compensation(machine: Machine) -> _core.Compensation | None:
         list(maps.scale_rad),
         list(maps.fast),
     )
+
+
+def lead_deg(machine: Machine, angle_deg: float) -> float:
+    """How far the motor leads a load at rest at this angle, by the maps that are on, deg at the gantry."""
+    laws = compensation(machine)
+    return 0.0 if laws is None else deg(laws.lead(rad(angle_deg)))
 
 
 def compensation_settings(machine: Machine) -> CompensationSettings | None:

@@ -9,9 +9,9 @@ from gantryctl.devices.ideal import IdealDrive
 from gantryctl.devices.sim import SimDrive
 from gantryctl.machine import Machine
 from gantryctl.ports import Drive
-from gantryctl.units import deg, rad
+from gantryctl.units import rad
 from gantryctl.wiring.can import canopen_drive
-from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.compensation import lead_deg
 from gantryctl.wiring.plant import counts_per_turn, fine_counts_per_turn, gantry_sim, total_ratio
 
 
@@ -61,10 +61,9 @@ def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
         return _ideal_zero_counts(machine)
     drive = sim_drive(machine, angle_deg)
     at_angle = drive.read().pos_act_counts
-    laws = compensation(machine)
-    lead_deg = 0.0 if laws is None else deg(laws.lead(rad(angle_deg)))
+    motor_deg = angle_deg + lead_deg(machine, angle_deg)
     per_turn = fine_counts_per_turn(machine)
-    fine = round(at_angle - (angle_deg + lead_deg) / 360.0 * total_ratio(machine) * per_turn)
+    fine = round(at_angle - motor_deg / 360.0 * total_ratio(machine) * per_turn)
     return round(fine * counts_per_turn(machine) / per_turn)
 
 

@@ -10,7 +10,14 @@ import pytest
 from command_line import cli
 from gantryctl.comparison import FIGURES
 from gantryctl.machine import default_machine_path, load_calibration, load_machine
-from gantryctl.wiring import compensation
+from gantryctl.wiring import (
+    compensation,
+    counts_per_turn,
+    delivered_zero_counts,
+    lead_deg,
+    sim_drive,
+    total_ratio,
+)
 
 IMPROVED = default_machine_path().with_name("hust_improved.toml")
 
@@ -43,6 +50,13 @@ def test_identify_replaces_nothing_that_is_no_calibration() -> None:
     assert load_machine("m.toml").name == "hust_improved"
 
 
+@pytest.mark.parametrize(("place", "said"), [("nowhere/c.toml", "no directory"), (".", "--force")])
+def test_identify_refuses_a_place_it_cannot_write_to_before_it_moves(place: str, said: str) -> None:
+    refused = cli("identify", "--config", "m.toml", "--out", place)
+    assert refused.code == 2
+    assert said in refused.err
+
+
 def test_identify_needs_a_gantry_behind_the_drive() -> None:
     text = Path("m.toml").read_text("utf-8") + '\n[drive]\nkind = "ideal"\n'
     Path("ideal.toml").write_text(text, "utf-8")
@@ -73,6 +87,21 @@ def test_compare_refuses_sizes_that_make_no_sense(arguments: tuple[str, ...]) ->
 def test_a_machine_on_the_command_line_moves_with_its_compensations() -> None:
     moved = cli("move", "2", "--fresh", "--config", str(IMPROVED), "--no-trace")
     assert moved.code == 0, moved.err
+
+
+def test_a_zero_set_away_from_0_counts_the_lead_of_the_motor() -> None:
+    """Zeroed at 60 deg the load stands at 0 deg within the lost motion; without the lead it would be 0.002 deg off."""
+    machine = load_machine(IMPROVED)
+    assert abs(lead_deg(machine, 60.0)) > 0.002
+    drive = sim_drive(machine, 60.0)
+    counts = drive.read().pos_act_counts
+    per_deg = 360.0 / (counts_per_turn(machine) * total_ratio(machine))
+    at_60, at_0 = (counts - (a + lead_deg(machine, a)) / per_deg for a in (60.0, 0.0))
+    assert delivered_zero_counts(machine, 60.0) == pytest.approx(at_60, abs=1.0)
+    assert delivered_zero_counts(machine, 60.0) == pytest.approx(
+        delivered_zero_counts(machine), abs=0.0015 / per_deg
+    )
+    assert at_0 != at_60
 
 
 @pytest.mark.slow
