@@ -54,6 +54,7 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     path = _chosen(file, option)
     try:
         machine = load_machine(path)
+        _check_calibration(machine)
     except ConfigError as error:
         if as_json:
             click.echo(json.dumps({"file": str(path), "ok": False, "problems": error.problems}, indent=2))
@@ -68,6 +69,14 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
         f"{path}: ok: {machine.name}, {given} keys given, {len(field_specs()) - given} by default, "
         f"{len(RULES)} rules between keys, hash {short_hash(machine)}"
     )
+
+
+def _check_calibration(machine: Machine) -> None:
+    """Refuse compensations that cannot work: no calibration, or that of another machine."""
+    if machine.control.compensation.any_active:
+        from gantryctl.wiring import compensation
+
+        compensation(machine)
 
 
 @config.command()

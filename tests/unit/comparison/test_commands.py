@@ -71,6 +71,17 @@ def test_compare_without_a_calibration_says_what_to_do() -> None:
     assert "gantryctl identify" in refused.err
 
 
+def test_config_check_knows_whether_the_calibration_belongs() -> None:
+    assert "gantryctl identify" in cli("config", "check", "m.toml").err
+    name = "hust_improved.calibration.toml"
+    Path(name).write_text(IMPROVED.with_name(name).read_text("utf-8"), "utf-8")
+    assert cli("config", "check", "m.toml").code == 0
+    Path("other.toml").write_text(Path("m.toml").read_text("utf-8").replace("= 0.232", "= 0.3"), "utf-8")
+    refused = cli("config", "check", "other.toml")
+    assert refused.code == 2
+    assert "another machine" in refused.err
+
+
 def test_compare_refuses_different_machines() -> None:
     text = Path("m.toml").read_text("utf-8") + "\n[plant.load]\ninertia_kg_m2 = 2.0e6\n"
     Path("other.toml").write_text(text, "utf-8")
