@@ -67,6 +67,11 @@ COMMANDS: Final = {
     "drive": Entry(
         "gantryctl.cli.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."
     ),
+    "commission": Entry(
+        "gantryctl.cli.commission",
+        "commission",
+        "Commission a CAN machine, step by step, each with its proof.",
+    ),
     "eds": Entry("gantryctl.cli.eds", "eds", "EDS and DCF files of drives: check."),
     "sim": Entry("gantryctl.cli.state", "sim", "The simulated machine: reset."),
     "completion": Entry("gantryctl.cli.completion", "completion", "Shell completion for bash, zsh or fish."),

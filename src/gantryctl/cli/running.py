@@ -24,6 +24,7 @@ from gantryctl.operation import (
     ProgramFactory,
     StateStore,
     Stop,
+    bus_lines,
     summarise,
 )
 from gantryctl.operation.requests import shown
@@ -188,7 +189,7 @@ def _print(
     if session.engine.statistics.lateness.count and summary is not None:
         for line in session.engine.statistics.report(summary.peak_deg_s).splitlines():
             click.echo(f"  {line}")
-    for line in session.bus_lines():
+    for line in bus_lines(session.drive):
         click.echo(f"  bus               {line}")
     if file is not None:
         click.echo(f"  trace             {file}")

@@ -1,5 +1,6 @@
 """One machine in operation: its state between runs, and one run of its axis."""
 
+from gantryctl.operation.bus import bus_lines
 from gantryctl.operation.motions import Motion, Snapshot, Stop
 from gantryctl.operation.notices import all_codes, explain
 from gantryctl.operation.programs import load_program
@@ -27,6 +28,7 @@ __all__ = [
     "StateStore",
     "Stop",
     "all_codes",
+    "bus_lines",
     "encoder_report",
     "explain",
     "last_recording",

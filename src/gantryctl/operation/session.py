@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from typing import Any, Final
 
-from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
@@ -23,12 +22,13 @@ from gantryctl.operation.absolute import (
     refusal,
     unwrapped,
 )
+from gantryctl.operation.bus import judge_bus, leave_bus
 from gantryctl.operation.ending import RunEnd, retained_after
 from gantryctl.operation.motions import Motion, Snapshot, Stop, state_words
 from gantryctl.operation.requests import check_direction, check_speed, check_target
 from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, judge_bus, keep_machine, open_machine
+from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import AlarmEntry, Engine, HeldOperator, keeps_time
@@ -52,6 +52,7 @@ class AxisSession:
         recorder: makes the recorder of the run.
         observer: gets a `Snapshot` every 0.1 s of axis time. One that fails is left out from then on, and the axis
             stops: nobody is looking any more.
+        commissioning: a CAN machine needs no commissioning record, because it is being made.
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
@@ -71,8 +72,10 @@ class AxisSession:
         recorder: RecorderFactory | None = None,
         real_time: bool = False,
         observer: Callable[[Snapshot], None] | None = None,
+        commissioning: bool = False,
     ) -> None:
         self.machine = machine
+        self._commissioning = commissioning
         self.stop = Stop.NO
         self._store = store
         self._observer = observer
@@ -81,20 +84,18 @@ class AxisSession:
         try:
             self._prepare(program, recorder, real_time)
         except BaseException:
-            if isinstance(self._drive, CanopenDrive):  # leave the bus as it was found
-                self._drive.close()
+            leave_bus(self._drive)
             raise
         self._power_ups = self._moves = 0
         self._powered = False
         self._timed = ExitStack()
-        if isinstance(self._drive, CanopenDrive) and not in_virtual_time(machine):
+        if not in_virtual_time(machine):
             self._timed.enter_context(keeps_time())
 
     def _prepare(self, program: ProgramFactory, recorder: RecorderFactory | None, real_time: bool) -> None:
         """Judge the encoder's reading and make the engine."""
         machine, drive = self.machine, self._drive
-        if isinstance(drive, CanopenDrive):
-            self._judge_bus(drive)
+        judge_bus(machine, self._store, drive, self._commissioning)
         scale = encoder_scale(machine, drive)
         counts = drive.read().pos_act_counts
         reading = evaluate(scale, counts, self._retained)
@@ -117,10 +118,6 @@ class AxisSession:
         )
         assert isinstance(self.engine.program, AxisProgram)
         self.axis = self.engine.program.axis
-
-    def _judge_bus(self, drive: CanopenDrive) -> None:
-        """A drive that would not stop by itself is not enabled, nor one that nobody has commissioned."""
-        judge_bus(self.machine, self._store, drive)
 
     def _refuse(self, reason: str | None) -> None:
         held = self._retained.error_stop
@@ -152,13 +149,6 @@ class AxisSession:
     def drive(self) -> Drive:
         """The drive that is run."""
         return self._drive
-
-    def bus_lines(self) -> tuple[str, ...]:
-        """How well the bus worked, and what the drive complained of; () without a bus."""
-        if not isinstance(self._drive, CanopenDrive):
-            return ()
-        said = [message.text for message in self._drive.node.emergencies.messages if message.code]
-        return (*self._drive.counters().lines(), *said)
 
     def snapshot(self) -> Snapshot:
         """What a display shows now."""
@@ -375,8 +365,7 @@ class AxisSession:
             if self.engine.scan:
                 self.engine.close()
             else:  # refused before anything was switched on: the drive stays as it is
-                if isinstance(self._drive, CanopenDrive):
-                    self._drive.close()
+                leave_bus(self._drive)
                 if self.engine.recorder is not None:
                     self.engine.recorder.close()
             self._keep(result, alarm)

@@ -7,13 +7,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.devices.sim import SimDrive
-from gantryctl.errors import CommandRefused, StateError, UsageError
+from gantryctl.errors import StateError, UsageError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation.absolute import EncoderScale
-from gantryctl.operation.commissioned import check_record, load_record, record_path
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.runtime import Retained
@@ -93,20 +91,6 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> VirtualMachine:
 def is_simulated(machine: Machine) -> bool:
     """The machine lives in this process and in its state directory."""
     return machine.drive.kind != "canopen" or machine.can.interface == SIMULATED
-
-
-def judge_bus(machine: Machine, store: StateStore | None, drive: CanopenDrive) -> None:
-    """A drive that would not stop by itself is not enabled, nor one that nobody has commissioned.
-
-    Raises:
-        CommandRefused: with the reasons.
-    """
-    if drive.refusals:
-        lines = "\n  ".join(drive.refusals)
-        raise CommandRefused(f"the drive's parameters forbid enabling it:\n  {lines}")
-    if store is not None and machine.can.commissioning_required and not is_simulated(machine):
-        record = load_record(record_path(store.directory, machine))
-        check_record(machine, record, drive.opened.identity.key)
 
 
 def open_machine(machine: Machine, store: StateStore | None, *, to_look: bool = False) -> VirtualMachine:

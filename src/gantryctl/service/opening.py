@@ -12,7 +12,8 @@ from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.absolute import RestVerdict, evaluate, refusal, unwrapped
-from gantryctl.operation.virtual import encoder_scale, judge_bus, open_machine
+from gantryctl.operation.bus import judge_bus
+from gantryctl.operation.virtual import encoder_scale, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import GantryProgram
 from gantryctl.runtime import Engine, Retained

@@ -21,7 +21,7 @@ from gantryctl.devices.canopen.cia402 import (
 )
 from gantryctl.devices.canopen.link import Link
 from gantryctl.devices.canopen.matrix import Verdict
-from gantryctl.devices.canopen.node import NmtState, RemoteNode
+from gantryctl.devices.canopen.node import NmtCommand, NmtState, RemoteNode
 from gantryctl.devices.canopen.opening import open_node
 from gantryctl.devices.canopen.process_image import ProcessImage
 from gantryctl.devices.canopen.settings import CanopenSettings, drive_identity
@@ -144,6 +144,21 @@ class CanopenDrive:
                 "1005 = 80h?"
             )
         self._last = self._feedback()
+
+    def resume(self) -> None:
+        """Take the drive up again after a silence that was meant: its set-up is still there, unless it has restarted.
+
+        Raises:
+            DeviceError: it has restarted, or does not answer.
+        """
+        self.silent_process_data = self.silent_heartbeat = False
+        self.node.drain()
+        if self.node.boots:
+            raise DeviceError(f"node {self.settings.node} has restarted: open it anew")
+        self.node.nmt(NmtCommand.START)
+        self.node.state, self._flags, self.commanded = None, LinkFlag.NONE, False
+        self.process.forget()
+        self._first_answer()
 
     @property
     def refusals(self) -> tuple[str, ...]:

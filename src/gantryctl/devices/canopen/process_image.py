@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Final
 
@@ -15,6 +16,7 @@ from gantryctl.devices.canopen.watch import TpdoWatch
 from gantryctl.image import DigitalInputs
 
 _ALL_GOOD: Final = DigitalInputs()
+_TIMES_KEPT: Final = 5000
 _BRAKE_CLOSED: Final = 1
 """60FE bit 0: set the brake."""
 
@@ -30,6 +32,7 @@ class ProcessImage:
 
     Attributes:
         watches: one per TPDO.
+        answer_times_s: from SYNC to the last of its answers, of the last scans that had them all.
         counts: unwrapped position in increments, of the gantry's direction.
     """
 
@@ -50,6 +53,7 @@ class ProcessImage:
         self._has_velocity = m.VELOCITY in mapped
         self._raw: dict[Signal, int] = {}
         self.counts = 0
+        self.answer_times_s: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._counts_before: int | None = None
         self._vel_rad_s = 0.0
         self._shown_inputs = _ALL_GOOD
@@ -73,6 +77,11 @@ class ProcessImage:
         if number == 0:
             self.counts = self._unwrap(self._units.sign * raw[m.POSITION])
 
+    def forget(self) -> None:
+        """No telegram counts any more until the next one; the position goes on from where it was."""
+        for watch in self.watches:
+            watch.data, watch.age, watch.waiting = None, 0, False
+
     # --- the cycle ---------------------------------------------------------------------------------------------
 
     def begin(self) -> None:
@@ -94,6 +103,8 @@ class ProcessImage:
                 self._node.dispatch(frame)
         finally:
             self._in_time = False
+        if not any(watch.waiting for watch in self.watches):
+            self.answer_times_s.append(link.now_s() - end + answer_s)
         for watch in self.watches:
             watch.end()
         if not self._has_velocity and self._counts_before is not None and not self.watches[0].age:

@@ -1,0 +1,113 @@
+"""`gantryctl commission`: a CAN machine, step by step, each step with its proof."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import config_option, directory, out_option, proven_machine
+
+if TYPE_CHECKING:
+    from gantryctl.commissioning import Commissioning, Step, StepResult
+    from gantryctl.machine import Machine
+
+DEFAULT_OUT = Path("commissioning_report")
+
+
+@click.command()
+@config_option
+@click.option(
+    "--with-sim", is_flag=True, help="With a virtual drive in this process: one terminal, no adapter."
+)
+@click.option("--dry-run", is_flag=True, help="Say what would be done and what could move; touch nothing.")
+@click.option("--only", metavar="STEP", help="This step only, even if it has passed.")
+@click.option("--again", is_flag=True, help="From the start, though an earlier run has got further.")
+@click.option("--yes", is_flag=True, help="Do not ask before steps that move.")
+@out_option
+def commission(
+    config_file: Path | None,
+    with_sim: bool,
+    dry_run: bool,
+    only: str | None,
+    again: bool,
+    yes: bool,
+    out: Path | None,
+) -> int:
+    """Guided, step by step: what it does, what could move and how far, the proof, the result.
+
+    An interrupted commissioning goes on where it ended, as long as configuration and drive are the same. The end is a
+    report (HTML and JSON, with a hash) and the record without which the machine does not move. Exit code 1 when a step
+    has failed.
+    """
+    from gantryctl.machine import default_machine_path
+    from gantryctl.operation.store import StateStore, state_root
+
+    machine = proven_machine(config_file or default_machine_path().parent / "hust_can.toml")
+    if with_sim:
+        machine = _with_virtual_drive(machine)
+    if dry_run:
+        _announce()
+        return 0
+    root = state_root() / "simulated" if with_sim else None
+    folder = directory(out or DEFAULT_OUT)
+    with StateStore(machine, root) as store:
+        from gantryctl.commissioning import Commissioning
+
+        work = Commissioning(machine, store, folder, click.echo, lambda step: yes or with_sim or _ask(step))
+        return _run(work, only, again, folder)
+
+
+def _with_virtual_drive(machine: Machine) -> Machine:
+    from gantryctl.machine import with_values
+
+    return with_values(
+        machine,
+        {"can.interface": "simulated", "can.stepped": False, "can.side_channel": "", "can.channel": ""},
+    )
+
+
+def _announce() -> None:
+    from gantryctl.commissioning import STEPS
+
+    for number, step in enumerate(STEPS, start=1):
+        click.echo(f"{number:2}. {step.title}: {step.does}")
+        click.echo(f"    {step.key}; could move: {step.moves or 'nothing'}")
+
+
+def _ask(step: Step) -> bool:
+    return click.confirm(f"{step.title}: could move: {step.moves}. Is everybody away from the gantry?")
+
+
+def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> int:
+    from gantryctl.commissioning import Outcome, write_report
+
+    steps = work.left(only)
+    work.start(again)
+    steps = steps if only else work.left()
+    if work.resumed and not again and not only and steps:
+        click.echo(f"goes on with: {steps[0].title}")
+    ended_badly = False
+    for step in steps:
+        click.echo(f"{step.title}: {step.does}")
+        result = work.do(step)
+        if result is None:
+            click.echo("  left out")
+            ended_badly = True
+            break
+        _print(result)
+        if result.outcome is Outcome.FAILED:
+            ended_badly = True
+            break
+    page = write_report(work.progress, folder)
+    click.echo(f"report: {page.resolve()} ({work.progress.hash[:16]})")
+    if work.complete:
+        click.echo(f"record: {work.record()}")
+    return int(ended_badly)
+
+
+def _print(result: StepResult) -> None:
+    click.echo(f"  {result.outcome.value}: {result.proof} ({result.seconds:.1f} s)")
+    if result.to_do:
+        click.echo(f"  to do: {result.to_do}")

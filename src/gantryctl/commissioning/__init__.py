@@ -1,0 +1,10 @@
+"""Commissioning of a CAN machine: a list of steps, each with its proof, resumable, ending in a report."""
+
+from __future__ import annotations
+
+from gantryctl.commissioning.plan import STEPS, Step
+from gantryctl.commissioning.report import write_report
+from gantryctl.commissioning.results import Outcome, Progress, StepResult
+from gantryctl.commissioning.run import Commissioning
+
+__all__ = ["STEPS", "Commissioning", "Outcome", "Progress", "Step", "StepResult", "write_report"]

@@ -1,0 +1,95 @@
+"""What a step has shown, and the file that lets an interrupted commissioning go on."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from pathlib import Path
+from typing import Any
+
+from gantryctl.errors import StateError
+
+
+class Outcome(StrEnum):
+    """How a step ended."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    NOT_TESTABLE = "not testable here"
+
+
+@dataclass(frozen=True)
+class StepResult:
+    """One step.
+
+    Attributes:
+        proof: what was seen, in a sentence.
+        figures: numbers by name with their unit, for the report.
+        to_do: what a person has to do, "" for nothing.
+        seconds: how long it took.
+    """
+
+    key: str
+    outcome: Outcome
+    proof: str
+    figures: dict[str, float] = field(default_factory=dict)
+    to_do: str = ""
+    seconds: float = 0.0
+    at: str = ""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """All results so far, of one machine in one configuration."""
+
+    machine: str
+    proven_hash: str
+    drive: str = ""
+    software: str = ""
+    results: dict[str, StepResult] = field(default_factory=dict)
+
+    @property
+    def hash(self) -> str:
+        """Over everything but dates and durations: two equal commissionings have the same."""
+        plain = {k: {**asdict(r), "seconds": 0, "at": ""} for k, r in self.results.items()}
+        text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain values."""
+        return {**asdict(self), "hash": self.hash}
+
+
+def load_progress(path: Path) -> Progress | None:
+    """What an earlier run has left; None when there is nothing.
+
+    Raises:
+        StateError: the file is damaged.
+    """
+    if not path.exists():
+        return None
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        data.pop("hash", None)
+        results = {
+            key: StepResult(**{**value, "outcome": Outcome(value["outcome"])})
+            for key, value in data.pop("results").items()
+        }
+        return Progress(**data, results=results)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as fault:
+        raise StateError(
+            f"{path}: cannot be read ({fault}); remove it to commission from the start"
+        ) from None
+
+
+def store_progress(path: Path, progress: Progress) -> None:
+    """Keep it, whole or not at all."""
+    draft = path.with_suffix(".new")
+    try:
+        draft.write_text(json.dumps(progress.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
+        os.replace(draft, path)
+    except OSError as fault:
+        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from None

@@ -1,0 +1,123 @@
+"""Runs the steps one by one, keeps what they have shown, and writes the record at the end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from gantryctl.commissioning.context import Context
+from gantryctl.commissioning.plan import STEPS, Step
+from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
+from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
+from gantryctl.machine import Machine
+from gantryctl.operation import StateStore
+from gantryctl.operation.commissioned import (
+    CommissioningRecord,
+    proven_hash,
+    record_path,
+    store_record,
+)
+from gantryctl.operation.state import now_text, operator_name
+from gantryctl.operation.virtual import looked_at
+
+
+class Commissioning:
+    """One machine; resumes where an earlier run in the same configuration has ended.
+
+    Args:
+        store: locked by the caller.
+        folder: for files and the report.
+        say: a line for the person who watches.
+        confirm: asked before a step that moves; False leaves it out.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        store: StateStore,
+        folder: Path,
+        say: Callable[[str], None],
+        confirm: Callable[[Step], bool],
+    ) -> None:
+        if machine.drive.kind != "canopen":
+            raise UsageError(
+                f'{machine.name}: [drive] kind = "{machine.drive.kind}"; a CAN machine is commissioned'
+            )
+        self.machine, self.store, self.folder = machine, store, folder
+        self._say, self._confirm = say, confirm
+        self._path = store.directory / "commissioning.json"
+        kept = load_progress(self._path)
+        fits = kept is not None and kept.proven_hash == proven_hash(machine)
+        self.progress = kept if kept is not None and fits else Progress(machine.name, proven_hash(machine))
+        self.resumed = bool(self.progress.results)
+
+    def left(self, only: str | None = None) -> tuple[Step, ...]:
+        """Steps to be done.
+
+        Raises:
+            UsageError: there is no such step.
+        """
+        if only is not None:
+            found = tuple(step for step in STEPS if step.key == only)
+            if not found:
+                raise UsageError(f"--only {only}: the steps are {', '.join(step.key for step in STEPS)}")
+            return found
+        done = {key for key, result in self.progress.results.items() if result.outcome is not Outcome.FAILED}
+        return tuple(step for step in STEPS if step.key not in done)
+
+    def start(self, again: bool) -> None:
+        """Pin the drive; another one than before begins from the start."""
+        with looked_at(self.machine, self.store) as machine:
+            drive = machine.drive
+            who = drive.who if hasattr(drive, "who") else drive.opened.identity  # type: ignore[attr-defined]
+        if again or (self.progress.drive and self.progress.drive != who.key):
+            self.progress = Progress(self.machine.name, proven_hash(self.machine))
+        self.progress = replace(self.progress, drive=who.key, software=who.software)
+
+    def do(self, step: Step) -> StepResult | None:
+        """One step; None when the person did not want it."""
+        if step.moves and not self._confirm(step):
+            return None
+        begun = time.monotonic()
+        context = Context(self.machine, self.store, self.folder, self.progress.results, self._say)
+        try:
+            result = step.run(context)
+        except (AlarmStop, CommandRefused, DeviceError) as stopped:
+            result = StepResult(
+                step.key, Outcome.FAILED, str(stopped), to_do="find the cause, then go on with this step"
+            )
+        result = replace(result, seconds=time.monotonic() - begun, at=now_text())
+        self.progress = replace(self.progress, results={**self.progress.results, step.key: result})
+        store_progress(self._path, self.progress)
+        return result
+
+    @property
+    def complete(self) -> bool:
+        """Every required step has passed, or cannot be tested here."""
+        results = self.progress.results
+        return all(
+            step.key in results and results[step.key].outcome is not Outcome.FAILED
+            for step in STEPS
+            if step.required
+        )
+
+    def record(self) -> Path:
+        """Write the commissioning record: from now on the machine may move."""
+        path = record_path(self.store.directory, self.machine)
+        done = tuple(key for key, result in self.progress.results.items() if result.outcome is Outcome.PASSED)
+        store_record(
+            path,
+            CommissioningRecord(
+                machine=self.machine.name,
+                proven_hash=self.progress.proven_hash,
+                drive=self.progress.drive,
+                software=self.progress.software,
+                date=now_text(),
+                by=operator_name(),
+                report_hash=self.progress.hash,
+                steps=done,
+            ),
+        )
+        return path

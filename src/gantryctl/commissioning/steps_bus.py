@@ -1,0 +1,128 @@
+"""Steps in which nothing moves and nothing is enabled: identity, reference, parameters, telegrams, SYNC."""
+
+from __future__ import annotations
+
+import json
+from typing import Final
+
+from gantryctl.commissioning.context import Context, failed, judged, passed
+from gantryctl.commissioning.hand import by_hand
+from gantryctl.commissioning.results import StepResult
+from gantryctl.devices.canopen import CanopenDrive, LookedAtDrive
+from gantryctl.devices.canopen.parameters import backup
+from gantryctl.errors import CommandRefused
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.operation.absolute import evaluate, refusal
+from gantryctl.operation.commissioned import load_record, record_path
+from gantryctl.operation.virtual import encoder_scale, looked_at
+from gantryctl.runtime import Retained
+
+_WATCH_S: Final = 2.0
+_MISSED_MAX: Final = 0.01
+_LEASH_DEG: Final = 0.02
+
+
+def identity(c: Context) -> StepResult:
+    """Who is it, and is it the drive of the last commissioning?"""
+    with looked_at(c.machine, c.store) as machine:
+        drive = machine.drive
+        assert isinstance(drive, LookedAtDrive | CanopenDrive)
+        who = drive.who if isinstance(drive, LookedAtDrive) else drive.opened.identity
+    before = load_record(record_path(c.store.directory, c.machine))
+    proof = f"{who.text}; {who.key}"
+    if before is not None and before.drive != who.key:
+        proof += f"; it was {before.drive} before"
+    return passed("identity", proof)
+
+
+def encoder(c: Context) -> StepResult:
+    """Zero offset, wrap, rest position."""
+    with looked_at(c.machine, c.store) as machine:
+        retained: Retained = machine.retained
+        reading = evaluate(
+            encoder_scale(c.machine, machine.drive), machine.drive.read().pos_act_counts, retained
+        )
+    reason = refusal(reading)
+    if reason is not None or reading.angle_deg is None:
+        return failed("encoder", "the angle is not valid", reason or "gantryctl encoder set-zero")
+    assert reading.margin_minus_deg is not None
+    assert reading.margin_plus_deg is not None
+    proof = f"stands at {reading.angle_deg:+.4f} deg, zero set by {retained.zero_set_by} ({retained.zero_witness})"
+    figures = {"margin_minus_deg": reading.margin_minus_deg, "margin_plus_deg": reading.margin_plus_deg}
+    return passed("encoder", proof, **figures)
+
+
+def defaults(c: Context) -> StepResult:
+    """The drive as it comes."""
+    with looked_at(c.machine, c.store) as machine:
+        drive = machine.drive
+        assert isinstance(drive, LookedAtDrive | CanopenDrive)
+        rows = drive.rows if isinstance(drive, LookedAtDrive) else drive.opened.rows
+    wrong = [row.line for row in rows if row.verdict.refuses]
+    for line in wrong:
+        c.say(f"  {line}")
+    proof = f"{len(rows)} parameters read, {len(wrong)} are not as they must be: the controller writes them"
+    return passed("defaults", proof if wrong else f"{len(rows)} parameters read, all as they must be")
+
+
+def parameters(c: Context) -> StepResult:
+    """Written, read back, kept."""
+    try:
+        with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
+            kept = backup(hand.drive.node, None)
+            rows = hand.drive.opened.rows
+    except CommandRefused as refused:
+        return failed("parameters", str(refused), "set them with the drive maker's tool, then go on")
+    file = c.folder / f"{c.machine.name}.drive.json"
+    file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    lacking = [row.place for row in rows if row.verdict.value == "not in this drive"]
+    without = f"; this drive has no {', '.join(lacking)}" if lacking else ""
+    return passed(
+        "parameters", f"{len(rows)} parameters read back as written, backup in {file.name}{without}"
+    )
+
+
+def process_data(c: Context) -> StepResult:
+    """Telegrams against SDO reads, and their counters."""
+    with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
+        hand.run(_WATCH_S, DriveRequest.DISABLE)
+        counters, drive = hand.drive.counters(), hand.drive
+        pdo = drive.process.statusword, drive.process.counts
+        raw = drive.node.sdo.number(0x6064)
+        sdo = drive.node.sdo.number(0x6041), (-raw if drive.settings.inverted else raw)
+        span = drive.identity().counts_per_turn * drive.identity().turns
+    same = pdo[0] & 0x6F == sdo[0] & 0x6F
+    apart = abs((pdo[1] - sdo[1] + span // 2) % span - span // 2)
+    missed = max(counters.missed) / counters.scans
+    late = max(counters.late) / counters.scans
+    ok = same and apart <= drive.settings.increments_per_turn / 1000 and missed <= _MISSED_MAX
+    proof = (
+        f"{counters.scans} SYNCs, {100 * missed:.2f} % missed, {100 * late:.2f} % late; statusword and position by SDO "
+        f"{'agree' if same else 'differ'} ({apart} increments apart)"
+    )
+    to_do = "check cable, terminators, bit rate, and that nothing else maps the drive"
+    return judged(
+        ok, "pdo", proof, to_do, missed_ratio=missed, late_ratio=late, apart_increments=float(apart)
+    )
+
+
+def sync(c: Context) -> StepResult:
+    """From SYNC to its answers, and from a controlword to its statusword."""
+    with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
+        hand.run(_WATCH_S, DriveRequest.DISABLE)
+        answers = sorted(hand.drive.process.answer_times_s)
+        dead = 0
+        while hand.feedback.state is DriveState.SWITCH_ON_DISABLED and dead < 100:
+            hand.scan(DriveRequest.ENABLE)
+            dead += 1
+        hand.run(0.02, DriveRequest.DISABLE)
+    p50 = answers[len(answers) // 2] * 1e3 if answers else 0.0
+    p99 = answers[int(len(answers) * 0.99)] * 1e3 if answers else 0.0
+    period_ms = hand.period_s * 1e3
+    ok = dead <= 5 and p99 <= 0.75 * period_ms
+    proof = (
+        f"answers {p50:.2f} ms after SYNC (p50), {p99:.2f} ms (p99); a command shows {dead} scans later "
+        f"({dead * period_ms:g} ms)"
+    )
+    to_do = "raise the SYNC period, or use a faster adapter"
+    return judged(ok, "sync", proof, to_do, answer_p50_ms=p50, answer_p99_ms=p99, dead_scans=float(dead))

@@ -1,0 +1,178 @@
+"""Steps that move: position loop, stops, one slow turn."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gantryctl.commissioning.context import Context, judged, passed
+from gantryctl.commissioning.hand import by_hand
+from gantryctl.commissioning.results import StepResult
+from gantryctl.commissioning.steps_power import reset
+from gantryctl.errors import AlarmStop
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.machine.derived import rigid_stop
+from gantryctl.operation import AxisSession
+from gantryctl.runtime import MemoryRecorder
+from gantryctl.trace import Trace
+from gantryctl.units import deg
+
+_SMALL_DEG: Final = 1.0
+_STOP_SPEEDS: Final = (1.0, 3.0)
+_STOP_ACC: Final = 1.0
+_REACTION_S: Final = 0.06
+_TURN_SPEED: Final = 3.0
+_MARGIN_DEG: Final = 2.0
+_SETTLED_PART: Final = 0.9
+
+
+class _Run(NamedTuple):
+    trace: Trace
+    end_deg: float
+    done: bool
+
+
+def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> _Run:
+    """A session of its own: power up, every target, power down."""
+    recorders: list[MemoryRecorder] = []
+
+    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
+        recorders.append(MemoryRecorder(columns))
+        return recorders[-1]
+
+    session = AxisSession(c.machine, c.store, recorder=recorder, commissioning=True)
+    result, alarm, done = "commissioning", None, True
+    try:
+        start = session.angle_deg
+        for target in targets:
+            done = session.move(start + target if by else target, speed_deg_s).done and done
+        end = session.angle_deg
+        session.power_down()
+    except AlarmStop as stopped:
+        alarm = stopped
+        raise
+    finally:
+        session.close(result, alarm)
+    return _Run(recorders[0].trace(), end, done)
+
+
+def loop(c: Context) -> StepResult:
+    """A degree there and back, the position loop closed."""
+    speed = c.machine.speed.setting_min_deg_s
+    run = _move(c, (_SMALL_DEG, 0.0), speed, by=True)
+    error = deg(float(np.max(np.abs(run.trace["pos_err_rad"]))))
+    band = (
+        c.machine.monitors.following_error_base_deg + c.machine.monitors.following_error_per_speed_s * speed
+    )
+    rest = _rest_error_deg(run.trace)
+    proof = f"largest following error {error:.5f} deg at {speed:g} deg/s (band {band:.3f}), {rest:.6f} deg at rest"
+    to_do = "gains of the drive, [control] kpp_per_s, dead time"
+    return judged(
+        run.done and error < band, "loop", proof, to_do, following_error_deg=error, rest_error_deg=rest
+    )
+
+
+def _rest_error_deg(trace: Trace) -> float:
+    """Largest error in the last second before power went down, after the set-point had come to rest."""
+    at_rest = np.flatnonzero(np.abs(trace["vel_ref_rad_s"]) == 0.0)
+    moving = np.flatnonzero(trace["vel_ref_rad_s"])
+    after = at_rest[at_rest > moving[-1]] if len(moving) else at_rest
+    tail = after[len(after) // 2 :]
+    return deg(float(np.max(np.abs(trace["pos_err_rad"][tail])))) if len(tail) else 0.0
+
+
+def stops(c: Context) -> StepResult:
+    """Quick stop and silence from two speeds, jog release from one: measured against computed."""
+    virtual, can = c.machine.virtual_axis, c.machine.can
+    figures: dict[str, float] = {}
+    wrong = []
+    direction = 1.0
+    for speed in _STOP_SPEEDS:
+        for what, delay_s in (("quick stop", 0.0), ("silence", can.rpdo_deadline_ms * 1e-3)):
+            measured = _measured_stop(c, what, direction * speed)
+            direction = -direction
+            computed = speed * delay_s + rigid_stop(speed, virtual.quick_dec_deg_s2, math.inf)[0]
+            figures |= _figures(f"{what} {speed:g} deg/s", measured, computed)
+            if not 0.0 < measured <= computed + speed * _REACTION_S:
+                wrong.append(f"{what} at {speed:g} deg/s")
+            c.say(f"  {what} from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
+    speed = c.machine.speed.setting_min_deg_s
+    measured = _jog_release(c, speed)
+    computed = rigid_stop(speed, virtual.jog_release_dec_deg_s2, virtual.jog_release_jerk_deg_s3)[0]
+    figures |= _figures(f"jog release {speed:g} deg/s", measured, computed)
+    c.say(f"  jog release from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
+    if measured > computed + speed * _REACTION_S:
+        wrong.append("jog release")
+    proof = f"{len(figures) // 2} stops, largest {max(figures.values()):.3f} deg"
+    to_do = f"too long: {', '.join(wrong)}; 6085, torque limit, [virtual_axis] quick_dec_deg_s2"
+    return judged(not wrong, "stops", proof, to_do, **figures)
+
+
+def _figures(name: str, measured: float, computed: float) -> dict[str, float]:
+    key = name.replace(" deg/s", "").replace(" ", "_").replace(".", "p")
+    return {f"{key}_measured_deg": measured, f"{key}_computed_deg": computed}
+
+
+def _measured_stop(c: Context, what: str, speed: float) -> float:
+    """Ramp up by hand, stop, and measure the motor-side way from the last command to rest."""
+    way = 2.0 * (speed * speed / (2.0 * _STOP_ACC) + 2.0 * abs(speed))
+    with by_hand(c.machine, c.store, way + 2.0) as hand:
+        hand.enable()
+        hand.ramp_to(speed, _STOP_ACC)
+        hand.run(0.5, speed_deg_s=speed)
+        begun = hand.angle_deg
+        if what == "silence":
+            hand.fall_silent(process_data=True, heartbeat=True)
+            hand.wake()
+            if hand.feedback.state is DriveState.FAULT:
+                reset(hand)
+        else:
+            hand.run(abs(speed) / c.machine.virtual_axis.quick_dec_deg_s2 + 1.0, DriveRequest.QUICK_STOP)
+        return abs(hand.angle_deg - begun)
+
+
+def _jog_release(c: Context, speed: float) -> float:
+    """From the end of constant speed to rest, in the set-point's own trace."""
+    recorders: list[MemoryRecorder] = []
+
+    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
+        recorders.append(MemoryRecorder(columns))
+        return recorders[-1]
+
+    session = AxisSession(c.machine, c.store, recorder=recorder, commissioning=True)
+    try:
+        session.jog(session.angle_deg < 0.0, speed, 3.0)
+        session.power_down()
+    finally:
+        session.close("commissioning")
+    trace = recorders[0].trace()
+    vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
+    cruising = np.flatnonzero(vel >= np.max(vel) * (1.0 - 1e-9))
+    return abs(deg(float(pos[-1] - pos[cruising[-1]])))
+
+
+def slow_turn(c: Context) -> StepResult:
+    """Torque over the angle, both ways: what changes sign with the direction is friction, the rest is the moment."""
+    low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
+    speed = min(_TURN_SPEED, c.machine.speed.setting_max_deg_s)
+    trace = _move(c, (low, high, low, 0.0), speed).trace
+    ratio = c.machine.axis.ratio
+    vel = trace["vel_ref_rad_s"]
+    steady = np.abs(vel) > np.max(np.abs(vel)) * (1.0 - 1e-6)
+    angle, torque = trace["pos_act_rad"][steady], trace["torque_act_nm"][steady] * ratio
+    direction = np.sign(vel[steady])
+    model = np.column_stack((direction, np.sin(angle), np.cos(angle), np.ones_like(angle)))
+    (friction, sine, cosine, constant), *_ = np.linalg.lstsq(model, torque, rcond=None)
+    rest = float(np.std(torque - model @ np.array((friction, sine, cosine, constant))))
+    moment = math.hypot(sine, cosine)
+    error = deg(float(np.max(np.abs(trace["pos_err_rad"]))))
+    proof = (
+        f"eccentric moment {moment / 1e3:.2f} kN m (sine {sine / 1e3:+.2f}, cosine {cosine / 1e3:+.2f}), friction "
+        f"{friction / 1e3:.2f} kN m at {speed:g} deg/s, remainder {rest / 1e3:.2f} kN m rms, at the gantry"
+    )
+    return passed(
+        "turn", proof, moment_sine_nm=float(sine), moment_cosine_nm=float(cosine), friction_nm=float(friction),
+        remainder_nm=rest, following_error_deg=error, speed_deg_s=speed,
+    )  # fmt: skip

@@ -1,0 +1,144 @@
+"""Steps with torque and the position loop open: silence, brake, sign and scale, velocity step."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from gantryctl.commissioning.context import Context, judged
+from gantryctl.commissioning.hand import Hand, by_hand
+from gantryctl.commissioning.results import Outcome, StepResult
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.units import DEG_S_PER_R_MIN
+
+_STAND_DEG: Final = 0.1
+_SAG_DEG: Final = 0.05
+_PULSE_DEG: Final = 0.03
+_PULSE_S: Final = 1.5
+_LEASH_DEG: Final = 0.05
+_SIGN_TOLERANCE: Final = 0.2
+_STEP_S: Final = 4.0
+_STEP_TOLERANCE: Final = 0.02
+_TORQUE_PART: Final = 0.5
+_OFF: Final = (DriveState.FAULT, DriveState.SWITCH_ON_DISABLED)
+
+
+def silence(c: Context) -> StepResult:
+    """Two silences, each alone; the drive must switch itself off and brake."""
+    can = c.machine.can
+    limits_s = {"process data": can.rpdo_deadline_ms * 1e-3, "heartbeat": can.heartbeat_timeout_ms * 1e-3}
+    figures: dict[str, float] = {}
+    wrong = []
+    for what, limit_s in limits_s.items():
+        with by_hand(c.machine, c.store, _STAND_DEG) as hand:
+            hand.enable()
+            time_s = hand.fall_silent(process_data=what == "process data", heartbeat=what == "heartbeat")
+            seen = hand.wake()
+            moved = abs(hand.angle_deg)
+            reset(hand)
+        slack_s = 2.0 * hand.period_s + can.heartbeat_ms * 1e-3
+        ok = seen.state in _OFF and not seen.brake_open and moved <= _SAG_DEG and time_s <= limit_s + slack_s
+        figures |= {
+            f"{what.replace(' ', '_')}_ms": 1e3 * time_s,
+            f"{what.replace(' ', '_')}_moved_deg": moved,
+        }
+        state = seen.state.name.lower()
+        c.say(f"  {what} silent: reaction after {1e3 * time_s:.0f} ms, moved {moved:.4f} deg, {state}")
+        if not ok:
+            wrong.append(what)
+    proof = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
+    figures = {key: value for key, value in figures.items() if math.isfinite(value)}
+    to_do = (
+        f"the drive does not stop a silent controller's axis ({', '.join(wrong)}): 6007, 605E, 1016, 1400:05"
+    )
+    return judged(not wrong, "silence", proof, to_do, **figures)
+
+
+def reset(hand: Hand) -> None:
+    """Clear the fault that a proof has caused."""
+    for _ in range(round(1.0 / hand.period_s)):
+        if hand.scan(DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED:
+            return
+    raise DeviceError(f"the drive's fault does not go away: {hand.feedback.error_code:04X}h")
+
+
+def brake(c: Context) -> StepResult:
+    """Proof torque both ways against the closed brake, where the controller can keep it closed."""
+    if c.machine.brake.owner != "object_60FE":
+        proof = "the drive works the brake and opens it whenever it is enabled: not testable here"
+        return StepResult("brake", Outcome.NOT_TESTABLE, proof, to_do="use the drive's own brake test")
+    torque = c.machine.brake.proof_torque_nm
+    with by_hand(c.machine, c.store, _STAND_DEG) as hand:
+        hand.enable(brake=False)
+        given, farthest = [], 0.0
+        for wanted in (torque, -torque):
+            seen = hand.run(0.5, torque_nm=wanted, brake=False)
+            given.append(seen[-1].torque_act_nm)
+            farthest = max(farthest, abs(hand.angle_deg))
+        hand.run(0.3, torque_nm=0.0, brake=False)
+        hand.run(0.2, DriveRequest.DISABLE, brake=False)
+    ok = given[0] > 0.8 * torque and given[1] < -0.8 * torque and farthest <= c.machine.brake.sag_max_deg
+    proof = f"{given[0]:+.1f} and {given[1]:+.1f} N m against the closed brake, moved {farthest:.4f} deg"
+    return judged(
+        ok, "brake", proof, "brake or torque scaling; call service", torque_nm=torque, moved_deg=farthest
+    )
+
+
+def sign(c: Context) -> StepResult:
+    """A half-sine pulse of speed: the way in position and in speed must be the one commanded."""
+    with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
+        _lower_limits(c, hand)
+        hand.enable()
+        begun = hand.angle_deg
+        n = round(_PULSE_S / hand.period_s)
+        peak = _PULSE_DEG / _PULSE_S * math.pi / 2.0
+        way_by_speed = 0.0
+        for k in range(n):
+            hand.scan(DriveRequest.ENABLE, peak * math.sin(math.pi * (k + 0.5) / n))
+            way_by_speed += hand.speed_deg_s * hand.period_s
+        for _ in range(round(0.5 / hand.period_s)):
+            hand.scan(DriveRequest.ENABLE)
+            way_by_speed += hand.speed_deg_s * hand.period_s
+        way = hand.angle_deg - begun
+        hand.disable()
+    ratio, ratio_speed = way / _PULSE_DEG, way_by_speed / _PULSE_DEG
+    ok = abs(ratio - 1.0) <= _SIGN_TOLERANCE and abs(ratio_speed - 1.0) <= _SIGN_TOLERANCE
+    proof = f"{_PULSE_DEG:g} deg commanded: {way:+.4f} deg by position, {way_by_speed:+.4f} deg by speed (motor side)"
+    to_do = "[can] inverted, increments_per_turn, velocity_unit, or [axis] ratios"
+    return judged(ok, "sign", proof, to_do, ratio_position=ratio, ratio_speed=ratio_speed)
+
+
+def _lower_limits(c: Context, hand: Hand) -> None:
+    """6072 and 6080 for the test move only, read back; the next start writes the full ones again."""
+    sdo = hand.drive.node.sdo
+    torque = round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference)
+    speed = max(1, math.ceil(0.2 * hand.ratio / DEG_S_PER_R_MIN))
+    for index, value in ((0x6072, torque), (0x6080, speed)):
+        if sdo.optional(index) is None:
+            continue
+        sdo.set(index, 0, value)
+        if abs(sdo.number(index) - value) > 1:
+            raise DeviceError(f"{index:04X} does not take {value}: the test move wants it lowered")
+
+
+def velocity(c: Context) -> StepResult:
+    """A step to creep speed."""
+    speed = c.machine.speed.creep_deg_s
+    with by_hand(c.machine, c.store, 2.0 * _STEP_S * speed) as hand:
+        hand.enable()
+        hand.ramp_to(speed, c.machine.virtual_axis.acc_deg_s2)
+        hand.run(1.0, speed_deg_s=speed)
+        begun = hand.angle_deg
+        seen = hand.run(_STEP_S, speed_deg_s=speed)
+        reached = (hand.angle_deg - begun) / _STEP_S
+        hand.ramp_to(0.0, c.machine.virtual_axis.acc_deg_s2)
+        hand.run(0.5)
+        hand.disable()
+    torque = float(np.mean([f.torque_act_nm for f in seen]))
+    ok = abs(reached / speed - 1.0) <= _STEP_TOLERANCE
+    proof = f"{speed:g} deg/s commanded, {reached:.5f} deg/s over {_STEP_S:g} s, mean torque {torque:.1f} N m"
+    to_do = "the drive's speed loop or [can] velocity_unit"
+    return judged(ok, "velocity", proof, to_do, speed_deg_s=reached, torque_nm=torque)
