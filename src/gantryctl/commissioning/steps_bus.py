@@ -14,8 +14,9 @@ from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.absolute import evaluate, refusal
 from gantryctl.operation.commissioned import load_record, record_path
-from gantryctl.operation.virtual import encoder_scale, looked_at
+from gantryctl.operation.virtual import encoder_scale, is_simulated, looked_at
 from gantryctl.runtime import Retained
+from gantryctl.wiring import can_link, canopen_settings, virtual_node
 
 _WATCH_S: Final = 2.0
 _MISSED_MAX: Final = 0.01
@@ -54,10 +55,11 @@ def encoder(c: Context) -> StepResult:
 
 def defaults(c: Context) -> StepResult:
     """The drive as it comes."""
-    with looked_at(c.machine, c.store) as machine:
-        drive = machine.drive
-        assert isinstance(drive, LookedAtDrive | CanopenDrive)
-        rows = drive.rows if isinstance(drive, LookedAtDrive) else drive.opened.rows
+    link = virtual_node(c.machine)[0] if is_simulated(c.machine) else can_link(c.machine)
+    try:
+        rows = LookedAtDrive(link, canopen_settings(c.machine)).rows
+    finally:
+        link.close()
     wrong = [row.line for row in rows if row.verdict.refuses]
     for line in wrong:
         c.say(f"  {line}")

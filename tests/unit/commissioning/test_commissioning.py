@@ -1,0 +1,190 @@
+"""Commissioning with a virtual drive: the proofs pass on a sound one, and each fails on the fault it is there for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
+from gantryctl.errors import CommandRefused, UsageError
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.operation import StateStore
+from gantryctl.operation.commissioned import check_record, load_record, record_path
+from gantryctl.wiring import can as can_wiring
+
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
+QUICK = [step.key for step in STEPS if step.key not in ("turn", "accuracy", "bands", "stops")]
+
+
+def commissioning(
+    tmp_path: Path, machine: Machine = MACHINE, asks: bool = True
+) -> tuple[Commissioning, StateStore]:
+    store = StateStore(machine, tmp_path)
+    store.__enter__()
+    work = Commissioning(machine, store, tmp_path, lambda line: None, lambda step: asks)
+    work.start(again=False)
+    return work, store
+
+
+def do(work: Commissioning, *keys: str) -> dict[str, Outcome]:
+    found = {}
+    for key in keys:
+        result = work.do(work.left(key)[0])
+        assert result is not None
+        found[key] = result.outcome
+    return found
+
+
+@pytest.fixture
+def quirky(monkeypatch: pytest.MonkeyPatch):
+    """Virtual drives with quirks from now on, and what is done to each one after its making."""
+    made = can_wiring.virtual_node
+
+    def become(*quirks: str, spoil=lambda node: None):
+        def node_with(machine, angle_deg=0.0, state=None, _quirks=()):
+            link, node = made(machine, angle_deg, state, quirks)
+            spoil(node)
+            return link, node
+
+        monkeypatch.setattr(can_wiring, "virtual_node", node_with)
+
+    return become
+
+
+def test_a_sound_drive_passes_every_quick_step(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    outcomes = do(work, *QUICK)
+    assert set(outcomes.values()) == {Outcome.PASSED, Outcome.NOT_TESTABLE}
+    assert outcomes["brake"] is Outcome.NOT_TESTABLE  # the drive owns it
+    store.__exit__(None, None, None)
+
+
+def test_the_brake_is_proven_where_the_controller_keeps_it_closed(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path, with_values(MACHINE, {"brake.owner": "object_60FE"}))
+    assert do(work, "brake") == {"brake": Outcome.PASSED}
+    store.__exit__(None, None, None)
+
+
+def test_a_wrong_sign_is_found_within_the_leash(tmp_path: Path, quirky) -> None:
+    """Feedback is true, the motor turns the other way: 0.05 deg are allowed, so 0.03 deg backwards end it."""
+
+    def turn_round(node) -> None:
+        node.faults.command_sign = -1
+
+    quirky(spoil=turn_round)
+    work, store = commissioning(tmp_path)
+    result = work.do(work.left("sign")[0])
+    assert result is not None
+    assert result.outcome is Outcome.FAILED
+    assert result.figures["ratio_position"] < 0.0
+    store.__exit__(None, None, None)
+
+
+def test_a_wrong_unit_of_speed_is_found(tmp_path: Path, quirky) -> None:
+    """The file says inc/s and the drive says so too, but it is 1.5 times faster: nothing but motion shows it."""
+
+    def too_fast(node) -> None:
+        node.scaling.per_rad_s /= 1.5
+
+    quirky(spoil=too_fast)
+    work, store = commissioning(tmp_path)
+    assert do(work, "sign") == {"sign": Outcome.FAILED}
+    store.__exit__(None, None, None)
+
+
+def test_a_drive_that_nothing_stops_fails_its_silence(tmp_path: Path, quirky) -> None:
+    def deaf_watch(node) -> None:
+        node.axis.communication_lost = lambda code: None
+
+    quirky(spoil=deaf_watch)
+    work, store = commissioning(tmp_path)
+    assert do(work, "silence") == {"silence": Outcome.FAILED}
+    store.__exit__(None, None, None)
+
+
+def test_a_drive_without_csv_fails_at_its_parameters(tmp_path: Path, quirky) -> None:
+    quirky("no-csv")
+    work, store = commissioning(tmp_path)
+    result = work.do(work.left("parameters")[0])
+    assert result is not None
+    assert result.outcome is Outcome.FAILED
+    assert "6502" in result.proof
+    store.__exit__(None, None, None)
+
+
+@pytest.mark.slow
+def test_the_stops_are_as_long_as_computed(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    assert do(work, "loop", "stops", "turn", "bands") == dict.fromkeys(
+        ("loop", "stops", "turn", "bands"), Outcome.PASSED
+    )
+    figures = work.progress.results["turn"].figures
+    load = MACHINE.plant.load
+    nominal = load.mass_kg * 9.81 * load.eccentricity_m
+    # Friction of gear and rollers depends on the load, which puts a few percent of a sine into the torque.
+    assert abs(figures["moment_sine_nm"]) == pytest.approx(nominal, rel=0.15)
+    store.__exit__(None, None, None)
+
+
+# --- going on, report, record --------------------------------------------------------------------------------------
+
+
+def test_it_goes_on_where_it_ended(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    do(work, "identity", "encoder")
+    store.__exit__(None, None, None)
+    again, store = commissioning(tmp_path)
+    assert again.resumed
+    assert again.left()[0].key == "defaults"
+    store.__exit__(None, None, None)
+
+
+def test_another_configuration_begins_anew(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    do(work, "identity")
+    store.__exit__(None, None, None)
+    other, store = commissioning(tmp_path, with_values(MACHINE, {"control.kpp_per_s": 9.0}))
+    assert not other.resumed
+    store.__exit__(None, None, None)
+
+
+def test_what_nobody_allowed_does_not_move(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path, asks=False)
+    assert work.do(work.left("velocity")[0]) is None
+    assert "velocity" not in work.progress.results
+    store.__exit__(None, None, None)
+
+
+def test_the_report_has_a_hash_of_what_was_shown_and_compares(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    do(work, "identity", "sync")
+    page = write_report(work.progress, tmp_path).read_text(encoding="utf-8")
+    assert work.progress.hash in page
+    assert "Compared with" not in page
+    later = replace(work.progress.results["sync"], seconds=99.0, at="another day")
+    same = replace(work.progress, results={**work.progress.results, "sync": later})
+    assert same.hash == work.progress.hash
+    assert "Compared with" in write_report(same, tmp_path).read_text(encoding="utf-8")
+    store.__exit__(None, None, None)
+
+
+def test_the_record_is_of_one_drive_and_one_configuration(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    record = load_record(work.record())
+    assert record is not None
+    check_record(MACHINE, record, work.progress.drive)
+    with pytest.raises(CommandRefused, match="was commissioned with"):
+        check_record(MACHINE, record, "another drive")
+    with pytest.raises(CommandRefused, match="configuration has changed"):
+        check_record(with_values(MACHINE, {"can.node": 3}), record, work.progress.drive)
+    with pytest.raises(CommandRefused, match="no commissioning record"):
+        check_record(MACHINE, None, work.progress.drive)
+    assert record_path(store.directory, MACHINE).name == "hust_can.commissioned.toml"
+    store.__exit__(None, None, None)
+
+
+def test_a_machine_without_a_bus_is_not_commissioned(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="CAN machine"):
+        commissioning(tmp_path, default_machine())
