@@ -34,7 +34,7 @@ class CompareReport:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON."""
-        data: dict[str, Any] = {
+        return {
             "paper": self.paper,
             "improved": self.improved,
             "figures": {name: {"meaning": what, "unit": unit} for name, (what, unit) in FIGURES.items()},
@@ -46,14 +46,16 @@ class CompareReport:
             "profiles_at_equal_base_motion": [
                 row._asdict() | {"move": row.move._asdict()} for row in self.profiles
             ],
+            "ensemble": None if self.ensemble is None else _quantiles(self.ensemble),
         }
-        if self.ensemble is not None:
-            data["ensemble"] = {
-                "plants": len(self.ensemble.seeds),
-                "first_seed": self.ensemble.seeds[0],
-                "quantiles_5_50_95": {row: self.ensemble.quantiles(row) for row in self.ensemble.rows},
-            }
-        return data
+
+
+def _quantiles(found: Ensemble) -> dict[str, Any]:
+    return {
+        "plants": len(found.seeds),
+        "first_seed": found.seeds[0],
+        "quantiles_5_50_95": {row: found.quantiles(row) for row in found.rows},
+    }
 
 
 def compare_report(

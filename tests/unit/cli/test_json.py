@@ -58,6 +58,8 @@ RUNS: dict[str, list[str]] = {
     "size": ["size"],
     "analyse": ["analyse"],
     "tune": ["tune", "--method", "margins"],
+    "identify": ["identify", "--out", "found.toml"],
+    "compare": ["compare", "paper", "paper"],
     "config check": ["config", "check", "a.toml"],
     "config show": ["config", "show", "a.toml"],
     "config diff": ["config", "diff", "a.toml", "b.toml"],
