@@ -24,14 +24,30 @@ def config() -> None:
 @config.command()
 @click.argument("dest", type=PATH, default=DEFAULT_DEST)
 @click.option("--force", is_flag=True, help="Overwrite DEST.")
-def init(dest: Path, force: bool) -> None:
+@click.option(
+    "--improved",
+    is_flag=True,
+    help="The same machine under better control, with its calibration file beside it.",
+)
+def init(dest: Path, force: bool, improved: bool) -> None:
     """Write the reference machine's file to DEST, to edit from there (default: machine.toml)."""
-    from gantryctl.errors import UsageError
     from gantryctl.machine import default_machine_path
 
     source = default_machine_path()
+    if improved:
+        source = source.with_name("hust_improved.toml")
     if dest.is_dir():
         dest = dest / source.name
+    if improved:
+        calibration = source.with_name("hust_improved.calibration.toml")
+        _copy(calibration, dest.with_name(calibration.name), force)
+    _copy(source, dest, force)
+    click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
+
+
+def _copy(source: Path, dest: Path, force: bool) -> None:
+    from gantryctl.errors import UsageError
+
     try:
         with dest.open("wb" if force else "xb") as file:
             file.write(source.read_bytes())
@@ -39,7 +55,6 @@ def init(dest: Path, force: bool) -> None:
         raise UsageError(f"{dest}: exists already; --force overwrites it") from None
     except OSError as error:
         raise UsageError(f"{dest}: cannot be written: {error.strerror or error}") from None
-    click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
 
 
 @config.command()

@@ -82,6 +82,13 @@ def test_config_check_knows_whether_the_calibration_belongs() -> None:
     assert "another machine" in refused.err
 
 
+def test_config_init_gives_the_improved_machine_with_its_calibration() -> None:
+    assert cli("config", "init", "better.toml", "--improved").code == 0
+    assert load_machine("better.toml") == load_machine(IMPROVED)
+    assert cli("config", "check", "better.toml").code == 0
+    assert cli("config", "init", "better.toml", "--improved").code == 2
+
+
 def test_compare_refuses_different_machines() -> None:
     text = Path("m.toml").read_text("utf-8") + "\n[plant.load]\ninertia_kg_m2 = 2.0e6\n"
     Path("other.toml").write_text(text, "utf-8")
