@@ -22,7 +22,8 @@ SCALE_HARMONICS: Final = 40
 _IDENTITY_TABLES: Final = ("axis", "motor", "reducer", "encoder")
 
 Waves = Annotated[tuple[Annotated[float, Field(ge=-0.1, le=0.1)], ...], Field(min_length=1)]
-FastWave = tuple[float, float, float]
+_Amplitude = Annotated[float, Field(ge=-0.1, le=0.1)]
+FastWave = tuple[Annotated[float, Field(ge=1.0, le=1e5)], _Amplitude, _Amplitude]
 
 
 class Origin(Table):

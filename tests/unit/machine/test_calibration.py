@@ -48,6 +48,7 @@ def test_the_text_of_a_calibration_is_read_back_bit_for_bit(tmp_path: Path) -> N
         ("[maps]", "[map]", "map"),
         ("gear_rad = [", "gear_rad = [ 5.0,", "gear_rad"),
         ("gear_rad = [", "gear_rad = [ inf,", "gear_rad"),
+        ("fast = [", "fast = [ [1e300, 1e-6, 1e-6],", "fast"),
         ("[origin]", "[origin", "line"),
     ],
 )
