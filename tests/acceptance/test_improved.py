@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from gantryctl.accuracy.job import AccuracyJob, ensemble_a
 from gantryctl.batch import ClosedLoop
 from gantryctl.comparison import FIGURES, compare_report, ensemble, without_load_encoder
 from gantryctl.comparison.figures import chord_figures, move_figures
@@ -51,6 +52,12 @@ def test_a_quarter_turn_is_quicker_calmer_and_truer_than_the_papers() -> None:
 @pytest.mark.parametrize(("start", "end"), [(0.0, -90.0), (-90.0, 90.0), (90.0, -90.0)])
 def test_the_load_keeps_its_speed_on_other_moves_too(start: float, end: float) -> None:
     assert move_figures(improved_machine(), start, end).load_error_deg_s <= LOAD_ERROR_DEG_S
+
+
+def test_a_random_gear_of_the_accuracy_test_is_identified_before_it_is_judged() -> None:
+    """With the map of another gear A would be worse than with none at all."""
+    gears = ensemble_a(without_load_encoder(improved_machine()), AccuracyJob(ensemble=1, seed=7))
+    assert gears.a_deg[0] <= A_WITHOUT_ENCODER_DEG
 
 
 def cruise_lag_deg(latency_us: float) -> float:
