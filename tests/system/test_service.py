@@ -217,8 +217,8 @@ def test_gateway_and_recorder_may_be_killed_while_the_axis_moves(service: Servic
         except OSError:
             continue
     with service.page("viewer") as page:
-        page.until(lambda tags: tags["at_rest"])
-        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.01)
+        page.until(lambda tags: tags["at_rest"] and tags["in_position"])
+        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.005), page.tags  # the in-position window
         page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
     assert verify(service.directory).wrong == ""
     assert "SYS-06 recorder ended with code -9" in service.errors()
