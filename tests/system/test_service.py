@@ -218,18 +218,42 @@ def test_gateway_and_recorder_may_be_killed_while_the_axis_moves(service: Servic
             continue
     with service.page("viewer") as page:
         page.until(lambda tags: tags["at_rest"] and tags["in_position"])
-        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.005), page.tags  # the in-position window
+        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.005), (
+            page.tags
+        )  # the in-position window
         page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
     assert verify(service.directory).wrong == ""
     assert "SYS-06 recorder ended with code -9" in service.errors()
 
 
 def test_a_second_controller_on_the_same_machine_is_impossible(service: Service) -> None:
-    for command in (["serve", "--no-page"], ["move", "1"]):
-        done = subprocess.run(
-            [sys.executable, "-m", "gantryctl", *command],
-            env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
-            capture_output=True, text=True, timeout=60, check=False,
-        )  # fmt: skip
+    for wanted in (["serve", "--no-page"], ["move", "1"]):
+        done = command(service, *wanted)
         assert done.returncode == 3
         assert "in use by process" in done.stderr
+
+
+def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "gantryctl", *arguments],
+        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+def test_the_command_line_goes_to_the_service_when_it_is_told_to(service: Service) -> None:
+    done = command(service, "move", "--by", "0.2", "--speed", "0.6", "--service", "--yes", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    said = json.loads(done.stdout)
+    assert said["end_deg"] - said["start_deg"] == pytest.approx(0.2, abs=0.006)
+    assert "add --service" in command(service, "status").stderr
+    assert command(service, "attach").returncode == 0
+    shown = command(service, "status", "--json")
+    assert json.loads(shown.stdout)["power"] is False
+    assert command(service, "jog", "-", "--for", "0.2", "--fresh").returncode == 2
+    assert command(service, "jog", "-", "--for", "0.2").returncode == 0
+    with service.page("operator") as page:
+        page.do("take", over=False)
+        assert "operator has control" in command(service, "move", "1", "--yes").stderr
+    assert command(service, "detach").returncode == 0
+    assert "Move?" in command(service, "move", "1", "--service").stderr  # nobody answered: nothing moved

@@ -14,10 +14,13 @@ from gantryctl.cli.options import (
     config_option,
     fresh_option,
     json_option,
+    machine_of,
     out_option,
     proven_machine,
     real_time_option,
     seed_option,
+    service_option,
+    to_service,
 )
 
 if TYPE_CHECKING:
@@ -36,6 +39,9 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
         fresh_option,
         real_time_option,
         json_option,
+        service_option,
+        click.option("--yes", is_flag=True, help="With the service: do not ask before moving."),
+        click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it."),
     ):
         command = option(command)
     return command
@@ -64,6 +70,21 @@ def move(
     if not 1.0 <= override <= 100.0:  # below, a long move would take days
         raise UsageError(f"--override {override:g}: from 1 to 100 percent")
 
+    yes, take_over = run.pop("yes"), run.pop("take_over")
+    if to_service(run.pop("service"), run["config_file"]):
+        from gantryctl.cli.remote import refuse_local_options, remote_move
+
+        refuse_local_options(run)
+        return remote_move(
+            machine_of(run["config_file"]),
+            lambda here: target if target is not None else here + (distance or 0.0),
+            speed,
+            override / 100.0,
+            yes=yes,
+            take_over=take_over,
+            as_json=run["as_json"],
+        )
+
     def action(session: AxisSession, say: Callable[[str], None]) -> Motion:
         here = session.angle_deg
         end = target if target is not None else here + (distance or 0.0)
@@ -89,6 +110,17 @@ def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
 
     if not 0.0 < seconds <= 3600.0:
         raise UsageError(f"--for {seconds:g}: above 0 and at most 3600 s")
+
+    take_over = run.pop("take_over")
+    run.pop("yes")  # a key that is held needs no question
+    if to_service(run.pop("service"), run["config_file"]):
+        from gantryctl.cli.remote import refuse_local_options, remote_jog
+
+        refuse_local_options(run)
+        machine = machine_of(run["config_file"])
+        return remote_jog(
+            machine, direction == "+", speed, seconds, take_over=take_over, as_json=run["as_json"]
+        )
 
     def action(session: AxisSession, _: Callable[[str], None]) -> Motion:
         wanted = session.machine.speed.setting_min_deg_s if speed is None else speed

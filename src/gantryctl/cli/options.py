@@ -39,6 +39,9 @@ out_option = click.option("--out", "out", type=PATH, help="Directory for files t
 seed_option = click.option(
     "--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True, help="Seed of all noise."
 )
+service_option = click.option(
+    "--service", "service", is_flag=True, help="Ask the running service; see `attach`."
+)
 real_time_option = click.option(
     "--real-time", is_flag=True, help="Run on the real clock instead of virtual time."
 )
@@ -88,6 +91,19 @@ def machine_of(config_file: Path | None) -> Machine:
     from gantryctl.machine import default_machine_path, load_machine
 
     return load_machine(config_file or default_machine_path())
+
+
+ATTACHED = "attached"
+"""Mark in a machine's state directory: its commands go to the running service."""
+
+
+def to_service(service: bool, config_file: Path | None) -> bool:
+    """Whether a command goes to the running service: asked for, or attached."""
+    from gantryctl.operation.store import state_root
+
+    if service or not any(state_root().glob(f"*/{ATTACHED}")):
+        return service
+    return (state_root() / machine_of(config_file).name / ATTACHED).exists()
 
 
 def proven_machine(config_file: Path | None) -> Machine:

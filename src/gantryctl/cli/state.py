@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import (
+    FINITE,
+    config_option,
+    json_option,
+    machine_of,
+    print_json,
+    service_option,
+    to_service,
+)
 
 if TYPE_CHECKING:
     from gantryctl.runtime import AlarmEntry
@@ -17,8 +25,13 @@ if TYPE_CHECKING:
 @click.command()
 @config_option
 @json_option
-def status(config_file: Path | None, as_json: bool) -> int:
+@service_option
+def status(config_file: Path | None, as_json: bool, service: bool) -> int:
     """Where the axis stands, what holds it, and what the last command did."""
+    if to_service(service, config_file):
+        from gantryctl.cli.remote import remote_status
+
+        return remote_status(machine_of(config_file), as_json)
     from gantryctl.operation import machine_status
     from gantryctl.operation.requests import shown
 

@@ -20,6 +20,8 @@ from gantryctl.runtime import Retained, RetainedMemory, StateLock
 
 STATE_VARIABLE: Final = "GANTRYCTL_STATE"
 _PLANT_FILE: Final = "plant.json"
+SERVICE_SOCKET: Final = "control.sock"
+"""Local socket of a running service, in the machine's directory."""
 
 
 def state_root() -> Path:
@@ -73,7 +75,13 @@ class StateStore:
         self._plant_hash = plant_hash(machine)
 
     def __enter__(self) -> StateStore:
-        self._lock.__enter__()
+        try:
+            self._lock.__enter__()
+        except StateError as taken:
+            if (self.directory / SERVICE_SOCKET).exists():
+                hint = "the service runs this machine: add --service, or `gantryctl attach`"
+                raise StateError(f"{str(taken).partition(';')[0]}; {hint}") from taken
+            raise
         return self
 
     def __exit__(

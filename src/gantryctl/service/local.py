@@ -20,11 +20,11 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import StateError
+from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.hub import Client, Flooded, Hub
 from gantryctl.service.messages import MESSAGE_MAX
 from gantryctl.service.roles import Role
 
-FILE: Final = "control.sock"
 GROUP: Final = "gantry"
 _CREDENTIALS: Final = struct.Struct("3i")
 _CONNECTIONS: Final = 16
@@ -36,7 +36,7 @@ class PeerName:
 
     def __init__(self, directory: Path) -> None:
         self._handle = os.open(directory, os.O_PATH | os.O_DIRECTORY)
-        self.address = f"/proc/self/fd/{self._handle}/{FILE}"
+        self.address = f"/proc/self/fd/{self._handle}/{SERVICE_SOCKET}"
 
     def __enter__(self) -> str:
         return self.address
@@ -59,7 +59,7 @@ class LocalServer:
 
     async def start(self) -> None:
         """Listen; StateError when the socket cannot be made."""
-        path = self._directory / FILE
+        path = self._directory / SERVICE_SOCKET
         try:
             path.unlink(missing_ok=True)  # the state directory is locked: nobody else serves it
             made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -76,7 +76,7 @@ class LocalServer:
         """Take no more connections."""
         if self._server is not None:
             self._server.close()
-        (self._directory / FILE).unlink(missing_ok=True)
+        (self._directory / SERVICE_SOCKET).unlink(missing_ok=True)
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         user, role = peer(writer.get_extra_info("socket"))
@@ -92,8 +92,8 @@ class LocalServer:
             sender = asyncio.create_task(self._send(client, writer, watch=watch))
             while line := await reader.readline():
                 client.take(line)
-        except (TimeoutError, ConnectionError, ValueError, Flooded):
-            pass
+        except (TimeoutError, ConnectionError, ValueError, Flooded, asyncio.CancelledError):
+            pass  # the connection ends, one way or another
         finally:
             if sender is not None:
                 sender.cancel()

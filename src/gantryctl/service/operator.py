@@ -6,34 +6,21 @@ program refused it, and answers. Stops come first and are never refused.
 
 from __future__ import annotations
 
-import json
 import time
-from collections import OrderedDict, deque
 from collections.abc import Callable, Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.program import GantryProgram, PowerPhase
 from gantryctl.program.power_phases import RISING
 from gantryctl.service.authority import Authority
 from gantryctl.service.events import EventLog
+from gantryctl.service.inbox import Gone, Inbox, Waiting
 from gantryctl.service.lease import HoldToRun
-from gantryctl.service.messages import SILENT, Identity, Message, Refused, checked, from_record
+from gantryctl.service.memory import Source
+from gantryctl.service.messages import Identity, Refused
 from gantryctl.service.ring import Ring
 from gantryctl.service.rules import Rules
-
-_PER_SCAN: Final = 64
-"""Records looked at in one scan."""
-_CLIENTS: Final = 1024
-_STOPS: Final = ("stop", "quick_stop", "release", "gone")
-
-
-class Waiting(NamedTuple):
-    """A message with its sender, and the ring that its reply goes to."""
-
-    source: int
-    who: Identity
-    message: Message
 
 
 class ServiceOperator:
@@ -68,14 +55,12 @@ class ServiceOperator:
         self.shutdown = False
         self.on_reset: Callable[[Identity], str] = lambda _: ""
         self.program: GantryProgram
-        self._commands, self._replies, self.now = commands, replies, now
-        self._stops: deque[Waiting] = deque()
-        self._others: deque[Waiting] = deque()
+        self.now = now
+        self._inbox = Inbox(commands, replies, events)
         self._acting: Waiting | None = None
         self._refusals = 0
         self._gap = False
         self._stop_scans = 0
-        self._last_seq: OrderedDict[str, int] = OrderedDict()
 
     def attach(self, program: GantryProgram) -> None:
         """The program that the levels go to."""
@@ -91,18 +76,18 @@ class ServiceOperator:
 
     def poll(self, time_s: float) -> OperatorCommand:
         """The levels of this scan."""
-        now_s = self.now()
-        for source, ring in enumerate(self._commands):
-            if len(ring):
-                self._receive(source, ring)
+        now_s, inbox = self.now(), self._inbox
+        inbox.receive(self.authority.epoch)
+        while inbox.gone:
+            self._gone(inbox.gone.popleft())
         self._watch(now_s)
-        while self._stops:
-            self._stop_now(self._stops.popleft())
+        while inbox.first:
+            self._stop_now(inbox.first.popleft())
         if self._gap:
             self._gap = False
         else:
-            while self._others and self._acting is None:
-                self._carry_out(self._others.popleft(), now_s)
+            while inbox.others and self._acting is None:
+                self._carry_out(inbox.others.popleft(), now_s)
         if self._acting is None or self._acting.message.kind != "increment":
             self._keys()
         self._refusals = self.program.axis.refusal_count
@@ -156,69 +141,25 @@ class ServiceOperator:
             self._set(power=False)
         self._answer(acting, Refused(str(reason.code), reason.text))
 
-    # --- in and out -------------------------------------------------------------------------------
+    def _answer(self, waiting: Waiting, refused: Refused | None) -> None:
+        self._inbox.answer(waiting, refused, self.authority.epoch)
 
-    def _receive(self, source: int, ring: Ring) -> None:
-        for record in ring.peek(_PER_SCAN):
-            ring.advance(1)
-            if record is None:
-                continue
-            try:
-                who, raw = from_record(record)
-            except (ValueError, KeyError, TypeError):
-                continue
-            if raw.get("type") in ("gone", "restart"):  # of the gateway itself, about its clients
-                self._gone(source, who, str(raw.get("type")))
-                continue
-            try:
-                message = checked(raw)
-            except Refused as refused:
-                self._reply(source, who, raw.get("seq"), refused, 0)
-                continue
-            waiting = Waiting(source, who, message)
-            (self._stops if message.kind in _STOPS else self._others).append(waiting)
-
-    def _gone(self, source: int, who: Identity, kind: str) -> None:
-        """A connection, or with `restart` every connection of a source, has ended."""
-        holder = self.authority.holder
-        if kind == "restart":
-            if holder is None or holder.local != (source == 1):
+    def _gone(self, gone: Gone) -> None:
+        """The lease and the control of a connection end with it."""
+        client, holder = gone.client, self.authority.holder
+        if gone.everyone:
+            if holder is None or holder.local != (gone.source == Source.LOCAL):
                 return
-            who = holder
-        if self.hold.client == who.client:
+            client = holder.client
+        if self.hold.client == client:
             self.hold.end()
-        self._last_seq.pop(who.client, None)
-        self._free(who.client, "has gone")
+        self._free(client, "has gone")
 
     def _free(self, client: str, why: str) -> None:
         holder = self.authority.holder
         if self.authority.give(client):
             self.hold.end()
             self.events.put("authority", f"control is free: the holder {why}", holder)
-
-    def _answer(self, waiting: Waiting, refused: Refused | None) -> None:
-        """One reply and one event for a command."""
-        message, number = waiting.message, 0
-        if message.kind not in SILENT:
-            outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
-            values = {name: value for name, value in message.values.items() if name != "lease"}
-            asked = " ".join([message.kind, *(str(value) for value in values.values())])
-            kind = {"set": "setting", "take": "authority", "give": "authority"}.get(message.kind, "command")
-            number = self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values)
-        if refused is not None or message.kind not in SILENT:
-            self._reply(waiting.source, waiting.who, message.seq, refused, number)
-
-    def _reply(self, source: int, who: Identity, seq: Any, refused: Refused | None, number: int) -> None:
-        reply = {
-            "type": "reply",
-            "seq": seq if isinstance(seq, int) else 0,
-            "ok": refused is None,
-            "code": "" if refused is None else refused.code,
-            "text": "" if refused is None else str(refused)[:300],
-            "epoch": self.authority.epoch,
-            "journal": number,
-        }
-        self._replies[source].put(json.dumps([who.client, reply], separators=(",", ":")).encode())
 
     # --- stopping: always ---------------------------------------------------------------------------
 
@@ -256,7 +197,7 @@ class ServiceOperator:
     def _shut_down(self) -> None:
         """Come to rest, then power off."""
         self.hold.end()
-        self._others.clear()
+        self._inbox.others.clear()
         if self.levels.power and not self.levels.stop and not self._stop_scans:
             if self.at_rest:
                 self._set(power=False)
@@ -281,13 +222,8 @@ class ServiceOperator:
             self._acting = waiting
 
     def _check_fresh(self, waiting: Waiting) -> None:
-        who, message = waiting.who, waiting.message
-        if not message.seq > self._last_seq.get(who.client, -1):
-            raise Refused("SEC-04", f"sequence number {message.seq} was used before")
-        self._last_seq[who.client] = message.seq
-        self._last_seq.move_to_end(who.client)
-        if len(self._last_seq) > _CLIENTS:
-            self._last_seq.popitem(last=False)
+        message = waiting.message
+        self._inbox.check_sequence(waiting)
         self.rules.check_age(message, self.frame())
         if message.epoch is not None and message.epoch != self.authority.epoch:
             raise Refused(

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.errors import CommandRefused, DeviceError
+from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.lease import RENEW_S
-from gantryctl.service.local import FILE, PeerName
+from gantryctl.service.local import PeerName
 
 _TIMEOUT_S: Final = 3.0
 
@@ -52,7 +53,7 @@ class ServiceLink:
         except (OSError, KeyError, ValueError) as fault:
             self._socket.close()
             raise DeviceError(
-                f"no service answers at {self._directory / FILE} ({fault}): `gantryctl serve` starts one"
+                f"no service answers at {self._directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
             ) from fault
         return self
 

@@ -1,0 +1,119 @@
+"""Commands out of the rings, replies and events back: what stands between the operator and the other processes."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict, deque
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+from gantryctl.service.events import EventLog, printable
+from gantryctl.service.messages import SILENT, Identity, Message, Refused, checked, from_record
+from gantryctl.service.ring import Ring
+
+_PER_SCAN: Final = 64
+"""Records looked at in one scan."""
+_CLIENTS: Final = 1024
+_FIRST: Final = ("stop", "quick_stop", "release")
+_KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
+
+
+class Waiting(NamedTuple):
+    """A message with its sender, and the source that its reply goes to."""
+
+    source: int
+    who: Identity
+    message: Message
+
+
+class Gone(NamedTuple):
+    """A connection has ended; with `everyone`, all connections of a source."""
+
+    source: int
+    client: str
+    everyone: bool
+
+
+class Inbox:
+    """The scan's end of the command and reply rings.
+
+    Attributes:
+        first: stops and releases that wait; always carried out, whatever their age.
+        others: commands that wait.
+        gone: connections that have ended.
+    """
+
+    def __init__(self, commands: Sequence[Ring], replies: Sequence[Ring], events: EventLog) -> None:
+        self.events = events
+        self.first: deque[Waiting] = deque()
+        self.others: deque[Waiting] = deque()
+        self.gone: deque[Gone] = deque()
+        self._commands, self._replies = commands, replies
+        self._last_seq: OrderedDict[str, int] = OrderedDict()
+
+    def receive(self, epoch: int) -> None:
+        """Once a scan: sort what has come."""
+        for source, ring in enumerate(self._commands):
+            if not len(ring):
+                continue
+            records = ring.peek(_PER_SCAN)
+            ring.advance(len(records))
+            for record in records:
+                if record is not None:
+                    self._sort(source, record, epoch)
+
+    def _sort(self, source: int, record: bytes, epoch: int) -> None:
+        try:
+            who, raw = from_record(record)
+        except (ValueError, KeyError, TypeError):
+            return
+        if raw.get("type") in ("gone", "restart"):  # of the gateway itself, about its connections
+            self._last_seq.pop(who.client, None)
+            self.gone.append(Gone(source, who.client, raw["type"] == "restart"))
+            return
+        try:
+            message = checked(raw)
+        except Refused as refused:
+            self._reply(source, who, raw.get("seq"), refused, 0, epoch)
+            return
+        waiting = Waiting(source, who, message)
+        (self.first if message.kind in _FIRST else self.others).append(waiting)
+
+    def check_sequence(self, waiting: Waiting) -> None:
+        """Each number of a connection once, and rising; raises Refused."""
+        client, seq = waiting.who.client, waiting.message.seq
+        if not seq > self._last_seq.get(client, -1):
+            raise Refused("SEC-04", f"sequence number {seq} was used before")
+        self._last_seq[client] = seq
+        self._last_seq.move_to_end(client)
+        if len(self._last_seq) > _CLIENTS:
+            self._last_seq.popitem(last=False)
+
+    def answer(self, waiting: Waiting, refused: Refused | None, epoch: int) -> None:
+        """One reply and one event for a command; nothing for those that are silent when all is well."""
+        message, number = waiting.message, 0
+        silent = message.kind in SILENT
+        if not silent:
+            outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
+            values = {name: value for name, value in message.values.items() if name != "lease"}
+            asked = " ".join([message.kind, *(str(value) for value in values.values())])
+            kind = _KINDS.get(message.kind, "command")
+            number = self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values)
+        if refused is not None or not silent:
+            self._reply(waiting.source, waiting.who, message.seq, refused, number, epoch)
+
+    def _reply(
+        self, source: int, who: Identity, seq: Any, refused: Refused | None, number: int, epoch: int
+    ) -> None:
+        reply = {
+            "type": "reply",
+            "seq": seq if isinstance(seq, int) else 0,
+            "ok": refused is None,
+            "code": "" if refused is None else refused.code,
+            "text": "" if refused is None else printable(str(refused), 300),
+            "epoch": epoch,
+            "journal": number,
+        }
+        self._replies[source].put(
+            json.dumps([who.client, reply], separators=(",", ":"), ensure_ascii=False).encode()
+        )
