@@ -76,7 +76,7 @@ class Journal:
         try:
             directory.mkdir(parents=True, exist_ok=True)
             self._db = _open(self.path)
-        except (Damaged, sqlite3.DatabaseError, OSError) as fault:
+        except (Damaged, sqlite3.Error, OSError, ValueError, TypeError) as fault:
             if not _is_damage(fault):
                 raise JournalFault(f"{self.path}: {fault}") from fault
             self.moved_aside = _move_aside(self.path)
@@ -115,6 +115,13 @@ class Journal:
         self._db.close()
 
 
+_OF_THE_DISK: Final = frozenset(
+    {
+        sqlite3.SQLITE_PERM, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM,
+        sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL, sqlite3.SQLITE_CANTOPEN,
+    }
+)  # fmt: skip
+"""Errors that say nothing about the file's content."""
 _LOST: Final = {"kind": "service", "text": "an event was damaged on its way"}
 _INSERT: Final = f"INSERT INTO events VALUES (?, {', '.join('?' * len(FIELDS))}, ?)"
 
@@ -192,7 +199,7 @@ class _Rows:
     def __call__(self, query: str, values: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
         try:
             yield from self._db.execute(query, values)
-        except sqlite3.DatabaseError as fault:
+        except (sqlite3.Error, ValueError) as fault:
             raise Damaged(f"{self._path}: {fault}") from fault
 
 
@@ -240,9 +247,9 @@ def _check_tail(db: sqlite3.Connection) -> None:
 
 def _is_damage(fault: Exception) -> bool:
     """Whether the file is damaged, rather than the disk full or not ours."""
-    if isinstance(fault, sqlite3.OperationalError):
+    if isinstance(fault, OSError):
         return False
-    return isinstance(fault, (Damaged, sqlite3.DatabaseError))
+    return getattr(fault, "sqlite_errorcode", 0) & 0xFF not in _OF_THE_DISK
 
 
 def _move_aside(path: Path) -> Path:

@@ -1,0 +1,100 @@
+"""Sessions, lock-out and rate limit on a clock of the test's own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from gantryctl.gateway.guard import RateLimit
+from gantryctl.gateway.sessions import FAILURES, IDLE_S, WHOLE_S, LockOut, Sessions
+from gantryctl.service.roles import Role
+from gantryctl.service.users import Users
+
+PASSWORD = "correct horse battery"
+
+
+class Clock:
+    def __init__(self) -> None:
+        self.s = 1000.0
+
+    def __call__(self) -> float:
+        return self.s
+
+
+def made(root: Path) -> tuple[Sessions, Users, Clock]:
+    users, clock = Users(root), Clock()
+    users.add("anna", Role.OPERATOR, PASSWORD)
+    return Sessions(users, clock), users, clock
+
+
+def test_a_session_ends_when_idle_when_old_and_when_closed(tmp_path: Path) -> None:
+    sessions, users, clock = made(tmp_path)
+    session = sessions.open(users.all()["anna"])
+    assert sessions.find(session.token) is session
+    clock.s += IDLE_S - 1.0
+    sessions.use(session)
+    clock.s += IDLE_S - 1.0
+    assert sessions.find(session.token) is session
+    clock.s += 2.0
+    assert sessions.find(session.token) is None
+    other = sessions.open(users.all()["anna"])
+    for _ in range(round(WHOLE_S / 600.0)):
+        sessions.use(other)
+        clock.s += 600.0
+    assert sessions.find(other.token) is None
+    third = sessions.open(users.all()["anna"])
+    sessions.close(third)
+    for token in (third.token, None, "", "0" * 32):
+        assert sessions.find(token) is None
+
+
+def test_another_password_another_role_or_no_user_end_the_session(tmp_path: Path) -> None:
+    sessions, users, _ = made(tmp_path)
+    changes = (
+        lambda: users.set_password("anna", PASSWORD + "!"),
+        lambda: (users.remove("anna"), users.add("anna", Role.SERVICE, PASSWORD)),
+        lambda: users.remove("anna"),
+    )
+    for change in changes:
+        session = sessions.open(users.all()["anna"])
+        assert sessions.lives(session)
+        change()
+        assert not sessions.lives(session)
+
+
+def test_failures_double_the_wait_for_this_account_and_address_only() -> None:
+    clock = Clock()
+    locks = LockOut(clock)
+    for _ in range(FAILURES - 1):
+        locks.failed("anna", "here")
+        assert locks.wait_s("anna", "here") == 0.0
+    waits = []
+    for _ in range(14):
+        locks.failed("anna", "here")
+        waits.append(locks.wait_s("anna", "here"))
+        clock.s += waits[-1]
+        assert locks.wait_s("anna", "here") == 0.0
+    assert waits == [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 900.0, 900.0, 900.0, 900.0]
+    locks.failed("anna", "here")
+    assert locks.wait_s("anna", "elsewhere") == locks.wait_s("ben", "here") == 0.0
+    locks.passed("anna", "here")
+    assert locks.wait_s("anna", "here") == 0.0
+
+
+def test_a_flood_of_names_does_not_fill_the_memory() -> None:
+    locks = LockOut(Clock())
+    for n in range(20_000):
+        locks.failed(f"name{n}", "here")
+    assert len(locks._failures) == 10_000
+
+
+def test_the_rate_limit_gives_its_reserve_then_its_rate_to_each_address() -> None:
+    clock = Clock()
+    limit = RateLimit(10.0, 40.0, clock)
+    assert [limit.wait_s("a") for _ in range(40)] == [0.0] * 40
+    assert limit.wait_s("a") == 0.1
+    assert limit.wait_s("b") == 0.0
+    allowed = 0
+    for _ in range(1280):
+        clock.s += 1.0 / 128.0  # exact in binary
+        allowed += limit.wait_s("a") == 0.0
+    assert allowed == 100  # 10 s at 10 a second

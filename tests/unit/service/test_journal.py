@@ -1,0 +1,192 @@
+"""The journal: what it keeps, what it notices, what it does with a disk that fails."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gantryctl.errors import DeviceError
+from gantryctl.service.events import TEXT_MAX, EventLog, printable
+from gantryctl.service.journal import FIELDS, FILE, Journal, JournalFault, read_journal, verify
+from gantryctl.service.memory import SharedMemory, Word
+from gantryctl.service.messages import Identity
+from gantryctl.service.recorder import FAILED, FULL, JOURNAL_RESERVE, LOCKED, OK, EventWriter
+from gantryctl.service.ring import Ring
+from gantryctl.service.roles import Role
+
+PLENTY = 10**12
+
+
+def record(text: str) -> bytes:
+    values = {"utc": "2026-01-01T00:00:00.000+00:00", "monotonic_ns": 1, "kind": "command", "text": text}
+    return json.dumps(values).encode()
+
+
+def filled(directory: Path, count: int = 6) -> Path:
+    journal = Journal(directory)
+    for first in range(1, count + 1, 2):
+        journal.append(1, 0, first, [record(f"event {first}"), record(f"event {first + 1}")])
+    journal.close()
+    return directory / FILE
+
+
+def test_what_was_appended_is_read_in_order_and_the_chain_holds(tmp_path: Path) -> None:
+    filled(tmp_path)
+    assert [row.values["text"] for row in read_journal(tmp_path)] == [f"event {n}" for n in range(1, 7)]
+    assert [row.seq for row in read_journal(tmp_path, after=4)] == [5, 6]
+    assert [row.seq for row in read_journal(tmp_path, limit=2, newest=True)] == [5, 6]
+    assert verify(tmp_path) == (6, "")
+
+
+def test_an_event_given_twice_is_kept_once(tmp_path: Path) -> None:
+    """As after a kill between the commit and the ring's head."""
+    journal = Journal(tmp_path)
+    journal.append(1, 0, 1, [record("a"), record("b")])
+    journal.append(1, 0, 2, [record("b"), record("c")])
+    journal.append(2, 0, 1, [record("of the next start")])
+    journal.close()
+    assert [row.values["text"] for row in read_journal(tmp_path)] == ["a", "b", "c", "of the next start"]
+
+
+@pytest.mark.parametrize("field", FIELDS)
+@pytest.mark.parametrize("row", [1, 3, 6])
+def test_any_changed_field_of_any_row_is_found(tmp_path: Path, field: str, row: int) -> None:
+    path = filled(tmp_path)
+    value = 77 if field in ("boot", "source", "number", "monotonic_ns") else "changed"
+    with sqlite3.connect(path) as db:
+        db.execute(f"UPDATE events SET {field} = ? WHERE seq = ?", (value, row))
+    db.close()
+    assert verify(tmp_path).wrong == f"row {row} was changed, or one before it was taken out or put in"
+
+
+@pytest.mark.parametrize(
+    ("edit", "wrong"),
+    [
+        ("DELETE FROM events WHERE seq = 6", "the end is missing: 5 rows, 6 were written"),
+        ("DELETE FROM events WHERE seq = 2", "row 2 is missing"),
+        ("DELETE FROM events", "the end is missing: 0 rows, 6 were written"),
+        ("UPDATE head SET seq = 5", "the end is missing: 6 rows, 5 were written"),
+    ],
+)
+def test_rows_taken_out_are_found_and_the_journal_is_begun_anew(
+    tmp_path: Path, edit: str, wrong: str
+) -> None:
+    path = filled(tmp_path)
+    with sqlite3.connect(path) as db:
+        db.execute(edit)
+    db.close()
+    assert verify(tmp_path).wrong == wrong
+    journal = Journal(tmp_path)
+    journal.close()
+    assert journal.moved_aside is not None
+    assert journal.moved_aside.exists()
+    assert verify(tmp_path) == (0, "")
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(place=st.integers(0, 2**30), bits=st.integers(1, 255))
+def test_no_damage_of_the_file_makes_it_fail(tmp_path: Path, place: int, bits: int) -> None:
+    """Opened, it is either the same journal, or it is moved aside: never an exception, never a third thing."""
+    for old in tmp_path.iterdir():
+        old.unlink()
+    path = filled(tmp_path)
+    before = read_journal(tmp_path)
+    data = bytearray(path.read_bytes())
+    data[place % len(data)] ^= bits
+    path.write_bytes(data)
+    journal = Journal(tmp_path)
+    journal.close()
+    if journal.moved_aside is None:
+        assert read_journal(tmp_path) == before
+    else:
+        assert verify(tmp_path) == (0, "")
+
+
+def test_another_kind_of_file_is_moved_aside_and_an_unusable_directory_is_a_fault(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes(b"no database at all, but long enough to look at" * 100)
+    journal = Journal(tmp_path)
+    journal.close()
+    assert journal.moved_aside is not None
+    (tmp_path / "file").touch()
+    with pytest.raises(JournalFault):
+        Journal(tmp_path / "file")
+    with pytest.raises(DeviceError, match="no journal yet"):
+        verify(tmp_path / "elsewhere")
+
+
+def writer(directory: Path, free: int = PLENTY) -> tuple[SharedMemory, EventWriter, EventLog]:
+    memory = SharedMemory.create()
+    memory.words[Word.BOOT] = 5
+    return memory, EventWriter(memory, directory, lambda: free), EventLog(memory.events[2])
+
+
+def test_an_event_leaves_the_ring_only_when_it_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    memory, made, log = writer(tmp_path)
+    made.drain()
+    log.put("command", "first")
+
+    def fails(*_: object) -> None:
+        raise JournalFault("the disk does not take it")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(Journal, "append", fails)
+        with pytest.raises(JournalFault):
+            made.drain()
+    assert len(memory.events[2]) == 1
+    assert made.drain()
+    assert len(memory.events[2]) == 0
+    assert [row.values["text"] for row in read_journal(tmp_path)] == ["first"]
+    made.close()
+
+
+def test_the_state_says_what_keeps_the_journal_from_working(tmp_path: Path) -> None:
+    _, made, _ = writer(tmp_path, free=JOURNAL_RESERVE - 1)
+    assert made.state == FULL
+    made.failed = True
+    assert made.state == FAILED
+    _, fine, _ = writer(tmp_path)
+    assert fine.state == OK
+
+
+def test_a_damaged_journal_locks_until_service_has_acknowledged_it(tmp_path: Path) -> None:
+    (tmp_path / FILE).write_bytes(b"damaged" * 1000)
+    _, made, log = writer(tmp_path)
+    made.drain()
+    assert made.state == LOCKED
+    assert read_journal(tmp_path)[0].values["text"].startswith("JRN-05 the journal was damaged and moved to")
+    log.put("command", "something else")
+    made.drain()
+    assert made.state == LOCKED
+    log.put("journal", "the damaged journal was acknowledged by service")
+    made.drain()
+    assert made.state == OK
+    made.close()
+
+
+@given(
+    st.text(max_size=2000),
+    st.dictionaries(st.text(max_size=10), st.floats() | st.text(max_size=900), max_size=3),
+)
+def test_any_text_becomes_one_printable_line_that_fits(text: str, values: dict[str, float | str]) -> None:
+    ring = Ring(memoryview(bytearray(192 + 4000 * 1024)), 1024)
+    assert (
+        EventLog(ring).put("command", text, Identity("c", text, Role.VIEWER, "remote"), **{"x": 1} | values)
+        == 1
+    )
+    taken = ring.take()
+    assert taken is not None
+    kept = json.loads(taken)
+    assert kept["text"].isprintable()
+    assert kept["user"].isprintable()
+    assert len(kept["text"].encode()) <= TEXT_MAX
+
+
+def test_control_characters_do_not_reach_a_log() -> None:
+    assert printable("a\r\nb\x1b[31mc\u202ed") == "a\ufffd\ufffdb\ufffd[31mc\ufffdd"

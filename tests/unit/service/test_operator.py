@@ -1,0 +1,311 @@
+"""Commands judged in the scan: roles, control, age, hold-to-run, stops. Virtual gantry, virtual time."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from gantryctl.image import Mode
+from gantryctl.program import AxisState, PowerPhase
+from gantryctl.service.messages import FIELDS, WITHOUT_EPOCH, action_of, checked
+from gantryctl.service.roles import NEEDS_AUTHORITY, Action, Role, may
+from gantryctl.units import deg, rad
+from service_bench import MACHINE, Bench
+
+LEASE = "00000000000000aa"
+VALUES: dict[str, dict[str, object]] = {
+    "take": {"over": False}, "power": {"on": True}, "mode": {"mode": "none"}, "renew": {"lease": LEASE},
+    "jog": {"lease": LEASE, "direction": "forward"}, "release": {"lease": LEASE},
+    "increment": {"direction": "forward"}, "move": {"target_deg": 1.0}, "acknowledge": {"id": 1},
+    "set": {"tag": "speed_setting_deg_s", "value": 1.0},
+}  # fmt: skip
+SPEED_DEG_S = 3.0
+# Jog-release ramp of the machine file: v / a plus the time that the jerk adds, and a scan or two.
+RAMP_S = SPEED_DEG_S / MACHINE.virtual_axis.jog_release_dec_deg_s2 + (
+    MACHINE.virtual_axis.jog_release_dec_deg_s2 / MACHINE.virtual_axis.jog_release_jerk_deg_s3
+)
+LEASE_S = 0.250
+
+
+@pytest.mark.parametrize("kind", sorted(set(FIELDS) - {"alive", "renew"}))
+@pytest.mark.parametrize("role", Role)
+def test_the_scan_itself_refuses_what_the_role_may_not(role: Role, kind: str) -> None:
+    bench = Bench()
+    values = VALUES.get(kind, {})
+    stamp = {} if kind in WITHOUT_EPOCH else {"epoch": 1}
+    message = checked({"type": kind, "seq": 1, "frame": 1, **stamp, **values})
+    action = action_of(message)
+    reply = bench.ask(bench.who(role), kind, **values)
+    if not may(role, action):
+        assert reply["code"] == "SEC-01"
+    elif action in NEEDS_AUTHORITY:
+        assert reply["code"] == "SEC-07"
+    else:
+        assert reply["code"] in ("", "SEC-05")  # there is no alarm to acknowledge
+
+
+@pytest.mark.parametrize(
+    "tag", ["speed_setting_deg_s", "increment_deg", "override_percent", "acc_setting_deg_s2"]
+)
+@pytest.mark.parametrize("role", Role)
+def test_settings_need_their_role_and_stay_within_their_limits(role: Role, tag: str) -> None:
+    bench = Bench()
+    who = bench.who(role)
+    tunes = Action.ACCELERATION if tag == "acc_setting_deg_s2" else Action.SPEED
+    if not may(role, Action.AUTHORITY):
+        assert bench.refused(who, "set", tag=tag, value=1.0) == "SEC-01"
+        return
+    bench.do(who, "take", over=False)
+    low, high = bench.operator.rules.limits[tag]
+    if not may(role, tunes):
+        assert bench.refused(who, "set", tag=tag, value=high) == "SEC-01"
+        return
+    for value in (low, high):
+        bench.do(who, "set", tag=tag, value=value)
+    for value in (low - 0.01 * high, high * 1.001):
+        assert bench.refused(who, "set", tag=tag, value=value) == "CTL-01"
+
+
+def test_a_lower_acceleration_makes_the_same_move_longer() -> None:
+    times = []
+    for share in (1.0, 0.25):
+        bench = Bench()
+        who = bench.who(Role.PHYSICIST)
+        bench.powered(who)
+        bench.do(who, "set", tag="acc_setting_deg_s2", value=share * MACHINE.virtual_axis.acc_deg_s2)
+        begin = bench.engine.time_s
+        bench.do(who, "move", target_deg=0.5)
+        bench.until(AxisState.STANDSTILL)
+        times.append(bench.engine.time_s - begin)
+    assert times[1] / times[0] == pytest.approx(2.0, rel=0.1)  # a short move takes as 1 / sqrt(acceleration)
+
+
+def jogging(bench: Bench) -> None:
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "set", tag="speed_setting_deg_s", value=SPEED_DEG_S)
+    bench.do(who, "jog", lease=LEASE, direction="forward")
+
+
+def hold(bench: Bench, seconds: float) -> None:
+    """Renew every 30 ms."""
+    for _ in range(round(seconds / 0.030)):
+        bench.send(bench.who(), "renew", lease=LEASE)
+        bench.scans(30)
+
+
+def rest_after_s(bench: Bench) -> float:
+    begin = bench.engine.time_s
+    bench.until(AxisState.STANDSTILL, 10.0)
+    return bench.engine.time_s - begin
+
+
+def test_a_key_held_moves_and_a_lost_holder_stops_within_lease_and_ramp() -> None:
+    bench = Bench()
+    jogging(bench)
+    hold(bench, 12.0)
+    assert deg(bench.axis.virtual.vel_ref_rad_s) == pytest.approx(SPEED_DEG_S, abs=1e-6)
+    assert rest_after_s(bench) <= LEASE_S + RAMP_S + 0.005
+
+
+def test_release_stops_at_once_and_the_lease_is_dead() -> None:
+    bench = Bench()
+    jogging(bench)
+    hold(bench, 12.0)
+    bench.send(bench.who(), "release", lease=LEASE)
+    assert rest_after_s(bench) <= RAMP_S + 0.005
+    assert bench.refused(bench.who(), "renew", lease=LEASE) == "SEC-09"
+    assert bench.refused(bench.who(), "jog", lease=LEASE, direction="forward") == "SEC-09"
+    bench.scans(500)
+    assert bench.axis.state is AxisState.STANDSTILL
+
+
+@pytest.mark.parametrize(("frozen_ms", "stops"), [(60, 0), (120, 0), (200, 0), (400, 1), (800, 1), (1200, 1)])
+def test_a_frozen_network_stops_once_or_not_at_all_and_never_starts_again(frozen_ms: int, stops: int) -> None:
+    """Both ways freeze: the page goes on renewing with the last frame it saw, and everything arrives at the thaw."""
+    bench = Bench()
+    who = bench.who()
+    jogging(bench)
+    hold(bench, 3.0)
+    kept, seen, before = [], bench.frame, bench.stops
+    for _ in range(frozen_ms // 30):
+        bench.scans(30)
+        bench.seq += 1
+        kept.append({"type": "renew", "seq": bench.seq, "frame": seen, "epoch": bench.epoch, "lease": LEASE})
+    bench.scans(frozen_ms % 30)
+    for raw in kept:
+        bench.send(who, **{**raw, "kind": raw["type"]})  # type: ignore[arg-type]
+    for _ in range(150):  # thawed: the page still holds the key
+        bench.send(who, "renew", lease=LEASE)
+        bench.scans(20)
+    assert bench.stops - before == stops
+    assert (bench.axis.state is AxisState.STANDSTILL) is bool(stops)
+
+
+def test_press_and_release_in_a_freeze_start_nothing() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    old = bench.frame
+    bench.scans(600)
+    bench.send(who, "jog", lease=LEASE, direction="forward", frame=old)
+    bench.send(who, "release", lease=LEASE)
+    for _ in range(500):
+        bench.scans(1)
+        assert bench.axis.state is AxisState.STANDSTILL
+    assert (
+        bench.refused(who, "jog", lease=LEASE, direction="forward") == "SEC-09"
+    )  # the release has killed it
+
+
+def test_a_release_that_overtakes_its_press_starts_nothing() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.send(who, "release", lease=LEASE)
+    bench.send(who, "jog", lease=LEASE, direction="forward")
+    bench.scans(500)
+    assert bench.axis.state is AxisState.STANDSTILL
+
+
+def test_stop_is_for_everyone_and_kills_what_was_sent_before() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.scans(3000)
+    epoch = bench.epoch
+    bench.send(who, "move", target_deg=-20.0)
+    bench.send(bench.who(Role.VIEWER), "stop")
+    bench.until(AxisState.STANDSTILL)
+    here = bench.axis.pos_act_rad
+    bench.scans(2000)
+    assert bench.axis.pos_act_rad == pytest.approx(here, abs=rad(0.01))  # settling of the gear
+    assert bench.refused(who, "move", target_deg=1.0, epoch=epoch) == "SEC-03"
+    bench.do(who, "move", target_deg=1.0)
+
+
+def test_quick_stop_leads_to_error_stop_and_power_needs_reset_and_a_new_command() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.scans(3000)
+    bench.do(bench.who(Role.ADMIN), "quick_stop")
+    bench.until(AxisState.ERROR_STOP)
+    bench.scans(5000)
+    assert bench.refused(who, "power", on=True) == "PWR-04"
+    bench.do(who, "reset")
+    bench.scans(2000)
+    assert bench.axis.state is AxisState.DISABLED
+    bench.do(who, "power", on=True)
+    bench.until(AxisState.STANDSTILL)
+    bench.scans(1000)
+    assert bench.axis.state is AxisState.STANDSTILL  # the old move is gone
+
+
+def test_the_local_console_takes_control_and_stops_what_moves() -> None:
+    bench = Bench()
+    who, console = bench.who(), bench.who(Role.SERVICE, place="local")
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.scans(3000)
+    bench.do(console, "take", over=False)
+    bench.until(AxisState.STANDSTILL)
+    assert bench.refused(who, "move", target_deg=1.0) == "SEC-07"
+    assert bench.refused(who, "take", over=True) == "SEC-08"
+
+
+def test_a_holder_that_is_silent_loses_control_and_its_move_goes_on() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.lively = False
+    bench.do(who, "move", target_deg=3.0)
+    bench.until(AxisState.STANDSTILL)
+    assert deg(bench.axis.pos_act_rad) == pytest.approx(3.0, abs=0.01)
+    assert bench.operator.authority.holder is None
+
+
+def test_an_increment_is_one_edge_and_a_jog_key_never_makes_one() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who, Mode.INCREMENTAL)
+    bench.do(who, "set", tag="increment_deg", value=0.5)
+    assert bench.refused(who, "jog", lease=LEASE, direction="forward") == "CTL-16"
+    bench.do(who, "increment", direction="reverse")
+    bench.until(AxisState.STANDSTILL)
+    bench.scans(1000)
+    assert deg(bench.axis.virtual.pos_ref_rad) == pytest.approx(-0.5, abs=1e-6)
+
+
+def test_a_journal_that_cannot_keep_events_forbids_new_motion_but_no_stop() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.operator.rules.journal_keeps = lambda: False
+    bench.scans(2000)
+    assert bench.axis.state is AxisState.DISCRETE_MOTION  # what moves goes on
+    bench.do(who, "stop")
+    bench.until(AxisState.STANDSTILL)
+    assert bench.refused(who, "move", target_deg=1.0) == "JRN-02"
+    assert bench.refused(who, "jog", lease=LEASE, direction="forward") == "JRN-02"
+    bench.do(who, "power", on=False)
+
+
+def test_remote_screens_are_slow_without_the_enabling_switch() -> None:
+    bench = Bench()
+    who = bench.who(place="remote")
+    bench.powered(who)
+    bench.engine.drive.enabling_switch = False  # type: ignore[attr-defined]
+    bench.do(who, "set", tag="speed_setting_deg_s", value=1.5)
+    assert bench.refused(who, "move", target_deg=1.0) == "INT-05"
+    assert bench.refused(who, "jog", lease=LEASE, direction="forward") == "INT-05"
+    bench.do(who, "set", tag="speed_setting_deg_s", value=1.0)
+    bench.do(who, "move", target_deg=1.0)
+
+
+def test_a_shutdown_brings_the_axis_to_rest_and_takes_power_off() -> None:
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    bench.scans(3000)
+    bench.operator.shutdown = True
+    bench.until(AxisState.DISABLED, 15.0)
+    bench.scans(1000)
+    assert bench.axis.power.phase is PowerPhase.OFF
+    assert bench.operator.at_rest
+    assert not bench.engine.drive.read().brake_open
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_random_gestures_never_leave_the_axis_moving_without_a_hand_on_the_key(seed: int) -> None:
+    """Ten gestures each: press, hold, lose messages, release, stop, vanish. Then silence: at rest in time."""
+    random_ = random.Random(seed)
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "set", tag="speed_setting_deg_s", value=SPEED_DEG_S)
+    for number in range(10):
+        lease = f"{seed:08x}{number:08x}"
+        if bench.operator.authority.holder is None:
+            bench.do(who, "take", over=False)
+        bench.send(who, "jog", lease=lease, direction=random_.choice(["forward", "reverse"]))
+        for _ in range(random_.randrange(20)):
+            bench.scans(random_.choice([10, 30, 30, 60, 240, 260]))
+            if random_.random() < 0.8:
+                bench.send(who, "renew", lease=lease)
+        ending = random_.choice(["release", "stop", "nothing", "gone"])
+        if ending == "release":
+            bench.send(who, "release", lease=lease)
+        elif ending == "stop":
+            bench.send(who, "stop")
+        elif ending == "gone":
+            bench.commands[0].put(
+                b'["%s","operator","operator","loopback",{"type":"gone"}]' % who.client.encode()
+            )
+        bench.scans(round((LEASE_S + RAMP_S) * 1000) + 5)
+        assert bench.operator.at_rest, (number, ending)
