@@ -175,7 +175,7 @@ def test_a_damaged_journal_locks_until_service_has_acknowledged_it(tmp_path: Pat
     st.dictionaries(st.text(max_size=10), st.floats() | st.text(max_size=900), max_size=3),
 )
 def test_any_text_becomes_one_printable_line_that_fits(text: str, values: dict[str, float | str]) -> None:
-    ring = Ring(memoryview(bytearray(192 + 4000 * 1024)), 1024)
+    ring = Ring(memoryview(bytearray(192 + 4 * 1024)), 1024)
     assert (
         EventLog(ring).put("command", text, Identity("c", text, Role.VIEWER, "remote"), **{"x": 1} | values)
         == 1
