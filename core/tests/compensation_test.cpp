@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/control/compensated_law.hpp"
+#include "core/lane/pack.hpp"
 #include "core/plant/load_encoder.hpp"
 #include "example.hpp"
 
@@ -175,6 +176,44 @@ TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {
   // third order of a map of 1e-4 rad with slopes of 4e-3; 5e-9 rad are a sixtieth of an encoder step
   EXPECT_NEAR(first.law.pos_err_rad, 0.0, 5e-9);
   EXPECT_NEAR(first.law.pos_act_rad, rest, 5e-9);
+}
+
+// The same source over a pack gives every lane the bits of one axis alone.
+TEST(CompensatedLaw, in_a_pack_is_that_of_each_lane) {
+  constexpr int kLanes = 4;
+  const PositionLawParams law = example::law();
+  const Params one = maps();
+  CompensationParams<Pack<kLanes>> many;
+  many.gear_map = many.windup = many.reversal = many.load_encoder = many.damping = true;
+  Params single = one;
+  single.load_encoder = single.damping = true;
+#define X(name, value, meaning) many.name = Pack<kLanes>(single.name);
+  GANTRY_COMPENSATION_PARAMS(X)
+#undef X
+  for (std::size_t k = 0; k < one.map.sine.size(); ++k) {
+    many.map.sine[k] = one.map.sine[k];
+    many.map.cosine[k] = one.map.cosine[k];
+  }
+  many.map.mean = one.map.mean;
+  CompensationState<Pack<kLanes>> states;
+  State state[kLanes];
+  for (int scan = 0; scan < 3; ++scan) {
+    const SetPoint r{0.4 + 1e-5 * scan, 0.01, 0.002};
+    Pack<kLanes> counts, ring;
+    for (int k = 0; k < kLanes; ++k) {
+      counts.lane[k] = (0.4 + 1e-4 * k) * law.ratio / law.rad_per_count;
+      ring.lane[k] = 0.4 - 1e-4 * k;
+    }
+    const auto pack = compensated_law(law, many, states, r, counts, ring);
+    for (int k = 0; k < kLanes; ++k) {
+      Params alone = single;
+      alone.lost_motion = {};
+      alone.fast = {};
+      const auto lane = compensated_law(law, alone, state[k], r, counts.lane[k], ring.lane[k]);
+      EXPECT_EQ(pack.law.vel_cmd_rad_s.lane[k], lane.law.vel_cmd_rad_s);
+      EXPECT_EQ(pack.disagreement_rad.lane[k], lane.disagreement_rad);
+    }
+  }
 }
 
 TEST(LoadEncoder, noise_has_mean_0_and_variance_1) {

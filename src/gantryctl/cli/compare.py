@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,7 +46,14 @@ def compare(
     if plants == 1:
         raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
     folder = None if out is None else directory(out)
-    report = compare_report(_machine(first), _machine(second), plants=plants, seed=seed, threads=threads)
+    report = compare_report(
+        _machine(first),
+        _machine(second),
+        plants=plants,
+        seed=seed,
+        threads=threads,
+        progress=_progress(plants),
+    )
     if as_json:
         print_json(report.as_dict())
     else:
@@ -52,6 +61,13 @@ def compare(
     if folder is not None:
         _write(folder, report, quiet=as_json)
     return 0
+
+
+def _progress(plants: int) -> Callable[[int], None] | None:
+    """Says on a terminal how far the ensemble is: it may take hours."""
+    if not sys.stderr.isatty():
+        return None
+    return lambda done: click.echo(f"plant {done} of {plants}", err=True) if done % 10 == 0 else None
 
 
 def _machine(name: Path) -> Machine:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,7 +60,13 @@ def _quantiles(found: Ensemble) -> dict[str, Any]:
 
 
 def compare_report(
-    paper: Machine, improved: Machine, *, plants: int = 0, seed: int = 0, threads: int | None = None
+    paper: Machine,
+    improved: Machine,
+    *,
+    plants: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
 ) -> CompareReport:
     """Run the comparison.
 
@@ -67,6 +74,7 @@ def compare_report(
         plants: size of the ensemble; 0 for none.
         seed: of the tracker's noise and of the random plants.
         threads: default all processors; no effect on the result.
+        progress: called with the number of plants of the ensemble that are done.
 
     Raises:
         UsageError: the two are different machines.
@@ -87,5 +95,9 @@ def compare_report(
         rows=rows,
         identified=tuple(comparisons(improved, calibration)) if calibration else (),
         profiles=tuple(profiles_at_equal_base_motion(paper, rows[0][1].base_um, swing_hz)),
-        ensemble=ensemble(paper, improved, plants, seed=seed, threads=threads) if plants else None,
+        ensemble=(
+            ensemble(paper, improved, plants, seed=seed, threads=threads, progress=progress)
+            if plants
+            else None
+        ),
     )
