@@ -13,6 +13,7 @@ from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
 _NO_FLAG: Final = EncoderFlag.NONE
+_LOST: Final = LinkFlag.BUS_DOWN | LinkFlag.RESTARTED | LinkFlag.HEARTBEAT_LOST | LinkFlag.NOT_OPERATIONAL
 _LINK_CODES: Final = (
     (LinkFlag.BUS_DOWN, Code.CAN_08),
     (LinkFlag.RESTARTED, Code.DRV_11),
@@ -86,7 +87,7 @@ class Feedback:
             encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link,
         ) = drive  # fmt: skip
         if link:
-            self._link(link)
+            self._link(link, age)
         step = counts - self.counts
         vel = self.vel_rad_s
         allowed = self._jump_base + (vel if vel >= 0.0 else -vel) * self._jump_per_speed
@@ -110,8 +111,10 @@ class Feedback:
         time_ms = self.unchanged_scans * self._period_s * 1e3
         self._raise(Code.ENC_02, measured=deg(abs(vel_cmd_rad_s) / self._ratio), time_ms=time_ms)
 
-    def _link(self, link: LinkFlag) -> None:
-        """The connection to the drive; the first that applies is the cause."""
+    def _link(self, link: LinkFlag, age: int) -> None:
+        """The connection to the drive; the first that applies is the cause. A lost drive is not believed."""
+        if age and link & _LOST:
+            self.position_valid = False
         for flag, code in _LINK_CODES:
             if link & flag:
                 self._alarms.raise_(code)

@@ -1,0 +1,142 @@
+"""A virtual drive and a controller as two processes on a CAN bus made of UDP multicast, in a network of their own.
+
+Runs inside `private_network.sh`: `python can_processes.py SCENARIO FOLDER`; prints one JSON object.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from gantryctl.drive_sim import ControlClient
+from gantryctl.errors import DeviceError
+from gantryctl.machine import configs_folder
+
+COMMAND = [sys.executable, "-m", "gantryctl"]
+FAST = "\n[virtual_axis]\nacc_deg_s2 = 2.0\ndec_deg_s2 = 2.0\n"
+
+
+class Bus:
+    """The drive's process, and a machine file for the controller."""
+
+    def __init__(self, folder: Path, period_ms: float, *options: str) -> None:
+        self.folder = folder
+        self.socket = folder / "drive.sock"
+        text = (configs_folder() / "hust_can.toml").read_text(encoding="utf-8")
+        text = text.replace('interface = "simulated"', 'interface = "udp_multicast"')
+        text = text.replace(
+            "commissioning_required = true\n", "commissioning_required = false\nanswer_ms = 4.0\n"
+        )
+        text = text.replace("scan_period_ms = 4.0", f"scan_period_ms = {period_ms}")
+        if period_ms < 6.0:
+            text = text.replace("answer_ms = 4.0", "answer_ms = 2.0")
+        self.config = folder / "machine.toml"
+        self.config.write_text(text + FAST, encoding="utf-8")
+        self.environment = {**os.environ, "GANTRYCTL_STATE": str(folder / "state")}
+        arguments = ["drive", "sim", "--can", "udp_multicast", "--config", str(self.config), "--control"]
+        self.drive = subprocess.Popen(
+            [*COMMAND, *arguments, str(self.socket), *options], stdout=subprocess.DEVNULL
+        )
+        self.ask = self._channel().ask
+        self.run("encoder", "set-zero", "--angle", "0", "--witness", "virtual drive")
+
+    def _channel(self) -> ControlClient:
+        for _ in range(200):
+            try:
+                return ControlClient(self.socket)
+            except DeviceError:
+                time.sleep(0.1)
+        raise SystemExit("the virtual drive did not start")
+
+    def run(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*COMMAND, *arguments, "--config", str(self.config)],
+            env=self.environment,
+            text=True,
+            capture_output=True,
+            check=False,
+        )
+
+    def start(self, *arguments: str) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            [*COMMAND, *arguments, "--config", str(self.config)],
+            env=self.environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+        )  # fmt: skip
+
+    def truth(self) -> tuple[float, float, float]:
+        """The drive's own time, s; angle and speed of the load, deg."""
+        answer = self.ask("truth")
+        return answer["time_s"], math.degrees(answer["pos_load_rad"]), math.degrees(answer["vel_load_rad_s"])
+
+    def wait_for_speed(self, speed_deg_s: float) -> None:
+        for _ in range(3000):
+            if abs(self.truth()[2]) >= speed_deg_s:
+                return
+            time.sleep(0.01)
+        raise SystemExit(f"{speed_deg_s} deg/s were never reached")
+
+    def end(self) -> None:
+        self.drive.send_signal(signal.SIGINT)
+        self.drive.wait()
+
+
+def move(folder: Path) -> dict[str, object]:
+    """A move in real time, 100 Hz."""
+    bus = Bus(folder, 10.0)
+    done = bus.run("move", "5", "--json")
+    _, angle, _ = bus.truth()
+    status = bus.ask("status")
+    bus.end()
+    return {
+        "out": json.loads(done.stdout),
+        "err": done.stderr,
+        "load_deg": angle,
+        "brake_open": status["brake_open"],
+    }
+
+
+def kill_master(folder: Path) -> dict[str, object]:
+    """SIGKILL of the controller at 6 deg/s; ways by the drive's own account."""
+    bus = Bus(folder, 10.0)
+    master = bus.start("move", "150", "--json", "--no-trace")
+    bus.wait_for_speed(5.95)
+    time.sleep(0.5)
+    master.kill()
+    begun_s, angle, speed = bus.truth()
+    master.wait()
+    at_rest_s = math.nan
+    for _ in range(600):
+        time.sleep(0.005)
+        now_s, _, vel = bus.truth()
+        if math.isnan(at_rest_s) and abs(vel) < 0.05:
+            at_rest_s = now_s - begun_s
+    _, end, _ = bus.truth()
+    status = bus.ask("status")
+    bus.end()
+    return {
+        "speed_deg_s": speed, "way_deg": end - angle, "rest_s": at_rest_s, "state": status["state"],
+        "brake_open": status["brake_open"], "error_code": status["error_code"],
+    }  # fmt: skip
+
+
+def kill_drive(folder: Path) -> dict[str, object]:
+    """SIGKILL of the drive in motion: what the controller says."""
+    bus = Bus(folder, 10.0)
+    master = bus.start("move", "60", "--json", "--no-trace")
+    bus.wait_for_speed(2.0)
+    bus.drive.kill()
+    out, err = master.communicate()
+    return {"out": json.loads(out), "err": err}
+
+
+if __name__ == "__main__":
+    found = {"move": move, "kill_master": kill_master, "kill_drive": kill_drive}[sys.argv[1]](
+        Path(sys.argv[2])
+    )
+    print(json.dumps(found))
