@@ -6,13 +6,15 @@ Slower than `run_procedure` and with the same readings; in real time it takes as
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import numpy as np
 
 from gantryctl.accuracy.procedure import Procedure
 from gantryctl.accuracy.run import REST_S, Readings, check_travel
 from gantryctl.machine import Machine
-from gantryctl.operation import AxisSession
+from gantryctl.operation import AxisSession, StateStore
+from gantryctl.operation.virtual import is_simulated
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
 
@@ -25,18 +27,32 @@ def run_on_engine(
 ) -> Readings:
     """Take a new machine through the procedure: power up, every stop with its dwell, power down.
 
+    A machine whose drive is on a bus is no new one: it starts from what is retained, and where nothing tells the load's
+    angle, all readings are of the motor side.
+
     Raises:
         UsageError: a stop lies outside the travel.
         AlarmStop: an alarm stopped the axis.
     """
     check_travel(machine, procedure)
+    with nullcontext() if is_simulated(machine) else StateStore(machine) as store:
+        return _driven(machine, procedure, store, real_time, progress)
+
+
+def _driven(
+    machine: Machine,
+    procedure: Procedure,
+    store: StateStore | None,
+    real_time: bool,
+    progress: Progress | None,
+) -> Readings:
     recorders: list[MemoryRecorder] = []
 
     def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
         recorders.append(MemoryRecorder(columns))
         return recorders[-1]
 
-    session = AxisSession(machine, recorder=recorder, real_time=real_time)
+    session = AxisSession(machine, store, recorder=recorder, real_time=real_time)
     rows: list[tuple[float, float, float, float, float]] = []
     try:
         session.power_up()
@@ -60,12 +76,21 @@ def run_on_engine(
 def _reading(trace: Trace, machine: Machine) -> tuple[float, float, float, float, float]:
     """Load, ring and motor angle averaged over the end of the dwell; speed errors of the move to it."""
     last = round(machine.accuracy.average_s / (machine.control.scan_period_ms * 1e-3))
-    load, base, act = (trace[name][-last:] for name in ("pos_load_rad", "pos_base_rad", "pos_act_rad"))
-    vel_ref, ratio = trace["vel_ref_rad_s"], machine.axis.ratio
+    ratio, vel_ref = machine.axis.ratio, trace["vel_ref_rad_s"]
+    act = trace["pos_act_rad"][-last:]
+    vel_motor = trace["vel_act_rad_s"]
+    load, base, vel_load = act, np.zeros_like(act), vel_motor
+    if "pos_load_rad" in trace.columns:
+        load, base, vel_load = (
+            trace["pos_load_rad"][-last:],
+            trace["pos_base_rad"][-last:],
+            trace["vel_load_rad_s"],
+        )
+        vel_motor = trace["vel_motor_rad_s"] / ratio
     return (
         float(np.mean(load)),
         float(np.mean(load - base)),
         float(np.mean(act)),
-        float(np.max(np.abs(trace["vel_motor_rad_s"] / ratio - vel_ref))),
-        float(np.max(np.abs(trace["vel_load_rad_s"] - vel_ref))),
+        float(np.max(np.abs(vel_motor - vel_ref))),
+        float(np.max(np.abs(vel_load - vel_ref))),
     )

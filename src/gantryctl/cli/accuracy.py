@@ -88,7 +88,9 @@ def run_(
     from gantryctl.accuracy.measuring import InstrumentKind
     from gantryctl.accuracy.procedure import Chord, chord_procedure
 
-    machine = _with_instrument(_simulated(config_file), radius_m, noise_um)
+    machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
+    if machine.drive.kind == "canopen":
+        with_speed = False  # figure 5 is a matter of the compiled loop, which has no bus
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
     folder = directory(out or DEFAULT_OUT)
     if not as_json:
@@ -121,6 +123,20 @@ def _with_instrument(machine: Machine, radius_m: float | None, noise_um: float |
     if noise_um is not None:
         changes["accuracy.tracker_noise_um"] = noise_um
     return with_values(machine, changes) if changes else machine
+
+
+def _measurable(config_file: Path | None, instrument: str) -> Machine:
+    """A machine whose load this instrument can read: a simulated one, or a virtual drive with its side channel."""
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    virtual = machine.can.interface == "simulated" or machine.can.side_channel
+    if machine.drive.kind != "canopen" or virtual or instrument == "motor-side":
+        return _simulated(config_file) if machine.drive.kind != "canopen" else machine
+    raise UsageError(
+        f"{machine.name}: nothing here reads the angle of the load · --instrument motor-side, or measure with a "
+        "tracker and evaluate it: gantryctl accuracy report --measured FILE"
+    )
 
 
 def _simulated(config_file: Path | None) -> Machine:

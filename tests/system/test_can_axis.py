@@ -1,0 +1,141 @@
+"""The whole axis over a CAN bus in virtual time: program, master, virtual drive, gantry, in one process."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gantryctl.accuracy.engine_run import run_on_engine
+from gantryctl.accuracy.procedure import chord_procedure, evaluate
+from gantryctl.accuracy.run import run_procedure
+from gantryctl.accuracy.statistics import accuracy_a
+from gantryctl.drive_sim import Requests
+from gantryctl.errors import AlarmStop
+from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
+from gantryctl.operation import AxisSession, StateStore
+from gantryctl.runtime import MemoryRecorder
+from gantryctl.wiring import SimulatedCanDrive
+
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
+
+
+class Run:
+    """A session on a new machine, with its trace and the drive's side channel."""
+
+    def __init__(self, **changes: object) -> None:
+        self.recorders: list[MemoryRecorder] = []
+
+        def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
+            self.recorders.append(MemoryRecorder(columns))
+            return self.recorders[-1]
+
+        machine = with_values(MACHINE, {key.replace("__", "."): value for key, value in changes.items()})
+        self.session = AxisSession(machine, recorder=recorder)
+        drive = self.session.drive
+        assert isinstance(drive, SimulatedCanDrive)
+        self.node = drive.virtual
+        self.ask = Requests(self.node).answer
+
+    def after(self, seconds: float, action: Callable[[], object]) -> None:
+        """In the drive's own time."""
+        self.node.after(round(seconds * 1e6), action)
+
+    def inject(self, fault: str, value: object = True) -> Callable[[], object]:
+        return lambda: self.ask({"cmd": "inject", "fault": fault, "value": value})
+
+
+def moved_deg(run: Run) -> float:
+    return float(np.degrees(run.node.truth()[0]))
+
+
+def test_a_move_ends_where_it_was_sent_and_leaves_the_brake_closed() -> None:
+    run = Run()
+    motion = run.session.move(10.0)
+    assert motion.done
+    assert run.session.angle_deg == pytest.approx(10.0, abs=0.001)
+    run.session.power_down()
+    run.session.close("done")
+    assert not run.node.motor.brake_open
+    assert run.node.axis.state.name == "SWITCH_ON_DISABLED"
+
+
+def test_two_runs_are_equal_bit_for_bit() -> None:
+    traces = []
+    for _ in range(2):
+        run = Run()
+        run.session.move(3.0)
+        run.session.close("done")
+        traces.append(run.recorders[0].trace())
+    assert all(np.array_equal(traces[0][name], traces[1][name]) for name in traces[0].columns)
+
+
+def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
+    for _ in range(2):
+        with StateStore(MACHINE, tmp_path) as store:
+            session = AxisSession(MACHINE, store)
+            session.move(session.angle_deg + 2.0)
+            session.close("done")
+    with StateStore(MACHINE, tmp_path) as store:
+        session = AxisSession(MACHINE, store)
+        assert session.angle_deg == pytest.approx(4.0, abs=0.002)
+        session.close("looked")
+
+
+@pytest.mark.parametrize(
+    ("fault", "value", "codes", "way_deg"),
+    [
+        ("never_move", True, ("CTL-05", "CTL-03", "ENC-02"), 2.1),  # says that it follows, and comes to a stand
+        ("ignore_target", True, ("DRV-05", "CTL-05"), 2.1),  # goes on at the old speed, bit 12 = 0
+        ("freeze_position", True, ("ENC-02", "CTL-05"), 2.1),
+        ("command_sign", -1, ("CTL-05", "CTL-03", "ENC-01"), 2.1),
+        ("no_torque", True, ("CTL-05", "CTL-03", "BRK-05"), 2.1),
+        ("silence", True, ("CAN-07", "CAN-06"), 2.1),  # out of reach: its own watch must stop it
+    ],
+)
+def test_a_drive_that_lies_in_motion_is_caught(
+    fault: str, value: object, codes: tuple[str, ...], way_deg: float
+) -> None:
+    """A faulty feedback at 3 deg/s ends within 2.1 deg (brake stop and detection), whatever the lie."""
+    run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)
+    run.session.power_up()
+    at_fault: list[float] = []
+
+    def spoil() -> None:
+        run.inject(fault, value)()
+        at_fault.append(moved_deg(run))
+
+    run.after(2.0, spoil)
+    with pytest.raises(AlarmStop) as stopped:
+        run.session.move(60.0, 3.0)
+    assert str(stopped.value).startswith(codes), stopped.value
+    assert abs(moved_deg(run) - at_fault[0]) < way_deg
+    run.session.close("stopped", stopped.value)
+    assert not run.node.motor.brake_open
+
+
+def test_a_drive_that_takes_the_mode_and_never_moves_is_caught_from_the_start() -> None:
+    run = Run()
+    run.inject("never_move")()
+    with pytest.raises(AlarmStop, match=r"CTL-0[35]|ENC-02"):
+        run.session.move(5.0, 0.6)
+    run.session.close("stopped")
+    assert abs(moved_deg(run)) < 0.35  # what a fault at the first move may cost
+
+
+@pytest.mark.slow
+def test_accuracy_over_the_bus_is_that_of_the_process(
+    evidence: Callable[[str, dict[str, object]], None],
+) -> None:
+    procedure = chord_procedure("A")
+    radius = MACHINE.accuracy.chord_radius_m
+
+    def a_of(readings: object) -> float:
+        return float(accuracy_a(evaluate(procedure, readings.load_rad[0], radius).errors_deg))  # type: ignore[attr-defined]
+
+    bus, process = run_on_engine(MACHINE, procedure), run_procedure([default_machine()], procedure)
+    a_bus, a_process = a_of(bus), a_of(process)
+    evidence("can_accuracy", {"a_bus_deg": a_bus, "a_process_deg": a_process, "ratio": a_bus / a_process})
+    assert a_bus == pytest.approx(a_process, rel=0.05)
