@@ -87,7 +87,12 @@ def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("fault", "value", "codes", "way_deg"),
     [
-        ("never_move", True, ("CTL-05", "CTL-03", "ENC-02"), 2.1),  # says that it follows, and comes to a stand
+        (
+            "never_move",
+            True,
+            ("CTL-05", "CTL-03", "ENC-02"),
+            2.1,
+        ),  # says that it follows, and comes to a stand
         ("ignore_target", True, ("DRV-05", "CTL-05"), 2.1),  # goes on at the old speed, bit 12 = 0
         ("freeze_position", True, ("ENC-02", "CTL-05"), 2.1),
         ("command_sign", -1, ("CTL-05", "CTL-03", "ENC-01"), 2.1),
