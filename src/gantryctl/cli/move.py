@@ -40,7 +40,9 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
         real_time_option,
         json_option,
         service_option,
-        click.option("--yes", is_flag=True, help="With the service: do not ask before moving."),
+        click.option(
+            "--yes", is_flag=True, help="Do not ask before a real gantry moves, here or at the service."
+        ),
         click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it."),
     ):
         command = option(command)
@@ -60,6 +62,7 @@ def move(
 
     Ctrl-C stops on the jog-release ramp; a second one is a quick stop.
     """
+    from gantryctl.cli.asking import ask_before
     from gantryctl.errors import UsageError
     from gantryctl.operation import way_note
 
@@ -91,6 +94,8 @@ def move(
         note = way_note(session.machine, here, end)
         if note is not None:
             say(note)
+        wanted = session.machine.speed.setting_max_deg_s if speed is None else speed
+        ask_before(session, f"from {here:.2f} to {end:.2f} deg", wanted, yes)
         return session.move(end, speed, override / 100.0)
 
     return _run(action, "move", **run)

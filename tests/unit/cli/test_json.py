@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from command_line import cli, done, machine_file
+from gantryctl.machine import configs_folder
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "json.md"
 COMMAND = re.compile(r"`gantryctl ([^`]+)`")
@@ -39,6 +40,7 @@ def prepare() -> None:
     next(Path("traces").iterdir()).rename("run.parquet")
 
 
+CAN = configs_folder() / "hust_can.toml"
 RUNS: dict[str, list[str]] = {
     "move": ["move", "0.5", "--fresh"],
     "jog": ["jog", "+", "--for", "1", "--fresh"],
@@ -55,6 +57,10 @@ RUNS: dict[str, list[str]] = {
     "accuracy run": ["accuracy", "run", "--no-speed-test", "--out", "report"],
     "accuracy report": ["accuracy", "report", "--measured", "table.csv", "--out", "report"],
     "accuracy stats": ["accuracy", "stats", "paper_table2.csv"],
+    "can scan": ["can", "scan", "--config", str(CAN)],
+    "drive status": ["drive", "status", "--config", str(CAN)],
+    "drive diff": ["drive", "diff", "--config", str(CAN)],
+    "drive objects": ["drive", "objects", "--config", str(CAN)],
     "size": ["size"],
     "analyse": ["analyse"],
     "tune": ["tune", "--method", "margins"],
@@ -80,7 +86,7 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
     )
     answer = cli(*RUNS[command], "--json")
-    assert (answer.code, answer.err) == (0, "")
+    assert (answer.code, answer.err) == (int(command == "drive diff"), "")  # as the drive comes, it differs
     value: Any = answer.json
     if isinstance(value, list):
         assert value

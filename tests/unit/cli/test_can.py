@@ -1,0 +1,105 @@
+"""can scan, drive and commission on the command line, with the virtual drive inside the process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from command_line import cli
+from gantryctl.machine import configs_folder, load_machine, to_toml, with_values
+
+CONFIG = configs_folder() / "hust_can.toml"
+
+
+def test_scan_names_the_drive_and_what_is_dangerous() -> None:
+    answer = cli("can", "scan", "--config", CONFIG)
+    assert answer.code == 0
+    assert "node 2: gantryctl virtual drive" in answer.out
+    assert "nothing watches the controller" in answer.out
+
+
+def test_scan_compares_with_an_eds(tmp_path: Path) -> None:
+    eds = tmp_path / "drive.eds"
+    assert cli("drive", "sim", "--write-eds", eds).code == 0
+    assert "EDS belongs to it" in cli("can", "scan", "--config", CONFIG, "--eds", eds).out
+
+
+def test_an_unknown_interface_is_one_line() -> None:
+    answer = cli("can", "scan", "--config", CONFIG, "--can", "carrier_pigeon")
+    assert answer.code == 2
+    assert "python-can has no such interface" in answer.err
+
+
+def test_status_and_diff_only_look() -> None:
+    status = cli("drive", "status", "--config", CONFIG, "--json")
+    assert status.json["state"] == "SWITCH_ON_DISABLED"
+    diff = cli("drive", "diff", "--config", CONFIG, "--json")
+    assert diff.code == 1  # as it comes from the factory
+    assert {row["verdict"] for row in diff.json} >= {"ok", "differs"}
+
+
+def test_a_backup_goes_back_where_it_came_from(tmp_path: Path) -> None:
+    file = tmp_path / "drive.json"
+    assert cli("drive", "backup", "--config", CONFIG, file).code == 0
+    kept = json.loads(file.read_text(encoding="utf-8"))
+    assert kept["values"]["6085:00"]
+    assert cli("drive", "restore", "--config", CONFIG, "--yes", file).code == 0
+    other = {**kept, "drive": "00000001-00000001-1"}
+    file.write_text(json.dumps(other), encoding="utf-8")
+    answer = cli("drive", "restore", "--config", CONFIG, "--yes", file)
+    assert answer.code == 2
+    assert "another kind of drive" in answer.err
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"drive": "x", "values": {"6085": "00"}}', '{"drive": "x", "values": {"6085:00": 3}}']
+)
+def test_a_file_that_is_no_backup_is_one_line(tmp_path: Path, text: str) -> None:
+    file = tmp_path / "drive.json"
+    file.write_text(text, encoding="utf-8")
+    answer = cli("drive", "restore", "--config", CONFIG, "--yes", file)
+    assert answer.code == 2
+    assert "is no backup of a drive" in answer.err
+
+
+def test_save_stores() -> None:
+    assert "stored in" in cli("drive", "save", "--config", CONFIG, "--yes").out
+
+
+def test_a_machine_without_a_bus_is_told_so() -> None:
+    answer = cli("drive", "status")
+    assert answer.code == 2
+    assert "has no bus" in answer.err
+
+
+def test_a_real_drive_is_not_moved_without_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`virtual` is a bus of python-can with nobody on it: the command ends at the silent drive, in words."""
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    config = tmp_path / "real.toml"
+    machine = with_values(
+        load_machine(CONFIG), {"can.interface": "virtual", "can.channel": "x", "can.sdo_timeout_ms": 10.0}
+    )
+    config.write_text(to_toml(machine), encoding="utf-8")
+    answer = cli("move", "5", "--config", config)
+    assert answer.code == 3
+    assert "node 2 does not answer" in answer.err
+    assert cli("move", "5", "--config", config, "--fresh").code == 2
+
+
+def test_commission_says_what_could_move() -> None:
+    answer = cli("commission", "--with-sim", "--dry-run")
+    assert answer.code == 0
+    assert "at most 0.05 deg" in answer.out
+
+
+def test_one_step_of_commissioning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    answer = cli("commission", "--with-sim", "--only", "sync", "--out", tmp_path / "report")
+    assert answer.code == 0
+    assert "a command shows 2 scans later" in answer.out
+    assert (tmp_path / "report" / "commissioning.html").is_file()
+    wrong = cli("commission", "--with-sim", "--only", "dance", "--out", tmp_path / "report")
+    assert wrong.code == 2
+    assert "the steps are identity" in wrong.err
