@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sqlite3
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -66,21 +66,25 @@ class Journal:
     Attributes:
         moved_aside: where the damaged one went, or None.
 
+    Args:
+        connect: opens the database, in autocommit; a test puts a file system of its own under it.
+
     Raises:
         JournalFault: the directory cannot be used.
     """
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, connect: Callable[[Path], sqlite3.Connection] | None = None) -> None:
         self.path = directory / FILE
+        connect = connect or _connect
         self.moved_aside: Path | None = None
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            self._db = _open(self.path)
+            self._db = _open(self.path, connect)
         except (Damaged, sqlite3.Error, OSError, ValueError, TypeError) as fault:
             if not _is_damage(fault):
                 raise JournalFault(f"{self.path}: {fault}") from fault
             self.moved_aside = _move_aside(self.path)
-            self._db = _open(self.path)
+            self._db = _open(self.path, connect)
         self._seq, self._hash = self._db.execute("SELECT seq, hash FROM head").fetchone()
 
     def append(self, boot: int, source: int, first: int, records: Sequence[bytes | None]) -> None:
@@ -217,8 +221,12 @@ def _row(boot: int, source: int, number: int, record: bytes | None) -> tuple[Any
     )  # fmt: skip
 
 
-def _open(path: Path) -> sqlite3.Connection:
-    db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+def _connect(path: Path) -> sqlite3.Connection:
+    return sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+
+
+def _open(path: Path, connect: Callable[[Path], sqlite3.Connection]) -> sqlite3.Connection:
+    db = connect(path)
     try:
         db.execute("PRAGMA journal_mode = WAL")
         db.execute("PRAGMA synchronous = FULL")

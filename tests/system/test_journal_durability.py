@@ -1,0 +1,149 @@
+"""What the journal has acknowledged survives kills and power cuts: nothing lost, nothing twice, chain intact."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gantryctl.service.events import EventLog
+from gantryctl.service.journal import Journal, read_journal, verify
+from gantryctl.service.memory import SharedMemory, Word
+from power_cut import Disk, Step
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="anonymous memory files")
+Evidence = Callable[[str, dict[str, object]], None]
+EVENTS = 60
+
+
+def record(number: int) -> bytes:
+    return json.dumps(
+        {"utc": "", "monotonic_ns": 0, "kind": "command", "text": f"event {number} " + "x" * 200}
+    ).encode()
+
+
+def run_on(disk: Disk, directory: Path, synchronous: str) -> None:
+    """Appends events, one or a few at a time, and notes in the disk's steps what was acknowledged."""
+    directory.mkdir()
+    journal = Journal(directory, lambda path: disk.connect(path, synchronous))  # type: ignore[arg-type,return-value]
+    disk.steps.append(Step("kept", "", 0))
+    number = 0
+    while number < EVENTS:
+        count = 1 + number % 3
+        journal.append(1, 0, number + 1, [record(number + n + 1) for n in range(count)])
+        number += count
+        disk.steps.append(Step("kept", "", number))
+    journal.close()
+
+
+def cuts(directory: Path, synchronous: str, count: int) -> tuple[int, int, int]:
+    """Cut points, cuts that lost acknowledged events, and cuts after which the journal was not intact."""
+    disk, chance = Disk(), random.Random(1)
+    run_on(disk, directory / "run", synchronous)
+    first = next(i for i, step in enumerate(disk.steps) if step.kind == "kept")
+    lost = broken = 0
+    for _ in range(count):
+        at = chance.randrange(first + 1, len(disk.steps) + 1)
+        kept = max(step.offset for step in disk.steps[:at] if step.kind == "kept")
+        place = directory / "cut"
+        place.mkdir()
+        disk.after_cut(at, place, chance)
+        reopened = Journal(place)
+        reopened.close()
+        rows = read_journal(place)
+        lost += len(rows) < kept
+        broken += bool(reopened.moved_aside or verify(place).wrong)
+        numbers = [int(row.values["text"].split()[1]) for row in rows]
+        assert numbers == list(range(1, len(rows) + 1)), "in order, each once"
+        shutil.rmtree(place)
+    return count, lost, broken
+
+
+def test_a_power_cut_loses_nothing_that_was_acknowledged(tmp_path: Path) -> None:
+    assert cuts(tmp_path, "", 60) == (60, 0, 0)
+
+
+def test_this_test_can_fail_without_full_synchronisation_events_are_lost(tmp_path: Path) -> None:
+    _, lost, broken = cuts(tmp_path, "NORMAL", 60)
+    assert lost + broken > 10
+
+
+@pytest.mark.slow
+def test_a_thousand_power_cuts(tmp_path: Path, evidence: Evidence) -> None:
+    (tmp_path / "full").mkdir()
+    (tmp_path / "normal").mkdir()
+    count, lost, broken = cuts(tmp_path / "full", "", 1000)
+    _, lost_normal, _ = cuts(tmp_path / "normal", "NORMAL", 1000)
+    evidence(
+        "journal_power_cuts",
+        {
+            "cuts": count,
+            "lost_acknowledged": lost,
+            "not_intact": broken,
+            "lost_with_synchronous_normal": lost_normal,
+        },
+    )
+    assert (lost, broken) == (0, 0)
+
+
+def kills(directory: Path, count: int) -> dict[str, object]:
+    """Kill the recorder at random moments while events come; every event is there once, in order."""
+    memory, chance = SharedMemory.create(), random.Random(2)
+    memory.words[Word.BOOT] = 9
+    log = EventLog(memory.events[2])
+    command = [sys.executable, "-m", "gantryctl.service.recorder", str(memory.handle), str(directory)]
+    written = kills_in_work = 0
+    for _ in range(count):
+        process = subprocess.Popen(command, pass_fds=(memory.handle,))
+        started = memory.events[2].done
+        until_s = time.monotonic() + 30.0
+        while memory.events[2].done == started and time.monotonic() < until_s:
+            written += 1
+            assert log.put("command", f"event {written} " + "x" * 200)
+            time.sleep(0.002)
+        for _ in range(chance.randrange(40)):
+            written += 1
+            assert log.put("command", f"event {written} " + "x" * 200)
+            time.sleep(chance.random() * 1e-3)
+        kills_in_work += len(memory.events[2]) > 0
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        acknowledged = memory.events[2].done
+        rows = read_journal(directory, limit=1_000_000)
+        assert len(rows) >= acknowledged, "an acknowledged event is lost"
+    process = subprocess.Popen(command, pass_fds=(memory.handle,))
+    while memory.events[2].done < written:
+        time.sleep(0.01)
+    process.terminate()
+    assert process.wait(30) == 0
+    texts = [row.values["text"].split()[1] for row in read_journal(directory, limit=1_000_000)]
+    assert texts == [str(n) for n in range(1, written + 1)], "in order, each once"
+    verdict = verify(directory)
+    assert verdict.wrong == ""
+    memory.close()
+    return {
+        "kills": count,
+        "events": written,
+        "kills_with_events_under_way": kills_in_work,
+        "lost": 0,
+        "intact": True,
+    }
+
+
+def test_a_killed_recorder_loses_nothing_and_keeps_nothing_twice(tmp_path: Path) -> None:
+    kills(tmp_path, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_two_hundred_kills_of_the_recorder(tmp_path: Path, evidence: Evidence) -> None:
+    evidence("journal_kills", kills(tmp_path, 200))
