@@ -22,9 +22,9 @@ from gantryctl.service.local import LocalServer
 from gantryctl.service.memory import SharedMemory, Source, Word
 
 READY_S: Final = 20.0
-_PAUSES_S: Final = (0.1, 0.5, 1.0, 2.0, 4.0)
-"""Before a process is started again; from the beginning after a minute without trouble."""
-_CALM_S: Final = 60.0
+_PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
+"""Before a process is started again; from the beginning once it has run for a while."""
+_CALM_S: Final = 10.0
 _CONTROLLER_END_S: Final = 25.0
 _END_S: Final = 8.0
 
