@@ -11,6 +11,7 @@ from typing import NamedTuple
 from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
+from gantryctl.operation.virtual import is_simulated
 from gantryctl.service.journal import FILE, verify
 from gantryctl.service.memory import SharedMemory
 from gantryctl.service.recorder import JOURNAL_RESERVE
@@ -31,7 +32,7 @@ def self_test(machine: Machine, store: StateStore, root: Path) -> list[Check]:
     return [
         _memory(),
         _clock(),
-        _state(store),
+        _state(machine, store),
         _disk(store.directory),
         _journal(store.directory),
         _users(root),
@@ -58,15 +59,20 @@ def _clock() -> Check:
     return Check("clock", step_s < 1e-5, f"CLOCK_MONOTONIC, resolution {step_s:.1e} s")
 
 
-def _state(store: StateStore) -> Check:
+def _state(machine: Machine, store: StateStore) -> Check:
     """Nobody else runs this machine, and its memory can be read."""
     try:
         with store:
             retained, plant = store.load_retained(), store.load_plant()
     except GantryctlError as fault:
         return Check("state", False, str(fault))
-    text = "a new machine" if retained is None and plant is None else "retained memory and plant read"
-    return Check("state", (retained is None) == (plant is None), text)
+    if not is_simulated(machine):
+        return Check("state", True, "no retained memory yet" if retained is None else "retained memory read")
+    if (retained is None) != (plant is None):
+        return Check(
+            "state", False, "retained memory and simulated plant do not belong together: gantryctl sim reset"
+        )
+    return Check("state", True, "a new machine" if retained is None else "retained memory and plant read")
 
 
 def _disk(directory: Path) -> Check:

@@ -1,0 +1,49 @@
+"""The controller killed in motion, its drive on a CAN bus: the drive's own supervision stops the axis."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).parents[1]
+# Multicast stays on the loopback of a network namespace of its own.
+OWN_NETWORK = [
+    "unshare",
+    "-rn",
+    "sh",
+    "-c",
+    'ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo; exec "$@"',
+    "sh",
+]
+
+
+def possible() -> bool:
+    if shutil.which("unshare") is None or shutil.which("ip") is None:
+        return False
+    return subprocess.run([*OWN_NETWORK, "true"], capture_output=True, check=False).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+@pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
+def test_the_drive_stops_the_axis_of_a_killed_controller(
+    tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
+) -> None:
+    """Within the quick stop of the full plant plus 60 ms of travel (deadline of the drive's RPDO and reaction)."""
+    found = []
+    for number, speed_deg_s in enumerate((1.0, 3.0, 3.0, 3.0, 6.0)):
+        root = tmp_path / str(number)
+        root.mkdir()
+        command = [*OWN_NETWORK, sys.executable, str(TESTS / "killed_on_bus.py"), str(root), str(speed_deg_s)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        found.append(json.loads(done.stdout))
+    evidence("service_killed_on_bus", {"runs": found})
+    for run in found:
+        assert 0.0 < run["travelled_deg"] <= run["limit_deg"], run

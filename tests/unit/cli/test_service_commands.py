@@ -1,0 +1,101 @@
+"""`user`, `journal` and the refusals of `serve`, as a user sees them."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+from command_line import cli, done, refused
+from gantryctl.machine import default_machine
+from gantryctl.service.journal import Journal
+
+PASSWORD = "correct horse battery"
+
+
+@pytest.fixture(autouse=True)
+def root(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+    return tmp_path
+
+
+def typing(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(text))
+
+
+def test_users_are_added_listed_changed_and_removed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "no users" in done("user", "list").out
+    typing(monkeypatch, PASSWORD + "\n")
+    assert done("user", "add", "anna", "--role", "operator").out == "user anna may log in as operator\n"
+    rows = done("user", "list", "--json").json
+    assert [(row["name"], row["role"]) for row in rows] == [("anna", "operator")]
+    typing(monkeypatch, PASSWORD + "!\n")
+    done("user", "passwd", "anna")
+    typing(monkeypatch, "short\n")
+    assert "12 to 256 characters" in refused("user", "passwd", "anna")
+    done("user", "remove", "anna")
+    assert "there are: none" in refused("user", "remove", "anna")
+    assert PASSWORD not in done("user", "list").out
+
+
+def test_the_journal_is_shown_verified_and_exported(root: Path) -> None:
+    assert cli("journal", "verify").code == 3
+    directory = root / default_machine().name
+    made = Journal(directory)
+    record = {"utc": "2026-01-01", "monotonic_ns": 1, "kind": "command", "user": "anna", "role": "operator",
+              "place": "local", "client": "c", "text": "stop: done"}  # fmt: skip
+    made.append(1, 0, 1, [json.dumps(record).encode()] * 3)
+    made.close()
+    assert done("journal", "verify").out == "3 events, chain intact\n"
+    assert done("journal", "show", "--last", "2").out.count("stop: done") == 2
+    assert done("journal", "show", "--json").json[0]["user"] == "anna"
+    done("journal", "export", root / "events.jsonl")
+    lines = (root / "events.jsonl").read_text(encoding="utf-8").splitlines()
+    assert [json.loads(line)["seq"] for line in lines] == [1, 2, 3]
+    assert "is there already" in refused("journal", "export", root / "events.jsonl")
+    path = directory / "journal.sqlite"
+    path.write_bytes(path.read_bytes().replace(b"stop: done", b"move: done"))
+    answer = cli("journal", "verify")
+    assert answer.code == 1
+    assert answer.out.startswith("NOT intact")
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--listen", "0.0.0.0:0"), "--tls-cert and --tls-key"),
+        (("--listen", "[::]:0"), "--tls-cert and --tls-key"),
+        (("--listen", "192.0.2.7:8650"), "--tls-cert and --tls-key"),
+        (("--listen", "8650"), "HOST:PORT"),
+        (("--listen", "127.0.0.1:99999"), "HOST:PORT"),
+        (("--tls-cert", "nowhere.pem"), "belong together"),
+        (("--tls-cert", "nowhere.pem", "--tls-key", "nowhere.key"), "no such file"),
+    ],
+)
+def test_serve_refuses_an_address_that_is_not_safe(options: tuple[str, ...], why: str) -> None:
+    assert why in refused("serve", *options)
+
+
+def test_serve_refuses_other_machines_while_there_are_no_users(root: Path) -> None:
+    for name in ("cert.pem", "key.pem"):
+        (root / name).touch()
+    files = ("--tls-cert", root / "cert.pem", "--tls-key", root / "key.pem")
+    assert "there are no users" in refused("serve", "--listen", "0.0.0.0:0", *files)
+
+
+@pytest.mark.parametrize(
+    "command", [("status", "--service"), ("move", "1", "--service", "--yes"), ("attach",)]
+)
+def test_without_a_service_the_commands_say_how_to_start_one(command: tuple[str, ...]) -> None:
+    answer = cli(*command)
+    assert answer.code == 3
+    assert "`gantryctl serve` starts one" in answer.err
+
+
+def test_what_makes_no_sense_with_a_service_is_refused() -> None:
+    assert "--fresh does not go with" in refused("move", "1", "--service", "--fresh")
+    assert "--program does not go with" in refused(
+        "jog", "+", "--for", "1", "--service", "--program", "a.py:B"
+    )
