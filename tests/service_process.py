@@ -51,7 +51,7 @@ class Service:
         assert self.process.stdout is not None
         for line in self.process.stdout:
             self.said.append(line)
-            found = re.search(r"page: http://(\S+)/", line)
+            found = re.search(r"page: https?://(\S+)/", line)
             self.address = found[1] if found else self.address
             if line.startswith("Ctrl-C"):
                 return self

@@ -6,18 +6,21 @@ import json
 import os
 import signal
 import socket
+import ssl
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from websockets.exceptions import InvalidStatus
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from gantryctl.service.journal import read_journal, verify
 from gantryctl.trace import read_trace
-from service_process import PASSWORD, Service, add_users
+from service_process import PASSWORD, Page, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 LEASE = "0123456789abcdef"
@@ -263,3 +266,73 @@ def test_the_command_line_takes_control_from_nobody(service: Service) -> None:
         )  # fmt: skip
         page.until(lambda _: asked.poll() is not None)
         assert "operator has control" in asked.communicate()[1]
+
+
+def raw(service: Service, text: bytes) -> bytes:
+    """Bytes as they are, on a connection of their own; everything until it is closed."""
+    host, port = service.address.split(":")
+    with socket.create_connection((host, int(port)), timeout=30.0) as made:
+        answer = b""
+        with suppress(ConnectionError):  # closed while we were still sending
+            made.sendall(text)
+            while more := made.recv(65536):
+                answer += more
+        return answer
+
+
+def test_slow_and_huge_requests_are_ended_and_others_are_served(service: Service) -> None:
+    host = f"Host: {service.address}\r\n".encode()
+    assert raw(service, b"GET /api/v1/health HTTP/1.1\r\n" + host) == b""  # never finished: closed after 5 s
+    huge = b"POST /api/v1/login HTTP/1.1\r\n" + host + b"Content-Length: 70000\r\nConnection: close\r\n\r\n"
+    assert b" 413 " in raw(service, huge).splitlines()[0]
+    endless = b"GET /" + b"a" * 200_000 + b" HTTP/1.1\r\n\r\n"
+    assert b"200" not in raw(service, endless)
+    assert service.request("GET", "/api/v1/health")[0] == 200
+
+
+def flood(page: Page) -> None:
+    for _ in range(100_000):
+        page.socket.send('{"type":"stop","seq":1,"frame":1}')
+        page.socket.recv()
+
+
+def test_a_flood_of_messages_closes_only_its_own_connection(service: Service) -> None:
+    with service.page("viewer") as calm, service.page("operator") as wild:
+        codes = [wild.ask("take", over=False)["code"] for _ in range(30)]
+        assert codes[:15] == [""] * 15
+        assert "SEC-06" in codes
+        with pytest.raises(ConnectionClosed) as closed:
+            flood(wild)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 4429
+        calm.do("stop")
+        calm.until(lambda tags: tags["authority_user"] == "")
+
+
+def test_a_page_over_tls_works_and_its_cookie_is_secure(tmp_path: Path) -> None:
+    files = [str(tmp_path / name) for name in ("cert.pem", "key.pem")]
+    made = subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2",
+         "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost", "-out", files[0], "-keyout", files[1]],
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
+    add_users(tmp_path)
+    trusting = ssl.create_default_context(cafile=files[0])
+    with Service(tmp_path, "--tls-cert", files[0], "--tls-key", files[1], "--name", "localhost") as secure:
+        asked = urllib.request.Request(
+            f"https://{secure.address}/api/v1/login",
+            json.dumps({"user": "viewer", "password": PASSWORD}).encode(),
+            {"Content-Type": "application/json"},
+        )
+        with urllib.request.urlopen(asked, context=trusting) as answer:
+            cookie = answer.headers["set-cookie"]
+            assert answer.headers["strict-transport-security"]
+        assert {"Secure", "HttpOnly", "SameSite=strict"} <= {part.strip() for part in cookie.split(";")}
+        with connect(
+            f"wss://{secure.address}/api/v1/socket",
+            ssl=trusting,
+            origin=f"https://{secure.address}",  # type: ignore[arg-type]
+            additional_headers={"Cookie": cookie.partition(";")[0]},
+        ) as live:
+            assert json.loads(live.recv())["role"] == "viewer"
