@@ -119,6 +119,10 @@ class Controller:
         if on is not self._powered:
             self._powered = on
             self._switched(on)
+        late = self.engine.overrun_stop
+        if late is not None and self.operator.rules.blocked_by != late:
+            self.operator.rules.blocked_by = late
+            self.events.put("alarm", late)
         moving = axis.state in (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
         if moving is not self._moving:
             self._moving = moving
@@ -222,6 +226,7 @@ class Controller:
             raise Refused(rules.blocked_by.partition(" ")[0], rules.blocked_by)
         said, rules.blocked_by = rules.blocked_by, ""
         self._retained = replace(self._retained, error_stop="")
+        self.engine.overrun_stop = None
         self.events.put("command", f"acknowledged: {said}", who)
         return said
 

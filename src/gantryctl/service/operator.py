@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Final
 
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.program import GantryProgram, PowerPhase
@@ -21,6 +21,10 @@ from gantryctl.service.memory import Source
 from gantryctl.service.messages import Identity, Refused
 from gantryctl.service.ring import Ring
 from gantryctl.service.rules import Rules
+
+
+_PER_SCAN: Final = 8
+"""Commands judged in one scan at most: refusing takes time too."""
 
 
 class ServiceOperator:
@@ -86,8 +90,9 @@ class ServiceOperator:
         if self._gap:
             self._gap = False
         else:
-            while inbox.others and self._acting is None:
-                self._carry_out(inbox.others.popleft(), now_s)
+            for _ in range(_PER_SCAN):
+                if inbox.others and self._acting is None:
+                    self._carry_out(inbox.others.popleft(), now_s)
         if self._acting is None or self._acting.message.kind != "increment":
             self._keys()
         self._refusals = self.program.axis.refusal_count
