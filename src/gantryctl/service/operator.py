@@ -22,7 +22,6 @@ from gantryctl.service.messages import Identity, Refused
 from gantryctl.service.ring import Ring
 from gantryctl.service.rules import Rules
 
-
 _PER_SCAN: Final = 8
 """Commands judged in one scan at most: refusing takes time too."""
 
