@@ -15,7 +15,7 @@ from gantryctl.accuracy.statistics import accuracy_a
 from gantryctl.drive_sim import Requests
 from gantryctl.errors import AlarmStop
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
-from gantryctl.operation import AxisSession, StateStore
+from gantryctl.operation import AxisSession, StateStore, Stop
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.wiring import SimulatedCanDrive
 
@@ -128,6 +128,28 @@ def test_a_drive_that_takes_the_mode_and_never_moves_is_caught_from_the_start() 
         run.session.move(5.0, 0.6)
     run.session.close("stopped")
     assert abs(moved_deg(run)) < 0.35  # what a fault at the first move may cost
+
+
+def test_a_quick_stop_that_is_not_obeyed_takes_the_torque_off() -> None:
+    """The drive says Quick stop active and turns on: the ramp's envelope catches it (D7)."""
+    run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)
+    run.inject("quick_stop_off")()
+    run.session.power_up()
+    asked: list[float] = []
+
+    def ask() -> None:
+        asked.append(moved_deg(run))
+        run.session.stop = Stop.QUICK
+
+    run.after(2.5, ask)
+    with pytest.raises(AlarmStop) as stopped:
+        run.session.move(60.0, 3.0)
+    codes = [str(alarm.code) for alarm in run.session.axis.alarms.history]
+    assert codes[:2] == ["INT-06", "DRV-07"]
+    # 0.1 s until the request is looked at, 0.11 s outside the envelope, 0.6 s until the brake has stopped 3 deg/s
+    assert abs(moved_deg(run) - asked[0]) < 2.1
+    run.session.close("stopped", stopped.value)
+    assert not run.node.motor.brake_open
 
 
 @pytest.mark.slow

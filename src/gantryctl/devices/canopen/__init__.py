@@ -5,7 +5,8 @@ SYNC and process data belong to the scan; SDO is used before the first scan and 
 
 from __future__ import annotations
 
-from gantryctl.devices.canopen.drive import BusCounters, CanopenDrive
+from gantryctl.devices.canopen.counters import BusCounters
+from gantryctl.devices.canopen.drive import CanopenDrive
 from gantryctl.devices.canopen.link import BusLink, Link
 from gantryctl.devices.canopen.looking import LookedAtDrive
 from gantryctl.devices.canopen.matrix import Row, Verdict

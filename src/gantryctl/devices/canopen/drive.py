@@ -7,7 +7,7 @@ SYNC. So the feedback of scan k is the state at its SYNC, and a command acts one
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import Final, NamedTuple
+from typing import Final
 
 from gantryctl.devices.canopen.brake import BrakeWork
 from gantryctl.devices.canopen.cia402 import (
@@ -19,6 +19,7 @@ from gantryctl.devices.canopen.cia402 import (
     decode_statusword,
     next_controlword,
 )
+from gantryctl.devices.canopen.counters import BusCounters, bus_counters
 from gantryctl.devices.canopen.link import Link
 from gantryctl.devices.canopen.matrix import Verdict
 from gantryctl.devices.canopen.node import NmtCommand, NmtState, RemoteNode
@@ -55,34 +56,6 @@ _ENERGISED: Final = (
     DriveState.QUICK_STOP_ACTIVE,
     DriveState.FAULT_REACTION_ACTIVE,
 )
-
-
-class BusCounters(NamedTuple):
-    """Live figures of the bus; ages in scans."""
-
-    scans: int
-    received: tuple[int, ...]
-    missed: tuple[int, ...]
-    late: tuple[int, ...]
-    duplicated: tuple[int, ...]
-    wrong_length: tuple[int, ...]
-    longest_age: tuple[int, ...]
-    emergencies: int
-    boots: int
-    others: int
-    strange: int
-    refused: int
-
-    def lines(self) -> tuple[str, ...]:
-        """For people: a row per telegram, and what else was on the bus."""
-        tpdos = zip(self.received, self.missed, self.late, self.duplicated, self.longest_age, strict=True)
-        rows = [
-            f"TPDO {n}: {got} of {self.scans} in time or late, {missed} missed, {late} late, {twice} twice, "
-            f"oldest {age} scans"
-            for n, (got, missed, late, twice, age) in enumerate(tpdos, start=1)
-        ]
-        rest = f"emergency messages {self.emergencies}, telegrams refused by the bus {self.refused}"
-        return (*rows, rest)
 
 
 class CanopenDrive:
@@ -290,21 +263,7 @@ class CanopenDrive:
 
     def counters(self) -> BusCounters:
         """How well the bus works."""
-        watches, node = self.process.watches, self.node
-        return BusCounters(
-            self.scan,
-            tuple(w.received for w in watches),
-            tuple(w.missed for w in watches),
-            tuple(w.late for w in watches),
-            tuple(w.duplicated for w in watches),
-            tuple(w.wrong_length for w in watches),
-            tuple(w.longest_age for w in watches),
-            node.emergencies.count,
-            node.boots,
-            node.others,
-            node.strange,
-            self.link.refused,
-        )
+        return bus_counters(self.scan, self.process.watches, self.node)
 
     # --- the end -----------------------------------------------------------------------------------------------
 

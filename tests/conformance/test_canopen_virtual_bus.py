@@ -1,0 +1,64 @@
+"""The conformance suite over python-can's `virtual` interface: the drive lives in a thread, stepped by SYNC."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from contextlib import ExitStack
+
+import can
+import pytest
+
+from conformance.drive_port import DriveBench, DriveConformance
+from conformance.test_canopen_drive import SYNC_S, CanBench
+from gantryctl.drive_sim import BusLink, DriveLoop, DriveNode, Requests, running
+from gantryctl.machine import default_machine, with_values
+from gantryctl.wiring import canopen_drive, total_ratio
+from gantryctl.wiring.drive_sim import drive_hardware
+
+CHANNELS = itertools.count()
+
+
+class VirtualBusBench(CanBench):
+    """A bus with the drive on one end and the master on the other."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        channel = f"conformance-{next(CHANNELS)}"
+        machine = with_values(
+            default_machine(),
+            {
+                "drive.kind": "canopen",
+                "control.scan_period_ms": 1e3 * SYNC_S,
+                "brake.owner": "object_60FE",
+                "can.interface": "virtual",
+                "can.channel": channel,
+                "can.stepped": True,
+            },
+        )
+        bus = stack.enter_context(can.Bus(interface="virtual", channel=channel))
+        link = BusLink(bus)
+        node = DriveNode(drive_hardware(machine), machine.can.node, link.send, stepped=True)
+        self._loop = stack.enter_context(running(DriveLoop(node, link)))
+        self._answer = Requests(node).answer
+        self.drive = canopen_drive(machine)
+        self.ratio = total_ratio(machine)
+        self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
+        self.brake_time_s = 0.25
+
+    def ask(self, request: dict[str, object]) -> dict[str, object]:  # type: ignore[override]
+        with self._loop.lock:
+            return self._answer(request)
+
+
+class TestOverAVirtualBus(DriveConformance):
+    """Everything that holds in process holds over a bus of python-can."""
+
+    @pytest.fixture
+    def bench(self) -> Iterator[DriveBench]:
+        with ExitStack() as stack:
+            bench = VirtualBusBench(stack)
+            yield bench
+            bench.drive.close()
+
+    def make_bench(self) -> DriveBench:
+        raise NotImplementedError
