@@ -1,0 +1,31 @@
+/** A number with its decimals and a real minus; a dash for what is unknown. */
+export function num(value: number | null | undefined, decimals: number): string {
+  if (value == null) return '–';
+  const text = value.toFixed(decimals);
+  return (Number(text) === 0 ? text.replace('-', '') : text).replace('-', '−');
+}
+
+/** With a sign, for quantities that have a direction. */
+export function signed(value: number | null | undefined, decimals: number): string {
+  const text = num(value, decimals);
+  return value != null && Number(value.toFixed(decimals)) > 0 ? `+${text}` : text;
+}
+
+/** deg/s of the gantry as r/min. */
+export function rpm(deg_s: number | null | undefined): number | null {
+  return deg_s == null ? null : deg_s / 6;
+}
+
+/** A number typed by a person: comma or point, any minus; null when it is none. */
+export function typed(text: string): number | null {
+  const clean = text.trim().replace(',', '.').replace('−', '-');
+  return /^[+-]?(\d+\.?\d*|\.\d+)$/.test(clean) ? Number(clean) : null;
+}
+
+/** Seconds that a move takes on a trapezoid, without the jerk. */
+export function moveTime(way_deg: number, vel_deg_s: number, acc_deg_s2: number): number {
+  const way = Math.abs(way_deg);
+  return way >= vel_deg_s ** 2 / acc_deg_s2
+    ? way / vel_deg_s + vel_deg_s / acc_deg_s2
+    : 2 * Math.sqrt(way / acc_deg_s2);
+}

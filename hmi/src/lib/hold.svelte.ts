@@ -1,0 +1,81 @@
+// Hold-to-run: the axis moves while a key is held, and this page proves every 30 ms that it still is.
+import { link } from './link.svelte';
+import type { Direction } from './protocol';
+
+/** A press on data older than this is not sent: it would arrive too late to be meant. */
+const PRESS_AGE_MS = 200;
+/** A lease that the controller has not shown by now will not live any more. */
+const GRACE_MS = 400;
+
+export type Ending = '' | 'released' | 'both' | 'left' | 'stale' | 'late' | 'refused' | 'lost';
+
+export class Hold {
+  direction = $state<Direction | null>(null);
+  ended = $state<Ending>('');
+  #lease = '';
+  #pressedAt = 0;
+  #timer = 0;
+
+  constructor() {
+    const leave = (): void => this.release('left');
+    for (const name of ['blur', 'pagehide', 'freeze']) addEventListener(name, leave);
+    document.addEventListener('visibilitychange', leave);
+    for (const name of ['pointerup', 'pointercancel']) addEventListener(name, () => this.release('released'));
+    link.refused = () => this.#forget('lost');
+    link.watch = () => this.#check();
+  }
+
+  /** Begin; both keys together mean stop. */
+  press(direction: Direction): void {
+    if (this.direction !== null) return this.release('both');
+    if (link.stale) return;
+    if (link.since() > PRESS_AGE_MS) {
+      this.ended = 'late';
+      return;
+    }
+    const lease = newLease();
+    this.#lease = lease;
+    this.#pressedAt = performance.now();
+    this.direction = direction;
+    this.ended = '';
+    void link.send('jog', { lease, direction }).then((reply) => {
+      if (!reply.ok && this.#lease === lease) this.release('refused');
+    });
+    this.#timer = window.setInterval(() => this.#beat(), link.welcome?.renew_ms ?? 30);
+  }
+
+  /** End it, whatever the reason; the lease is dead for ever. */
+  release(why: Ending): void {
+    const lease = this.#lease;
+    if (lease === '') return;
+    this.#forget(why);
+    void link.send('release', { lease });
+  }
+
+  #beat(): void {
+    if (link.stale) this.release('stale');
+    else if (!link.post('renew', { lease: this.#lease })) this.#forget('lost');
+  }
+
+  #check(): void {
+    if (this.#lease === '') return;
+    if (link.stale) this.release('stale');
+    else if (performance.now() - this.#pressedAt > GRACE_MS && link.tags.lease_left_ms === 0)
+      this.release('lost');
+  }
+
+  #forget(why: Ending): void {
+    if (this.#lease === '') return;
+    clearInterval(this.#timer);
+    this.#lease = '';
+    this.direction = null;
+    this.ended = why;
+  }
+}
+
+function newLease(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(8));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
+}
+
+export const hold = new Hold();

@@ -1,0 +1,204 @@
+// The one WebSocket: status in, commands out, and whether what is shown can still be believed.
+import { Lateness } from './age';
+import { History } from './history';
+import {
+  CLOSED,
+  WITHOUT_EPOCH,
+  type Commands,
+  type Reply,
+  type Session,
+  type Status,
+  type Welcome,
+} from './protocol';
+import type { Action, Tags } from './tables';
+
+const TICK_MS = 50;
+/** Kept off the limit, so that stale data are shown stale within it. */
+const MARGIN_MS = 100;
+const ALIVE_MS = 400;
+const NO_ANSWER_MS = 2000;
+
+export interface Note {
+  ok: boolean;
+  code: string;
+  text: string;
+}
+
+export class Link {
+  session = $state.raw<Session | null>(null);
+  /** False until the service was asked who we are. */
+  asked = $state(false);
+  open = $state(false);
+  stale = $state(true);
+  /** Milliseconds since data were fresh. */
+  age_ms = $state(0);
+  tags = $state.raw<Partial<Tags>>({});
+  welcome = $state.raw<Welcome | null>(null);
+  note = $state.raw<Note | null>(null);
+  /** This page has control. */
+  mine = $derived(this.welcome !== null && this.tags.authority_client === this.welcome.client);
+  readonly history = new History();
+  /** Hears refusals that nobody waits for: those of `renew`. */
+  refused: (reply: Reply) => void = () => {};
+  /** Hears every status and every tick. */
+  watch: () => void = () => {};
+
+  #socket: WebSocket | null = null;
+  #seq = 0;
+  #frame = 0;
+  #freshAt = 0;
+  #wait_ms = 500;
+  #aliveAt = 0;
+  #lateness = new Lateness();
+  #replies = new Map<number, (reply: Reply) => void>();
+
+  constructor() {
+    setInterval(() => this.#tick(), TICK_MS);
+  }
+
+  /** Ask who we are, and connect when we may. */
+  async start(): Promise<void> {
+    try {
+      const answer = await fetch('/api/v1/session');
+      if (answer.ok) this.session = (await answer.json()) as Session;
+      else if (answer.status === 401) this.session = null;
+      else throw new Error(String(answer.status));
+      this.asked = true;
+      if (this.session !== null) this.#connect();
+    } catch {
+      this.#later();
+    }
+  }
+
+  may(action: Action): boolean {
+    return this.welcome?.may.includes(action) ?? false;
+  }
+
+  /** Age of the newest status, now. */
+  since(): number {
+    return this.#freshAt === 0 ? Infinity : performance.now() - this.#freshAt;
+  }
+
+  /** Send a command; its reply is shown, and returned. */
+  async send<K extends keyof Commands>(type: K, keys: Commands[K]): Promise<Reply> {
+    const seq = this.#post(type, keys);
+    const reply = seq === 0 ? noAnswer('off') : await this.#reply(seq);
+    this.note = { ok: reply.ok, code: reply.code, text: reply.text };
+    return reply;
+  }
+
+  /** Send what has no reply but a refusal. False when there is no connection. */
+  post<K extends keyof Commands>(type: K, keys: Commands[K]): boolean {
+    return this.#post(type, keys) !== 0;
+  }
+
+  async logout(): Promise<void> {
+    await fetch('/api/v1/logout', {
+      method: 'POST',
+      headers: { 'Content-Type': 'application/json' },
+      body: '{}',
+    }).catch(() => {});
+    this.session = null;
+    this.#socket?.close();
+  }
+
+  #post<K extends keyof Commands>(type: K, keys: Commands[K]): number {
+    if (this.#socket?.readyState !== WebSocket.OPEN) return 0;
+    const epoch = WITHOUT_EPOCH.has(type) ? {} : { epoch: this.tags.epoch ?? 0 };
+    this.#seq += 1;
+    this.#socket.send(JSON.stringify({ type, seq: this.#seq, frame: this.#frame, ...epoch, ...keys }));
+    return this.#seq;
+  }
+
+  #reply(seq: number): Promise<Reply> {
+    return new Promise((resolve) => {
+      const timer = setTimeout(() => settle(noAnswer('silent')), NO_ANSWER_MS);
+      const settle = (reply: Reply): void => {
+        clearTimeout(timer);
+        this.#replies.delete(seq);
+        resolve(reply);
+      };
+      this.#replies.set(seq, settle);
+    });
+  }
+
+  #connect(): void {
+    const scheme = location.protocol === 'https:' ? 'wss:' : 'ws:';
+    const socket = new WebSocket(`${scheme}//${location.host}/api/v1/socket`);
+    this.#socket = socket;
+    this.#seq = 0;
+    socket.onmessage = (event) => this.#receive(JSON.parse(event.data as string) as Welcome | Status | Reply);
+    socket.onclose = (event) => this.#closed(event.code);
+  }
+
+  #closed(code: number): void {
+    this.open = false;
+    this.#socket = null;
+    this.#judge(true);
+    for (const settle of [...this.#replies.values()]) settle(noAnswer('off'));
+    if (code === CLOSED.session) this.session = null;
+    else if (this.session !== null) this.#later();
+  }
+
+  #later(): void {
+    setTimeout(() => void this.start(), this.#wait_ms);
+    this.#wait_ms = Math.min(2 * this.#wait_ms, 4000);
+  }
+
+  #receive(message: Welcome | Status | Reply): void {
+    if (message.type === 'welcome') {
+      this.welcome = message;
+      this.session = { user: message.user, role: message.role, may: message.may };
+      this.tags = {};
+      this.#lateness = new Lateness();
+      this.open = true;
+      this.#wait_ms = 500;
+    } else if (message.type === 'status') {
+      this.#status(message);
+    } else {
+      const settle = this.#replies.get(message.seq);
+      if (settle) settle(message);
+      else if (!message.ok) this.refused(message);
+    }
+  }
+
+  #status(status: Status): void {
+    const now = performance.now();
+    const late_ms =
+      this.#lateness.of(status.frame, now, this.welcome?.frame_ms ?? 50) + (status.age_ms ?? Infinity);
+    this.#frame = status.frame;
+    this.tags = { ...this.tags, ...status.tags };
+    if (status.fresh && late_ms < this.#limit_ms()) {
+      this.#freshAt = now - late_ms;
+      this.history.add(this.tags);
+    }
+    this.#judge();
+    this.watch();
+  }
+
+  #tick(): void {
+    this.#judge();
+    if (this.mine && performance.now() - this.#aliveAt > ALIVE_MS) {
+      this.#aliveAt = performance.now();
+      this.post('alive', {});
+    }
+    this.watch();
+  }
+
+  #limit_ms(): number {
+    return (this.welcome?.stale_ms ?? 500) - MARGIN_MS;
+  }
+
+  #judge(closed = false): void {
+    const stale = closed || !this.open || this.since() > this.#limit_ms();
+    if (stale && !this.stale) this.history.gap();
+    this.stale = stale;
+    if (stale) this.age_ms = this.since();
+  }
+}
+
+function noAnswer(code: 'off' | 'silent'): Reply {
+  return { type: 'reply', seq: 0, ok: false, code: '', text: code, journal: 0 };
+}
+
+export const link = new Link();

@@ -1,0 +1,248 @@
+// Written by tools/page_tables.py; do not edit, a test compares.
+
+export interface AlarmRow {
+  /** number of the alarm since the controller started */
+  id: number;
+  /** stable code, e.g. CTL-03 */
+  code: string;
+  /** INFO, WARNING, REFUSED or STOP */
+  severity: string;
+  /** two or three words */
+  title: string;
+  /** what was measured against which limit */
+  measured: string;
+  /** what gantryctl did about it */
+  done: string;
+  /** what to do */
+  to_do: string;
+  /** what it means */
+  cause: string;
+  /** the whole line */
+  text: string;
+  /** date and time, UTC */
+  at: string;
+  /** time of the scan */
+  time_s: number;
+  /** angle at the alarm */
+  pos_act_deg: number;
+  /** still latched or present */
+  active: boolean;
+  /** it stopped the axis */
+  first_out: boolean;
+  /** code of the first-out alarm that it follows, or empty */
+  follows: string;
+  /** only service may reset it */
+  lock: boolean;
+  /** who has seen it, or empty */
+  acknowledged_by: string;
+}
+
+export interface Tags {
+  /** Status frame number of the controller, one every 50 ms. Commands echo it. */
+  frame: number | null;
+  /** Command epoch. Commands of another epoch are refused. */
+  epoch: number | null;
+  /** Scans since the controller started. */
+  scan: number | null;
+  /** Nominal time of the scan since the controller started. [s] */
+  time_s: number | null;
+  /** Measured angle of the gantry, motor side. [deg] */
+  pos_act_deg: number | null;
+  /** Measured speed of the gantry, motor side. [deg/s] */
+  vel_act_deg_s: number | null;
+  /** Set-point angle. [deg] */
+  pos_ref_deg: number | null;
+  /** Set-point speed. [deg/s] */
+  vel_ref_deg_s: number | null;
+  /** Set-point acceleration. [deg/s2] */
+  acc_ref_deg_s2: number | null;
+  /** Speed command to the drive, at the gantry. [deg/s] */
+  vel_cmd_deg_s: number | null;
+  /** Following error: set-point minus measured angle. [deg] */
+  pos_err_deg: number | null;
+  /** Motor torque that the drive reports. [N m] */
+  torque_act_nm: number | null;
+  /** Motor torque expected from the motion so far (learned); null until learned. [N m] */
+  torque_expected_nm: number | null;
+  /** Part of the drive's overload budget used, 0..1. */
+  overload: number | null;
+  /** Where the present set-point plan ends. [deg] */
+  target_deg: number | null;
+  /** Until the set-point plan ends; 0 at rest. [s] */
+  time_left_s: number | null;
+  /** Way to rest if the key were released or Stop pressed now. [deg] */
+  stopping_angle_deg: number | null;
+  /** Way to rest with a quick stop now: rigid, no reaction. [deg] */
+  quick_stop_angle_deg: number | null;
+  /** Cable left in the minus direction. [deg] */
+  travel_left_minus_deg: number | null;
+  /** Cable left in the plus direction. [deg] */
+  travel_left_plus_deg: number | null;
+  /** PLCopen axis state. */
+  axis_state: 'disabled' | 'standstill' | 'homing' | 'discrete_motion' | 'continuous_motion' | 'synchronized_motion' | 'stopping' | 'error_stop' | null;
+  /** CiA 402 state of the drive. */
+  drive_state: 'unknown' | 'not_ready_to_switch_on' | 'switch_on_disabled' | 'ready_to_switch_on' | 'switched_on' | 'operation_enabled' | 'quick_stop_active' | 'fault_reaction_active' | 'fault' | null;
+  /** Where the power sequence is. */
+  power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'holding' | null;
+  /** Power is on: the axis follows commands. */
+  power: boolean | null;
+  /** Brake feedback contact. */
+  brake_open: boolean | null;
+  /** Brake release command. */
+  brake_open_cmd: boolean | null;
+  /** The set-point is at rest and no motion waits. */
+  at_rest: boolean | null;
+  /** At rest within the window for the dwell time. */
+  in_position: boolean | null;
+  /** The drive is at its torque limit. */
+  torque_limited: boolean | null;
+  /** The encoder can be believed. */
+  position_valid: boolean | null;
+  /** Emergency-stop chain closed. */
+  estop_ok: boolean | null;
+  /** Enabling switch pressed; see `speed_cap_deg_s`. */
+  enabling_switch: boolean | null;
+  /** Limit switch minus not reached. */
+  limit_minus_ok: boolean | null;
+  /** Limit switch plus not reached. */
+  limit_plus_ok: boolean | null;
+  /** Mains ready. */
+  mains_ready: boolean | null;
+  /** What is left of the hold-to-run lease; 0 when none lives. [ms] */
+  lease_left_ms: number | null;
+  /** Active alarms. */
+  alarm_count: number | null;
+  /** Commands refused by the program since the start. */
+  refusal_count: number | null;
+  /** Age of the drive's process data (TPDO) in this scan. [ms] */
+  feedback_age_ms: number | null;
+  /** Age of the drive's last heartbeat; null without a bus. [ms] */
+  heartbeat_age_ms: number | null;
+  /** Nominal scan period. [ms] */
+  scan_period_ms: number | null;
+  /** Lateness of the scans, median since the start. [us] */
+  scan_lateness_p50_us: number | null;
+  /** Lateness of the scans, 99 % are below. [us] */
+  scan_lateness_p99_us: number | null;
+  /** The latest scan. [us] */
+  scan_lateness_max_us: number | null;
+  /** The same 99 % as an angle at the highest speed. [deg] */
+  scan_lateness_p99_deg: number | null;
+  /** The latest scan as an angle at the highest speed. [deg] */
+  scan_lateness_max_deg: number | null;
+  /** Time a scan takes, median. [us] */
+  scan_run_p50_us: number | null;
+  /** Time a scan takes, 99 % are below. [us] */
+  scan_run_p99_us: number | null;
+  /** Scans that ended after the next one was due. */
+  scan_overruns: number | null;
+  /** Deadlines that passed without a scan. */
+  scan_skipped: number | null;
+  /** SCHED_FIFO and locked memory were granted. */
+  real_time: boolean | null;
+  /** Events handed to the journal by the controller. */
+  journal_sequence: number | null;
+  /** The last of them that is safe on the disk. */
+  journal_committed: number | null;
+  /** Health of the journal; anything but ok or slow refuses new motion. */
+  journal_state: 'ok' | 'slow' | 'full' | 'failed' | 'locked' | null;
+  /** A trace is being recorded. */
+  recording: boolean | null;
+  /** Rows that found no place in the trace ring. */
+  trace_rows_lost: number | null;
+  /** Who has control; empty when nobody. */
+  authority_user: string | null;
+  /** Client id of the holder; `welcome.client` is one's own. */
+  authority_client: string | null;
+  /** The holder sits at the local console. */
+  authority_local: boolean | null;
+  /** Motion mode; changes at standstill only. */
+  mode: 'none' | 'continuous' | 'incremental' | null;
+  /** Speed of moves, keys and increments. [deg/s] */
+  speed_setting_deg_s: number | null;
+  /** One increment. [deg] */
+  increment_deg: number | null;
+  /** Speed override, 0..100. [%] */
+  override_percent: number | null;
+  /** Acceleration and deceleration of normal motion. [deg/s2] */
+  acc_setting_deg_s2: number | null;
+  /** Lowest speed setting. [deg/s] */
+  speed_min_deg_s: number | null;
+  /** Highest speed setting. [deg/s] */
+  speed_max_deg_s: number | null;
+  /** Keys and increments above this need the enabling switch. [deg/s] */
+  speed_cap_deg_s: number | null;
+  /** Lowest acceleration setting. [deg/s2] */
+  acc_min_deg_s2: number | null;
+  /** Highest acceleration setting, that of the machine file. [deg/s2] */
+  acc_max_deg_s2: number | null;
+  /** Largest increment. [deg] */
+  increment_max_deg: number | null;
+  /** The set-point never passes this. [deg] */
+  pos_min_deg: number | null;
+  /** The set-point never passes this. [deg] */
+  pos_max_deg: number | null;
+  /** The measured angle trips beyond +- this. [deg] */
+  over_travel_deg: number | null;
+  /** Limit switches stand at +- this. [deg] */
+  limit_switch_deg: number | null;
+  /** Mechanical stops stand at +- this. [deg] */
+  mechanical_stop_deg: number | null;
+  /** Following error that stops the axis, at this speed. [deg] */
+  following_error_trip_deg: number | null;
+  /** Motor torque for ever. [N m] */
+  torque_rated_nm: number | null;
+  /** Motor torque limit. [N m] */
+  torque_max_nm: number | null;
+  /** Name of the machine. */
+  machine: string | null;
+  /** sim, ideal or canopen. */
+  drive_kind: string | null;
+  /** Short hash of the machine file in force. */
+  config_hash: string | null;
+  /** Version of gantryctl. */
+  version: string | null;
+  /** Why power cannot be switched on; empty when it can. */
+  blocked_by: string | null;
+  /** Eccentric moment at the gantry, learned from the torque; null until learned. [N m] */
+  eccentric_moment_nm: number | null;
+  /** Where it turns nothing; null until learned. [deg] */
+  eccentric_angle_deg: number | null;
+  /** This machine can test its brake. */
+  brake_test_available: boolean | null;
+  /** The last command that the program refused, and why. */
+  refusal_text: string | null;
+  /** Active alarms, the first-out first (rows below). */
+  alarms: AlarmRow[] | null;
+  /** The last 100 alarms, newest first (rows below). */
+  alarm_history: AlarmRow[] | null;
+}
+
+export type Role = 'viewer' | 'operator' | 'physicist' | 'service' | 'admin';
+export type Action = 'view' | 'stop' | 'quick_stop' | 'authority' | 'take_over' | 'power' | 'mode' | 'jog' | 'move' | 'halt' | 'reset' | 'acknowledge' | 'set_speed' | 'set_increment' | 'set_override' | 'set_acceleration' | 'brake_test' | 'reset_locked' | 'traces' | 'journal' | 'users';
+
+/** Who may do what, and whether it needs the control authority. */
+export const ROLES: Role[] = ["viewer", "operator", "physicist", "service", "admin"];
+export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boolean }[] = [
+  { action: 'view', what: "see everything that the page shows", roles: ["viewer", "operator", "physicist", "service", "admin"], control: false },
+  { action: 'stop', what: "Stop: jog-release ramp", roles: ["viewer", "operator", "physicist", "service", "admin"], control: false },
+  { action: 'quick_stop', what: "quick stop: ErrorStop afterwards", roles: ["viewer", "operator", "physicist", "service", "admin"], control: false },
+  { action: 'authority', what: "take control when it is free, give it back", roles: ["operator", "physicist", "service"], control: false },
+  { action: 'take_over', what: "take control over from somebody, at standstill", roles: ["operator", "physicist", "service"], control: false },
+  { action: 'power', what: "power on and off", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'mode', what: "choose the motion mode, at standstill", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'jog', what: "forward and reverse keys, increments", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'move', what: "move to an angle", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'halt', what: "stop on the normal ramp", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'reset', what: "reset alarms that are not locked", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'acknowledge', what: "acknowledge an alarm as seen", roles: ["operator", "physicist", "service"], control: false },
+  { action: 'set_speed', what: "speed setting", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'set_increment', what: "increment setting", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'set_override', what: "speed override", roles: ["operator", "physicist", "service"], control: true },
+  { action: 'set_acceleration', what: "acceleration setting, up to that of the machine file", roles: ["physicist", "service"], control: true },
+  { action: 'brake_test', what: "brake test", roles: ["physicist", "service"], control: true },
+  { action: 'reset_locked', what: "reset alarms that are locked", roles: ["service"], control: true },
+  { action: 'traces', what: "list and download recordings", roles: ["operator", "physicist", "service"], control: false },
+  { action: 'journal', what: "export the journal", roles: ["physicist", "service", "admin"], control: false },
+  { action: 'users', what: "users (on the command line)", roles: ["admin"], control: false },
+];

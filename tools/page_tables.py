@@ -1,0 +1,60 @@
+"""Write the tables of the service as TypeScript: tags, enums, actions and roles.
+
+    python tools/page_tables.py hmi/src/lib/tables.ts
+
+The page is type-checked against it, so a tag that is renamed in Python breaks the build of the page.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from gantryctl.service.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role
+from gantryctl.service.tags import ALARM_ROW, TAGS, Tag
+
+HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
+NUMBERS = {"float": "number", "int": "number", "bool": "boolean", "text": "string", "rows": "AlarmRow[]"}
+ROW_TYPES = {"id": "number", "time_s": "number", "pos_act_deg": "number", "active": "boolean"}
+ROW_TYPES |= {"first_out": "boolean", "lock": "boolean"}
+
+
+def _union(words: tuple[str, ...]) -> str:
+    return " | ".join(f"'{word}'" for word in words)
+
+
+def _type(tag: Tag) -> str:
+    return f"{_union(tag.labels)}" if tag.kind == "enum" else NUMBERS[tag.kind]
+
+
+def _tags() -> Iterator[str]:
+    yield "export interface AlarmRow {"
+    for key, meaning in ALARM_ROW.items():
+        yield f"  /** {meaning} */\n  {key}: {ROW_TYPES.get(key, 'string')};"
+    yield "}\n\nexport interface Tags {"
+    for tag in TAGS:
+        unit = f" [{tag.unit}]" if tag.unit else ""
+        yield f"  /** {tag.meaning}{unit} */\n  {tag.name}: {_type(tag)} | null;"
+    yield "}\n"
+
+
+def _roles() -> Iterator[str]:
+    yield f"export type Role = {_union(tuple(Role))};"
+    yield f"export type Action = {_union(tuple(Action))};\n"
+    yield "/** Who may do what, and whether it needs the control authority. */"
+    yield "export const ROLES: Role[] = " + json.dumps(list(Role)) + ";"
+    yield "export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boolean }[] = ["
+    for action in Action:
+        roles = json.dumps([role for role in Role if role in MAY[action]])
+        control = "true" if action in NEEDS_AUTHORITY else "false"
+        yield f"  {{ action: '{action}', what: {json.dumps(WORDS[action])}, roles: {roles}, control: {control} }},"
+    yield "];\n"
+
+
+def text() -> str:
+    """The whole file."""
+    return "\n".join([HEADER, *_tags(), *_roles()])
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(text(), encoding="utf-8")
