@@ -156,6 +156,7 @@ export class Link {
     } else if (message.type === 'status') {
       this.#status(message);
     } else {
+      if (message.epoch !== null) this.tags = { ...this.tags, epoch: message.epoch };
       const settle = this.#replies.get(message.seq);
       if (settle) settle(message);
       else if (!message.ok) this.refused(message);
@@ -198,7 +199,7 @@ export class Link {
 }
 
 function noAnswer(code: 'off' | 'silent'): Reply {
-  return { type: 'reply', seq: 0, ok: false, code: '', text: code, journal: 0 };
+  return { type: 'reply', seq: 0, ok: false, code: '', text: code, epoch: null, journal: 0 };
 }
 
 export const link = new Link();

@@ -33,6 +33,7 @@ export interface Reply {
   ok: boolean;
   code: string;
   text: string;
+  epoch: number | null;
   journal: number;
 }
 

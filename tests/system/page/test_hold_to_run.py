@@ -1,0 +1,168 @@
+"""Hold-to-run in a real browser: it moves while a key is held, and stops whatever ends that.
+
+Speed and angles are the controller's own, seen by a second connection that does not pass through the browser.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, Page, Playwright, expect
+
+from browser import (
+    Proxy,
+    browser_to_kill,
+    enter,
+    farthest_deg,
+    kill,
+    look_on,
+    press,
+    ready_to_jog,
+    until_moving,
+)
+from service_process import Page as Watcher
+from service_process import Service
+
+FRAMES_AFTER = 20
+"""A second of status frames: longer than any lease or reconnection."""
+
+
+def at_rest_before(watcher: Watcher, farthest: float) -> None:
+    """It comes to rest no farther than allowed, and does not start again."""
+    watcher.until(lambda tags: tags["at_rest"])
+    assert watcher.tags["pos_ref_deg"] <= farthest
+    assert set(look_on(watcher, FRAMES_AFTER)) == {0.0}
+
+
+def jogging(context: BrowserContext, service: Service, watcher: Watcher) -> Page:
+    page = enter(context, service, "operator")
+    ready_to_jog(page)
+    press(page)
+    until_moving(watcher)
+    return page
+
+
+def test_it_moves_while_held_with_a_lease_that_can_be_seen(
+    context: BrowserContext, page_service: Service, watcher: Watcher
+) -> None:
+    page = jogging(context, page_service, watcher)
+    key = page.locator("[data-hold=forward]")
+    expect(key).to_have_attribute("aria-pressed", "true")
+    expect(key.locator(".lease")).to_contain_text("lease 2")  # 200 to 250 ms: renewed every 30 ms
+    page.mouse.up()
+    at_rest_before(watcher, farthest_deg(watcher, lease_s=0.0))
+    expect(page.get_by_text("Released.")).to_be_visible()
+
+
+def test_space_bar_is_a_key_too(context: BrowserContext, page_service: Service, watcher: Watcher) -> None:
+    page = enter(context, page_service, "operator")
+    ready_to_jog(page)
+    page.locator("[data-hold=reverse]").focus()
+    page.keyboard.down(" ")
+    watcher.until(lambda tags: tags["vel_ref_deg_s"] < -0.05)
+    page.keyboard.up(" ")
+    at_rest_before(watcher, watcher.tags["pos_ref_deg"])
+
+
+ENDINGS: dict[str, Callable[[Page], object]] = {
+    "both keys": lambda page: page.locator("[data-hold=reverse]").dispatch_event("pointerdown", {"button": 0}),
+    "pointercancel": lambda page: page.locator("[data-hold=forward]").dispatch_event("pointercancel"),
+    "lost capture": lambda page: page.locator("[data-hold=forward]").dispatch_event("lostpointercapture"),
+    "window loses focus": lambda page: page.evaluate("() => { dispatchEvent(new Event('blur')) }"),
+    "page hidden": lambda page: page.evaluate(
+        "() => { document.dispatchEvent(new Event('visibilitychange')) }"
+    ),
+    "page left": lambda page: page.goto("about:blank"),
+    "another area": lambda page: page.keyboard.press("1"),
+    "Esc": lambda page: page.keyboard.press("Escape"),
+    "Stop button": lambda page: page.locator(".stopkey").dispatch_event("click"),
+    "tab closed": lambda page: page.close(),
+}
+
+
+@pytest.mark.parametrize("name", ENDINGS)
+def test_it_stops_however_the_press_ends(
+    name: str, context: BrowserContext, page_service: Service, watcher: Watcher
+) -> None:
+    page = jogging(context, page_service, watcher)
+    ENDINGS[name](page)
+    at_rest_before(watcher, farthest_deg(watcher))
+
+
+def test_it_stops_when_the_browser_is_killed(
+    playwright: Playwright, page_service: Service, watcher: Watcher, tmp_path: Path
+) -> None:
+    with browser_to_kill(playwright, tmp_path) as context:
+        jogging(context, page_service, watcher)
+        kill(tmp_path)
+        at_rest_before(watcher, farthest_deg(watcher))
+
+
+def frozen_page(context: BrowserContext, service: Service) -> Page:
+    page = enter(context, service, "operator", frozen=True)
+    ready_to_jog(page)
+    return page
+
+
+@pytest.mark.parametrize("frozen_ms", [60, 120])
+def test_a_short_freeze_of_the_network_does_not_stop_it(
+    frozen_ms: int, context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
+) -> None:
+    page = frozen_page(context, page_service)
+    press(page)
+    until_moving(watcher)
+    proxy.frozen_for(frozen_ms / 1000)
+    assert min(look_on(watcher, FRAMES_AFTER)) > 0.0
+    page.mouse.up()
+
+
+@pytest.mark.parametrize("frozen_ms", [400, 800, 1200])
+def test_a_long_freeze_stops_it_once_and_for_good(
+    frozen_ms: int, context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
+) -> None:
+    """The button is still down after the thaw: only a new press may move the axis again."""
+    page = frozen_page(context, page_service)
+    press(page)
+    until_moving(watcher)
+    farthest = farthest_deg(watcher)
+    proxy.frozen_for(frozen_ms / 1000)
+    at_rest_before(watcher, farthest)
+    expect(page.locator("[data-hold=forward]")).to_have_attribute("aria-pressed", "false")
+    page.locator("[data-stale=false]").wait_for()
+    page.mouse.up()
+    press(page)
+    until_moving(watcher)
+
+
+@pytest.mark.parametrize("frozen_ms", [120, 400, 1000])
+def test_press_and_release_within_a_freeze_move_nothing(
+    frozen_ms: int, context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
+) -> None:
+    page = frozen_page(context, page_service)
+    page.locator("[data-hold=forward]").hover()
+    before = watcher.look()["pos_ref_deg"]
+    proxy.freeze()
+    page.mouse.down()
+    page.mouse.up()
+    proxy.frozen_for(frozen_ms / 1000)
+    assert set(look_on(watcher, FRAMES_AFTER + frozen_ms // 50)) == {0.0}
+    assert watcher.tags["pos_ref_deg"] == before
+
+
+def test_stale_data_are_shown_stale_and_nothing_that_moves_is_offered(
+    context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
+) -> None:
+    page = frozen_page(context, page_service)
+    proxy.freeze()
+    # 500 ms for the page, the rest for a machine that runs other tests beside it.
+    expect(page.locator("[data-stale=true]")).to_be_attached(timeout=1500)
+    expect(page.get_by_test_id("stale")).to_contain_text("STALE DATA")
+    moving = page.locator("button[data-motion]")
+    assert moving.count() >= 10
+    assert all(moving.nth(i).is_disabled() for i in range(moving.count()))
+    expect(page.locator(".stopkey")).to_be_enabled()
+    proxy.thaw()
+    page.locator("[data-stale=false]").wait_for()
+    expect(page.locator("[data-hold=forward]")).to_be_enabled()
