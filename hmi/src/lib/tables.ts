@@ -206,7 +206,7 @@ export interface Tags {
   blocked_by: string | null;
   /** Eccentric moment at the gantry, learned from the torque; null until learned. [N m] */
   eccentric_moment_nm: number | null;
-  /** Where it turns nothing; null until learned. [deg] */
+  /** Where it would come to rest by itself; null until learned. [deg] */
   eccentric_angle_deg: number | null;
   /** This machine can test its brake. */
   brake_test_available: boolean | null;
@@ -214,7 +214,7 @@ export interface Tags {
   refusal_text: string | null;
   /** Active alarms, the first-out first (rows below). */
   alarms: AlarmRow[] | null;
-  /** The last 100 alarms, newest first (rows below). */
+  /** The last 50 alarms, newest first (rows below). */
   alarm_history: AlarmRow[] | null;
 }
 

@@ -46,16 +46,17 @@ def browser(playwright: Playwright, page_service: Service, proxy: Proxy) -> Iter
 
 
 @pytest.fixture
-def context(browser: Browser) -> Iterator[BrowserContext]:
-    made = browser.new_context(viewport=SIZE, locale="en-GB")
-    yield made
-    made.close()
-
-
-@pytest.fixture
 def watcher(page_service: Service) -> Iterator[Watcher]:
     """Somebody who looks on past the proxy, and leaves the axis at rest and free."""
     with page_service.page("viewer") as made:
         yield made
         made.do("stop")
         made.until(lambda tags: tags["at_rest"] and not tags["authority_user"])
+
+
+@pytest.fixture
+def context(browser: Browser, watcher: Watcher) -> Iterator[BrowserContext]:
+    """Closed before the watcher waits for the axis to be free."""
+    made = browser.new_context(viewport=SIZE, locale="en-GB")
+    yield made
+    made.close()

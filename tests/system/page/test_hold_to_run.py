@@ -27,6 +27,7 @@ from service_process import Service
 
 FRAMES_AFTER = 20
 """A second of status frames: longer than any lease or reconnection."""
+FRAMES_OF_A_LEASE = 8
 
 
 def at_rest_before(watcher: Watcher, farthest: float) -> None:
@@ -74,20 +75,34 @@ ENDINGS: dict[str, Callable[[Page], object]] = {
     "page hidden": lambda page: page.evaluate(
         "() => { document.dispatchEvent(new Event('visibilitychange')) }"
     ),
-    "page left": lambda page: page.goto("about:blank"),
-    "another area": lambda page: page.keyboard.press("1"),
     "Esc": lambda page: page.keyboard.press("Escape"),
     "Stop button": lambda page: page.locator(".stopkey").dispatch_event("click"),
-    "tab closed": lambda page: page.close(),
+    "another area": lambda page: page.keyboard.press("1"),
 }
 
 
-@pytest.mark.parametrize("name", ENDINGS)
 def test_it_stops_however_the_press_ends(
-    name: str, context: BrowserContext, page_service: Service, watcher: Watcher
+    context: BrowserContext, page_service: Service, watcher: Watcher
+) -> None:
+    page = enter(context, page_service, "operator")
+    ready_to_jog(page)
+    for name, end in ENDINGS.items():
+        press(page)
+        until_moving(watcher)
+        end(page)
+        farthest = farthest_deg(watcher)
+        watcher.until(lambda tags: tags["at_rest"])
+        assert watcher.tags["pos_ref_deg"] <= farthest, name
+        assert set(look_on(watcher, FRAMES_OF_A_LEASE)) == {0.0}, name
+        page.mouse.up()
+
+
+@pytest.mark.parametrize("leave", ["close", "elsewhere"])
+def test_it_stops_when_the_page_is_left(
+    leave: str, context: BrowserContext, page_service: Service, watcher: Watcher
 ) -> None:
     page = jogging(context, page_service, watcher)
-    ENDINGS[name](page)
+    page.close() if leave == "close" else page.goto("about:blank")
     at_rest_before(watcher, farthest_deg(watcher))
 
 

@@ -1,0 +1,207 @@
+"""The five areas of the page: what they show is what the service says, and what they offer works."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import BrowserContext, ConsoleMessage, Page, expect
+
+from browser import address, enter, ready_to_jog
+from service_process import PASSWORD, Service
+from service_process import Page as Watcher
+
+AREAS = ["display", "operation", "settings", "alarms", "diagnosis"]
+
+
+def number(text: str) -> float:
+    return float(text.replace("−", "-"))
+
+
+@pytest.fixture
+def page(context: BrowserContext, page_service: Service) -> Page:
+    return enter(context, page_service, "service", "display")
+
+
+def test_a_person_logs_in_with_a_password_and_out_again(
+    context: BrowserContext, page_service: Service
+) -> None:
+    page = context.new_page()
+    page.goto(address(page_service))
+    page.get_by_label("User").fill("viewer")
+    page.get_by_label("Password").fill("not the password")
+    page.get_by_role("button", name="Log in").click()
+    expect(page.get_by_role("alert")).to_have_text("User or password is wrong.")
+    page.get_by_label("Password").fill(PASSWORD)
+    page.get_by_role("button", name="Log in").click()
+    expect(page.get_by_test_id("user")).to_contain_text("viewer")
+    page.get_by_role("button", name="Log out").click()
+    expect(page.get_by_label("Password")).to_be_visible()
+
+
+def test_nothing_leaves_the_machine_and_no_policy_is_broken(
+    context: BrowserContext, page_service: Service
+) -> None:
+    """Every request of a round through all areas, in both languages and themes."""
+    hosts: set[str] = set()
+    said: list[ConsoleMessage] = []
+    context.on("request", lambda request: hosts.add(request.url.split("/")[2]))
+    context.on("console", said.append)
+    page = enter(context, page_service, "service", "display")
+    for language in ("中文", "English"):
+        for area in AREAS:
+            page.locator(f"#tab-{area}").click()
+            expect(page.locator(f"[data-area={area}]")).to_be_visible()
+        page.get_by_role("button", name=language).click()
+        page.locator("header .who button").nth(1).click()
+    assert hosts == {page_service.address}
+    assert [message.text for message in said if message.type in ("error", "warning")] == []
+
+
+def test_display_shows_what_the_controller_says(page: Page, watcher: Watcher) -> None:
+    tags = watcher.look()
+    angle = page.locator("main [data-tag=pos_act_deg]")
+    expect(angle).to_have_text(re.compile(r"^−?\d+\.\d\d$"))
+    assert number(angle.inner_text()) == pytest.approx(tags["pos_act_deg"], abs=0.006)  # two decimals
+    expect(page.get_by_role("img", name="The gantry at")).to_be_visible()
+    expect(page.get_by_role("img", name=re.compile("Cable: .* left in minus"))).to_be_visible()
+    expect(page.locator(".overview [data-tag=mode]")).to_have_text(tags["mode"])
+
+
+def test_strip_chart_pauses_and_exports_what_it_shows(page: Page, tmp_path: Path) -> None:
+    page.locator(".u-legend .u-value").first.filter(has_text=" s").wait_for()
+    page.get_by_role("button", name="Pause").click()
+    expect(page.get_by_text("PAUSED")).to_be_visible()
+    shown = page.locator(".u-legend").inner_text()
+    with page.expect_download() as wanted:
+        page.get_by_role("button", name="Export CSV").click()
+    file = tmp_path / "chart.csv"
+    wanted.value.save_as(file)
+    with file.open(encoding="utf-8") as lines:
+        rows = list(csv.DictReader(lines))
+    assert {"time_s", "pos_act_deg", "pos_ref_deg", "torque_act_nm"} <= set(rows[0])
+    times = [float(row["time_s"]) for row in rows]
+    assert times == sorted(times)
+    assert page.locator(".u-legend").inner_text() == shown
+    assert f"{times[-1]:.2f} s" in shown
+
+
+def test_operation_power_increment_move_and_halt(page: Page, watcher: Watcher) -> None:
+    page.keyboard.press("2")
+    ready_to_jog(page)
+    page.get_by_role("button", name="incremental").click()
+    start = watcher.look()["pos_ref_deg"]
+    page.get_by_role("button", name="+1.00°").click()
+    watcher.until(lambda tags: tags["at_rest"] and tags["pos_ref_deg"] > start + 0.5)
+    assert watcher.tags["pos_ref_deg"] == pytest.approx(start + 1.0, abs=1e-4)  # six decimals are sent
+    page.get_by_label("Target").fill("179,5")
+    page.get_by_role("button", name="Move to 179.50°").click()
+    watcher.until(lambda tags: tags["axis_state"] == "discrete_motion" and tags["vel_ref_deg_s"] > 0.1)
+    expect(page.locator(".travel .target")).to_be_visible()
+    page.get_by_role("button", name="Halt").click()
+    watcher.until(lambda tags: tags["at_rest"])
+    assert watcher.tags["pos_ref_deg"] < start + 10.0
+
+
+@pytest.mark.parametrize(("typed", "why"), [("181", "Beyond the travel."), ("1e3", "Type an angle.")])
+def test_a_move_that_cannot_be_is_not_offered(page: Page, typed: str, why: str) -> None:
+    page.keyboard.press("2")
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_label("Target").fill(typed)
+    button = page.locator(".move form > button").first
+    expect(button).to_be_disabled()
+    expect(button).to_have_attribute("title", re.compile(f"{re.escape(why)}|Power is off"))
+
+
+def test_settings_are_shown_changed_and_held_to_their_limits(page: Page, watcher: Watcher) -> None:
+    page.keyboard.press("3")
+    page.get_by_role("button", name="Take control").click()
+    speed = page.locator("form.setting").filter(has=page.locator("#speed_setting_deg_s"))
+    speed.get_by_role("textbox").fill("0.15")
+    speed.get_by_role("button", name="Set").click()
+    expect(page.locator("output[data-tag=speed_setting_deg_s]")).to_contain_text("0.150 r/min (0.900 °/s)")
+    assert watcher.until(lambda tags: tags["speed_setting_deg_s"] == 0.9)
+    speed.get_by_role("textbox").fill("0.05")
+    expect(speed.get_by_role("button", name="Set")).to_be_disabled()
+    expect(speed.get_by_text("Outside the allowed range.")).to_be_visible()
+    speed.get_by_role("textbox").fill("0.1")
+    speed.get_by_role("textbox").press("Enter")
+    watcher.until(lambda tags: tags["speed_setting_deg_s"] == 0.6)
+
+
+def test_alarms_first_out_acknowledge_and_reset(page: Page, watcher: Watcher) -> None:
+    page.get_by_role("button", name="Take control").click()
+    page.get_by_role("button", name="Quick stop").click()
+    expect(page.get_by_test_id("alarm")).to_contain_text("INT-06")
+    expect(page.locator(".overview .alarm [data-tag=axis_state]")).to_have_text("Error stop")
+    page.keyboard.press("4")
+    active = page.get_by_role("table", name="Active alarms")
+    expect(active).to_contain_text("first out")
+    expect(page.get_by_label("The chosen alarm")).to_contain_text("What to do")
+    page.get_by_role("button", name="Acknowledge").click()
+    expect(active).to_contain_text("service")
+    watcher.until(lambda tags: tags["at_rest"] and tags["power_phase"] == "off")
+    page.get_by_role("button", name="Reset").click()
+    expect(active.locator("tbody")).to_have_text("none")
+    expect(page.get_by_role("table", name="History")).to_contain_text("INT-06")
+
+
+def test_diagnosis_drive_interlocks_timing_recordings_and_tags(page: Page, watcher: Watcher) -> None:
+    page.keyboard.press("5")
+    state = watcher.look()["drive_state"]
+    expect(page.locator(".diagram .now")).to_have_attribute("data-state", state)
+    expect(page.locator(".lamp").filter(has_text="Emergency-stop chain closed")).to_contain_text("yes")
+    expect(page.get_by_label("Scan")).to_contain_text("Late, 99 %")
+    expect(page.locator("[data-tag=feedback_age_ms]")).to_have_text(re.compile(r"^\d+\.\d ms$"))
+    page.get_by_role("button", name="List recordings").click()
+    expect(page.locator(".files li").first).to_be_visible()
+    page.get_by_text("All tags").click()
+    expect(page.get_by_role("row", name=re.compile("^journal_committed "))).to_be_visible()
+
+
+def test_chinese_dark_and_back_after_a_reload(page: Page) -> None:
+    page.get_by_role("button", name="中文").click()
+    expect(page.locator("#tab-operation")).to_have_text("操作")
+    expect(page.locator("html")).to_have_attribute("lang", "zh-CN")
+    page.get_by_role("button", name="深色").click()
+    expect(page.locator("html")).to_have_attribute("data-theme", "dark")
+    page.reload()
+    expect(page.locator("#tab-alarms")).to_have_text("报警")
+    expect(page.locator("html")).to_have_attribute("data-theme", "dark")
+
+
+def test_keyboard_alone_reaches_every_area_and_every_control_has_a_name(page: Page) -> None:
+    page.locator("#tab-display").focus()
+    for area in [*AREAS[1:], AREAS[0]]:
+        page.keyboard.press("ArrowRight")
+        expect(page.locator(f"#tab-{area}")).to_be_focused()
+        expect(page.locator(f"[data-area={area}]")).to_be_visible()
+        nameless = page.evaluate(
+            """() => [...document.querySelectorAll('button, select, input, [role=img], [role=meter]')]
+                .filter((e) => !(e.getAttribute('aria-label') || e.innerText?.trim() || e.labels?.length))
+                .map((e) => e.outerHTML)"""
+        )
+        assert nameless == []
+
+
+@pytest.mark.parametrize("area", AREAS)
+def test_it_fits_on_1024_by_768(page: Page, area: str) -> None:
+    page.locator(f"#tab-{area}").click()
+    wide = page.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
+    assert wide[0] <= wide[1]
+    for name in ("Stop", "Quick stop"):
+        box = page.get_by_role("button", name=name, exact=True).bounding_box()
+        assert box is not None and box["x"] + box["width"] <= 1024 and box["y"] + box["height"] <= 768
+
+
+def test_the_page_says_what_rest_says(page_service: Service, page: Page) -> None:
+    """One table: the machine's name and the labels of the modes come from the same tags."""
+    cookie = page_service.log_in("viewer")
+    code, body, _ = page_service.request("GET", "/api/v1/tags", cookie=cookie)
+    assert code == 200
+    rows = {row["name"]: row for row in json.loads(body)}
+    shown = page.evaluate("() => [...document.querySelectorAll('[data-tag]')].map((e) => e.dataset.tag)")
+    assert set(shown) <= set(rows)
