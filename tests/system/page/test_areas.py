@@ -49,7 +49,7 @@ def test_nothing_leaves_the_machine_and_no_policy_is_broken(
     hosts: set[str] = set()
     said: list[ConsoleMessage] = []
     context.on("request", lambda request: hosts.add(request.url.split("/")[2]))
-    context.on("console", said.append)
+    context.on("console", lambda message: said.append(message))
     page = enter(context, page_service, "service", "display")
     for language in ("中文", "English"):
         for area in AREAS:

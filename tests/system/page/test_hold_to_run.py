@@ -68,7 +68,9 @@ def test_space_bar_is_a_key_too(context: BrowserContext, page_service: Service, 
 
 
 ENDINGS: dict[str, Callable[[Page], object]] = {
-    "both keys": lambda page: page.locator("[data-hold=reverse]").dispatch_event("pointerdown", {"button": 0}),
+    "both keys": lambda page: page.locator("[data-hold=reverse]").dispatch_event(
+        "pointerdown", {"button": 0}
+    ),
     "pointercancel": lambda page: page.locator("[data-hold=forward]").dispatch_event("pointercancel"),
     "lost capture": lambda page: page.locator("[data-hold=forward]").dispatch_event("lostpointercapture"),
     "window loses focus": lambda page: page.evaluate("() => { dispatchEvent(new Event('blur')) }"),
