@@ -12,8 +12,8 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, BrowserContext, Page, Playwright
 
-from service_process import Service
 from service_process import Page as Watcher
+from service_process import Service
 
 CHROMIUM = "/usr/bin/chromium"
 FLAGS = [

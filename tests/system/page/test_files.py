@@ -36,7 +36,8 @@ def test_the_first_file_has_nothing_inline() -> None:
 def test_the_tables_of_the_page_are_those_of_the_service() -> None:
     """After a change: python tools/page_tables.py hmi/src/lib/tables.ts, then make page."""
     spec = importlib.util.spec_from_file_location("page_tables", ROOT / "tools" / "page_tables.py")
-    assert spec is not None and spec.loader is not None
+    assert spec is not None
+    assert spec.loader is not None
     tables = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(tables)
     assert (ROOT / "hmi/src/lib/tables.ts").read_text(encoding="utf-8") == tables.text()

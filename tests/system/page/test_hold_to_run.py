@@ -99,7 +99,7 @@ def test_it_stops_however_the_press_ends(
         page.mouse.up()
 
 
-@pytest.mark.parametrize("leave", ["close", "elsewhere"])
+@pytest.mark.parametrize("leave", ["close", pytest.param("elsewhere", marks=pytest.mark.slow)])
 def test_it_stops_when_the_page_is_left(
     leave: str, context: BrowserContext, page_service: Service, watcher: Watcher
 ) -> None:
@@ -123,19 +123,21 @@ def frozen_page(context: BrowserContext, service: Service) -> Page:
     return page
 
 
-@pytest.mark.parametrize("frozen_ms", [60, 120])
 def test_a_short_freeze_of_the_network_does_not_stop_it(
-    frozen_ms: int, context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
+    context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
 ) -> None:
+    """60 to 200 ms, ten times each: test_gestures.py."""
     page = frozen_page(context, page_service)
     press(page)
     until_moving(watcher)
-    proxy.frozen_for(frozen_ms / 1000)
+    proxy.frozen_for(0.12)
     assert min(look_on(watcher, FRAMES_AFTER)) > 0.0
     page.mouse.up()
 
 
-@pytest.mark.parametrize("frozen_ms", [400, 800, 1200])
+@pytest.mark.parametrize(
+    "frozen_ms", [pytest.param(400, marks=pytest.mark.slow), 800, pytest.param(1200, marks=pytest.mark.slow)]
+)
 def test_a_long_freeze_stops_it_once_and_for_good(
     frozen_ms: int, context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
 ) -> None:
@@ -153,7 +155,9 @@ def test_a_long_freeze_stops_it_once_and_for_good(
     until_moving(watcher)
 
 
-@pytest.mark.parametrize("frozen_ms", [120, 400, 1000])
+@pytest.mark.parametrize(
+    "frozen_ms", [pytest.param(120, marks=pytest.mark.slow), 400, pytest.param(1000, marks=pytest.mark.slow)]
+)
 def test_press_and_release_within_a_freeze_move_nothing(
     frozen_ms: int, context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
 ) -> None:

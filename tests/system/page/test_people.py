@@ -64,7 +64,6 @@ def offered(page: Page) -> set[Action]:
         found.add(Action.JOG)
     if page.get_by_role("button", name="Move to 1.00°").is_enabled():
         found.add(Action.MOVE)
-    page.keyboard.press("Tab")
     page.locator("#tab-settings").click()
     for action, tag in {
         Action.SPEED: "speed_setting_deg_s",
@@ -79,7 +78,12 @@ def offered(page: Page) -> set[Action]:
     return found
 
 
-@pytest.mark.parametrize("role", list(Role))
+QUICK = (Role.VIEWER, Role.PHYSICIST)
+
+
+@pytest.mark.parametrize(
+    "role", [role if role in QUICK else pytest.param(role, marks=pytest.mark.slow) for role in Role]
+)
 def test_each_role_is_offered_what_the_table_allows_and_no_more(
     role: Role, context: BrowserContext, page_service: Service, watcher: Watcher
 ) -> None:
