@@ -10,7 +10,7 @@ LOCK := uv pip compile --quiet --upgrade --generate-hashes --no-header --no-anno
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core format lock wheel clean
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core format lock wheel clean page page-check screenshots
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the Python tests: what CI runs"
@@ -84,9 +84,25 @@ lock:
 	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
 	$(LOCK) --group pyproject.toml:dev -c requirements/run.txt -c requirements/build.txt -o requirements/dev.txt
 
+# The operator page: needs npm, which nobody else does; the built page is committed.
+hmi/node_modules/.package-lock.json: hmi/package.json hmi/package-lock.json
+	cd hmi && npm ci --no-progress
+
+page: setup hmi/node_modules/.package-lock.json
+	.venv/bin/python tools/page_tables.py hmi/src/lib/tables.ts
+	cd hmi && npm run --silent format && npm run --silent check && npm run --silent build
+
+# What is committed is what the sources give, byte for byte.
+page-check: hmi/node_modules/.package-lock.json
+	cd hmi && npm run --silent lint && npm run --silent check && npm run --silent build -- --outDir ../build/page
+	diff -r build/page src/gantryctl/gateway/page
+
+screenshots: setup
+	.venv/bin/python tests/page_screenshots.py docs/hmi
+
 wheel: .venv/run.stamp
 	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .
 
 clean:
-	rm -rf build dist .venv demo_report .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf build dist .venv hmi/node_modules demo_report .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
 	rm -f src/gantryctl/_core.pyi src/gantryctl/configs
