@@ -20,8 +20,8 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, short_hash
 
 _LEADS: Final = (
-    "compensations are on: the motor leaves the set-point on purpose, so the motor side of the speed test may fail the "
-    "paper's limit; judge the load side"
+    "compensations are on: the motor leaves the set-point on purpose, so the motor side of the speed test is not "
+    "judged by the paper's limit; look at the load side"
 )
 ENSEMBLE_CHUNK = 32
 """Gears taken through the test at once: enough for every processor, little memory."""
@@ -101,7 +101,7 @@ def accuracy_report(
         phases_fitted=phases_fitted(machine),
         speed=speed,
         ensemble=ensemble_a(machine, job) if job.ensemble else None,
-        notes=(_LEADS,) if machine.control.compensation.any_active else (),
+        notes=(_LEADS,) if machine.control.compensation.moves_motor else (),
     )
 
 

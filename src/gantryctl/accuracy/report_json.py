@@ -116,6 +116,7 @@ def speed_to_dict(run: SpeedRun) -> dict[str, Any]:
         "motor_error_deg_s",
         "load_error_deg_s",
         "stick_slip",
+        "motor_judged",
     )
     return {
         "direction": run.direction.value,

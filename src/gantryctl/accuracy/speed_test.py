@@ -93,5 +93,6 @@ def _evaluate(
         motor_error_deg_s=float(np.max(np.abs(motor - ref))),
         load_error_deg_s=float(np.max(np.abs(load - ref))),
         stick_slip=bool(np.any(direction.sign * load[cruise] < _STICK_PART * speed_deg_s)),
+        motor_judged=not machine.control.compensation.moves_motor,
         curves=SpeedCurves(time_s[thin], ref[thin], motor[thin], load[thin]),
     )

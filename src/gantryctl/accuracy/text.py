@@ -144,6 +144,8 @@ def speed_lines(runs: Sequence[SpeedRun]) -> str:
             f"{run.reached_deg_s:10.3f}{run.motor_error_deg_s:13.4f}   {load}"
             + ("   stick-slip" if run.stick_slip else "")
         )
+    if not all(run.motor_judged for run in runs):
+        lines.append("motor side not judged: compensations move the motor off the set-point on purpose")
     return "\n".join(lines)
 
 

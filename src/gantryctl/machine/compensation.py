@@ -116,6 +116,13 @@ class Compensation(Table):
         return self.needs_calibration or self.load_encoder.active or self.latency_us > 0.0
 
     @property
+    def moves_motor(self) -> bool:
+        """Whether the motor leaves the set-point on purpose, so that the load keeps it."""
+        windup = self.windup
+        moved = windup.active or windup.reversal or self.gear_map.active
+        return moved or self.load_encoder.active or self.damping.active
+
+    @property
     def needs_calibration(self) -> bool:
         """Whether something that is on lives on identified values."""
         torque, windup, encoder = self.torque, self.windup, self.load_encoder

@@ -82,6 +82,8 @@ def test_speed_test(report: AccuracyReport) -> None:
     wild = dataclasses.replace(report.speed[0], motor_error_deg_s=0.0101)
     assert not slow.passed
     assert not wild.passed
+    assert dataclasses.replace(wild, motor_judged=False).passed
+    assert not dataclasses.replace(slow, motor_judged=False).passed
     assert dataclasses.replace(report, speed=(slow,)).speed_passed is False
     assert MEASURED.speed_passed is None
     assert "stick-slip at 0.6 deg/s ccw, 0.6 deg/s cw" in report.warnings
