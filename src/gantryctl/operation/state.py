@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.devices.canopen import CanopenDrive
-from gantryctl.errors import CommandRefused, UsageError
+from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.operation.absolute import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
@@ -62,32 +62,56 @@ class MachineStatus:
 
 
 def machine_status(machine: Machine) -> MachineStatus:
-    """The state that the last run left behind; nothing is changed."""
-    with StateStore(machine) as store, looked_at(machine, store) as virtual:
-        retained = virtual.retained
-        reading = evaluate(
-            encoder_scale(machine, virtual.drive), virtual.drive.read().pos_act_counts, retained
-        )
+    """The state that the last run left behind; nothing is changed.
+
+    A drive on a bus that cannot be reached is said; what is retained is shown all the same.
+    """
+    with StateStore(machine) as store:
+        try:
+            with looked_at(machine, store) as found:
+                seen = found.drive.read()
+                reading = evaluate(encoder_scale(machine, found.drive), seen.pos_act_counts, found.retained)
+        except StateError:
+            raise
+        except DeviceError as fault:
+            retained = None if is_simulated(machine) else store.load_retained()
+            if retained is None:
+                raise
+            return _status(machine, store, retained, "the drive cannot be reached", None, str(fault), ())
+    retained = found.retained
     held = refusal(reading)
-    if retained.error_stop:
-        condition = (
-            f"stopped by alarm {retained.error_stop}; `gantryctl explain {retained.error_stop}`, then reset"
-        )
-    else:
-        condition = "power off, brake closed" if held is None else "may not move"
+    condition = "power off, brake closed" if held is None else "may not move"
+    if seen.state in _MOVABLE:
+        condition = f"the drive is in {seen.state.name.lower().replace('_', ' ')}: another controller runs it"
+    words = held or reading.verdict.value
+    return _status(machine, store, retained, condition, reading.angle_deg, words, found.notes)
+
+
+def _status(
+    machine: Machine,
+    store: StateStore,
+    retained: Retained,
+    condition: str,
+    angle_deg: float | None,
+    encoder: str,
+    notes: tuple[str, ...],
+) -> MachineStatus:
+    code = retained.error_stop
+    if code:
+        condition = f"stopped by alarm {code}; `gantryctl explain {code}`, then reset"
     return MachineStatus(
         machine=machine.name,
         condition=condition,
-        angle_deg=reading.angle_deg,
-        encoder=held or reading.verdict.value,
+        angle_deg=angle_deg,
+        encoder=encoder,
         last_result=retained.last_result,
         last_alarm=retained.alarms[-1].text if retained.alarms else "",
-        error_stop=retained.error_stop,
+        error_stop=code,
         power_ups=retained.power_ups,
         moves=retained.moves,
         travelled_deg=deg(retained.travelled_rad),
         directory=str(store.directory),
-        notes=virtual.notes,
+        notes=notes,
     )
 
 

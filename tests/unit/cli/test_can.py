@@ -88,6 +88,20 @@ def test_a_real_drive_is_not_moved_without_a_record(tmp_path: Path, monkeypatch:
     assert cli("move", "5", "--config", config, "--fresh").code == 2
 
 
+def test_status_speaks_of_what_is_retained_when_the_drive_is_out_of_reach(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    config = tmp_path / "real.toml"
+    assert cli("move", "2", "--config", CONFIG).code == 0
+    bus = {"can.interface": "virtual", "can.channel": "x", "can.sdo_timeout_ms": 10.0}
+    config.write_text(to_toml(with_values(load_machine(CONFIG), bus)), encoding="utf-8")
+    answer = cli("status", "--config", config, "--json")
+    assert answer.code == 0
+    assert answer.json["condition"] == "the drive cannot be reached"
+    assert answer.json["moves"] == 1
+
+
 def test_commission_says_what_could_move() -> None:
     answer = cli("commission", "--with-sim", "--dry-run")
     assert answer.code == 0
