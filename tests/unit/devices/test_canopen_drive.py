@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import can
 import pytest
 
 from gantryctl.drive_sim.abort import Abort, SdoAbort
@@ -120,6 +121,35 @@ def test_a_dead_drive_ages_and_its_heartbeat_is_missed() -> None:
     assert ages == list(range(1, 11))
     lost = next(k for k in range(200) if bench.scan().link & LinkFlag.HEARTBEAT_LOST)
     assert (10 + lost) * SYNC_S <= 0.170  # E9: time-out 150 ms and not much more
+
+
+def test_a_bus_that_goes_down_in_motion_and_comes_back_never_moves_the_axis_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The controller can do nothing; the drive's own watch stops the axis, and the bus recovers without motion."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    begun = bench.load_deg
+
+    def gone(*_: object, **__: object) -> None:
+        raise can.CanOperationError("bus-off")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(bench.link._bus, "send", gone)
+        flags = LinkFlag.NONE
+        for _ in range(250):
+            flags |= bench.scan(ENABLE, 1.0).link
+            bench.virtual.advance(4000)  # no SYNC steps it any more: its time goes on by itself
+    assert flags & LinkFlag.BUS_DOWN
+    way = bench.load_deg - begun
+    # 1 deg/s for the deadline of 50 ms and its granularity, the ramp of 5.4 deg/s2, some swing
+    assert 0.0 < way < 1.0 * 0.07 + 1.0 / (2.0 * 5.4) + 0.05
+    assert bench.virtual.axis.state.name == "FAULT"
+    stood = bench.virtual.motor.counts
+    bench.run(1.0, ENABLE, 1.0)  # the bus is back, and somebody still wants to move
+    assert not bench.virtual.motor.brake_open
+    # The load swings on against the braked motor, which gives way by less than a thousandth of a turn.
+    assert abs(bench.virtual.motor.counts - stood) < 1e-3 * bench.virtual.hardware.fine_counts_per_turn
 
 
 def test_a_node_that_leaves_operational_is_noticed() -> None:
