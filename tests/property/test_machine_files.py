@@ -56,8 +56,6 @@ def consistent_changes(draw):
     changes["plant.gear_error.phases_rad"] = [draw(0.0, 2.0 * math.pi) for _ in range(18)]
     changes["plant.gear_error.ring_um"] = [draw(0.0, 100.0) for _ in range(int(draw(1.0, 12.99)))]
     for path, spec in field_specs().items():
-        if path.startswith("control.compensation"):
-            continue  # needs a calibration file
         if spec.kind == "switch":
             changes[path] = draw(0.0, 1.0) < 0.5
         elif spec.kind == "word":
