@@ -336,3 +336,22 @@ def test_a_page_over_tls_works_and_its_cookie_is_secure(tmp_path: Path) -> None:
             additional_headers={"Cookie": cookie.partition(";")[0]},
         ) as live:
             assert json.loads(live.recv())["role"] == "viewer"
+
+
+def test_opc_ua_shows_the_axis_in_a_process_of_its_own(tmp_path: Path) -> None:
+    pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+    add_users(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    with Service(tmp_path, "--opcua", f"127.0.0.1:{port}") as service, service.page("viewer") as page:
+        made = service.directory / "opcua" / "certificate.der"
+
+        def listening(_: object) -> bool:
+            with suppress(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+                return made.exists()
+            return False
+
+        page.until(listening)
+        os.kill(service.child("gateway.opcua"), signal.SIGKILL)
+        page.until(lambda _: "SYS-06 opcua ended with code -9" in service.errors())
+        assert service.request("GET", "/api/v1/health")[0] == 200

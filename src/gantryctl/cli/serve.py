@@ -23,6 +23,7 @@ from gantryctl.cli.options import PATH, config_option, proven_machine
 @click.option(
     "--name", "names", multiple=True, help="Host name under which browsers reach the page; may be repeated."
 )
+@click.option("--opcua", metavar="HOST:PORT", help="OPC UA for looking only; needs gantryctl[opcua].")
 @click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
 def serve(
     config_file: Path | None,
@@ -30,6 +31,7 @@ def serve(
     tls_cert: Path | None,
     tls_key: Path | None,
     names: tuple[str, ...],
+    opcua: str | None,
     no_page: bool,
 ) -> int:
     """Run the controller with its operator page until Ctrl-C.
@@ -41,4 +43,4 @@ def serve(
 
     machine = proven_machine(config_file)
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
-    return run_service(machine, config_file, page)
+    return run_service(machine, config_file, page, opcua)

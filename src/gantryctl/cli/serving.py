@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib.util
 import ipaddress
 import json
 import socket
@@ -29,7 +30,9 @@ class Listen(NamedTuple):
     names: tuple[str, ...]
 
 
-def run_service(machine: Machine, config_file: Path | None, page: Listen | None) -> int:
+def run_service(
+    machine: Machine, config_file: Path | None, page: Listen | None, opcua: str | None = None
+) -> int:
     """Check, start, say where, wait for the end; the exit code.
 
     Raises:
@@ -54,6 +57,7 @@ def run_service(machine: Machine, config_file: Path | None, page: Listen | None)
         store.directory,
         gateway,
         listener.fileno() if listener is not None else -1,
+        None if opcua is None else opcua_command(opcua, root, store.directory),
         lambda text: click.echo(text, err=True),
     )
 
@@ -69,6 +73,26 @@ def run_service(machine: Machine, config_file: Path | None, page: Listen | None)
         click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
 
     return asyncio.run(supervisor.run(ready))
+
+
+def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
+    """Module and settings of the OPC UA process.
+
+    Raises:
+        UsageError: the extra is not installed, or there are no users for an address beyond loopback.
+    """
+    host, port = split(address)
+    if importlib.util.find_spec("asyncua") is None:
+        raise UsageError("--opcua: asyncua is not installed; pip install 'gantryctl[opcua]'")
+    if not is_loopback(host) and not Users(root).all():
+        raise UsageError(f"--opcua {address}: there are no users: gantryctl user add NAME --role viewer")
+    settings = {
+        "host": host,
+        "port": port,
+        "root": str(root.resolve()),
+        "directory": str(directory.resolve()),
+    }
+    return ["gantryctl.gateway.opcua", json.dumps(settings)]
 
 
 def _listener(page: Listen, root: Path) -> socket.socket:

@@ -36,6 +36,8 @@ class Source(IntEnum):
     """The local socket, in the supervisor."""
     CONTROLLER = 2
     """Events only."""
+    OPCUA = 3
+    """Events only."""
 
 
 class Word(IntEnum):
@@ -56,7 +58,7 @@ class Word(IntEnum):
 _AREAS: Final = (
     ("words", _WORDS), ("fast", _FAST), ("slow", _SLOW), ("alarms", _ALARMS), ("columns", 8192),
     ("commands0", _COMMANDS), ("commands1", _COMMANDS), ("replies0", _COMMANDS), ("replies1", _COMMANDS),
-    ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("rows", _ROWS),
+    ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS), ("rows", _ROWS),
 )  # fmt: skip
 
 
@@ -85,7 +87,7 @@ class SharedMemory:
         self.alarms, self.columns = SequenceLock(area["alarms"]), SequenceLock(area["columns"])
         self.commands = tuple(Ring(area[f"commands{n}"], COMMAND_BYTES) for n in range(2))
         self.replies = tuple(Ring(area[f"replies{n}"], COMMAND_BYTES) for n in range(2))
-        self.events = tuple(Ring(area[f"events{n}"], EVENT_BYTES) for n in range(3))
+        self.events = tuple(Ring(area[f"events{n}"], EVENT_BYTES) for n in range(4))
         self.rows = Ring(area["rows"], ROW_BYTES)
 
     @classmethod

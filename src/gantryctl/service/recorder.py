@@ -32,7 +32,7 @@ TRACE_RESERVE: Final = 64 * 2**20
 TRACES_KEPT: Final = 100
 SLOW_S: Final = 1.0
 _BATCH: Final = 200
-_OWN: Final = 3
+_OWN: Final = 9
 """Source of the events that the recorder itself writes."""
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0

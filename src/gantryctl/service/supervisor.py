@@ -93,7 +93,7 @@ class Supervisor:
     Args:
         config: the machine file that the controller loads. directory: the machine's state directory.
         gateway: command line of the gateway without the handle, or None for a service without a page.
-        listener: handle of its listening socket.
+        listener: handle of its listening socket. opcua: command line of the OPC UA server, or None.
         say: gets one line for whoever started the service.
     """
 
@@ -104,6 +104,7 @@ class Supervisor:
         directory: Path,
         gateway: Sequence[str] | None,
         listener: int,
+        opcua: Sequence[str] | None,
         say: Callable[[str], None],
     ) -> None:
         self.memory = SharedMemory.create()
@@ -123,6 +124,9 @@ class Supervisor:
         self.gateway: Child | None = None
         if gateway is not None:
             self.gateway = Child("gateway", [*run, *gateway, str(handle)], [handle, listener])
+        self.opcua: Child | None = None
+        if opcua is not None:
+            self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle])
         self._directory, self._say = directory, say
         self.hub: Hub
 
@@ -157,7 +161,9 @@ class Supervisor:
                 keeper.cancel()
 
     def _children(self) -> list[Child]:
-        return [child for child in (self.recorder, self.controller, self.gateway) if child is not None]
+        return [
+            child for child in (self.recorder, self.controller, self.gateway, self.opcua) if child is not None
+        ]
 
     def _tell(self, text: str) -> None:
         self._say(text)
@@ -173,10 +179,11 @@ class Supervisor:
     async def _end(self) -> None:
         """Axis first, then page, then journal."""
         self.hub.events.put("service", "the service ends")
-        if self.gateway is not None:
-            self.gateway.leave()
+        lookers = [child for child in (self.gateway, self.opcua) if child is not None]
+        for child in lookers:
+            child.leave()
         await self.controller.end(_CONTROLLER_END_S)
-        if self.gateway is not None:
-            await self.gateway.end(_END_S)
+        for child in lookers:
+            await child.end(_END_S)
         await self.recorder.end(_END_S)
         self.memory.close()

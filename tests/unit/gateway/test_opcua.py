@@ -1,0 +1,150 @@
+"""OPC UA: what a client with the right certificate, name and password sees, and what everybody else does not."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
+from asyncua import Client, ua  # noqa: E402
+from asyncua.crypto.cert_gen import setup_self_signed_certificate  # noqa: E402
+from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256  # noqa: E402
+from cryptography.x509.oid import ExtendedKeyUsageOID  # noqa: E402
+
+from gantryctl.gateway.opcua import POLICIES, Settings, make_server  # noqa: E402
+from gantryctl.service.events import EventLog  # noqa: E402
+from gantryctl.service.ring import Ring  # noqa: E402
+from gantryctl.service.roles import Role  # noqa: E402
+from gantryctl.service.tags import TAGS  # noqa: E402
+from gantryctl.service.users import Users  # noqa: E402
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
+PASSWORD = "correct horse battery"
+CLIENT = "urn:example:client"
+
+
+class Bench:
+    def __init__(self, root: Path, port: int, space: Any) -> None:
+        self.root, self.space = root, space
+        self.address = f"opc.tcp://127.0.0.1:{port}/gantryctl"
+
+    async def client(self, user: str = "viewer", password: str = PASSWORD, key: str = "client") -> Client:
+        made = Client(self.address, timeout=5)
+        made.application_uri = CLIENT
+        if user:
+            made.set_user(user)
+            made.set_password(password)
+        if key:
+            await made.set_security(
+                SecurityPolicyBasic256Sha256, str(self.root / f"{key}.der"), str(self.root / f"{key}.pem"),
+                server_certificate=str(self.root / "opcua" / "certificate.der"),
+            )  # fmt: skip
+        return made
+
+
+@asynccontextmanager
+async def running(root: Path) -> AsyncIterator[Bench]:
+    Users(root).add("viewer", Role.VIEWER, PASSWORD)
+    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    for name in ("client", "stranger"):
+        await setup_self_signed_certificate(
+            root / f"{name}.pem", root / f"{name}.der", CLIENT, "localhost", uses, {"commonName": name}
+        )
+    trusted = root / "opcua" / "trusted"
+    trusted.mkdir(parents=True)
+    (trusted / "client.der").write_bytes((root / "client.der").read_bytes())
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    events = EventLog(Ring(memoryview(bytearray(192 + 64 * 1024)), 1024))
+    server, space = await make_server(Settings("127.0.0.1", port, str(root), str(root)), events)
+    async with server:
+        yield Bench(root, port, space)
+
+
+def run(root: Path, check: Callable[[Bench], Awaitable[None]]) -> None:
+    async def whole() -> None:
+        async with running(root) as bench:
+            await asyncio.wait_for(check(bench), 60)
+
+    asyncio.run(whole())
+
+
+SHOWN = {"axis_state": "continuous_motion", "pos_act_deg": 12.5, "power": True, "scan": 7, "machine": "m",
+         "alarms": [{"first_out": True, "code": "CTL-03", "text": "CTL-03 STOP"}]}  # fmt: skip
+
+
+def test_a_trusted_client_reads_the_axis_and_can_change_nothing(tmp_path: Path) -> None:
+    async def check(bench: Bench) -> None:
+        await bench.space.show(SHOWN, fresh=True)
+        async with await bench.client() as client:
+            space = await client.get_namespace_index("urn:gantryctl:axis")
+
+            async def value(name: str) -> Any:
+                return await client.get_node(ua.NodeId(name, space)).read_value()
+
+            assert await value("ReadActualPosition.Position") == 12.5
+            assert [await value(f"Axis.{name}") for name in ("ContinuousMotion", "Standstill")] == [
+                True,
+                False,
+            ]
+            assert await value("Axis.AxisErrorID") == "CTL-03"
+            assert [await value(f"Tags.{name}") for name in ("power", "scan", "machine")] == [True, 7, "m"]
+            assert json.loads(await value("Tags.alarms"))[0]["code"] == "CTL-03"
+            tags = await client.nodes.objects.get_child([f"{space}:Axis", f"{space}:Tags"])
+            assert {(await node.read_browse_name()).Name for node in await tags.get_children()} == {
+                tag.name for tag in TAGS
+            }
+            node = client.get_node(ua.NodeId("Tags.pos_act_deg", space))
+            for change in (
+                node.write_value(1.0),
+                client.nodes.objects.add_variable(space, "mine", 1),
+                client.nodes.server.call_method("0:GetMonitoredItems", 1),
+                node.delete(),
+            ):
+                with pytest.raises(ua.UaError):
+                    await change
+            assert await value("Tags.pos_act_deg") == 12.5
+            await bench.space.show(SHOWN, fresh=False)
+            with pytest.raises(ua.UaStatusCodeError, match="BadNoCommunication"):
+                await value("ReadActualPosition.Position")
+
+    run(tmp_path, check)
+
+
+def test_nobody_else_gets_in(tmp_path: Path) -> None:
+    async def check(bench: Bench) -> None:
+        wrong: tuple[dict[str, str], ...] = (
+            {"key": ""},  # no security
+            {"key": "", "user": ""},
+            {"user": ""},  # anonymous
+            {"user": "admin", "password": ""},
+            {"password": "wrong wrong wrong"},
+            {"key": "stranger"},  # a certificate that is not trusted
+        )
+        for how in wrong:
+            client = await bench.client(**how)
+            with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError, OSError)):
+                await client.connect()
+        async with await bench.client():
+            pass
+
+    run(tmp_path, check)
+
+
+def test_only_policies_that_sign_and_encrypt_are_offered(tmp_path: Path) -> None:
+    async def check(bench: Bench) -> None:
+        offered = await Client(bench.address).connect_and_get_server_endpoints()
+        assert len(offered) == len(POLICIES)
+        for endpoint in offered:
+            assert endpoint.SecurityMode == ua.MessageSecurityMode.SignAndEncrypt
+            assert [token.TokenType for token in endpoint.UserIdentityTokens] == [ua.UserTokenType.UserName]
+        assert (bench.root / "opcua" / "key.pem").stat().st_mode & 0o077 == 0
+
+    run(tmp_path, check)
