@@ -230,6 +230,8 @@ async def make_server(settings: Settings, events: EventLog) -> tuple[Server, Add
         os.umask(before)
     await server.load_certificate(str(certificate))
     await server.load_private_key(str(key))
+    if not any(trusted.iterdir()):  # an empty list is not allowed: ourselves, which is nobody
+        (trusted / "own.der").write_bytes(certificate.read_bytes())
     store = TrustStore([trusted], [revoked])
     await store.load()
     options = CertificateValidatorOptions.TRUSTED_VALIDATION | CertificateValidatorOptions.PEER_CLIENT
