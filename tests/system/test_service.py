@@ -116,7 +116,7 @@ def test_two_operators_have_one_control_and_everyone_may_stop(service: Service) 
         first.until(lambda tags: tags["at_rest"])
         second.until(lambda tags: tags["at_rest"] and tags["vel_act_deg_s"] < 0.01)
         second.do("take", over=True)
-        first.look()
+        first.until(lambda tags: tags["authority_user"] == "physicist")  # and so the new epoch
         assert first.refused("power", on=True) == "SEC-07"
         assert viewer.refused("take", over=False) == "SEC-01"
 
