@@ -153,6 +153,7 @@ def test_a_quick_stop_that_is_not_obeyed_takes_the_torque_off() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_accuracy_over_the_bus_is_that_of_the_process(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:

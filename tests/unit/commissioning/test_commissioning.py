@@ -115,6 +115,7 @@ def test_a_drive_without_csv_fails_at_its_parameters(tmp_path: Path, quirky) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(600)
 def test_the_stops_are_as_long_as_computed(tmp_path: Path) -> None:
     work, store = commissioning(tmp_path)
     assert do(work, "loop", "stops", "turn", "bands") == dict.fromkeys(
