@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import queue
 import signal
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -31,10 +33,15 @@ MOVING_DEG_S = 0.05
 
 
 class Proxy:
-    """Forwards bytes to the service; while frozen it keeps them, as a network that has stalled does."""
+    """Forwards bytes to the service; while frozen it keeps them, as a network that has stalled does.
+
+    Attributes:
+        lag_s: everything arrives so much later, in order and at the same rate.
+    """
 
     def __init__(self, port: int) -> None:
         self._target = ("127.0.0.1", port)
+        self.lag_s = 0.0
         self._flowing = threading.Event()
         self._flowing.set()
         self._server = socket.create_server(("127.0.0.1", 0))
@@ -67,11 +74,28 @@ class Proxy:
                     threading.Thread(target=self._forward, args=(one, other), daemon=True).start()
 
     def _forward(self, one: socket.socket, other: socket.socket) -> None:
+        waiting: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+        threading.Thread(target=self._deliver, args=(waiting, one, other), daemon=True).start()
+        data = b"first"
+        while data:
+            try:
+                data = one.recv(65536)
+            except OSError:
+                data = b""
+            waiting.put((time.monotonic(), data))
+
+    def _deliver(
+        self, waiting: queue.SimpleQueue[tuple[float, bytes]], one: socket.socket, other: socket.socket
+    ) -> None:
+        """Hand on what has waited long enough; the end of one side ends both."""
         with suppress(OSError):
-            while data := one.recv(65536):
+            while True:
+                came_s, data = waiting.get()
+                time.sleep(max(0.0, came_s + self.lag_s - time.monotonic()))
                 self._flowing.wait()
+                if not data:
+                    break
                 other.sendall(data)
-        self._flowing.wait()
         for end in (one, other):
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)

@@ -1,11 +1,11 @@
-/** A status frame that arrives this much later than the quickest ones did is late: the network held it back. */
-const FORGET = 0.1;
+/** Milliseconds per millisecond: more than two clocks of computers ever drift apart. */
+const FORGET = 0.001;
 
 /**
  * How late status frames arrive, from their numbers alone.
  *
- * Frames are numbered by the controller, one every `frameMs`, so number times period is its clock. The quickest
- * frames set the zero; it is forgotten slowly, for the two clocks drift and a controller may start anew.
+ * Frames are numbered by the controller's clock, one every `frameMs`, so number times period is its time. The quickest
+ * frames set the zero; it is forgotten slowly, for two clocks drift, and at once when a controller starts anew.
  */
 export class Lateness {
   #zero = Infinity;

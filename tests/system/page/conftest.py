@@ -1,4 +1,7 @@
-"""One service and one browser for all tests of the page."""
+"""One service and one browser for all tests of the page.
+
+Gone when the tests of this folder are: Playwright keeps an event loop running, which others must not find.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from service_process import Page as Watcher
 from service_process import Service, add_users
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def page_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     if sys.platform != "linux":
         pytest.skip("the service needs Linux")
@@ -24,7 +27,7 @@ def page_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
         yield service
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def playwright() -> Iterator[Playwright]:
     if not Path(CHROMIUM).exists():
         pytest.skip(f"{CHROMIUM} is missing: Debian package chromium")
@@ -32,14 +35,14 @@ def playwright() -> Iterator[Playwright]:
         yield made
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def proxy(page_service: Service) -> Iterator[Proxy]:
     made = Proxy(int(page_service.address.rsplit(":", 1)[1]))
     yield made
     made.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="package")
 def browser(playwright: Playwright, page_service: Service, proxy: Proxy) -> Iterator[Browser]:
     with launch(playwright, page_service, proxy) as made:
         yield made

@@ -187,3 +187,37 @@ def test_stale_data_are_shown_stale_and_nothing_that_moves_is_offered(
     proxy.thaw()
     page.locator("[data-stale=false]").wait_for()
     expect(page.locator("[data-hold=forward]")).to_be_enabled()
+
+
+def test_data_that_arrive_late_are_stale_though_they_arrive(
+    context: BrowserContext, page_service: Service, watcher: Watcher, proxy: Proxy
+) -> None:
+    """A lag of 700 ms at the full rate of frames: their own numbers tell, and it does not wear off."""
+    page = frozen_page(context, page_service)
+    proxy.lag_s = 0.7
+    try:
+        page.locator("[data-stale=true]").wait_for()
+        look_on(watcher, 3 * FRAMES_AFTER)
+        expect(page.locator("[data-stale=true]")).to_be_attached()
+        expect(page.get_by_test_id("connection")).to_have_text("Connected, data stale")
+        expect(page.locator("[data-hold=forward]")).to_be_disabled()
+    finally:
+        proxy.lag_s = 0.0
+    page.locator("[data-stale=false]").wait_for()
+
+
+@pytest.mark.parametrize("end", ["touchEnd", pytest.param("touchCancel", marks=pytest.mark.slow)])
+def test_a_finger_is_a_key_too(
+    end: str, context: BrowserContext, page_service: Service, watcher: Watcher
+) -> None:
+    """A real touch of the browser; `touchCancel` is what a system gesture does to it."""
+    page = enter(context, page_service, "operator")
+    ready_to_jog(page)
+    box = page.locator("[data-hold=forward]").bounding_box()
+    assert box is not None
+    finger = {"x": box["x"] + 20, "y": box["y"] + 20}
+    browser = context.new_cdp_session(page)
+    browser.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [finger]})
+    until_moving(watcher)
+    browser.send("Input.dispatchTouchEvent", {"type": end, "touchPoints": []})
+    at_rest_before(watcher, farthest_deg(watcher))
