@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -99,13 +100,17 @@ def quantile(counts: dict[int, int], part: float) -> float:
 
 
 @pytest.mark.skipif(shutil.which("cyclictest") is None, reason="cyclictest (rt-tests) is not installed")
-def test_the_scan_wakes_like_a_c_program_beside_five_browsers(tmp_path: Path, evidence: Evidence) -> None:
+def test_the_scan_wakes_like_a_c_program_beside_five_browsers_and_opc_ua(
+    tmp_path: Path, evidence: Evidence
+) -> None:
     """Alternating slices: a fresh service with its five browsers, then cyclictest beside the same browsers."""
     add_users(tmp_path)
     scans: list[dict[str, Any]] = []
     others: list[dict[str, float]] = []
     for _ in range(5):
-        with Service(tmp_path) as service, five_pages(service) as pages:
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            opcua = f"127.0.0.1:{free.getsockname()[1]}"
+        with Service(tmp_path, "--opcua", opcua) as service, five_pages(service) as pages:
             time.sleep(SLICE_S)
             tags = pages[0].tags
             scans.append({"p50_us": tags["scan_lateness_p50_us"], "p99_us": tags["scan_lateness_p99_us"]})
