@@ -30,6 +30,12 @@ NOT_RUN = {
     "gantryctl compare": "has tests of its own; half a minute",
     "gantryctl drive-sim": "a server that runs until it is stopped; has tests of its own",
     "gantryctl eds": "has tests of its own",
+    "gantryctl commission": "has tests of its own; a minute, or a bus",
+    "gantryctl can": "needs a bus; has tests of its own",
+    "gantryctl move 90 --config configs/hust_can.toml": "needs a bus; has tests of its own",
+    "gantryctl serve": "a server that runs until it is stopped; has tests of its own",
+    "gantryctl user": "asks for a password; has tests of its own",
+    "gantryctl move 90 --service": "needs a running service; has tests of its own",
 }
 """Command lines that begin like this are not run here, and why."""
 
