@@ -138,3 +138,8 @@ def moving_rig(at_deg=0.0, speed_deg_s=6.0, **arguments):
     rig.run(3.0)
     assert math.isclose(abs(rig.vel_deg_s), speed_deg_s, rel_tol=1e-12)
     return rig
+
+
+def press(rig, **key):
+    """A key together with a fresh lease, as every panel sends it."""
+    rig.op(lease=rig.operator.lease + 1, **key)
