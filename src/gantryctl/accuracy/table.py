@@ -101,7 +101,7 @@ class ErrorTable:
         )
         return same_shape and bool(np.array_equal(self.errors_deg, other.errors_deg))
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None  # type: ignore[assignment]  # equal by its array: no key of a dict; typeshed knows no such class
 
     @property
     def bases_deg(self) -> tuple[float, ...]:

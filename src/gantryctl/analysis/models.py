@@ -55,7 +55,7 @@ class ControlModels:
 
 def control_models(loop: SampledLoop) -> ControlModels:
     """Build all of them."""
-    import control  # type: ignore[import-untyped]
+    import control
 
     s = loop.settings
     a, b, c = loop.plant.a, loop.plant.b[:, None], _plant_rows(loop.plant, s.latency_s)

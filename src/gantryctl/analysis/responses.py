@@ -51,7 +51,7 @@ def time_response(loop: SampledLoop, reference: Reference, size: float, duration
     The step has no speed: the controller is given a new angle and r' = 0, unlike eq. (5), which
     differentiates the step.
     """
-    import control  # type: ignore[import-untyped]
+    import control
 
     time = loop.settings.scan_s * np.arange(round(duration_s / loop.settings.scan_s) + 1, dtype=np.float64)
     pos, vel = {

@@ -77,11 +77,16 @@ class Hand:
         return self.feedback
 
     def run(
-        self, seconds: float, request: DriveRequest = ENABLE, speed_deg_s: float = 0.0, **output: object
+        self,
+        seconds: float,
+        request: DriveRequest = ENABLE,
+        speed_deg_s: float = 0.0,
+        torque_nm: float = 0.0,
+        brake: bool = True,
     ) -> list[DriveFeedback]:
         """The same command for a time."""
         return [
-            self.scan(request, speed_deg_s, **output)  # type: ignore[arg-type]
+            self.scan(request, speed_deg_s, torque_nm, brake)
             for _ in range(math.ceil(seconds / self.period_s - 1e-9))
         ]
 

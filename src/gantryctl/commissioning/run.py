@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from gantryctl.commissioning import steps_bus
 from gantryctl.commissioning.context import Context
 from gantryctl.commissioning.plan import STEPS, Step
 from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
@@ -70,8 +71,7 @@ class Commissioning:
     def start(self, again: bool) -> None:
         """Pin the drive; another one than before begins from the start."""
         with looked_at(self.machine, self.store) as machine:
-            drive = machine.drive
-            who = drive.who if hasattr(drive, "who") else drive.opened.identity  # type: ignore[attr-defined]
+            who = steps_bus.identity_of(machine.drive)
         if again or (self.progress.drive and self.progress.drive != who.key):
             self.progress = Progress(self.machine.name, proven_hash(self.machine))
         self.progress = replace(self.progress, drive=who.key, software=who.software)

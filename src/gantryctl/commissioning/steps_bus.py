@@ -8,7 +8,7 @@ from typing import Final
 from gantryctl.commissioning.context import Context, failed, judged, passed
 from gantryctl.commissioning.hand import by_hand
 from gantryctl.commissioning.results import StepResult
-from gantryctl.devices.canopen import CanopenDrive, LookedAtDrive
+from gantryctl.devices.canopen import CanopenDrive, LookedAtDrive, NodeIdentity
 from gantryctl.devices.canopen.parameters import backup
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
@@ -23,12 +23,16 @@ _MISSED_MAX: Final = 0.01
 _LEASH_DEG: Final = 0.02
 
 
+def identity_of(drive: object) -> NodeIdentity:
+    """Who the drive is, whether it was only looked at or is open."""
+    assert isinstance(drive, LookedAtDrive | CanopenDrive)
+    return drive.who if isinstance(drive, LookedAtDrive) else drive.opened.identity
+
+
 def identity(c: Context) -> StepResult:
     """Who is it, and is it the drive of the last commissioning?"""
     with looked_at(c.machine, c.store) as machine:
-        drive = machine.drive
-        assert isinstance(drive, LookedAtDrive | CanopenDrive)
-        who = drive.who if isinstance(drive, LookedAtDrive) else drive.opened.identity
+        who = identity_of(machine.drive)
     before = load_record(record_path(c.store.directory, c.machine))
     proof = f"{who.text}; {who.key}"
     if before is not None and before.drive != who.key:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 from gantryctl.drive_sim.abort import Abort, SdoAbort
@@ -74,7 +75,7 @@ class HeartbeatConsumer:
         self._lost = lost
         self._watched: dict[int, _Watched] = {}
         for sub in range(1, CONSUMERS + 1):
-            od.checks[0x1016, sub] = lambda value, sub=sub: self._check(sub, value)  # type: ignore[misc]
+            od.checks[0x1016, sub] = partial(self._check, sub)
             od.actions[0x1016, sub] = lambda _value: self.reload()
         self.reload()
 

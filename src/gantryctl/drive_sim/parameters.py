@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from gantryctl.drive_sim.abort import Abort, SdoAbort
@@ -48,8 +49,8 @@ class Parameters:
             od.actions[0x60C2, sub] = self._cycle_time
         for sub in _GROUPS:
             od.readers[0x1010, sub] = od.readers[0x1011, sub] = lambda: 1
-            od.checks[0x1010, sub] = lambda value, sub=sub: self._save(sub, value)  # type: ignore[misc]
-            od.checks[0x1011, sub] = lambda value, sub=sub: self._load(sub, value)  # type: ignore[misc]
+            od.checks[0x1010, sub] = partial(self._save, sub)
+            od.checks[0x1011, sub] = partial(self._load, sub)
 
     def _cycle_time(self, _value: int) -> None:
         self._axis.set_point.cycle_time_written = True

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from typing import Any
+from typing import Any, ClassVar
 
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
@@ -16,7 +16,8 @@ from gantryctl.service.messages import MESSAGE_MAX
 class PatientProtocol(H11Protocol):
     """HTTP with a time limit for the first request and a limit of connections for each address."""
 
-    _of_address: dict[str, int] = {}  # noqa: RUF012  (one table for all connections)
+    _of_address: ClassVar[dict[str, int]] = {}
+    """Connections of each address: one table for all."""
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """A new connection; closed when it asks for nothing in time."""
