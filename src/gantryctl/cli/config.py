@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH
+from gantryctl.cli.options import PATH, json_option, print_json
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
@@ -29,7 +28,8 @@ def config() -> None:
     is_flag=True,
     help="The same machine under better control, with its calibration file beside it.",
 )
-def init(dest: Path, force: bool, improved: bool) -> None:
+@json_option
+def init(dest: Path, force: bool, improved: bool, as_json: bool) -> None:
     """Write the reference machine's file to DEST, to edit from there (default: machine.toml)."""
     from gantryctl.machine import default_machine_path
 
@@ -38,10 +38,15 @@ def init(dest: Path, force: bool, improved: bool) -> None:
         source = source.with_name("hust_improved.toml")
     if dest.is_dir():
         dest = dest / source.name
+    written = [dest]
     if improved:
         calibration = source.with_name("hust_improved.calibration.toml")
-        _copy(calibration, dest.with_name(calibration.name), force)
+        written.append(dest.with_name(calibration.name))
+        _copy(calibration, written[-1], force)
     _copy(source, dest, force)
+    if as_json:
+        print_json({"written": [str(path) for path in written]})
+        return
     click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
 
 
@@ -60,7 +65,7 @@ def _copy(source: Path, dest: Path, force: bool) -> None:
 @config.command()
 @click.argument("file", type=PATH, required=False)
 @click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     """Check FILE (default: the reference machine); every problem is one line, exit code 2."""
     from gantryctl.errors import ConfigError
@@ -72,10 +77,10 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
         _check_calibration(machine)
     except ConfigError as error:
         if as_json:
-            click.echo(json.dumps({"file": str(path), "ok": False, "problems": error.problems}, indent=2))
+            print_json({"file": str(path), "ok": False, "problems": error.problems})
         raise
     if as_json:
-        _print_json(
+        print_json(
             {"file": str(path), "ok": True, "name": machine.name, "hash": _hash(machine), "problems": []}
         )
         return
@@ -97,7 +102,7 @@ def _check_calibration(machine: Machine) -> None:
 @config.command()
 @click.argument("file", type=PATH, required=False)
 @click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 @click.option("--derived/--no-derived", "with_derived", default=True, help="What follows from the values.")
 def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bool) -> None:
     """Show the values in force with unit and origin, then what follows from them."""
@@ -106,7 +111,7 @@ def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bo
     path = _chosen(file, option)
     machine = load_machine(path)
     if as_json:
-        _print_json(_show_data(machine, path, with_derived))
+        print_json(_show_data(machine, path, with_derived))
         return
     _show_values(machine, path)
     if with_derived:
@@ -118,13 +123,13 @@ def schema() -> None:
     """Print the JSON schema of a machine file."""
     from gantryctl.machine import json_schema
 
-    _print_json(json_schema())
+    print_json(json_schema())
 
 
 @config.command()
 @click.argument("first", metavar="A", type=PATH)
 @click.argument("second", metavar="[B]", type=PATH, required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
+@json_option
 def diff(first: Path, second: Path | None, as_json: bool) -> None:
     """Compare the values in force of two machine files, defaults included; A alone: with the reference gantry."""
     from gantryctl.machine import default_machine_path, diff_machines, field_specs, load_machine, show_value
@@ -133,7 +138,7 @@ def diff(first: Path, second: Path | None, as_json: bool) -> None:
         first, second = default_machine_path(), first
     differences = diff_machines(load_machine(first), load_machine(second))
     if as_json:
-        _print_json([difference._asdict() for difference in differences])
+        print_json([difference._asdict() for difference in differences])
         return
     for difference in differences:
         spec = field_specs()[difference.path]
@@ -157,10 +162,6 @@ def _hash(machine: Machine) -> str:
     from gantryctl.machine import config_hash
 
     return config_hash(machine)
-
-
-def _print_json(data: Any) -> None:
-    click.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
 def _show_data(machine: Machine, path: Path, with_derived: bool) -> dict[str, Any]:

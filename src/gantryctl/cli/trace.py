@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, NamedPath
+from gantryctl.cli.options import PATH, NamedPath, json_option, print_json
 
 if TYPE_CHECKING:
     from gantryctl.trace import Trace
@@ -43,9 +42,12 @@ def trace() -> None:
 
 @trace.command()
 @file_argument
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, values as recorded (radians).")
+@json_option
 def show(file: Path, as_json: bool) -> None:
-    """Show what FILE says of itself, and smallest, largest and r.m.s. value of every column."""
+    """Show what FILE says of itself, and smallest, largest and r.m.s. value of every column.
+
+    In degrees; as JSON in radians, as recorded.
+    """
     from gantryctl.trace import read_trace
     from gantryctl.trace.summary import summarize
 
@@ -60,7 +62,7 @@ def show(file: Path, as_json: bool) -> None:
             "metadata": recording.metadata,
             "columns": [summary._asdict() for summary in summarize(recording)],
         }
-        click.echo(json.dumps(data, indent=2, allow_nan=False))
+        print_json(data)
         return
     click.echo(f"{file}: {len(recording)} rows, {recording.duration_s:.3f} s, hash {recording.hash()[:16]}")
     if not recording.complete:
@@ -89,8 +91,14 @@ def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
 @click.option("--columns", help="Only these, separated by commas; one diagram per unit.")
 @click.option("--from", "start_s", type=float, help="From this time on, s.")
 @click.option("--to", "end_s", type=float, help="Up to this time, s.")
+@json_option
 def plot(
-    file: Path, out: Path | None, columns: str | None, start_s: float | None, end_s: float | None
+    file: Path,
+    out: Path | None,
+    columns: str | None,
+    start_s: float | None,
+    end_s: float | None,
+    as_json: bool,
 ) -> None:
     """Plot FILE: angle, speed, following error and torque, or the columns asked for."""
     from gantryctl.trace import read_trace
@@ -104,6 +112,9 @@ def plot(
     title = _title(file, recording)
     out = out or _beside(file, ".png")
     save(draw(recording, panels, title), out, recording, title)
+    if as_json:
+        print_json({"written": [str(out)]})
+        return
     click.echo(f"wrote {out}")
 
 
@@ -148,7 +159,8 @@ def _beside(file: Path, suffix: str) -> Path:
 @click.option("--format", "kind", type=click.Choice(["csv", "parquet"]), required=True, help="What to write.")
 @click.option("--degrees", is_flag=True, help="Angles in degrees, also in the names of the columns.")
 @click.option("--out", type=PATH, help="Where to (default: beside FILE).")
-def export(file: Path, kind: str, degrees: bool, out: Path | None) -> None:
+@json_option
+def export(file: Path, kind: str, degrees: bool, out: Path | None, as_json: bool) -> None:
     """Write FILE as CSV for other programs, or as Parquet.
 
     Parquet is for a recording that was never closed, or to have it in degrees.
@@ -166,4 +178,7 @@ def export(file: Path, kind: str, degrees: bool, out: Path | None) -> None:
         recording.to_csv(out)
     else:
         recording.to_parquet(out)
+    if as_json:
+        print_json({"written": [str(out)]})
+        return
     click.echo(f"wrote {out}: {len(recording)} rows, {len(recording.columns)} columns")

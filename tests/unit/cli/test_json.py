@@ -69,7 +69,10 @@ RUNS: dict[str, list[str]] = {
     "config check": ["config", "check", "a.toml"],
     "config show": ["config", "show", "a.toml"],
     "config diff": ["config", "diff", "a.toml", "b.toml"],
+    "config init": ["config", "init", "new.toml", "--improved"],
     "trace show": ["trace", "show", "run.parquet"],
+    "trace plot": ["trace", "plot", "run.parquet"],
+    "trace export": ["trace", "export", "run.parquet", "--format", "csv"],
 }
 
 
@@ -80,7 +83,7 @@ def test_the_page_names_every_command_that_prints_json() -> None:
 
 @pytest.mark.parametrize("command", RUNS)
 def test_the_keys_are_those_of_the_page(command: str) -> None:
-    if command in ("status", "alarms", "reset", "retain show", "trace show") or command.startswith("config"):
+    if command.split()[0] in ("status", "alarms", "reset", "retain", "trace", "config"):
         prepare()
     Path("table.csv").write_text(
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
@@ -93,6 +96,7 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
         value = value[0]
     assert set(value) == KEYS[command]
     assert answer.out.endswith("\n")
+    assert all(Path(name).is_file() for name in value.get("written", []))
 
 
 def test_summary_and_rows_have_the_keys_of_the_page() -> None:
