@@ -83,7 +83,7 @@ def test_the_page_names_every_command_that_prints_json() -> None:
 
 @pytest.mark.parametrize("command", RUNS)
 def test_the_keys_are_those_of_the_page(command: str) -> None:
-    if command.split()[0] in ("status", "alarms", "reset", "retain", "trace", "config"):
+    if command.split(maxsplit=1)[0] in ("status", "alarms", "reset", "retain", "trace", "config"):
         prepare()
     Path("table.csv").write_text(
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
