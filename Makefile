@@ -5,6 +5,7 @@ CLANG_FILES = $(shell find core benchmarks -name '*.hpp' -o -name '*.cpp' 2>/dev
 CORE_FILES := $(shell find core -name '*.hpp' -o -name '*.cpp') CMakeLists.txt pyproject.toml \
               $(shell find src -name __init__.py)
 PIP_INSTALL := .venv/bin/python -m pip --disable-pip-version-check install --quiet
+NODE_OPCUA := tests/opcua_client/node_modules/.package-lock.json
 LOCK := uv pip compile --quiet --upgrade --generate-hashes --no-header --no-annotate --no-emit-index-url --universal \
         --python-version 3.11
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
@@ -13,7 +14,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 .PHONY: help demo setup core test test-slow pytest lint types layers test-core format lock wheel clean page page-check screenshots
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
-	@echo "make test       lint, types, layers, the core's tests, the Python tests: what CI runs"
+	@echo "make test       lint, types, layers, the core's tests, the built page, the Python tests: what CI runs"
 	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  format  lock  wheel  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
@@ -41,12 +42,12 @@ demo: core
 	.venv/bin/gantryctl accuracy run --ensemble 8 --out demo_report --fresh
 
 # --- checks -----------------------------------------------------------------------------------------------------------
-test: setup lint types layers test-core pytest
+test: setup lint types layers test-core page-check pytest
 
-pytest: setup
+pytest: setup $(NODE_OPCUA)
 	.venv/bin/python -m pytest -n 2
 
-test-slow: setup
+test-slow: setup $(NODE_OPCUA)
 	.venv/bin/python -m pytest -m slow
 
 lint: .venv/dev.stamp
@@ -84,10 +85,11 @@ lock:
 	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
 	$(LOCK) --group pyproject.toml:dev -c requirements/run.txt -c requirements/build.txt -o requirements/dev.txt
 
-# The operator page: needs npm, which nobody else does; the built page is committed.
-hmi/node_modules/.package-lock.json: hmi/package.json hmi/package-lock.json
-	cd hmi && npm ci --no-progress
+# npm and node come from a wheel of the test list. Packages are installed again only when their lock file changes.
+%/node_modules/.package-lock.json: %/package.json %/package-lock.json | .venv/dev.stamp
+	cd $* && npm ci --no-progress
 
+# The operator page; what is built is committed.
 page: setup hmi/node_modules/.package-lock.json
 	.venv/bin/python tools/page_tables.py hmi/src/lib/tables.ts
 	cd hmi && npm run --silent format && npm run --silent check && npm run --silent build
@@ -104,5 +106,5 @@ wheel: .venv/run.stamp
 	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .
 
 clean:
-	rm -rf build dist .venv hmi/node_modules demo_report .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf build dist .venv hmi/node_modules tests/opcua_client/node_modules demo_report .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
 	rm -f src/gantryctl/_core.pyi src/gantryctl/configs
