@@ -6,7 +6,7 @@ CORE_FILES := $(shell find core -name '*.hpp' -o -name '*.cpp') CMakeLists.txt p
               $(shell find src -name __init__.py)
 PIP_INSTALL := .venv/bin/python -m pip --disable-pip-version-check install --quiet
 NODE_OPCUA := tests/opcua_client/node_modules/.package-lock.json
-LOCK := uv pip compile --quiet --upgrade --generate-hashes --no-header --no-annotate --no-emit-index-url --universal \
+LOCK = uv pip compile --quiet $(UPGRADE) --generate-hashes --no-header --no-annotate --no-emit-index-url --universal \
         --python-version 3.11
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
@@ -80,6 +80,7 @@ format: .venv/dev.stamp
 	.venv/bin/clang-format -i $(CLANG_FILES)
 
 # Needs `uv` on the path (`pip install uv` anywhere); nobody else does. Each list is held to the ones before it.
+# Versions stay as they are where they can; `make lock UPGRADE=--upgrade` takes the newest.
 lock:
 	$(LOCK) pyproject.toml -o requirements/run.txt
 	$(LOCK) --group pyproject.toml:build -c requirements/run.txt -o requirements/build.txt
