@@ -83,7 +83,7 @@ export interface Tags {
   /** CiA 402 state of the drive. */
   drive_state: 'unknown' | 'not_ready_to_switch_on' | 'switch_on_disabled' | 'ready_to_switch_on' | 'switched_on' | 'operation_enabled' | 'quick_stop_active' | 'fault_reaction_active' | 'fault' | null;
   /** Where the power sequence is. */
-  power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'holding' | null;
+  power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'holding' | 'testing' | null;
   /** Power is on: the axis follows commands. */
   power: boolean | null;
   /** Brake feedback contact. */
@@ -166,6 +166,50 @@ export interface Tags {
   override_percent: number | null;
   /** Acceleration and deceleration of normal motion. [deg/s2] */
   acc_setting_deg_s2: number | null;
+  /** What is armed: the next step executes it. */
+  armed_action: 'none' | 'brake_test' | 'reset_locked' | null;
+  /** Who armed it; empty when nothing is armed. */
+  armed_by: string | null;
+  /** Client id of whoever armed it. */
+  armed_client: string | null;
+  /** How long it stays armed; 0 when nothing is. [s] */
+  armed_left_s: number | null;
+  /** Another user than the one who armed must execute. */
+  second_person: boolean | null;
+  /** A reset now meets something locked: it needs the service role, and `arm` first. */
+  reset_locked: boolean | null;
+  /** This machine can test its brake. */
+  brake_test_available: boolean | null;
+  /** Why it cannot be tested here; empty when it can. */
+  brake_test_blocked: string | null;
+  /** Where the brake test is; idle when none is under way. */
+  brake_test_phase: 'idle' | 'enabling' | 'plus_rising' | 'plus_held' | 'minus_rising' | 'minus_held' | 'relieving' | 'disabling' | null;
+  /** Until the test under way ends; 0 when none is. [s] */
+  brake_test_left_s: number | null;
+  /** Torque that the test puts on the brake now; the motor's own is `torque_act_nm`. [N m] */
+  brake_test_torque_nm: number | null;
+  /** Farthest way during the test under way or the last one. [deg] */
+  brake_test_moved_deg: number | null;
+  /** Torque that the closed brake must hold, both ways. [N m] */
+  brake_test_level_nm: number | null;
+  /** The axis may move this far under it. [deg] */
+  brake_test_limit_deg: number | null;
+  /** How the last test ended; aborted ones show nothing. */
+  brake_test_result: 'none' | 'passed' | 'failed' | 'aborted' | null;
+  /** The last test in one sentence, with what was measured. */
+  brake_test_text: string | null;
+  /** Torque on the brake in the plus direction, mean while held; null when it was not held. [N m] */
+  brake_test_plus_nm: number | null;
+  /** The same in the minus direction. [N m] */
+  brake_test_minus_nm: number | null;
+  /** Date and time (UTC) of the last test that passed or failed; empty when there was none. */
+  brake_tested_at: string | null;
+  /** The next test is due then (UTC) at the latest; empty where it cannot be tested or never was. */
+  brake_test_due_at: string | null;
+  /** It is due after so many power-ups at the latest. */
+  brake_test_cycles_left: number | null;
+  /** It is overdue: nothing moves faster than 1 deg/s. */
+  brake_test_overdue: boolean | null;
   /** Lowest speed setting. [deg/s] */
   speed_min_deg_s: number | null;
   /** Highest speed setting. [deg/s] */
@@ -208,8 +252,6 @@ export interface Tags {
   eccentric_moment_nm: number | null;
   /** Where it would come to rest by itself; null until learned. [deg] */
   eccentric_angle_deg: number | null;
-  /** This machine can test its brake. */
-  brake_test_available: boolean | null;
   /** The last command that the program refused, and why. */
   refusal_text: string | null;
   /** Active alarms, the first-out first (rows below). */

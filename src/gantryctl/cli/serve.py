@@ -24,6 +24,11 @@ from gantryctl.cli.options import PATH, config_option, proven_machine
     "--name", "names", multiple=True, help="Host name under which browsers reach the page; may be repeated."
 )
 @click.option("--opcua", metavar="HOST:PORT", help="OPC UA for looking only; needs gantryctl[opcua].")
+@click.option(
+    "--second-person",
+    is_flag=True,
+    help="Brake test and reset of locked alarms: one user arms, another one executes.",
+)
 @click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
 def serve(
     config_file: Path | None,
@@ -32,6 +37,7 @@ def serve(
     tls_key: Path | None,
     names: tuple[str, ...],
     opcua: str | None,
+    second_person: bool,
     no_page: bool,
 ) -> int:
     """Run the controller with its operator page until Ctrl-C.
@@ -43,4 +49,4 @@ def serve(
 
     machine = proven_machine(config_file)
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
-    return run_service(machine, config_file, page, opcua)
+    return run_service(machine, config_file, page, opcua, second_person=second_person)

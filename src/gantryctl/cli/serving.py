@@ -31,7 +31,12 @@ class Listen(NamedTuple):
 
 
 def run_service(
-    machine: Machine, config_file: Path | None, page: Listen | None, opcua: str | None = None
+    machine: Machine,
+    config_file: Path | None,
+    page: Listen | None,
+    opcua: str | None = None,
+    *,
+    second_person: bool = False,
 ) -> int:
     """Check, start, say where, wait for the end; the exit code.
 
@@ -59,6 +64,7 @@ def run_service(
         listener.fileno() if listener is not None else -1,
         None if opcua is None else opcua_command(opcua, root, store.directory),
         lambda text: click.echo(text, err=True),
+        second_person=second_person,
     )
 
     def ready() -> None:

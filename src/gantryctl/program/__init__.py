@@ -7,6 +7,7 @@ from gantryctl.program.alarm_rows import Definition
 from gantryctl.program.alarm_table import ALARMS
 from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, all_codes, explain
 from gantryctl.program.axis import Axis
+from gantryctl.program.brake_test import BrakeTestOutcome, BrakeTestPhase
 from gantryctl.program.codes import Code, Reaction, Severity
 from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.program.gantry import GantryProgram
@@ -35,6 +36,8 @@ __all__ = [
     "AxisProgram",
     "AxisSettings",
     "AxisState",
+    "BrakeTestOutcome",
+    "BrakeTestPhase",
     "Code",
     "CommandStatus",
     "CompensationSettings",

@@ -144,5 +144,7 @@ class PowerSequence(WayUp, WayDown):
                 self._torque_off()
             case PowerPhase.HOLDING:
                 self._holding()
+            case PowerPhase.TESTING:
+                pass
             case _:
                 assert_never(phase)

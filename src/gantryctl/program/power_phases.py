@@ -47,6 +47,7 @@ class PowerPhase(Enum):
     QUICK_STOPPING = 11
     TORQUE_OFF = 12
     HOLDING = 13
+    TESTING = 14
 
 
 class Proof(Enum):
@@ -81,6 +82,7 @@ OUTPUTS: Final = {
     PowerPhase.QUICK_STOPPING: PhaseOutput(DriveRequest.QUICK_STOP, True),
     PowerPhase.TORQUE_OFF: PhaseOutput(_DISABLE, False),
     PowerPhase.HOLDING: PhaseOutput(None, False),
+    PowerPhase.TESTING: PhaseOutput(_ENABLE, False),
 }
 """Drive request and brake command of every phase: the one place where they are decided."""
 

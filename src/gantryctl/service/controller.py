@@ -1,4 +1,6 @@
-"""The controller process: the scan, alone. `python -m gantryctl.service.controller HANDLE CONFIG HASH` runs it.
+"""The controller process: the scan, alone.
+
+`python -m gantryctl.service.controller HANDLE CONFIG HASH [--second-person]` runs it.
 
 It opens the machine (and so locks its state directory: two controllers are impossible), scans until it is told to end,
 brings the axis to rest, closes the brake, takes the torque off and keeps the state.
@@ -42,6 +44,7 @@ RECORDER_S: Final = 10.0
 """A recorder that is silent for longer keeps no events."""
 END_S: Final = 20.0
 """A shutdown that takes longer ends with torque off and the brake closed."""
+SECOND_PERSON: Final = "--second-person"
 _DAY_S: Final = 86400.0
 _STOP_S: Final = 5.0
 
@@ -52,19 +55,23 @@ class Controller:
     Args:
         memory: the service's shared memory.
         store: the machine's state directory, locked.
+        second_person: what one user arms, another one executes.
     """
 
-    def __init__(self, machine: Machine, store: StateStore, memory: SharedMemory) -> None:
+    def __init__(
+        self, machine: Machine, store: StateStore, memory: SharedMemory, *, second_person: bool = False
+    ) -> None:
         self.machine, self.memory = machine, memory
         self._store = store
         self.real_time = False
-        opened = open_service(machine, store, memory)
+        opened = open_service(machine, store, memory, second_person=second_person)
         self.engine, self.operator, self._recorder = opened.engine, opened.operator, opened.recorder
         self._drive, self._retained, self.notes = opened.drive, opened.retained, opened.notes
         self.axis = self.operator.program.axis
         self.events: EventLog = self.operator.events
         self.alarms = AlarmView(self.axis.alarms, self.events)
         rules = self.operator.rules
+        rules.locked = self._locked
         rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
         self.operator.on_reset = self._reset
         self._powered = self._moving = False
@@ -215,10 +222,19 @@ class Controller:
         alive = time.monotonic_ns() - words[Word.RECORDER_NS] < RECORDER_S * 1e9
         return alive and words[Word.JOURNAL_STATE] in (0, 1)
 
-    def _reset(self, who: Identity) -> str:
+    def _locked(self) -> bool:
+        """Whether a reset now meets something locked."""
+        log = self.axis.alarms
+        return (
+            self.memory.words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED
+            or not self.axis.feedback.position_valid
+            or any(alarm.definition.lock for alarm in log.active.values())
+        )
+
+    def _reset(self, who: Identity, service: bool) -> str:
         """What a reset acknowledges beside the program's alarms."""
         words, rules = self.memory.words, self.operator.rules
-        if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and rules.resets_locked(who):
+        if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and service:
             self.events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
         if not rules.blocked_by:
             return ""
@@ -262,14 +278,14 @@ _JOURNAL_LOCKED: Final = 4
 
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
-    handle, config, wanted = int(arguments[0]), Path(arguments[1]), arguments[2]
+    handle, config, wanted, options = int(arguments[0]), Path(arguments[1]), arguments[2], arguments[3:]
     die_with_parent()
     memory = SharedMemory(handle)
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
     with StateStore(machine) as store, _drive_lock(machine):
-        controller = Controller(machine, store, memory)
+        controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())
         controller.real_time = prepare_scan_process()

@@ -93,6 +93,9 @@ SETTABLE: Final = {
 }
 """Tags that `set` takes, with the action that it is."""
 
+ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_LOCKED}
+"""What `arm` takes, with the action that it is."""
+
 FIELDS: Final[dict[str, dict[str, Check]]] = {
     "alive": {},
     "take": {"over": _flag},
@@ -110,6 +113,7 @@ FIELDS: Final[dict[str, dict[str, Check]]] = {
     "reset": {},
     "acknowledge": {"id": _whole},
     "set": {"tag": _one_of(*SETTABLE), "value": _number},
+    "arm": {"action": _one_of(*ARMABLE)},
     "brake_test": {},
 }
 """Every message with its own keys."""
@@ -134,6 +138,8 @@ def action_of(message: Message) -> Action:
     """What a message asks for, in the table of roles."""
     if message.kind == "set":
         return SETTABLE[message.values["tag"]]
+    if message.kind == "arm":
+        return ARMABLE[message.values["action"]]
     if message.kind == "take" and message.values["over"]:
         return Action.TAKE_OVER
     return _ACTIONS[message.kind]

@@ -36,7 +36,9 @@ class Opened(NamedTuple):
     notes: tuple[str, ...]
 
 
-def open_service(machine: Machine, store: StateStore, memory: SharedMemory) -> Opened:
+def open_service(
+    machine: Machine, store: StateStore, memory: SharedMemory, *, second_person: bool = False
+) -> Opened:
     """The machine as the last run left it, with power off.
 
     Raises:
@@ -56,7 +58,10 @@ def open_service(machine: Machine, store: StateStore, memory: SharedMemory) -> O
     for ring in memory.commands:
         ring.clear()  # what was sent to a controller that is gone
     events = EventLog(memory.events[Source.CONTROLLER])
-    operator = ServiceOperator(memory.commands, memory.replies, events, rules, secrets.randbits(40))
+    rules.untestable = "not testable here: use the drive's own function"
+    operator = ServiceOperator(
+        memory.commands, memory.replies, events, rules, secrets.randbits(40), second_person=second_person
+    )
     recorders: list[RingRecorder] = []
 
     def recorder(columns: tuple[str, ...]) -> RingRecorder:

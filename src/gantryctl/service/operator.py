@@ -13,13 +13,15 @@ from typing import Any, Final
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.program import GantryProgram, PowerPhase
 from gantryctl.program.power_phases import RISING
+from gantryctl.service.arming import Arming
 from gantryctl.service.authority import Authority
 from gantryctl.service.events import EventLog
 from gantryctl.service.inbox import Gone, Inbox, Waiting
 from gantryctl.service.lease import HoldToRun
 from gantryctl.service.memory import Source
-from gantryctl.service.messages import Identity, Refused
+from gantryctl.service.messages import ARMABLE, Identity, Refused
 from gantryctl.service.ring import Ring
+from gantryctl.service.roles import Action, may
 from gantryctl.service.rules import Rules
 
 _PER_SCAN: Final = 8
@@ -35,6 +37,7 @@ class ServiceOperator:
         rules: limits and roles.
         epoch: the first one.
         now: the monotonic time, s.
+        second_person: what is armed must be executed by another user.
 
     Attributes:
         levels: what the program sees.
@@ -49,14 +52,17 @@ class ServiceOperator:
         rules: Rules,
         epoch: int,
         now: Callable[[], float] = time.monotonic,
+        *,
+        second_person: bool = False,
     ) -> None:
+        self.arming = Arming(second_person=second_person)
         self.rules, self.events = rules, events
         self.authority, self.hold = Authority(epoch), HoldToRun(rules.lease_s)
         self.levels = OperatorCommand(
             speed_rad_s=rules.speed_rad_s, increment_rad=rules.increment_rad, override=1.0
         )
         self.shutdown = False
-        self.on_reset: Callable[[Identity], str] = lambda _: ""
+        self.on_reset: Callable[[Identity, bool], str] = lambda _who, _service: ""
         self.program: GantryProgram
         self.now = now
         self._inbox = Inbox(commands, replies, events)
@@ -155,6 +161,7 @@ class ServiceOperator:
             if holder is None or holder.local != (gone.source == Source.LOCAL):
                 return
             client = holder.client
+        self.arming.gone(client)
         if self.hold.client == client:
             self.hold.end()
         self._free(client, "has gone")
@@ -259,6 +266,9 @@ class ServiceOperator:
                 return False
             case "set":
                 self.rules.apply(self, values["tag"], float(values["value"]))
+            case "arm":
+                action = ARMABLE[values["action"]]
+                self.arming.arm(action, who, self.authority.epoch, now_s)
             case "acknowledge":
                 self.rules.acknowledge(values["id"], who)
             case "power":
@@ -284,10 +294,21 @@ class ServiceOperator:
             case "halt":
                 self._set(halt=True)
             case "reset":
-                self.on_reset(who)
-                self.program.service = self.rules.resets_locked(who)
-                self._set(reset=True)
+                self._reset(who)
         return False
+
+    def _reset(self, who: Identity) -> None:
+        """Locked alarms too when that was armed; then the arming is used up."""
+        service = self.rules.locked() and may(who.role, Action.RESET_LOCKED)
+        if service:
+            self.arming.use()
+        self.on_reset(who, service)
+        self.program.service = service
+        self._set(reset=True)
+
+    def check_armed(self, action: Action, who: Identity) -> None:
+        """Whether `who` may execute this now; raises Refused."""
+        self.arming.check(action, who, self.authority.epoch, self.now())
 
     def _take(self, who: Identity, over: bool, now_s: float) -> None:
         """Control, also over a moving axis when the local console wants it: that stops it first."""

@@ -11,6 +11,8 @@ from gantryctl.machine import Machine, short_hash
 from gantryctl.program import GantryProgram
 from gantryctl.runtime import Engine
 from gantryctl.service.alarm_view import AlarmView
+from gantryctl.service.arming import Armed
+from gantryctl.service.brake_view import BrakeView
 from gantryctl.service.learning import TorqueModel
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.operator import ServiceOperator
@@ -48,6 +50,7 @@ class Publisher:
         self._program, self._axis = engine.program, engine.program.axis
         self._machine, self._engine, self._operator = machine, engine, operator
         self._alarms, self._recorder, self._memory = alarms, recorder, memory
+        self._brake = BrakeView()
         self._model = TorqueModel(self._axis.settings.law.ratio)
         self._fast_scans = max(1, round(FAST_S / engine.period_s))
         self._frame_scans = max(1, round(FRAME_S / engine.period_s))
@@ -84,7 +87,7 @@ class Publisher:
         shown = (
             operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
             levels.override, self._axis.virtual.acc_setting_rad_s2, operator.rules.blocked_by,
-            self._axis.refusal_count,
+            self._axis.refusal_count, self._armed(), operator.rules.locked(),
         )  # fmt: skip
         if due or shown != self._shown:
             self._shown = shown
@@ -92,7 +95,7 @@ class Publisher:
 
     def fast(self) -> dict[str, float]:
         """The 20 Hz tags as numbers; nan where nothing is known."""
-        return {**self._moving(), **self._switched(), **self._counted()}
+        return {**self._moving(), **self._switched(), **self._counted(), **self._brake.fast()}
 
     def _moving(self) -> dict[str, float]:
         axis, engine = self._axis, self._engine
@@ -148,6 +151,10 @@ class Publisher:
             "mains_ready": inputs.mains_ready,
         }
 
+    def _armed(self) -> Armed | None:
+        operator = self._operator
+        return operator.arming.now(operator.authority.epoch, operator.now())
+
     def _counted(self) -> dict[str, float]:
         axis, engine, operator, memory = self._axis, self._engine, self._operator, self._memory
         events = memory.events[2]
@@ -158,6 +165,7 @@ class Publisher:
             "scan": engine.scan,
             "time_s": engine.time_s,
             "lease_left_ms": operator.hold.left_s(now_s) * 1e3,
+            "armed_left_s": operator.arming.left_s(operator.authority.epoch, now_s),
             "alarm_count": len(axis.alarms.active),
             "refusal_count": axis.refusal_count,
             "feedback_age_ms": engine.image.drive.age_scans * engine.period_s * 1e3,
@@ -177,14 +185,20 @@ class Publisher:
     def slow(self) -> dict[str, Any]:
         """Everything else but the alarms, as JSON values."""
         operator, levels, axis = self._operator, self._operator.levels, self._axis
-        holder = operator.authority.holder
+        holder, armed = operator.authority.holder, self._armed()
         moment, angle = self._model.eccentric()
         return {
             **self._fixed,
             **self._statistics,
+            **self._brake.slow(),
             "authority_user": holder.user if holder else "",
             "authority_client": holder.client if holder else "",
             "authority_local": bool(holder and holder.local),
+            "armed_action": str(armed.action) if armed else "none",
+            "armed_by": armed.who.user if armed else "",
+            "armed_client": armed.who.client if armed else "",
+            "second_person": operator.arming.second_person,
+            "reset_locked": operator.rules.locked(),
             "mode": Mode(self._program.mode).name.lower(),
             "speed_setting_deg_s": _rounded(deg(levels.speed_rad_s)),
             "increment_deg": _rounded(deg(levels.increment_rad)),
@@ -239,7 +253,6 @@ def _fixed(machine: Machine) -> dict[str, Any]:
         "mechanical_stop_deg": axis.mechanical_stop_deg,
         "torque_rated_nm": motor.torque_rated_nm,
         "torque_max_nm": motor.torque_max_nm,
-        "brake_test_available": False,
     }
     assert set(found) <= set(BY_NAME)
     return found

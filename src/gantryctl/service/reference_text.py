@@ -56,10 +56,11 @@ SEC-04. Unknown types and keys, strings for numbers, nan and inf are refused as 
 | `halt` | - | ends the motion on the normal ramp |
 | `stop` | - | jog-release ramp. Accepted from everyone, always |
 | `quick_stop` | - | quick stop, ErrorStop. Accepted from everyone, always |
-| `reset` | - | resets alarms whose cause is gone; never enables. Locked ones need the service role |
+| `reset` | - | resets alarms whose cause is gone; never enables. Locked ones (`reset_locked` is true) need the service role, and `arm` first |
 | `acknowledge` | `id` of the alarm row | marks it as seen. Needs no control |
 | `set` | `tag`, `value` | one of the tags with direction `both`, but `mode` |
-| `brake_test` | - | refused where `brake_test_available` is false |
+| `arm` | `action`: brake_test, reset_locked | the first of two steps, see below. Needs no control |
+| `brake_test` | - | power must be off; needs `arm`; refused where `brake_test_available` is false |
 
 `ok` means that the scan has carried it out, or begun to. A refusal changes nothing.
 
@@ -72,6 +73,20 @@ that was sent before is carried out after.
 `frame` and `epoch`. 3. Send `release` on pointerup, pointercancel, lostpointercapture, blur, visibilitychange, pagehide and key up, and
 stop renewing. The lease is 250 ms, checked in the scan. A lease that ended once (released, late, stopped, refused,
 disconnected) is dead for ever: to go on, the person presses again. `lease_left_ms` shows what is left.
+
+### Arm, then execute
+
+Two things take two steps: the brake test, and the reset of something locked. `arm` with the action; then `brake_test` or
+`reset` within 10 s, over the same connection. What is armed shows in `armed_action`, `armed_by` and `armed_left_s`. It is executed
+once. It is gone after its time, with its connection, and with its epoch: every stop, reset and change of control ends it.
+Arming something else takes its place.
+
+With `gantryctl serve --second-person` the one who executes must be another user than the one who armed (`second_person` is
+true): the first arms from any connection, without control; the second has control already, because taking it would begin a new
+epoch, and executes.
+
+A brake test that is under way ends with its epoch too: by `stop` or `quick_stop` from anybody, and when whoever began it loses
+control or the connection. The torque is taken back, the drive is disabled, the brake has stayed closed.
 
 ### Codes of refusals by the service
 
@@ -86,6 +101,7 @@ disconnected) is dead for ever: to go on, the person presses again. `lease_left_
 | SEC-07 | needs control: nobody or somebody else has it |
 | SEC-08 | control is held by somebody and the axis is moving |
 | SEC-09 | the lease is dead or is not yours |
+| SEC-10 | not armed: by nobody, too long ago, in another epoch, at another screen, or (second person) by the same user |
 | SYS-11 | the controller does not answer |
 | JRN-02 | the journal is not able to keep events: no new motion |
 

@@ -39,6 +39,8 @@ class Rules:
         limits: lowest and highest value of every tag that can be set.
         start_s: monotonic time of status frame 0.
         blocked_by: why power cannot be switched on, or "".
+        untestable: why the brake cannot be tested here, or "".
+        locked: whether a reset now meets something locked.
         journal_keeps: whether the journal is able to keep events.
         acknowledge: marks an alarm row as seen; raises Refused for a row that is not there.
     """
@@ -50,6 +52,8 @@ class Rules:
     cap_rad_s: float
     start_s: float
     blocked_by: str = ""
+    untestable: str = ""
+    locked: Callable[[], bool] = field(default=lambda: False)
     journal_keeps: Callable[[], bool] = field(default=lambda: True)
     acknowledge: Callable[[int, Identity], None] = field(default=lambda _id, _who: None)
 
@@ -79,11 +83,14 @@ class Rules:
         if not may(who.role, action):
             raise Refused("SEC-01", f"the role {who.role} may not do this ({action})")
         power_off = message.kind == "power" and not message.values["on"]
-        if action in NEEDS_AUTHORITY and not power_off and not operator.authority.holds(who):
+        needs_control = action in NEEDS_AUTHORITY and not power_off and message.kind != "arm"
+        if needs_control and not operator.authority.holds(who):
             held = operator.authority.holder
             raise Refused("SEC-07", f"{held.user} has control" if held else "take control first")
-        if action in _NEW_MOTION and not power_off and message.kind != "renew":
+        if action in _NEW_MOTION and not power_off and message.kind not in ("renew", "arm"):
             self._check_motion(operator, who, message)
+        if message.kind == "reset" and self.locked() and may(who.role, Action.RESET_LOCKED):
+            operator.check_armed(Action.RESET_LOCKED, who)
 
     def _check_motion(self, operator: ServiceOperator, who: Identity, message: Message) -> None:
         """Whether anything new may begin."""
@@ -94,8 +101,7 @@ class Rules:
         if message.kind == "power" and self.blocked_by:
             raise Refused(str(Code.PWR_04), self.blocked_by)
         if message.kind == "brake_test":
-            text = "not testable here: use the drive's own function"
-            raise Refused(str(Code.CTL_14), text)
+            self._check_brake_test(operator, who)
         wanted = {"jog": Mode.CONTINUOUS, "increment": Mode.INCREMENTAL}.get(message.kind)
         mode = operator.program.mode
         if wanted is not None and mode is not wanted and mode is not Mode.NONE:
@@ -103,6 +109,12 @@ class Rules:
             raise Refused(str(Code.CTL_16), words)
         if message.kind == "move" and who.place == "remote":
             self._check_remote(operator)
+
+    def _check_brake_test(self, operator: ServiceOperator, who: Identity) -> None:
+        """A brake test where the brake can be kept closed, and armed."""
+        if self.untestable:
+            raise Refused(str(Code.CTL_14), self.untestable)
+        operator.check_armed(Action.BRAKE_TEST, who)
 
     def _check_remote(self, operator: ServiceOperator) -> None:
         """A remote screen moves faster than the cap only with the enabling switch."""
@@ -132,11 +144,6 @@ class Rules:
                 refused = axis.set_acceleration(rad(value))
                 if refused is not None:
                     raise Refused(str(refused.code), refused.text)
-
-    @staticmethod
-    def resets_locked(who: Identity) -> bool:
-        """Whether a reset by this person clears locked alarms."""
-        return may(who.role, Action.RESET_LOCKED)
 
 
 def rules_of(

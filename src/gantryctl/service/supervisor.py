@@ -95,6 +95,7 @@ class Supervisor:
         gateway: command line of the gateway without the handle, or None for a service without a page.
         listener: handle of its listening socket. opcua: command line of the OPC UA server, or None.
         say: gets one line for whoever started the service.
+        second_person: what one user arms, another one executes.
     """
 
     def __init__(
@@ -106,6 +107,8 @@ class Supervisor:
         listener: int,
         opcua: Sequence[str] | None,
         say: Callable[[str], None],
+        *,
+        second_person: bool = False,
     ) -> None:
         self.memory = SharedMemory.create()
         self.memory.words[Word.BOOT] = secrets.randbits(62)
@@ -115,7 +118,8 @@ class Supervisor:
         wanted = config_hash(machine)
         self.controller = Child(
             "controller",
-            [*run, "gantryctl.service.controller", str(handle), str(config), wanted],
+            [*run, "gantryctl.service.controller", str(handle), str(config), wanted]
+            + (["--second-person"] if second_person else []),
             [handle],
             critical=True,
         )

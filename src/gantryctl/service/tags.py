@@ -5,10 +5,12 @@ A tag that says `both` is set by a command; its role is the lowest one that may 
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 from gantryctl.image import DriveState, Mode
-from gantryctl.program import AxisState, PowerPhase
+from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
+from gantryctl.service.messages import ARMABLE
 
 Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows"]
 Rate: TypeAlias = Literal["20 Hz", "1 Hz", "on change"]
@@ -35,7 +37,7 @@ class Tag(NamedTuple):
     labels: tuple[str, ...] = ()
 
 
-def _labels(kind: type[AxisState] | type[DriveState] | type[PowerPhase] | type[Mode]) -> tuple[str, ...]:
+def _labels(kind: type[Enum]) -> tuple[str, ...]:
     return tuple(member.name.lower() for member in kind)
 
 
@@ -142,6 +144,41 @@ _AUTHORITY: Final = (
     ),
 )
 
+_ARMED: Final = (
+    _out("armed_action", "", "enum", "on change", "What is armed: the next step executes it.", ("none", *ARMABLE)),
+    _out("armed_by", "", "text", "on change", "Who armed it; empty when nothing is armed."),
+    _out("armed_client", "", "text", "on change", "Client id of whoever armed it."),
+    _out("armed_left_s", "s", "float", "20 Hz", "How long it stays armed; 0 when nothing is."),
+    _out("second_person", "", "bool", "on change", "Another user than the one who armed must execute."),
+    _out("reset_locked", "", "bool", "on change",
+         "A reset now meets something locked: it needs the service role, and `arm` first."),
+)  # fmt: skip
+
+_BRAKE: Final = (
+    _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
+    _out("brake_test_blocked", "", "text", "on change", "Why it cannot be tested here; empty when it can."),
+    _out("brake_test_phase", "", "enum", "20 Hz", "Where the brake test is; idle when none is under way.",
+         _labels(BrakeTestPhase)),
+    _out("brake_test_left_s", "s", "float", "20 Hz", "Until the test under way ends; 0 when none is."),
+    _out("brake_test_torque_nm", "N m", "float", "20 Hz",
+         "Torque that the test puts on the brake now; the motor's own is `torque_act_nm`."),
+    _out("brake_test_moved_deg", "deg", "float", "20 Hz", "Farthest way during the test under way or the last one."),
+    _out("brake_test_level_nm", "N m", "float", "on change", "Torque that the closed brake must hold, both ways."),
+    _out("brake_test_limit_deg", "deg", "float", "on change", "The axis may move this far under it."),
+    _out("brake_test_result", "", "enum", "on change", "How the last test ended; aborted ones show nothing.",
+         _labels(BrakeTestOutcome)),
+    _out("brake_test_text", "", "text", "on change", "The last test in one sentence, with what was measured."),
+    _out("brake_test_plus_nm", "N m", "float", "on change",
+         "Torque on the brake in the plus direction, mean while held; null when it was not held."),
+    _out("brake_test_minus_nm", "N m", "float", "on change", "The same in the minus direction."),
+    _out("brake_tested_at", "", "text", "on change",
+         "Date and time (UTC) of the last test that passed or failed; empty when there was none."),
+    _out("brake_test_due_at", "", "text", "on change",
+         "The next test is due then (UTC) at the latest; empty where it cannot be tested or never was."),
+    _out("brake_test_cycles_left", "", "int", "on change", "It is due after so many power-ups at the latest."),
+    _out("brake_test_overdue", "", "bool", "on change", "It is overdue: nothing moves faster than 1 deg/s."),
+)  # fmt: skip
+
 _LIMITS: Final = (
     _out("speed_min_deg_s", "deg/s", "float", "on change", "Lowest speed setting."),
     _out("speed_max_deg_s", "deg/s", "float", "on change", "Highest speed setting."),
@@ -169,13 +206,12 @@ _MACHINE: Final = (
     _out("eccentric_moment_nm", "N m", "float", "1 Hz",
          "Eccentric moment at the gantry, learned from the torque; null until learned."),
     _out("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it would come to rest by itself; null until learned."),
-    _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
     _out("refusal_text", "", "text", "on change", "The last command that the program refused, and why."),
     _out("alarms", "", "rows", "on change", "Active alarms, the first-out first (rows below)."),
     _out("alarm_history", "", "rows", "on change", "The last 50 alarms, newest first (rows below)."),
 )  # fmt: skip
 
-TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_LIMITS, *_MACHINE)
+TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_ARMED, *_BRAKE, *_LIMITS, *_MACHINE)
 BY_NAME: Final = {tag.name: tag for tag in TAGS}
 
 ALARM_ROW: Final = {

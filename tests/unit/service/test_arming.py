@@ -1,0 +1,76 @@
+"""Arm, then execute: one action, one person (or two), ten seconds, one epoch, once."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.service.arming import ARMED_S, Arming
+from gantryctl.service.messages import Identity, Refused
+from gantryctl.service.roles import Action, Role
+
+ANNA, BELA = (Identity(name, name, Role.SERVICE, "loopback") for name in ("anna", "bela"))
+ANNA_ELSEWHERE = ANNA._replace(client="other")
+TEST, LOCKED = Action.BRAKE_TEST, Action.RESET_LOCKED
+
+
+def armed(*, second_person: bool = False) -> Arming:
+    arming = Arming(second_person=second_person)
+    arming.arm(TEST, ANNA, 7, 100.0)
+    return arming
+
+
+def allowed(arming: Arming, action: Action, who: Identity, epoch: int = 7, now_s: float = 101.0) -> bool:
+    try:
+        arming.check(action, who, epoch, now_s)
+    except Refused as refused:
+        return refused.code != "SEC-10"
+    return True
+
+
+@pytest.mark.parametrize("second_person", [False, True])
+@pytest.mark.parametrize("who", [ANNA, ANNA_ELSEWHERE, BELA])
+@pytest.mark.parametrize("action", [TEST, LOCKED])
+def test_every_cell_of_who_may_execute_what_anna_has_armed(
+    action: Action, who: Identity, second_person: bool
+) -> None:
+    wanted = action is TEST and (who is BELA if second_person else who is ANNA)
+    assert allowed(armed(second_person=second_person), action, who) is wanted
+
+
+def test_it_is_executed_once() -> None:
+    arming = armed()
+    arming.use()
+    assert not allowed(arming, TEST, ANNA)
+
+
+def test_it_lasts_ten_seconds_and_not_a_moment_longer() -> None:
+    assert allowed(armed(), TEST, ANNA, now_s=100.0 + ARMED_S - 0.001)
+    assert not allowed(armed(), TEST, ANNA, now_s=100.0 + ARMED_S)
+    assert armed().left_s(7, 104.0) == pytest.approx(6.0)
+    assert armed().left_s(7, 111.0) == 0.0
+
+
+def test_it_dies_with_its_epoch_and_stays_dead() -> None:
+    arming = armed()
+    assert not allowed(arming, TEST, ANNA, epoch=8)
+    assert not allowed(arming, TEST, ANNA, epoch=7)
+
+
+def test_it_dies_with_the_connection_that_armed_it_and_with_no_other() -> None:
+    arming = armed()
+    arming.gone(BELA.client)
+    assert allowed(arming, TEST, ANNA)
+    arming.gone(ANNA.client)
+    assert not allowed(arming, TEST, ANNA)
+
+
+def test_arming_something_else_takes_its_place() -> None:
+    arming = armed()
+    arming.arm(LOCKED, ANNA, 7, 101.0)
+    assert not allowed(arming, TEST, ANNA, now_s=102.0)
+    assert allowed(arming, LOCKED, ANNA, now_s=102.0)
+
+
+def test_nobody_has_armed_anything_at_the_start() -> None:
+    assert not allowed(Arming(), TEST, ANNA)
+    assert Arming().left_s(7, 0.0) == 0.0
