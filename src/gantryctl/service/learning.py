@@ -1,55 +1,82 @@
 """Expected torque and eccentric moment, learned from the motor's torque while the axis moves: for showing only.
 
-The model is linear in what is learned, T = a sin(theta) + b cos(theta) + c sign(v) + d acc, fitted by recursive least
-squares with forgetting. Nothing of the simulated plant is known here, and no command depends on it.
+The model is linear in what is learned, T = a sin(theta) + b cos(theta) + c sign(v) + d v + e acc, fitted by recursive
+least squares with forgetting. Nothing of the simulated plant is known here, and no command depends on it.
+
+A gear whose friction grows with the load makes the load look heavier where it is lifted and lighter where it is let
+down. Moving both ways over the same angles takes most of that out; some 5 to 10 % of the moment stay.
 """
 
 from __future__ import annotations
 
 import math
+from operator import mul
 from typing import Final
 
-_FORGET: Final = 0.9995
-"""Per sample at 20 Hz: what is 100 s old counts by a third."""
-_START: Final = 1e6
+_COUNT: Final = 5
+_DRIFT: Final = 5e-7
+"""Variance by which a weight may wander between two samples, in variances of one reading: at 20 Hz, what is 100 s old
+counts by a third."""
+_START: Final = 100.0
+"""Variance of what nothing is known of."""
+_FIRM: Final = 0.01
+"""Sine and cosine do not wander beyond: hours of small motions, which teach neither, do not lose them."""
+_LIMITS: Final = (_FIRM, _FIRM, _START, _START, _START)
+_KNOWN_SHARE: Final = 0.0025
+"""A weight is known when its standard deviation is below this share of the rated torque."""
+_SAMPLES_MIN: Final = 100
+_SAMPLES_MAX: Final = 2000
+"""Readings that the variance of one reading is averaged over."""
 _MOVING_RAD_S: Final = math.radians(0.05)
-_WAY_RAD: Final = math.radians(60.0)
-"""Two of the four cannot be told apart before the axis has turned this far."""
-_WANDER_NM: Final = 1e4
-"""The covariance is held below this: directions that are not excited must not blow up."""
+_VEL_RAD_S: Final = 0.1
+_ACC_RAD_S2: Final = 1e-3
+"""Units in which speed and acceleration are as large as a sine, so that all weights are some N m."""
 
 
 class TorqueModel:
-    """Learns four numbers; None for everything until the axis has turned by 60 deg.
+    """Learns five numbers; nan for everything until sine and cosine can be told from friction.
+
+    One way over less than a quarter turn does not tell them apart; there and back does.
 
     Args:
         ratio: motor turns per gantry turn.
+        torque_rated_nm: of the motor; what is small is judged by it.
     """
 
-    def __init__(self, ratio: float) -> None:
+    def __init__(self, ratio: float, torque_rated_nm: float) -> None:
         self._ratio = ratio
-        self._weights = [0.0] * 4
-        self._cov = [[_START if i == j else 0.0 for j in range(4)] for i in range(4)]
-        self._low = self._high = math.nan
+        self._known_nm = _KNOWN_SHARE * torque_rated_nm
+        self._weights = [0.0] * _COUNT
+        self._cov = [[_START if i == j else 0.0 for j in range(_COUNT)] for i in range(_COUNT)]
+        self._samples = 0
+        self._reading_var = 0.0
+        self.learned = False
+        """Whether it has seen enough."""
 
     def add(self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float, torque_nm: float) -> None:
-        """One sample of angle, speed and acceleration at the gantry with the motor's torque."""
-        if not (abs(vel_rad_s) > _MOVING_RAD_S and math.isfinite(torque_nm) and math.isfinite(pos_rad)):
+        """One sample of angle, speed and acceleration at the gantry with the motor's torque; at rest it is left out."""
+        if not (
+            abs(vel_rad_s) > _MOVING_RAD_S and math.isfinite(pos_rad + vel_rad_s + acc_rad_s2 + torque_nm)
+        ):
             return
-        self._low = min(pos_rad, self._low) if self._low == self._low else pos_rad
-        self._high = max(pos_rad, self._high) if self._high == self._high else pos_rad
-        x = _features(pos_rad, vel_rad_s, acc_rad_s2)
-        px = [sum(row[j] * x[j] for j in range(4)) for row in self._cov]
-        scale = _FORGET + sum(x[i] * px[i] for i in range(4))
-        error = torque_nm - sum(w * f for w, f in zip(self._weights, x, strict=True))
-        self._weights = [w + p / scale * error for w, p in zip(self._weights, px, strict=True)]
-        forget = _FORGET if max(self._cov[i][i] for i in range(4)) < _WANDER_NM else 1.0
-        self._cov = [[(self._cov[i][j] - px[i] * px[j] / scale) / forget for j in range(4)] for i in range(4)]
+        x, cov = _features(pos_rad, vel_rad_s, acc_rad_s2), self._cov
+        px = [sum(map(mul, row, x)) for row in cov]
+        scale = 1.0 + sum(map(mul, x, px))
+        error = torque_nm - sum(map(mul, self._weights, x))
+        gain = [p / scale for p in px]
+        self._weights = [w + g * error for w, g in zip(self._weights, gain, strict=True)]
+        self._cov = [
+            [c - g * p for c, p in zip(row, px, strict=True)] for row, g in zip(cov, gain, strict=True)
+        ]
+        for i, limit in enumerate(_LIMITS):
+            self._cov[i][i] += _DRIFT if self._cov[i][i] < limit else 0.0
+        self._samples = min(self._samples + 1, _SAMPLES_MAX)
+        self._reading_var += (error * error / scale - self._reading_var) / self._samples
+        self._judge()
 
-    @property
-    def learned(self) -> bool:
-        """Whether it has seen enough."""
-        return self._high - self._low >= _WAY_RAD
+    def _judge(self) -> None:
+        deviation_nm = math.sqrt(self._reading_var * max(self._cov[0][0], self._cov[1][1]))
+        self.learned = self._samples >= _SAMPLES_MIN and deviation_nm < self._known_nm
 
     def expected_nm(self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float) -> float:
         """Motor torque expected now, N m; nan until learned."""
@@ -59,13 +86,17 @@ class TorqueModel:
         return sum(w * f for w, f in zip(self._weights, _features(pos_rad, moving, acc_rad_s2), strict=True))
 
     def eccentric(self) -> tuple[float, float]:
-        """Eccentric moment at the gantry, N m, and the angle where it would come to rest, rad; nan until learned."""
+        """Eccentric moment at the gantry, N m, and the angle where it would come to rest, rad; nan until learned.
+
+        The angle of a moment that is too small to be seen is nan too.
+        """
         if not self.learned:
             return math.nan, math.nan
         a, b = self._weights[0], self._weights[1]
-        return math.hypot(a, b) * self._ratio, math.atan2(-b, a)
+        moment_nm = math.hypot(a, b)
+        return moment_nm * self._ratio, math.atan2(-b, a) if moment_nm > 2.0 * self._known_nm else math.nan
 
 
-def _features(pos_rad: float, vel_rad_s: float, acc_rad_s2: float) -> tuple[float, float, float, float]:
+def _features(pos_rad: float, vel_rad_s: float, acc_rad_s2: float) -> tuple[float, ...]:
     sign = math.copysign(1.0, vel_rad_s) if vel_rad_s else 0.0
-    return math.sin(pos_rad), math.cos(pos_rad), sign, acc_rad_s2 * 1e3
+    return math.sin(pos_rad), math.cos(pos_rad), sign, vel_rad_s / _VEL_RAD_S, acc_rad_s2 / _ACC_RAD_S2

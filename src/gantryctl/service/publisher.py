@@ -51,7 +51,7 @@ class Publisher:
         self._machine, self._engine, self._operator = machine, engine, operator
         self._alarms, self._recorder, self._memory = alarms, recorder, memory
         self._brake = BrakeView()
-        self._model = TorqueModel(self._axis.settings.law.ratio)
+        self._model = TorqueModel(self._axis.settings.law.ratio, machine.motor.torque_rated_nm)
         self._fast_scans = max(1, round(FAST_S / engine.period_s))
         self._frame_scans = max(1, round(FRAME_S / engine.period_s))
         self._slow_scans = max(1, round(SLOW_S / engine.period_s))
@@ -78,6 +78,13 @@ class Publisher:
             self._model.add(
                 axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, axis.feedback.torque_nm
             )
+
+    def _expected_nm(self) -> float:
+        """With the power off the brake holds the load: then nothing is expected of the motor."""
+        axis, virtual = self._axis, self._axis.virtual
+        if not virtual.following:
+            return math.nan
+        return self._model.expected_nm(axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2)
 
     def _publish_slow(self, due: bool) -> None:
         operator = self._operator
@@ -116,9 +123,7 @@ class Publisher:
             "vel_cmd_deg_s": deg(axis.vel_cmd_rad_s / axis.settings.law.ratio),
             "pos_err_deg": deg(axis.pos_err_rad),
             "torque_act_nm": feedback.torque_nm,
-            "torque_expected_nm": self._model.expected_nm(
-                axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
-            ),
+            "torque_expected_nm": self._expected_nm(),
             "overload": feedback.overload,
             "target_deg": deg(virtual.plan.pos_end) if virtual.following else pos,
             "time_left_s": max(0.0, end_s - engine.time_s) if virtual.following else 0.0,
