@@ -40,6 +40,22 @@ export function t(key: Key, values: Record<string, string | number> = {}): strin
   return text.replace(/\{(\w+)\}/g, (_, name: string) => String(values[name] ?? ''));
 }
 
+/** Date and time of the place, from UTC; what is no time stays as it is. */
+export function clock(at: string): string {
+  const when = new Date(at);
+  return Number.isNaN(when.getTime()) ? at : when.toLocaleString(place());
+}
+
+/** The date alone. */
+export function day(at: string): string {
+  const when = new Date(at);
+  return Number.isNaN(when.getTime()) ? at : when.toLocaleDateString(place());
+}
+
+function place(): string {
+  return prefs.language === 'zh' ? 'zh-CN' : 'en-GB';
+}
+
 /** The word for a value that comes from the service: an enum, a role, an action. */
 export function word(group: string, value: string | null | undefined): string {
   if (value == null) return t('unknown');

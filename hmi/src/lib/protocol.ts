@@ -38,6 +38,8 @@ export interface Reply {
 }
 
 export type Direction = 'forward' | 'reverse';
+/** What takes two steps. */
+export type Arms = 'brake_test' | 'reset_locked';
 
 /** Commands with the keys that are theirs; the link adds type, seq, frame and epoch. */
 export interface Commands {
@@ -57,6 +59,7 @@ export interface Commands {
   reset: Record<string, never>;
   acknowledge: { id: number };
   set: { tag: keyof Tags; value: number };
+  arm: { action: Arms };
   brake_test: Record<string, never>;
 }
 
