@@ -80,7 +80,7 @@ def test_paths_that_cannot_be_read(tmp_path):
     )
     assert "is not a file" in only_problem(load_machine, tmp_path)
     assert "is not a file" in only_problem(load_machine, "/dev/zero")
-    assert "cannot be read: embedded null byte" in only_problem(load_machine, "a\0b")
+    assert only_problem(load_machine, "a\0b").startswith("a\\x00b: cannot be read: ")
     assert "cannot be read: File name too long" in only_problem(load_machine, "x" * 5000)
     loop = tmp_path / "loop"
     loop.symlink_to(loop)
