@@ -1,4 +1,4 @@
-"""Write the tables of the service as TypeScript: tags, enums, actions and roles.
+"""Write the tables of the service as TypeScript: tags, enums, actions and roles, and its sentences in Chinese.
 
     python tools/page_tables.py hmi/src/lib/tables.ts
 
@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+from gantryctl.service.chinese import phrases
 from gantryctl.service.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role
 from gantryctl.service.tags import ALARM_ROW, TAGS, Tag
 
@@ -51,9 +52,17 @@ def _roles() -> Iterator[str]:
     yield "];\n"
 
 
+def _phrases() -> Iterator[str]:
+    yield "/** Sentences of the service in Chinese: src/gantryctl/service/chinese.py says how they are written. */"
+    yield "export const PHRASES: Record<string, string> = {"
+    for english, chinese in phrases().items():
+        yield f"  {json.dumps(english)}: {json.dumps(chinese, ensure_ascii=False)},"
+    yield "};\n"
+
+
 def text() -> str:
     """The whole file."""
-    return "\n".join([HEADER, *_tags(), *_roles()])
+    return "\n".join([HEADER, *_tags(), *_roles(), *_phrases()])
 
 
 if __name__ == "__main__":

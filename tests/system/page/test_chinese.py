@@ -1,0 +1,103 @@
+"""The page in Chinese: alarms and refusals too, though the service says everything in English."""
+
+from __future__ import annotations
+
+import json
+import re
+from string import Formatter
+
+from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
+
+from browser import address
+from gantryctl.program import ALARMS
+from gantryctl.program.alarm_table import Definition
+from service_process import Page as Watcher
+from service_process import Service
+
+WORDS = {"name": "speed", "allowed": "within 0.6 and 6 deg/s", "side": "plus", "command": "closed"}
+MEASURED = {
+    "CTL-01": "7 deg/s",
+    "CTL-14": "the mode changes at standstill only",
+    "CTL-17": "",
+    "LIM-03": 12.5,
+}
+INTERNATIONAL = {"NMT", "OPERATIONAL", "CAN", "UTC"}
+DONE = "Quick stop, at rest after 131 ms, torque off after 450 ms, gantry moved 0.03 deg to 12.34 deg"
+
+
+def row(number: int, definition: Definition) -> dict[str, object]:
+    """An alarm with numbers in it, as the service sends it."""
+    values = {}
+    for _, name, digits, _ in Formatter().parse(definition.message):
+        if name:
+            values[name] = 12.5 if digits else WORDS.get(name, "Switched on")
+    if str(definition.code) in MEASURED:
+        values["measured"] = MEASURED[str(definition.code)]
+    return {
+        "id": number, "code": str(definition.code), "severity": definition.severity.value, "title": definition.title,
+        "measured": definition.message.format(**values), "done": DONE, "to_do": definition.to_do,
+        "cause": definition.cause, "text": "", "at": "2026-11-20T10:11:12.000+00:00", "time_s": 1.5,
+        "pos_act_deg": 12.34, "active": True, "first_out": number == 1, "follows": "", "lock": definition.lock,
+        "acknowledged_by": "",
+    }  # fmt: skip
+
+
+def in_chinese(context: BrowserContext, service: Service, area: str) -> Page:
+    url = address(service)
+    context.add_cookies([{"name": "gantryctl_session", "value": service.log_in("operator"), "url": url}])
+    context.add_init_script("localStorage.setItem('gantryctl.language', 'zh')")
+    page = context.new_page()
+    page.goto(f"{url}#{area}")
+    return page
+
+
+def english(text: str) -> list[str]:
+    return [word for word in re.findall(r"[A-Za-z]{3,}", text) if word not in INTERNATIONAL]
+
+
+def test_every_alarm_is_chinese(context: BrowserContext, page_service: Service) -> None:
+    """All codes at once, put into what the service sends."""
+    rows = [row(number, definition) for number, definition in enumerate(ALARMS.values(), 1)]
+
+    def with_all_alarms(socket: WebSocketRoute) -> None:
+        def forward(text: str | bytes) -> None:
+            message = json.loads(text)
+            if message["type"] == "status":
+                message["tags"]["alarms"] = rows
+            socket.send(json.dumps(message))
+
+        socket.connect_to_server().on_message(forward)
+
+    context.route_web_socket("**/api/v1/socket", with_all_alarms)
+    page = in_chinese(context, page_service, "alarms")
+    table = page.get_by_role("table", name="当前报警")
+    detail = page.get_by_label("所选报警")
+    for definition in ALARMS.values():
+        code = str(definition.code)
+        table.get_by_role("button", name=code, exact=True).click()
+        expect(detail.get_by_role("heading", level=2).first).to_contain_text(code)
+        shown = detail.locator("dd").all_inner_texts()
+        assert english(" ".join(shown[:4]).replace(code, "")) == [], code
+        for number in re.findall(r"\d+\.\d+", str(rows[list(ALARMS).index(definition.code)]["measured"])):
+            assert number in shown[0], code
+
+
+def test_a_stop_and_a_refusal_are_told_in_chinese(
+    context: BrowserContext, page_service: Service, watcher: Watcher
+) -> None:
+    page = in_chinese(context, page_service, "operation")
+    page.get_by_role("button", name="取得控制权").click()
+    page.get_by_role("button", name="上电").click()
+    watcher.until(lambda tags: bool(tags["power"]))
+    page.locator("#tab-alarms").click()
+    page.get_by_role("button", name="快速停止").click()
+    watcher.until(lambda tags: tags["at_rest"] and tags["power_phase"] == "off")
+    detail = page.get_by_label("所选报警").locator("dd")
+    expect(detail.first).to_contain_text("操作员要求快速停止")
+    assert english(" ".join(detail.all_inner_texts()[:4])) == []
+    page.locator("#tab-operation").click()
+    page.get_by_role("button", name="上电").click()
+    expect(page.get_by_test_id("note")).to_contain_text("INT-06 已锁存（操作员要求快速停止")
+    assert english(page.get_by_test_id("note").inner_text().replace("PWR", "").replace("INT", "")) == []
+    page.get_by_role("button", name="复位").click()
+    watcher.until(lambda tags: tags["alarm_count"] == 0)
