@@ -204,31 +204,6 @@ def test_five_wrong_passwords_lock_this_account_and_no_other(service: Service) -
     assert service.request("POST", "/api/v1/login", right)[0] == 200
 
 
-def test_gateway_and_recorder_may_be_killed_while_the_axis_moves(service: Service) -> None:
-    with service.page("operator") as page:
-        page.power_up()
-        page.do("set", tag="speed_setting_deg_s", value=0.6)
-        target = page.tags["pos_act_deg"] + 4.0
-        page.do("move", target_deg=target)
-        page.until(lambda tags: tags["vel_act_deg_s"] > 0.3)
-        os.kill(service.child("recorder"), signal.SIGKILL)
-        os.kill(service.child("gateway"), signal.SIGKILL)
-    for _ in range(100):  # the listening socket stays open: requests wait until the gateway is back
-        try:
-            service.request("GET", "/api/v1/health")
-            break
-        except OSError:
-            continue
-    with service.page("viewer") as page:
-        page.until(lambda tags: tags["at_rest"] and tags["in_position"])
-        assert page.tags["pos_act_deg"] == pytest.approx(target, abs=0.005), (
-            page.tags
-        )  # the in-position window
-        page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
-    assert verify(service.directory).wrong == ""
-    assert "SYS-06 recorder ended with code -9" in service.errors()
-
-
 def test_a_second_controller_on_the_same_machine_is_impossible(service: Service) -> None:
     for wanted in (["serve", "--no-page"], ["move", "1"]):
         done = command(service, *wanted)

@@ -120,19 +120,19 @@ export interface Tags {
   heartbeat_age_ms: number | null;
   /** Nominal scan period. [ms] */
   scan_period_ms: number | null;
-  /** Lateness of the scans, median since the start. [us] */
+  /** Lateness of the scans of the last 10 s, median. [us] */
   scan_lateness_p50_us: number | null;
-  /** Lateness of the scans, 99 % are below. [us] */
+  /** The same, 99 % are below. [us] */
   scan_lateness_p99_us: number | null;
-  /** The latest scan. [us] */
+  /** The latest scan since the start. [us] */
   scan_lateness_max_us: number | null;
   /** The same 99 % as an angle at the highest speed. [deg] */
   scan_lateness_p99_deg: number | null;
   /** The latest scan as an angle at the highest speed. [deg] */
   scan_lateness_max_deg: number | null;
-  /** Time a scan takes, median. [us] */
+  /** Time a scan takes, median of the last 10 s. [us] */
   scan_run_p50_us: number | null;
-  /** Time a scan takes, 99 % are below. [us] */
+  /** The same, 99 % are below. [us] */
   scan_run_p99_us: number | null;
   /** Scans that ended after the next one was due. */
   scan_overruns: number | null;

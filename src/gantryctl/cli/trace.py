@@ -58,6 +58,7 @@ def show(file: Path, as_json: bool) -> None:
             "complete": recording.complete,
             "rows": len(recording),
             "duration_s": recording.duration_s,
+            "gaps_s": recording.gaps(),
             "hash": recording.hash(),
             "metadata": recording.metadata,
             "columns": [summary._asdict() for summary in summarize(recording)],
@@ -67,6 +68,8 @@ def show(file: Path, as_json: bool) -> None:
     click.echo(f"{file}: {len(recording)} rows, {recording.duration_s:.3f} s, hash {recording.hash()[:16]}")
     if not recording.complete:
         click.echo("not closed: the run was killed or still goes on; every row shown is whole")
+    for before_s, after_s in recording.gaps():
+        click.echo(f"rows are missing between {before_s:.3f} s and {after_s:.3f} s: they found no place")
     for key, value in recording.metadata.items():
         click.echo(f"  {key}: {value}")
     shown = recording.in_degrees()

@@ -3,16 +3,26 @@
 from __future__ import annotations
 
 import contextlib
+import math
+import os
 import struct
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from gantryctl.errors import DeviceError
 from gantryctl.trace import Floats, Metadata, Trace, validate_columns
-from gantryctl.trace.files import CLOSED_SUFFIX, LIVE_SUFFIX, arrow_schema, record_batch, write_parquet
+from gantryctl.trace.files import (
+    CLOSED_SUFFIX,
+    LIVE_SUFFIX,
+    STREAM_END,
+    arrow_schema,
+    record_batch,
+    whole_part,
+    write_parquet,
+)
 
 FLUSH_ROWS: Final = 1000
 """Rows in a block of the live file: what a kill may cost."""
@@ -51,14 +61,18 @@ class ArrowRecorder:
     """Records into `<path>.arrows`, readable at any time and after a kill; `close()` makes `<path>.parquet`
     of it.
 
+    Args:
+        flush_rows: rows in a block.
+        resume: go on with the live file that a killed run has left, after its last whole block.
+
     Raises:
-        DeviceError: the file cannot be made or is there already, and from `record` and `close` when a block
-        or the
-            closed file cannot be written. The blocks before it stay readable.
+        DeviceError: the file cannot be made or is there already, and from `record`, `flush` and `close` when a block
+            or the closed file cannot be written. The blocks before it stay readable.
 
     Attributes:
         live_path: the stream while it grows.
         path: the closed file.
+        resumed_s: time of the last row of the file that is gone on with, -inf for a new one.
     """
 
     def __init__(
@@ -67,25 +81,23 @@ class ArrowRecorder:
         columns: Sequence[str],
         metadata: Metadata | None = None,
         flush_rows: int = FLUSH_ROWS,
+        *,
+        resume: bool = False,
     ) -> None:
-        import pyarrow as pa
-
         self.columns = validate_columns(columns)
         path = Path(path)
         stem = path.stem if path.suffix in {LIVE_SUFFIX, CLOSED_SUFFIX} else path.name
         self.live_path = path.with_name(stem + LIVE_SUFFIX)
         self.path = path.with_name(stem + CLOSED_SUFFIX)
+        self.resumed_s = -math.inf
         self._schema = arrow_schema(self.columns, metadata or {})
         self._pack = struct.Struct(f"{len(self.columns)}d").pack
         self._bytes = bytearray()
         self._block_bytes = flush_rows * 8 * len(self.columns)
         self._closed = self._failed = False
         try:
-            with self.live_path.open("xb"):
-                pass  # never over the recording of a run that was killed
-            self._file = pa.OSFile(str(self.live_path), "wb")
-            self._stream = pa.ipc.new_stream(self._file, self._schema)
-            self._flush()  # columns and metadata are in the file from the start
+            self._file = self._open(resume)
+            self.flush()  # columns and metadata are in the file from the start
         except FileExistsError:
             raise DeviceError(
                 f"{self.live_path}: left by a run that was killed, or in use; export it or move it away"
@@ -93,11 +105,25 @@ class ArrowRecorder:
         except OSError as fault:
             raise DeviceError(f"{self.live_path}: cannot be made: {fault.strerror or fault}") from fault
 
+    def _open(self, resume: bool) -> Any:
+        """The live file, ready for the next block."""
+        import pyarrow as pa
+
+        begun, self.resumed_s = whole_part(self.live_path) if resume else (0, -math.inf)
+        if begun:
+            os.truncate(self.live_path, begun)
+            return pa.OSFile(str(self.live_path), "ab")
+        with self.live_path.open("wb" if resume else "xb"):
+            pass  # never over the recording of a run that was killed
+        file = pa.OSFile(str(self.live_path), "wb")
+        file.write(self._schema.serialize())
+        return file
+
     def record(self, row: tuple[float, ...]) -> None:
         """Append one row; every `flush_rows` of them go to the file."""
         self._bytes += self._pack(*row)
         if len(self._bytes) >= self._block_bytes:
-            self._flush()
+            self.flush()
 
     def close(self) -> None:
         """Write what is left, make the Parquet file, remove the live one; may be called twice.
@@ -109,21 +135,23 @@ class ArrowRecorder:
         self._closed = True
         try:
             if not self._failed:
-                self._flush(last=True)
+                self.flush()
+                self._write(STREAM_END)
         finally:
             with contextlib.suppress(OSError):
                 self._file.close()
         if not self._failed:
             self._convert()
 
-    def _flush(self, *, last: bool = False) -> None:
-        """One block to the file."""
+    def flush(self) -> None:
+        """What has come so far goes to the file as one block: no kill of this process takes it back."""
         rows = np.frombuffer(bytes(self._bytes)).reshape(-1, len(self.columns))
         self._bytes.clear()
+        self._write(record_batch(self._schema, rows).serialize())
+
+    def _write(self, data: Any) -> None:
         try:
-            self._stream.write_batch(record_batch(self._schema, rows))
-            if last:
-                self._stream.close()
+            self._file.write(data)
         except OSError as fault:
             self._failed = True
             raise DeviceError(f"{self.live_path}: cannot be written: {fault.strerror or fault}") from fault

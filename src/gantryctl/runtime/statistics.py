@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from collections.abc import Sequence
 from typing import Final
 
-_PER_DECADE: Final = 10
+_PER_DECADE: Final = 50
 _EDGES_S: Final[list[float]] = [1e-6 * 10.0 ** (i / _PER_DECADE) for i in range(7 * _PER_DECADE + 1)]
 """Upper edges of the bins, 1 us to 10 s, s; one bin below and one above them."""
 
 
 class Histogram:
-    """Times in logarithmic bins of 26 %, fixed at construction; adding one costs a bisection.
+    """Times in logarithmic bins of 5 %, fixed at construction; adding one costs a bisection.
 
     Attributes:
         counts: one per bin; bin i ends at edge i, the last one has no end.
@@ -41,6 +42,14 @@ class Histogram:
             if count and seen >= rank:
                 return min(edge_s, self.worst_s)
         return 0.0
+
+    def since(self, counts: Sequence[int]) -> Histogram:
+        """Only what was added after its `counts` were these; the worst is that of all."""
+        found = Histogram()
+        found.counts = [now - before for now, before in zip(self.counts, counts, strict=True)]
+        found.count = sum(found.counts)
+        found.worst_s, found.worst_scan = self.worst_s, self.worst_scan
+        return found
 
     def to_dict(self) -> dict[str, object]:
         """Figures and the bins that are not empty, as [upper edge in s or null, count]."""

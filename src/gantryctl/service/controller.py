@@ -75,7 +75,7 @@ class Controller:
         rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
         self.operator.on_reset = self._reset
         self._powered = self._moving = False
-        self._power_ups = self._moves = 0
+        self._power_ups = self._moves = self._lost_rows = 0
         self._way_rad, self._last_pos = 0.0, math.nan
         self._end_s = math.inf
         self._keeper: threading.Thread | None = None
@@ -147,6 +147,11 @@ class Controller:
             self._recorder.number = int(time.time() * 1000)
             return
         self._recorder.stop()
+        lost, self._lost_rows = self._recorder.lost - self._lost_rows, self._recorder.lost
+        if lost:
+            self.events.put(
+                "service", f"recording: {lost} rows are missing, the recorder was away for too long"
+            )
         if self._keeper is None or not self._keeper.is_alive():
             self._keeper = threading.Thread(target=self._keep, args=(self._state("power off"),))
             self._keeper.start()  # the disk may take its time; power is off

@@ -41,6 +41,7 @@ class Inbox:
         first: stops and releases that wait; always carried out, whatever their age.
         others: commands that wait.
         gone: connections that have ended.
+        time_s: nominal time of the present scan, as in the first column of a recording.
     """
 
     def __init__(self, commands: Sequence[Ring], replies: Sequence[Ring], events: EventLog) -> None:
@@ -48,6 +49,7 @@ class Inbox:
         self.first: deque[Waiting] = deque()
         self.others: deque[Waiting] = deque()
         self.gone: deque[Gone] = deque()
+        self.time_s = 0.0
         self._commands, self._replies = commands, replies
         self._last_seq: OrderedDict[str, int] = OrderedDict()
 
@@ -90,7 +92,10 @@ class Inbox:
             self._last_seq.popitem(last=False)
 
     def answer(self, waiting: Waiting, refused: Refused | None, epoch: int) -> None:
-        """One reply and one event for a command; nothing for those that are silent when all is well."""
+        """One reply and one event for a command; nothing for those that are silent when all is well.
+
+        The event has the time of the scan that carried it out: journal and recording belong together.
+        """
         message, number = waiting.message, 0
         silent = message.kind in SILENT
         if not silent:
@@ -98,7 +103,7 @@ class Inbox:
             values = {name: value for name, value in message.values.items() if name != "lease"}
             asked = " ".join([message.kind, *(str(value) for value in values.values())])
             kind = _KINDS.get(message.kind, "command")
-            number = self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values)
+            number = self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, time_s=self.time_s)
         if refused is not None or not silent:
             self._reply(waiting.source, waiting.who, message.seq, refused, number, epoch)
 

@@ -86,6 +86,7 @@ class ServiceOperator:
     def poll(self, time_s: float) -> OperatorCommand:
         """The levels of this scan."""
         now_s, inbox = self.now(), self._inbox
+        inbox.time_s = time_s
         inbox.receive(self.authority.epoch)
         while inbox.gone:
             self._gone(inbox.gone.popleft())

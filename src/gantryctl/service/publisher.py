@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import Any, Final
 
 from gantryctl.devices.canopen import CanopenDrive
@@ -24,6 +25,8 @@ from gantryctl.units import deg
 FAST_S: Final = 0.010
 FRAME_S: Final = 0.050
 SLOW_S: Final = 1.0
+RECENT_S: Final = 10.0
+"""Over so long the usual lateness and run time are shown."""
 _DIGITS: Final = 6
 
 
@@ -57,6 +60,7 @@ class Publisher:
         self._slow_scans = max(1, round(SLOW_S / engine.period_s))
         self._fixed = _fixed(machine) | {"real_time": real_time, "version": version}
         self._statistics: dict[str, Any] = {}
+        self._before: deque[tuple[list[int], list[int]]] = deque(maxlen=round(RECENT_S / SLOW_S))
         self._shown: tuple[object, ...] = ()
 
     def scan(self) -> None:
@@ -216,12 +220,16 @@ class Publisher:
         }
 
     def _timing(self) -> dict[str, Any]:
+        """Counts and the latest scan since the start, the rest over `RECENT_S`."""
         found, top = self._engine.statistics, self._machine.speed.setting_max_deg_s
-        late, run = found.lateness, found.run_time
-        p99_s = late.quantile_s(0.99)
+        late = found.lateness
+        before = self._before[0] if self._before else ([0] * len(late.counts), [0] * len(late.counts))
+        recent, run = late.since(before[0]), found.run_time.since(before[1])
+        self._before.append((list(late.counts), list(found.run_time.counts)))
+        p99_s = recent.quantile_s(0.99)
         return {
             "scan_period_ms": _rounded(found.period_s * 1e3),
-            "scan_lateness_p50_us": _rounded(late.quantile_s(0.5) * 1e6),
+            "scan_lateness_p50_us": _rounded(recent.quantile_s(0.5) * 1e6),
             "scan_lateness_p99_us": _rounded(p99_s * 1e6),
             "scan_lateness_max_us": _rounded(late.worst_s * 1e6),
             "scan_lateness_p99_deg": _rounded(p99_s * top),

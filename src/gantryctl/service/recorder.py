@@ -7,6 +7,7 @@ loses nothing; a slow disk delays only this process.
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import struct
@@ -20,6 +21,7 @@ from typing import Any, Final
 
 from gantryctl.errors import DeviceError, GantryctlError
 from gantryctl.runtime import ArrowRecorder
+from gantryctl.runtime.recorder import FLUSH_ROWS
 from gantryctl.service.journal import Journal, JournalFault
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
@@ -31,6 +33,8 @@ TRACE_RESERVE: Final = 64 * 2**20
 """Bytes free on the disk below which nothing is recorded: they are for the journal."""
 TRACES_KEPT: Final = 100
 SLOW_S: Final = 1.0
+BLOCK_S: Final = 1.0
+"""Rows wait in the ring for so long at most, before they are written as one block."""
 _BATCH: Final = 200
 _OWN: Final = 9
 """Source of the events that the recorder itself writes."""
@@ -130,21 +134,30 @@ class EventWriter:
 
 
 class TraceWriter:
-    """Makes a file of every recording: live as an Arrow stream, closed as Parquet."""
+    """Makes a file of every recording: live as an Arrow stream, closed as Parquet.
+
+    A row leaves the ring when it is in the file, so a recorder that is killed loses none; the next one goes on with
+    the same file and leaves out what is there already.
+    """
 
     def __init__(self, memory: SharedMemory, directory: Path, free_bytes: Callable[[], int]) -> None:
         self._memory, self._directory, self._free = memory, directory, free_bytes
         self._file: ArrowRecorder | None = None
         self._number = 0.0
         self._unpack: Callable[[bytes], tuple[Any, ...]] | None = None
+        self._due_s = -math.inf
 
-    def drain(self) -> None:
-        """Take the rows that wait."""
-        ring = self._memory.rows
-        while records := ring.peek(500):
+    def drain(self, *, at_once: bool = False) -> None:
+        """Take the rows that wait: when they are a whole block, when a second has passed, or at once."""
+        ring, now_s = self._memory.rows, time.monotonic()
+        if len(ring) < FLUSH_ROWS and now_s < self._due_s and not at_once:
+            return
+        self._due_s = now_s + BLOCK_S
+        while records := ring.peek(FLUSH_ROWS):
             for record in records:
                 if record is not None:
                     self._take(record)
+            self._writing(lambda file: file.flush())
             ring.advance(len(records))
 
     def _take(self, record: bytes) -> None:
@@ -155,15 +168,23 @@ class TraceWriter:
         if number != self._number:
             self.close()
             self._begin(number)
-        if self._file is not None and self._unpack is not None:
+        file, unpack = self._file, self._unpack
+        if file is not None and unpack is not None:
+            row = unpack(record)[1:]
+            if row[0] > file.resumed_s:
+                self._writing(lambda file: file.record(row))
+
+    def _writing(self, do: Callable[[ArrowRecorder], None]) -> None:
+        """Do it with the file, if there is one; a file that fails is given up, not the service."""
+        if self._file is not None:
             try:
-                self._file.record(self._unpack(record)[1:])
+                do(self._file)
             except (DeviceError, struct.error) as fault:
                 sys.stderr.write(f"recorder: {fault}\n")
                 self._file = None
 
     def _begin(self, number: float) -> None:
-        """A new file; none while the disk is nearly full."""
+        """A new file, or the one that a killed recorder has left; none while the disk is nearly full."""
         self._number = number
         about = self._memory.columns.read()
         if about is None or self._free() < TRACE_RESERVE:
@@ -171,12 +192,14 @@ class TraceWriter:
         found = json.loads(about.data)
         self._unpack = struct.Struct(f"<{len(found['columns']) + 1}d").unpack
         stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(number / 1000.0)) + f"{number % 1000:03.0f}"
+        path = self._directory / f"service-{stamp}"
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
             self._forget_old()
-            part = len(list(self._directory.glob(f"service-{stamp}*")))
-            name = f"service-{stamp}" + (f"-{part}" if part else "")
-            self._file = ArrowRecorder(self._directory / name, found["columns"], found["metadata"])
+            if not path.with_suffix(
+                ".parquet"
+            ).exists():  # else it was closed, but its rows were still in the ring
+                self._file = ArrowRecorder(path, found["columns"], found["metadata"], resume=True)
         except (OSError, GantryctlError) as fault:
             sys.stderr.write(f"recorder: {fault}\n")
 
@@ -215,7 +238,7 @@ def main(arguments: list[str]) -> int:
         memory.words[Word.JOURNAL_STATE] = events.state
         memory.words[Word.RECORDER_NS] = time.monotonic_ns()
         writer.join(_PAUSE_S)
-    traces.drain()
+    traces.drain(at_once=True)
     traces.close()
     events.close()
     return 0

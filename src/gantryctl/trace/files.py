@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
@@ -40,6 +41,26 @@ def record_batch(schema: Any, rows: Floats) -> Any:
     import pyarrow as pa
 
     return pa.record_batch([pa.array(column) for column in np.ascontiguousarray(rows.T)], schema=schema)
+
+
+def whole_part(path: Path) -> tuple[int, float]:
+    """Where the last whole block of a live file ends, and the time of its last row, s.
+
+    (0, -inf) when there is no such file or not even its head is whole.
+    """
+    import pyarrow as pa
+
+    end, last_s = 0, -math.inf
+    try:
+        with pa.OSFile(str(path), "rb") as source, pa.ipc.open_stream(source) as stream:
+            end = source.tell()
+            for batch in stream:
+                end = source.tell()
+                if batch.num_rows:
+                    last_s = batch.column(0)[-1].as_py()
+    except (pa.ArrowException, OSError):  # there is none, or the kill cut the block after `end`
+        pass
+    return end, last_s
 
 
 def write_parquet(path: Path, schema: Any, batches: Iterable[Any]) -> None:

@@ -88,6 +88,15 @@ class Trace:
         """From the first row to the last, s."""
         return float(self.time_s[-1] - self.time_s[0]) if len(self) else 0.0
 
+    def gaps(self) -> list[tuple[float, float]]:
+        """Where rows are missing: times of the rows before and after, s. Needs `period_s` in the metadata."""
+        period_s = self.metadata.get("period_s")
+        if not isinstance(period_s, int | float) or len(self) < 2:
+            return []
+        time_s = self.time_s
+        (before,) = np.nonzero(np.diff(time_s) > 1.5 * period_s)
+        return [(float(time_s[k]), float(time_s[k + 1])) for k in before]
+
     def slice(self, start_s: float, end_s: float) -> Trace:
         """The rows with `start_s <= time_s <= end_s`."""
         kept = (self.time_s >= start_s) & (self.time_s <= end_s)

@@ -1,0 +1,116 @@
+"""Recordings of the service: every row once, whenever the recorder is killed; rows that found no place are seen."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gantryctl.service.memory import SharedMemory
+from gantryctl.service.recorder import TraceWriter
+from gantryctl.service.trace_ring import RingRecorder
+from gantryctl.service.view import publish_json
+from gantryctl.trace import read_trace
+
+COLUMNS = ("time_s", "x_rad")
+PERIOD_S = 0.001
+PLENTY = 10**12
+
+
+class Bench:
+    """A controller's end of the ring, and recorders one after the other."""
+
+    def __init__(self, directory: Path) -> None:
+        self.memory, self.directory = SharedMemory.create(), directory
+        publish_json(self.memory.columns, {"columns": COLUMNS, "metadata": {"period_s": PERIOD_S}})
+        self.controller = RingRecorder(self.memory.rows, COLUMNS)
+        self.controller.number = 1_700_000_000_123
+        self.made = 0
+        self.start()
+
+    def start(self) -> None:
+        """A new recorder process; the one before left everything as it stood."""
+        self.writer = TraceWriter(self.memory, self.directory, lambda: PLENTY)
+
+    def rows(self, count: int) -> None:
+        for _ in range(count):
+            self.controller.record((self.made * PERIOD_S, self.made / 7))
+            self.made += 1
+
+    def kept(self) -> list[float]:
+        (file,) = self.directory.iterdir()
+        return read_trace(file)["x_rad"].tolist()
+
+
+class Killed(Exception):
+    pass
+
+
+def killed(_: int) -> None:
+    raise Killed
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.tuples(st.integers(0, 2500), st.sampled_from(["idle", "written", "cut"])), max_size=6),
+    st.integers(1, 60),
+)
+def test_a_recorder_killed_anywhere_loses_no_row_and_keeps_none_twice(
+    kills: list[tuple[int, str]], cut: int
+) -> None:
+    with tempfile.TemporaryDirectory() as name, pytest.MonkeyPatch.context() as patch:
+        bench = Bench(Path(name))
+        for count, when in kills:
+            bench.rows(count)
+            if when == "idle":
+                bench.writer.drain(at_once=True)
+            else:  # the block is in the file, the ring does not know it yet
+                with patch.context() as broken, pytest.raises(Killed) if count else patch.context():
+                    broken.setattr(bench.memory.rows, "advance", killed)
+                    bench.writer.drain(at_once=True)
+            for live in Path(name).iterdir() if when == "cut" else ():
+                data = live.read_bytes()
+                if count * 16 > cut:  # inside the last block
+                    live.write_bytes(data[:-cut])
+            bench.start()
+        bench.rows(10)
+        bench.controller.stop()
+        bench.writer.drain(at_once=True)
+        assert bench.kept() == [k / 7 for k in range(bench.made)]
+        bench.memory.close()
+
+
+def test_a_recorder_killed_after_it_closed_the_file_writes_it_no_second_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(100)
+    bench.controller.stop()
+    with monkeypatch.context() as broken:
+        broken.setattr(bench.memory.rows, "advance", killed)
+        with pytest.raises(Killed):
+            bench.writer.drain(at_once=True)
+    bench.start()
+    bench.writer.drain(at_once=True)
+    assert bench.kept() == [k / 7 for k in range(100)]
+    bench.memory.close()
+
+
+def test_rows_that_found_no_place_are_counted_and_seen_as_a_gap(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.writer.drain(at_once=True)
+    bench.rows(bench.memory.rows.slots + 500)  # nobody takes them: 16 s at 1 ms
+    assert bench.controller.lost == 500
+    bench.writer.drain(at_once=True)
+    bench.rows(10)
+    bench.controller.stop()
+    bench.writer.drain(at_once=True)
+    (file,) = tmp_path.iterdir()
+    ((begin_s, end_s),) = read_trace(file).gaps()
+    assert (end_s - begin_s) / PERIOD_S == pytest.approx(501)
+    assert np.isclose(begin_s, (bench.memory.rows.slots - 1) * PERIOD_S)
+    bench.memory.close()
