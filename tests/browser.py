@@ -27,6 +27,8 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
 ]
+FOREIGN = "foreign.example"
+"""A name that leads to this machine and is not one of the service's: as after DNS rebinding."""
 SIZE = {"width": 1024, "height": 768}
 MOVING_DEG_S = 0.05
 """Above this the set-point moves; at rest it is exactly 0."""
@@ -103,9 +105,9 @@ class Proxy:
 
 
 def launch(playwright: Playwright, service: Service, proxy: Proxy) -> Browser:
-    """Chromium for which `localhost` is the service behind the proxy, and 127.0.0.1 the service itself."""
+    """Chromium for which `localhost` is the service behind the proxy, and 127.0.0.1 and a foreign name the service."""
     port = service.address.rsplit(":", 1)[1]
-    rule = f"--host-resolver-rules=MAP localhost:{port} 127.0.0.1:{proxy.port}"
+    rule = f"--host-resolver-rules=MAP localhost:{port} 127.0.0.1:{proxy.port},MAP {FOREIGN} 127.0.0.1"
     return playwright.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, rule])
 
 

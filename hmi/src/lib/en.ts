@@ -30,6 +30,7 @@ export const en = {
   link_ok: 'Connected',
   link_stale: 'Connected, data stale',
   link_off: 'Not connected',
+  remote: 'Remote screen: {cap} °/s without enabling switch',
   failed: 'It did not work: {why}',
   stale: 'STALE DATA',
   stale_for: 'Last good {s} s ago.',

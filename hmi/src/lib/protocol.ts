@@ -10,6 +10,8 @@ export interface Session {
 export interface Welcome extends Session {
   type: 'welcome';
   client: string;
+  /** Where this page is; a remote one is slow without the enabling switch. */
+  place: 'local' | 'loopback' | 'remote';
   version: string;
   frame_ms: number;
   lease_ms: number;

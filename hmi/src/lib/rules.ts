@@ -40,9 +40,17 @@ function fast(): boolean {
   return speed != null && cap != null && (speed * (override ?? 100)) / 100 > cap + 1e-9;
 }
 
+function capped(): boolean {
+  return fast() && link.tags.enabling_switch !== true;
+}
+
+/** Conditions of a move to an angle: from a remote screen the cap holds as it does for the keys. */
+export function move(): [boolean, Key][] {
+  return [...motion(), [link.welcome?.place === 'remote' && capped(), 'why_cap']];
+}
+
 /** Mode and speed conditions of the keys and of increments. */
 export function keys(mode: 'continuous' | 'incremental'): [boolean, Key][] {
   const wrong: Key = mode === 'continuous' ? 'why_continuous' : 'why_incremental';
-  const capped = fast() && link.tags.enabling_switch !== true;
-  return [...motion(), [link.tags.mode !== mode, wrong], [capped, 'why_cap']];
+  return [...motion(), [link.tags.mode !== mode, wrong], [capped(), 'why_cap']];
 }

@@ -31,6 +31,7 @@ export const zh: Record<Key, string> = {
   link_ok: '已连接',
   link_stale: '已连接，数据过期',
   link_off: '未连接',
+  remote: '远程屏幕：无使能开关时最高 {cap} °/s',
   failed: '操作失败：{why}',
   stale: '数据过期',
   stale_for: '最近有效数据在 {s} 秒之前。',

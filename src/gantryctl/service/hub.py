@@ -181,6 +181,7 @@ class Hub:
             "client": who.client,
             "user": who.user,
             "role": str(who.role),
+            "place": who.place,
             "may": [str(action) for action, roles in MAY.items() if who.role in roles],
             "version": version("gantryctl"),
             "frame_ms": round(FRAME_S * 1e3),

@@ -26,7 +26,7 @@ the page. Refused with HTTP 401 (not logged in) or 403 (foreign `Origin` or `Hos
 
 | type | when | keys |
 |---|---|---|
-| `welcome` | first | `client` (one's own id), `user`, `role`, `may` (actions of the role), `version`, `frame_ms` (50), `lease_ms` (250), `renew_ms` (30), `frames_max_jog` (6), `frames_max` (10), `stale_ms` (500) |
+| `welcome` | first | `client` (one's own id), `user`, `role`, `place` (`local`, `loopback` or `remote`: those move above `speed_cap_deg_s` with the enabling switch only), `may` (actions of the role), `version`, `frame_ms` (50), `lease_ms` (250), `renew_ms` (30), `frames_max_jog` (6), `frames_max` (10), `stale_ms` (500) |
 | `status` | every 50 ms | `frame`, `fresh` (false: the controller is silent), `age_ms` (of the snapshot), `tags` (those of 20 Hz always, the others in the first frame and when one of them changed: merge them) |
 | `reply` | once for every command with a `seq` | `seq`, `ok`, `code` (stable, empty when ok), `text` (why not), `epoch` (the newest), `journal` (number of the event, 0 when none) |
 
