@@ -34,12 +34,26 @@ def add_users(root: Path) -> None:
 
 
 class Service:
-    """`gantryctl serve` on a free port of loopback, with its own state directory; a context manager."""
+    """`gantryctl serve` on a free port of loopback, with its own state directory; a context manager.
 
-    def __init__(self, root: Path, *options: str) -> None:
+    Args:
+        root: state root, and where its errors go.
+        disk_mb: the state root is `disk` below it instead, a disk of its own of that size that nobody else sees.
+    """
+
+    def __init__(self, root: Path, *options: str, disk_mb: int = 0) -> None:
         self.root, self.directory = root, root / "hust_gantry"
         command = [sys.executable, "-m", "gantryctl", "serve", "--listen", "127.0.0.1:0", *options]
-        environment = {**os.environ, "GANTRYCTL_STATE": str(root), "PYTHONUNBUFFERED": "1"}
+        state = root
+        if disk_mb:
+            state = root / "disk"
+            state.mkdir()
+            private = (
+                ["unshare", "--mount"] if os.geteuid() == 0 else ["unshare", "--mount", "--map-root-user"]
+            )
+            mounted = f'mount -t tmpfs -o size={disk_mb}m tmpfs "$0" && exec "$@"'
+            command = [*private, "sh", "-c", mounted, str(state), *command]
+        environment = {**os.environ, "GANTRYCTL_STATE": str(state), "PYTHONUNBUFFERED": "1"}
         with (root / "errors").open("wb") as errors:
             self.process = subprocess.Popen(
                 command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True
@@ -58,9 +72,15 @@ class Service:
         raise AssertionError("".join(self.said) + self.errors())
 
     def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Ctrl-C, and wait; may be called twice."""
+        assert self.process.stdout is not None
+        if self.process.stdout.closed:
+            return
         if self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)
-        assert self.process.stdout is not None
         with self.process.stdout:
             self.process.wait(PATIENCE_S)
 

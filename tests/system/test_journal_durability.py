@@ -17,6 +17,7 @@ import pytest
 
 from gantryctl.service.events import EventLog
 from gantryctl.service.journal import Journal, read_journal, verify
+from gantryctl.service.keeping import Keeping
 from gantryctl.service.memory import SharedMemory, Word
 from power_cut import Disk, Step
 
@@ -100,7 +101,8 @@ def kills(directory: Path, count: int) -> dict[str, object]:
     memory, chance = SharedMemory.create(), random.Random(2)
     memory.words[Word.BOOT] = 9
     log = EventLog(memory.events[2])
-    command = [sys.executable, "-m", "gantryctl.service.recorder", str(memory.handle), str(directory)]
+    arguments = [str(memory.handle), str(directory), Keeping().to_json()]
+    command = [sys.executable, "-m", "gantryctl.service.recorder", *arguments]
     written = kills_in_work = 0
     for _ in range(count):
         process = subprocess.Popen(command, pass_fds=(memory.handle,))

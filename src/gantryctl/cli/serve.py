@@ -8,6 +8,8 @@ import click
 
 from gantryctl.cli.options import PATH, config_option, proven_machine
 
+WHOLE = click.IntRange(0, 10_000_000)
+
 
 @click.command()
 @config_option
@@ -29,6 +31,45 @@ from gantryctl.cli.options import PATH, config_option, proven_machine
     is_flag=True,
     help="Brake test and reset of locked alarms: one user arms, another one executes.",
 )
+@click.option(
+    "--journal-size",
+    type=WHOLE,
+    default=500,
+    show_default=True,
+    metavar="MB",
+    help="The oldest events are taken out beyond this.",
+)
+@click.option(
+    "--journal-days",
+    type=click.IntRange(0, 36_500),
+    default=0,
+    metavar="DAYS",
+    help="Events older than this are taken out; without it none is too old.",
+)
+@click.option(
+    "--traces-size",
+    type=WHOLE,
+    default=5000,
+    show_default=True,
+    metavar="MB",
+    help="The oldest recordings are removed beyond this.",
+)
+@click.option(
+    "--reserve",
+    type=WHOLE,
+    default=64,
+    show_default=True,
+    metavar="MB",
+    help="With less free on the disk nothing is recorded.",
+)
+@click.option(
+    "--event-reserve",
+    type=WHOLE,
+    default=16,
+    show_default=True,
+    metavar="MB",
+    help="With less free no new motion begins.",
+)
 @click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
 def serve(
     config_file: Path | None,
@@ -38,6 +79,11 @@ def serve(
     names: tuple[str, ...],
     opcua: str | None,
     second_person: bool,
+    journal_size: int,
+    journal_days: int,
+    traces_size: int,
+    reserve: int,
+    event_reserve: int,
     no_page: bool,
 ) -> int:
     """Run the controller with its operator page until Ctrl-C.
@@ -46,7 +92,9 @@ def serve(
     TLS and users (`gantryctl user add`). Ctrl-C brings the axis to rest, closes the brake and closes the journal.
     """
     from gantryctl.cli.serving import Listen, run_service
+    from gantryctl.service.keeping import Keeping
 
     machine = proven_machine(config_file)
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
-    return run_service(machine, config_file, page, opcua, second_person=second_person)
+    keeping = Keeping(journal_size, journal_days, traces_size, reserve, event_reserve)
+    return run_service(machine, config_file, page, opcua, keeping=keeping, second_person=second_person)

@@ -16,6 +16,7 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine_path, short_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.store import state_root
+from gantryctl.service.keeping import Keeping
 from gantryctl.service.selftest import self_test
 from gantryctl.service.supervisor import Supervisor
 from gantryctl.service.users import Users
@@ -34,19 +35,20 @@ def run_service(
     machine: Machine,
     config_file: Path | None,
     page: Listen | None,
-    opcua: str | None = None,
+    opcua: str | None,
     *,
+    keeping: Keeping,
     second_person: bool = False,
 ) -> int:
     """Check, start, say where, wait for the end; the exit code.
 
     Raises:
-        UsageError: an address that may not be used. StateError: the self-test failed.
+        UsageError: an address or a size that may not be used. StateError: the self-test failed.
     """
     root = state_root()
     listener = None if page is None else _listener(page, root)
     store = StateStore(machine)
-    checks = self_test(machine, store, root)
+    checks = self_test(machine, store, root, keeping.checked())
     for check in checks:
         if not check.ok:
             click.echo(f"warning: {check.name}: {check.text}", err=True)
@@ -64,6 +66,7 @@ def run_service(
         listener.fileno() if listener is not None else -1,
         None if opcua is None else opcua_command(opcua, root, store.directory),
         lambda text: click.echo(text, err=True),
+        keeping=keeping,
         second_person=second_person,
     )
 

@@ -143,6 +143,12 @@ class ArrowRecorder:
         if not self._failed:
             self._convert()
 
+    def leave(self) -> None:
+        """Let go of the live file as it is: `resume` goes on with it."""
+        self.flush()
+        self._closed = True
+        self._file.close()
+
     def flush(self) -> None:
         """What has come so far goes to the file as one block: no kill of this process takes it back."""
         rows = np.frombuffer(bytes(self._bytes)).reshape(-1, len(self.columns))

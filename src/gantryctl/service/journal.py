@@ -6,43 +6,28 @@ the SHA-256 over row n-1's hash and its own content, so any single edit shows.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import sqlite3
+import time
 from collections.abc import Callable, Iterator, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from gantryctl.errors import DeviceError
+from gantryctl.service import journal_file as file
 
-FILE: Final = "journal.sqlite"
-FIELDS: Final = (
-    "boot", "source", "number", "utc", "monotonic_ns", "kind", "user", "role", "client", "place", "text", "detail"
-)  # fmt: skip
-_START: Final = "0" * 64
-_TAIL: Final = 10_000
-"""Rows whose chain is looked at when a journal is opened; `verify` looks at all."""
-_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS events (
-    seq INTEGER PRIMARY KEY, boot INTEGER NOT NULL, source INTEGER NOT NULL, number INTEGER NOT NULL,
-    utc TEXT NOT NULL, monotonic_ns INTEGER NOT NULL, kind TEXT NOT NULL, user TEXT NOT NULL, role TEXT NOT NULL,
-    client TEXT NOT NULL, place TEXT NOT NULL, text TEXT NOT NULL, detail TEXT NOT NULL, hash TEXT NOT NULL,
-    UNIQUE (boot, source, number)
-) STRICT;
-CREATE TABLE IF NOT EXISTS head (
-    one INTEGER PRIMARY KEY CHECK (one = 1), seq INTEGER NOT NULL, hash TEXT NOT NULL
-) STRICT;
-INSERT OR IGNORE INTO head VALUES (1, 0, '{start}');
-"""
+KEPT_LEAST: Final = 1000
+"""Events that stay whatever their age and size."""
+PRUNED_MOST: Final = 20_000
+"""Events taken out in one commit: no longer than a second."""
+OWN: Final = 9
+"""Source of the events that the journal's writer adds."""
+DAMAGED: Final = "JRN-05"
+"""The first event of a journal begins with it when the one before was damaged."""
 
 
 class JournalFault(DeviceError):
     """The journal cannot keep events now: disk full, read-only, failing."""
-
-
-class Damaged(DeviceError):
-    """The file is no journal any more: cut, edited or of another kind."""
 
 
 class Entry(NamedTuple):
@@ -53,11 +38,28 @@ class Entry(NamedTuple):
     hash: str
 
 
+class Anchor(NamedTuple):
+    """One event's number and hash, to be kept where nobody who can write the journal can change it."""
+
+    seq: int
+    hash: str
+    utc: str
+
+
 class Verdict(NamedTuple):
-    """What `verify` found: rows looked at, and the first thing that is wrong, or ""."""
+    """What `verify` found.
+
+    Attributes:
+        rows: rows looked at.
+        wrong: the first thing that is wrong, or "".
+        first: number of the first row; above 1 when older ones were taken out by age or size.
+        anchors: how many of the anchors given were found in the chain.
+    """
 
     rows: int
     wrong: str
+    first: int = 1
+    anchors: int = 0
 
 
 class Journal:
@@ -74,17 +76,17 @@ class Journal:
     """
 
     def __init__(self, directory: Path, connect: Callable[[Path], sqlite3.Connection] | None = None) -> None:
-        self.path = directory / FILE
-        connect = connect or _connect
+        self.path = directory / file.FILE
+        connect = connect or file.connect
         self.moved_aside: Path | None = None
         try:
             directory.mkdir(parents=True, exist_ok=True)
-            self._db = _open(self.path, connect)
-        except (Damaged, sqlite3.Error, OSError, ValueError, TypeError) as fault:
-            if not _is_damage(fault):
+            self._db = file.open_file(self.path, connect)
+        except (file.Damaged, sqlite3.Error, OSError, ValueError, TypeError) as fault:
+            if not file.is_damage(fault):
                 raise JournalFault(f"{self.path}: {fault}") from fault
-            self.moved_aside = _move_aside(self.path)
-            self._db = _open(self.path, connect)
+            self.moved_aside = file.move_aside(self.path)
+            self._db = file.open_file(self.path, connect)
         self._seq, self._hash = self._db.execute("SELECT seq, hash FROM head").fetchone()
 
     def append(self, boot: int, source: int, first: int, records: Sequence[bytes | None]) -> None:
@@ -103,37 +105,68 @@ class Journal:
             with self._db:  # commits, or rolls back
                 self._db.execute("BEGIN IMMEDIATE")
                 for number, record in enumerate(records, first):
-                    values = _row(boot, source, number, record)
+                    values = file.row_of(boot, source, number, record)
                     known = "SELECT 1 FROM events WHERE boot = ? AND source = ? AND number = ?"
                     if self._db.execute(known, (boot, source, number)).fetchone():
                         continue
-                    seq, last = seq + 1, chained(last, seq + 1, values)
-                    self._db.execute(_INSERT, (seq, *values, last))
+                    seq, last = seq + 1, file.chained(last, seq + 1, values)
+                    self._db.execute(file.INSERT, (seq, *values, last))
                 self._db.execute("UPDATE head SET seq = ?, hash = ?", (seq, last))
         except sqlite3.Error as fault:
             raise JournalFault(f"{self.path}: {fault}") from fault
         self._seq, self._hash = seq, last
 
+    def prune(self, before_utc: str, bytes_max: int) -> int:
+        """Take out the oldest events, and write down which and their hash in the same commit; how many.
+
+        The newest `KEPT_LEAST` stay, whatever the limits; one call takes `PRUNED_MOST` at most.
+
+        Args:
+            before_utc: events of before this time go, ISO 8601; "" for no limit.
+            bytes_max: what the events may occupy. The file does not shrink: its room is used again.
+
+        Raises:
+            JournalFault: nothing was changed.
+        """
+        db, head = self._db, self._seq
+        try:
+            base = db.execute("SELECT seq FROM base").fetchone()[0]
+            upto = max(file.older(db, before_utc, base), file.surplus(db, bytes_max, base, head))
+            upto = min(upto, head - KEPT_LEAST, base + PRUNED_MOST)
+            if upto <= base:
+                return 0
+            last = db.execute("SELECT hash FROM events WHERE seq = ?", (upto,)).fetchone()[0]
+            said = file.own_record(
+                "journal", f"events {base + 1} to {upto} were taken out by age or size", base=upto, hash=last
+            )
+            values = file.row_of(0, OWN, time.time_ns(), said)
+            seq, head_hash = head + 1, file.chained(self._hash, head + 1, values)
+            with db:
+                db.execute("BEGIN IMMEDIATE")
+                db.execute(file.INSERT, (seq, *values, head_hash))
+                db.execute("UPDATE head SET seq = ?, hash = ?", (seq, head_hash))
+                db.execute("DELETE FROM events WHERE seq <= ?", (upto,))
+                db.execute("UPDATE base SET seq = ?, hash = ?", (upto, last))
+        except sqlite3.Error as fault:
+            raise JournalFault(f"{self.path}: {fault}") from fault
+        self._seq, self._hash = seq, head_hash
+        return int(upto - base)
+
+    def locked(self) -> bool:
+        """It was begun because the one before was damaged, and nobody has acknowledged that yet."""
+        first = self._db.execute("SELECT text FROM events WHERE seq = 1").fetchone()
+        if first is None or not first[0].startswith(DAMAGED):
+            return False
+        acknowledged = "SELECT 1 FROM events WHERE kind = 'journal' AND source <> ? LIMIT 1"
+        return self._db.execute(acknowledged, (OWN,)).fetchone() is None
+
+    def note(self, kind: str, text: str) -> None:
+        """Keep an event of the recorder's own."""
+        self.append(0, OWN, time.time_ns(), [file.own_record(kind, text)])
+
     def close(self) -> None:
         """Close the file."""
         self._db.close()
-
-
-_OF_THE_DISK: Final = frozenset(
-    {
-        sqlite3.SQLITE_PERM, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM,
-        sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL, sqlite3.SQLITE_CANTOPEN,
-    }
-)  # fmt: skip
-"""Errors that say nothing about the file's content."""
-_LOST: Final = {"kind": "service", "text": "an event was damaged on its way"}
-_INSERT: Final = f"INSERT INTO events VALUES (?, {', '.join('?' * len(FIELDS))}, ?)"
-
-
-def chained(previous: str, seq: int, values: Sequence[Any]) -> str:
-    """Hash of a row, hexadecimal."""
-    text = json.dumps([previous, seq, *values], separators=(",", ":"), ensure_ascii=True)
-    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: bool = False) -> list[Entry]:
@@ -149,45 +182,87 @@ def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: b
     return found[::-1] if newest else found
 
 
-def verify(directory: Path) -> Verdict:
-    """Look at every row and its hash, and whether the end is there.
+def anchor(directory: Path) -> Anchor:
+    """The newest event.
+
+    Raises:
+        DeviceError: there is no journal, or it is empty.
+    """
+    newest = read_journal(directory, limit=1, newest=True)
+    if not newest:
+        raise DeviceError(f"{directory / file.FILE}: no event yet")
+    return Anchor(newest[0].seq, newest[0].hash, newest[0].values["utc"])
+
+
+def verify(directory: Path, anchors: Sequence[Anchor] = ()) -> Verdict:
+    """Look at every row and its hash, whether the end is there, and whether what was taken out was written down.
+
+    Args:
+        anchors: events that must be in it as they were. Those from before its first row are not looked for.
 
     Raises:
         DeviceError: there is none.
     """
-    count, last = 0, _START
     try:
         with _reading(directory) as rows:
-            for row in rows("SELECT * FROM events ORDER BY seq", ()):
-                count += 1
-                if row[0] != count:
-                    return Verdict(count, f"row {count} is missing")
-                last = chained(last, count, row[1:-1])
-                if last != row[-1]:
-                    return Verdict(
-                        count, f"row {count} was changed, or one before it was taken out or put in"
-                    )
-            head = next(iter(rows("SELECT seq, hash FROM head", ())), None)
-    except DeviceError as fault:
-        if isinstance(fault, Damaged):
-            return Verdict(count, str(fault))
-        raise
+            return _verified(rows, {each.seq: each for each in anchors})
+    except file.Damaged as fault:
+        return Verdict(0, str(fault))
+
+
+def _verified(rows: _Rows, anchors: dict[int, Anchor]) -> Verdict:
+    base, base_hash = next(iter(rows("SELECT seq, hash FROM base", ())), (0, file.START))
+    count, last, found = base, base_hash, 0
+    written_down, said = base == 0, json.dumps({"base": base, "hash": base_hash})
+
+    def verdict(wrong: str) -> Verdict:
+        return Verdict(count - base, wrong, base + 1, found)
+
+    if base in anchors and anchors[base].hash != base_hash:
+        return verdict(f"event {base} is another one than on {anchors[base].utc}")
+    for row in rows("SELECT * FROM events ORDER BY seq", ()):
+        count += 1
+        if row[0] != count:
+            return verdict(f"row {count} is missing")
+        last = file.chained(last, count, row[1:-1])
+        if last != row[-1]:
+            return verdict(f"row {count} was changed, or one before it was taken out or put in")
+        known = anchors.get(count)
+        if known is not None and known.hash != last:
+            return verdict(f"event {count} is another one than on {known.utc}")
+        found += known is not None
+        written_down = written_down or row[-2] == said
+    wrong = _end(rows, anchors, count, last)
+    if not (wrong or written_down):
+        wrong = f"rows up to {base} were taken out, and no event says so"
+    return verdict(wrong)
+
+
+def _end(rows: _Rows, anchors: dict[int, Anchor], count: int, last: str) -> str:
+    """What is wrong with the end, or ""."""
+    head = next(iter(rows("SELECT seq, hash FROM head", ())), None)
     if head != (count, last):
-        return Verdict(count, f"the end is missing: {count} rows, {head[0] if head else 'none'} were written")
-    return Verdict(count, "")
+        return f"the end is missing: {count} rows, {head[0] if head else 'none'} were written"
+    beyond = [each for each in anchors.values() if each.seq > count]
+    return (
+        f"the end is missing: {count} rows, event {beyond[0].seq} was there on {beyond[0].utc}"
+        if beyond
+        else ""
+    )
 
 
 class _reading:  # noqa: N801  (used like a function)
     """`with _reading(directory) as rows:` where `rows(query, values)` yields tuples."""
 
     def __init__(self, directory: Path) -> None:
-        self._path = directory / FILE
+        self._path = directory / file.FILE
         if not self._path.is_file():
             raise DeviceError(f"{self._path}: there is no journal yet")
 
     def __enter__(self) -> _Rows:
         try:
             self._db = sqlite3.connect(f"{self._path.resolve().as_uri()}?mode=ro", uri=True)
+            self._db.execute("BEGIN")  # one picture, whatever is written meanwhile
         except sqlite3.Error as fault:
             raise DeviceError(f"{self._path}: {fault}") from fault
         return _Rows(self._db, self._path)
@@ -204,68 +279,8 @@ class _Rows:
         try:
             yield from self._db.execute(query, values)
         except (sqlite3.Error, ValueError) as fault:
-            raise Damaged(f"{self._path}: {fault}") from fault
+            raise file.Damaged(f"{self._path}: {fault}") from fault
 
 
 def _entry(row: tuple[Any, ...]) -> Entry:
-    return Entry(row[0], dict(zip(FIELDS, row[1:-1], strict=True)), row[-1])
-
-
-def _row(boot: int, source: int, number: int, record: bytes | None) -> tuple[Any, ...]:
-    """The content of a row, in the order of `FIELDS`."""
-    found: dict[str, Any] = _LOST if record is None else json.loads(record)
-    return (
-        boot, source, number, found.get("utc", ""), found.get("monotonic_ns", 0), found["kind"],
-        found.get("user", ""), found.get("role", ""), found.get("client", ""), found.get("place", ""),
-        found["text"], json.dumps(found.get("values", {}), sort_keys=True, ensure_ascii=True),
-    )  # fmt: skip
-
-
-def _connect(path: Path) -> sqlite3.Connection:
-    return sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-
-
-def _open(path: Path, connect: Callable[[Path], sqlite3.Connection]) -> sqlite3.Connection:
-    db = connect(path)
-    try:
-        db.execute("PRAGMA journal_mode = WAL")
-        db.execute("PRAGMA synchronous = FULL")
-        db.executescript(_SCHEMA.format(start=_START))
-        _check_tail(db)
-    except BaseException:
-        db.close()
-        raise
-    return db
-
-
-def _check_tail(db: sqlite3.Connection) -> None:
-    """Whether the last rows fit together."""
-    if db.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
-        raise Damaged("the database is damaged")
-    head_seq, head_hash = db.execute("SELECT seq, hash FROM head").fetchone()
-    rows = db.execute("SELECT * FROM events ORDER BY seq DESC LIMIT ?", (_TAIL + 1,)).fetchall()[::-1]
-    if (rows[-1][0], rows[-1][-1]) != (head_seq, head_hash) if rows else head_seq != 0:
-        raise Damaged("the end of the journal is missing")
-    last = _START if len(rows) <= _TAIL else rows.pop(0)[-1]
-    for row in rows:
-        last = chained(last, row[0], row[1:-1])
-        if last != row[-1]:
-            raise Damaged(f"row {row[0]} was changed")
-
-
-def _is_damage(fault: Exception) -> bool:
-    """Whether the file is damaged, rather than the disk full or not ours."""
-    if isinstance(fault, OSError):
-        return False
-    return getattr(fault, "sqlite_errorcode", 0) & 0xFF not in _OF_THE_DISK
-
-
-def _move_aside(path: Path) -> Path:
-    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
-    aside = path.with_name(f"{path.stem}-damaged-{stamp}.sqlite")
-    path.rename(aside)
-    for ending in ("-wal", "-shm"):
-        beside = path.with_name(path.name + ending)
-        if beside.exists():
-            beside.rename(aside.with_name(aside.name + ending))
-    return aside
+    return Entry(row[0], dict(zip(file.FIELDS, row[1:-1], strict=True)), row[-1])

@@ -53,6 +53,8 @@ class Word(IntEnum):
     """1 when the last controller ended at rest with the brake closed."""
     GATEWAY_NS = 6
     """CLOCK_MONOTONIC when the gateway was last alive."""
+    RECORDING_STOPPED = 7
+    """1 while the disk is too full to record."""
 
 
 _AREAS: Final = (

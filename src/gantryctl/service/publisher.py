@@ -182,7 +182,7 @@ class Publisher:
             "journal_sequence": events.written,
             "journal_committed": events.done,
             "journal_state": memory.words[Word.JOURNAL_STATE],
-            "recording": self._recorder.number > 0,
+            "recording": self._recorder.number > 0 and not memory.words[Word.RECORDING_STOPPED],
         }
 
     def _heartbeat_age_ms(self) -> float:

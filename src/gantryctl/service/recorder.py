@@ -6,40 +6,35 @@ loses nothing; a slow disk delays only this process.
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import signal
-import struct
+import sqlite3
 import sys
 import threading
 import time
 from collections.abc import Callable
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
-from gantryctl.errors import DeviceError, GantryctlError
-from gantryctl.runtime import ArrowRecorder
-from gantryctl.runtime.recorder import FLUSH_ROWS
-from gantryctl.service.journal import Journal, JournalFault
+from gantryctl.errors import DeviceError
+from gantryctl.service.journal import DAMAGED, Journal, JournalFault
+from gantryctl.service.keeping import MB, Keeping, free_of
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
+from gantryctl.service.trace_writer import TraceWriter
 
 OK, SLOW, FULL, FAILED, LOCKED = range(5)
-JOURNAL_RESERVE: Final = 16 * 2**20
-"""Bytes free on the disk below which no new motion begins."""
-TRACE_RESERVE: Final = 64 * 2**20
-"""Bytes free on the disk below which nothing is recorded: they are for the journal."""
-TRACES_KEPT: Final = 100
 SLOW_S: Final = 1.0
-BLOCK_S: Final = 1.0
-"""Rows wait in the ring for so long at most, before they are written as one block."""
 _BATCH: Final = 200
-_OWN: Final = 9
-"""Source of the events that the recorder itself writes."""
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0
+_PRUNE_S: Final = 600.0
+_DISK: Final = (
+    "the disk has room again: {0:.0f} MB free",
+    "JRN-01 {0:.0f} MB free on the disk: nothing is recorded below {1} MB",
+    "JRN-01 {0:.0f} MB free on the disk: nothing is recorded below {1} MB, no new motion below {2} MB",
+)
 
 
 class EventWriter:
@@ -47,22 +42,34 @@ class EventWriter:
 
     Args:
         free_bytes: what is free on the disk.
+        connect: opens the database; a test puts a disk of its own under it.
     """
 
-    def __init__(self, memory: SharedMemory, directory: Path, free_bytes: Callable[[], int]) -> None:
+    def __init__(
+        self,
+        memory: SharedMemory,
+        directory: Path,
+        free_bytes: Callable[[], int],
+        keeping: Keeping | None = None,
+        connect: Callable[[Path], sqlite3.Connection] | None = None,
+    ) -> None:
         self._memory, self._directory, self._free = memory, directory, free_bytes
+        self._keeping, self._connect = keeping or Keeping(), connect
         self._journal: Journal | None = None
         self._locked = False
         self.began_s: float | None = None
         """When the commit under way began, on CLOCK_MONOTONIC."""
         self.failed = False
+        self._disk = 0
+        self._failed_since_s = self._prune_s = -math.inf
+        self._slowest_s = 0.0
 
     @property
     def state(self) -> int:
         """Number of the label of `journal_state`."""
         if self.failed:
             return FAILED
-        if self._free() < JOURNAL_RESERVE:
+        if self._free() < self._keeping.event_reserve_mb * MB:
             return FULL
         if self._locked:
             return LOCKED
@@ -84,30 +91,59 @@ class EventWriter:
             records = ring.peek(_BATCH)
             if not records:
                 continue
-            self.began_s = time.monotonic()
+            began_s = self.began_s = time.monotonic()
             try:
                 self._journal.append(boot, source, ring.done + 1, records)
             finally:
                 self.began_s = None
+            self._slowest_s = max(self._slowest_s, time.monotonic() - began_s)
             ring.advance(len(records))
             busy = True
             if self._locked and any(r is not None and b'"kind":"journal"' in r for r in records):
                 self._locked = False
         self.failed = False
+        self._say_how_it_goes()
+        self._prune()
         return busy
 
+    def _say_how_it_goes(self) -> None:
+        """What the disk does to the journal is in the journal, as soon as it can be."""
+        free_mb, limits = self._free() / MB, self._keeping
+        disk = (free_mb < limits.reserve_mb) + (free_mb < limits.event_reserve_mb)
+        if disk != self._disk:
+            self._own(_DISK[disk].format(free_mb, limits.reserve_mb, limits.event_reserve_mb))
+            self._disk = disk
+        if self._failed_since_s > -math.inf:
+            seconds = time.monotonic() - self._failed_since_s
+            self._own(
+                f"JRN-02 the journal could not be written for {seconds:.1f} s; the events waited in memory"
+            )
+            self._failed_since_s = -math.inf
+        if self._slowest_s > SLOW_S:
+            self._own(f"JRN-02 the disk took {self._slowest_s:.1f} s to keep events, limit {SLOW_S:g} s")
+        self._slowest_s = 0.0
+
+    def _prune(self) -> None:
+        """Now and then: take out what is too old or too much."""
+        now_s = time.monotonic()
+        if self._journal is None or now_s < self._prune_s:
+            return
+        days = self._keeping.journal_days
+        before = (datetime.now(UTC) - timedelta(days=days)).isoformat(timespec="milliseconds") if days else ""
+        taken = self._journal.prune(before, int(self._keeping.journal_mb * MB))
+        self._prune_s = now_s if taken else now_s + _PRUNE_S
+
+    def _own(self, text: str) -> None:
+        """An event of the recorder itself."""
+        assert self._journal is not None
+        self._journal.note("alarm" if text.startswith("JRN") else "service", text)
+
     def _open(self) -> None:
-        self._journal = Journal(self._directory)
-        if self._journal.moved_aside is not None:
-            self._locked = True
-            text = f"JRN-05 the journal was damaged and moved to {self._journal.moved_aside.name}; service must reset"
-            record = {
-                "utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
-                "monotonic_ns": time.monotonic_ns(),
-                "kind": "alarm",
-                "text": text,
-            }
-            self._journal.append(0, _OWN, time.time_ns(), [json.dumps(record).encode()])
+        self._journal = Journal(self._directory, self._connect)
+        aside = self._journal.moved_aside
+        if aside is not None:
+            self._own(f"{DAMAGED} the journal was damaged and moved to {aside.name}; service must reset")
+        self._locked = self._journal.locked()
 
     def run(self, ended: threading.Event) -> None:
         """Until told to end and everything is written."""
@@ -116,6 +152,8 @@ class EventWriter:
             try:
                 busy = self.drain()
             except (JournalFault, DeviceError) as fault:
+                if not self.failed:
+                    self._failed_since_s = time.monotonic()
                 self.failed = True
                 sys.stderr.write(f"recorder: {fault}\n")
                 if last_round:
@@ -133,104 +171,18 @@ class EventWriter:
             self._journal.close()
 
 
-class TraceWriter:
-    """Makes a file of every recording: live as an Arrow stream, closed as Parquet.
-
-    A row leaves the ring when it is in the file, so a recorder that is killed loses none; the next one goes on with
-    the same file and leaves out what is there already.
-    """
-
-    def __init__(self, memory: SharedMemory, directory: Path, free_bytes: Callable[[], int]) -> None:
-        self._memory, self._directory, self._free = memory, directory, free_bytes
-        self._file: ArrowRecorder | None = None
-        self._number = 0.0
-        self._unpack: Callable[[bytes], tuple[Any, ...]] | None = None
-        self._due_s = -math.inf
-
-    def drain(self, *, at_once: bool = False) -> None:
-        """Take the rows that wait: when they are a whole block, when a second has passed, or at once."""
-        ring, now_s = self._memory.rows, time.monotonic()
-        if len(ring) < FLUSH_ROWS and now_s < self._due_s and not at_once:
-            return
-        self._due_s = now_s + BLOCK_S
-        while records := ring.peek(FLUSH_ROWS):
-            for record in records:
-                if record is not None:
-                    self._take(record)
-            self._writing(lambda file: file.flush())
-            ring.advance(len(records))
-
-    def _take(self, record: bytes) -> None:
-        number = struct.unpack_from("<d", record)[0]
-        if len(record) == 8:
-            self.close()
-            return
-        if number != self._number:
-            self.close()
-            self._begin(number)
-        file, unpack = self._file, self._unpack
-        if file is not None and unpack is not None:
-            row = unpack(record)[1:]
-            if row[0] > file.resumed_s:
-                self._writing(lambda file: file.record(row))
-
-    def _writing(self, do: Callable[[ArrowRecorder], None]) -> None:
-        """Do it with the file, if there is one; a file that fails is given up, not the service."""
-        if self._file is not None:
-            try:
-                do(self._file)
-            except (DeviceError, struct.error) as fault:
-                sys.stderr.write(f"recorder: {fault}\n")
-                self._file = None
-
-    def _begin(self, number: float) -> None:
-        """A new file, or the one that a killed recorder has left; none while the disk is nearly full."""
-        self._number = number
-        about = self._memory.columns.read()
-        if about is None or self._free() < TRACE_RESERVE:
-            return
-        found = json.loads(about.data)
-        self._unpack = struct.Struct(f"<{len(found['columns']) + 1}d").unpack
-        stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(number / 1000.0)) + f"{number % 1000:03.0f}"
-        path = self._directory / f"service-{stamp}"
-        try:
-            self._directory.mkdir(parents=True, exist_ok=True)
-            self._forget_old()
-            if not path.with_suffix(
-                ".parquet"
-            ).exists():  # else it was closed, but its rows were still in the ring
-                self._file = ArrowRecorder(path, found["columns"], found["metadata"], resume=True)
-        except (OSError, GantryctlError) as fault:
-            sys.stderr.write(f"recorder: {fault}\n")
-
-    def _forget_old(self) -> None:
-        for old in sorted(self._directory.glob("service-*"))[: -TRACES_KEPT + 1]:
-            old.unlink(missing_ok=True)
-
-    def close(self) -> None:
-        """Close the recording under way."""
-        made, self._file = self._file, None
-        if made is not None:
-            try:
-                made.close()
-            except (OSError, GantryctlError) as fault:
-                sys.stderr.write(f"recorder: {fault}\n")
-
-
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory, directory = SharedMemory(int(arguments[0])), Path(arguments[1])
+    keeping = Keeping.from_json(arguments[2])
     die_with_parent()
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
 
-    def free_bytes() -> int:
-        found = os.statvfs(directory)
-        return found.f_bavail * found.f_frsize
-
-    events = EventWriter(memory, directory, free_bytes)
-    traces = TraceWriter(memory, directory / "traces", free_bytes)
+    free_bytes = free_of(directory)
+    events = EventWriter(memory, directory, free_bytes, keeping)
+    traces = TraceWriter(memory, directory / "traces", free_bytes, keeping)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")
     writer.start()
     while writer.is_alive():

@@ -12,9 +12,10 @@ from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
 from gantryctl.operation.virtual import is_simulated
-from gantryctl.service.journal import FILE, verify
+from gantryctl.service.journal import verify
+from gantryctl.service.journal_file import FILE
+from gantryctl.service.keeping import MB, Keeping, free_of
 from gantryctl.service.memory import SharedMemory
-from gantryctl.service.recorder import JOURNAL_RESERVE
 from gantryctl.service.users import Users
 
 
@@ -27,13 +28,13 @@ class Check(NamedTuple):
     vital: bool = True
 
 
-def self_test(machine: Machine, store: StateStore, root: Path) -> list[Check]:
+def self_test(machine: Machine, store: StateStore, root: Path, keeping: Keeping) -> list[Check]:
     """All checks, none left out when one fails."""
     return [
         _memory(),
         _clock(),
         _state(machine, store),
-        _disk(store.directory),
+        _disk(store.directory, keeping),
         _journal(store.directory),
         _users(root),
     ]
@@ -75,11 +76,9 @@ def _state(machine: Machine, store: StateStore) -> Check:
     return Check("state", True, "a new machine" if retained is None else "retained memory and plant read")
 
 
-def _disk(directory: Path) -> Check:
-    found = os.statvfs(directory)
-    free = found.f_bavail * found.f_frsize
-    text = f"{free / 2**20:.0f} MB free, at least {JOURNAL_RESERVE / 2**20:.0f} MB for the journal"
-    return Check("disk", free >= JOURNAL_RESERVE, text)
+def _disk(directory: Path, keeping: Keeping) -> Check:
+    free_mb, least = free_of(directory)() / MB, keeping.event_reserve_mb
+    return Check("disk", free_mb >= least, f"{free_mb:.0f} MB free, at least {least:g} MB for the journal")
 
 
 def _journal(directory: Path) -> Check:

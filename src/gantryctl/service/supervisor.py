@@ -18,6 +18,7 @@ from typing import Final
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine, config_hash
 from gantryctl.service.hub import Hub
+from gantryctl.service.keeping import Keeping
 from gantryctl.service.local import LocalServer
 from gantryctl.service.memory import SharedMemory, Source, Word
 
@@ -95,7 +96,7 @@ class Supervisor:
         gateway: command line of the gateway without the handle, or None for a service without a page.
         listener: handle of its listening socket. opcua: command line of the OPC UA server, or None.
         say: gets one line for whoever started the service.
-        second_person: what one user arms, another one executes.
+        keeping: how much the recorder keeps. second_person: what one user arms, another one executes.
     """
 
     def __init__(
@@ -108,6 +109,7 @@ class Supervisor:
         opcua: Sequence[str] | None,
         say: Callable[[str], None],
         *,
+        keeping: Keeping,
         second_person: bool = False,
     ) -> None:
         self.memory = SharedMemory.create()
@@ -123,7 +125,7 @@ class Supervisor:
             [handle],
             critical=True,
         )
-        recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory)]
+        recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory), keeping.to_json()]
         self.recorder = Child("recorder", recorder, [handle])
         self.gateway: Child | None = None
         if gateway is not None:

@@ -49,6 +49,13 @@ def test_the_journal_is_shown_verified_and_exported(root: Path) -> None:
     made.append(1, 0, 1, [json.dumps(record).encode()] * 3)
     made.close()
     assert done("journal", "verify").out == "3 events, chain intact\n"
+    kept = root / "anchors"
+    kept.write_text(done("journal", "anchor").out, encoding="utf-8")
+    assert done("journal", "verify", "--anchor", kept).out.endswith("1 of 1 anchors found\n")
+    kept.write_text("3 0123 2026-01-01\n", encoding="utf-8")
+    assert "event 3 is another one than on 2026-01-01" in cli("journal", "verify", "--anchor", kept).out
+    kept.write_text("three\n", encoding="utf-8")
+    assert "not lines of `gantryctl journal anchor`" in refused("journal", "verify", "--anchor", kept)
     assert done("journal", "show", "--last", "2").out.count("stop: done") == 2
     assert done("journal", "show", "--json").json[0]["user"] == "anna"
     done("journal", "export", root / "events.jsonl")

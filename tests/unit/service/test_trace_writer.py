@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gantryctl.service.memory import SharedMemory
-from gantryctl.service.recorder import TraceWriter
 from gantryctl.service.trace_ring import RingRecorder
+from gantryctl.service.trace_writer import TraceWriter
 from gantryctl.service.view import publish_json
 from gantryctl.trace import read_trace
 

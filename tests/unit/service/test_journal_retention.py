@@ -1,0 +1,195 @@
+"""What is taken out of the journal by age and size, and what the chain says of it; a disk that is full or slow."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gantryctl.service import journal as journal_module
+from gantryctl.service import recorder
+from gantryctl.service.events import EventLog
+from gantryctl.service.journal import Anchor, Journal, anchor, read_journal, verify
+from gantryctl.service.journal_file import FILE
+from gantryctl.service.keeping import MB, Keeping
+from gantryctl.service.memory import SharedMemory, Word
+from gantryctl.service.recorder import OK, SLOW, EventWriter
+from power_cut import Disk, Step
+
+PLENTY = 10**12
+KEPT = 10
+
+
+@pytest.fixture(autouse=True)
+def _few_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(journal_module, "KEPT_LEAST", KEPT)
+
+
+def record(text: str, day: int = 1) -> bytes:
+    utc = f"2026-01-{day:02d}T00:00:00.000+00:00"
+    return json.dumps({"utc": utc, "monotonic_ns": 1, "kind": "command", "text": text}).encode()
+
+
+def filled(directory: Path, days: int = 25) -> Journal:
+    """Four events a day."""
+    made = Journal(directory)
+    for day in range(days):
+        made.append(1, 0, 4 * day + 1, [record(f"event {4 * day + n}", day + 1) for n in range(1, 5)])
+    return made
+
+
+def test_old_events_are_taken_out_and_the_chain_goes_on(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+    kept = anchor(tmp_path)
+    assert made.prune("2026-01-11T00:00:00.000+00:00", PLENTY) == 40
+    made.append(1, 0, 101, [record("event 101")])
+    made.close()
+    rows = read_journal(tmp_path)
+    assert rows[0].values["text"] == "event 41"
+    assert rows[-2].values["text"] == "events 1 to 40 were taken out by age or size"
+    verdict = verify(tmp_path, [kept])
+    assert verdict == (62, "", 41, 1)
+    again = Journal(tmp_path)  # opened anew, it is the same journal
+    assert again.moved_aside is None
+    assert again.prune("2026-01-11T00:00:00.000+00:00", PLENTY) == 0
+    again.close()
+
+
+def test_by_size_the_oldest_go_until_it_fits_and_the_newest_stay_whatever_happens(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+    used = made.path.stat().st_size + 40_000
+    assert made.prune("", used) == 0
+    assert made.prune("", 0) == 100 - KEPT
+    made.close()
+    assert verify(tmp_path) == (KEPT + 1, "", 91, 0)
+
+
+def test_a_quota_holds_however_many_events_come(tmp_path: Path) -> None:
+    made, most = Journal(tmp_path), 100_000
+    for first in range(1, 4001, 100):
+        made.append(1, 0, first, [record(f"event {first + n} " + "x" * 200) for n in range(100)])
+        while made.prune("", most):
+            pass
+    made.close()
+    assert verify(tmp_path).wrong == ""
+    assert verify(tmp_path).first > 3000
+    assert made.path.stat().st_size < 2 * most  # before each pruning there is one batch more
+
+
+@pytest.mark.parametrize(
+    ("edit", "wrong"),
+    [
+        ("DELETE FROM events WHERE seq <= 50; UPDATE base SET seq = 50, hash = (SELECT hash FROM kept)",
+         "rows up to 50 were taken out, and no event says so"),
+        ("DELETE FROM events WHERE seq = 41", "row 41 is missing"),
+        ("UPDATE base SET hash = 'x'", "row 41 was changed, or one before it was taken out or put in"),
+        ("UPDATE base SET seq = 0", "row 1 is missing"),
+        ("DELETE FROM events WHERE kind = 'journal'", "the end is missing: 100 rows, 101 were written"),
+    ],
+)  # fmt: skip
+def test_nobody_takes_out_more_than_the_chain_says(tmp_path: Path, edit: str, wrong: str) -> None:
+    made = filled(tmp_path)
+    made.prune("2026-01-11T00:00:00.000+00:00", PLENTY)
+    made.close()
+    db = sqlite3.connect(tmp_path / FILE)
+    db.executescript(f"CREATE TEMP TABLE kept AS SELECT hash FROM events WHERE seq = 50; {edit}")
+    db.close()
+    assert verify(tmp_path).wrong == wrong
+
+
+def test_an_anchor_kept_elsewhere_finds_a_journal_that_was_made_anew(tmp_path: Path) -> None:
+    filled(tmp_path).close()
+    kept = anchor(tmp_path)
+    assert kept.seq == 100
+    assert verify(tmp_path, [kept]).anchors == 1
+    (tmp_path / FILE).unlink()
+    shorter = filled(tmp_path, 24)
+    assert verify(tmp_path).wrong == ""
+    said = f"the end is missing: 96 rows, event 100 was there on {kept.utc}"
+    assert verify(tmp_path, [kept]).wrong == said
+    shorter.append(1, 0, 97, [record("forged", 25) for _ in range(4)])
+    shorter.close()
+    assert verify(tmp_path, [kept]).wrong == f"event 100 is another one than on {kept.utc}"
+
+
+def test_the_anchor_of_the_last_event_taken_out_still_counts(tmp_path: Path) -> None:
+    made = filled(tmp_path)
+    right = Anchor(40, read_journal(tmp_path, after=39, limit=1)[0].hash, "then")
+    made.prune("2026-01-11T00:00:00.000+00:00", PLENTY)
+    made.close()
+    assert verify(tmp_path, [right]).wrong == ""
+    assert verify(tmp_path, [right._replace(hash="x")]).wrong == "event 40 is another one than on then"
+    assert verify(tmp_path, [Anchor(7, "x", "before")]) == (61, "", 41, 0)  # not there any more: not judged
+
+
+class Bench:
+    """The journal's thread on a disk of which a test says how much is free and how slow it is."""
+
+    def __init__(self, directory: Path, connect: Callable[[Path], Any] | None = None) -> None:
+        self.memory, self.free = SharedMemory.create(), PLENTY
+        self.memory.words[Word.BOOT] = 5
+        self.log = EventLog(self.memory.events[2])
+        self.writer = EventWriter(self.memory, directory, lambda: self.free, Keeping(), connect)
+        self.directory = directory
+
+    def texts(self) -> list[str]:
+        return [row.values["text"] for row in read_journal(self.directory)]
+
+
+def test_the_journal_says_when_room_gets_short_and_when_there_is_room_again(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    for free_mb in (1000, 40, 39, 8, 7, 100):
+        bench.free = free_mb * MB
+        bench.writer.drain()
+    assert bench.texts() == [
+        "JRN-01 40 MB free on the disk: nothing is recorded below 64 MB",
+        "JRN-01 8 MB free on the disk: nothing is recorded below 64 MB, no new motion below 16 MB",
+        "the disk has room again: 100 MB free",
+    ]
+    bench.writer.close()
+
+
+class Stalling(list[Step]):
+    """Steps of a disk that takes its time with every sync."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.go_on = threading.Event()
+
+    def append(self, step: Step) -> None:
+        if step.kind == "sync":
+            self.go_on.wait(30.0)
+
+
+def test_events_wait_in_memory_while_the_disk_is_slow_and_none_is_acknowledged_before_it_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder, "SLOW_S", 0.05)
+    disk = Disk()
+    bench = Bench(tmp_path, disk.connect)
+    bench.writer.drain()
+    bench.log.put("command", "first")
+    disk.steps = slow = Stalling()
+    working = threading.Thread(target=bench.writer.drain)
+    working.start()
+    until_s = time.monotonic() + 20.0
+    while bench.writer.state != SLOW and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert bench.writer.state == SLOW
+    assert bench.log.put("command", "second")  # whoever writes does not notice
+    assert (len(bench.memory.events[2]), bench.memory.events[2].done) == (2, 0)
+    slow.go_on.set()
+    working.join()
+    bench.writer.drain()
+    assert bench.writer.state == OK
+    assert bench.memory.events[2].done == 2
+    bench.writer.close()
+    first, said, second = bench.texts()
+    assert (first, second) == ("first", "second")
+    assert said.startswith("JRN-02 the disk took ")
