@@ -33,18 +33,26 @@ class Bench:
         stops: how often the axis has come to rest.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, second_person: bool = False) -> None:
         self.commands, self.replies = (ring(512), ring(64)), (ring(512), ring(64))
         self.events = EventLog(ring(4096))
         rules = rules_of(MACHINE, 0.0, None, None)
         self.operator = ServiceOperator(
-            self.commands, self.replies, self.events, rules, EPOCH, now=lambda: self.engine.time_s
+            self.commands,
+            self.replies,
+            self.events,
+            rules,
+            EPOCH,
+            now=lambda: self.engine.time_s,
+            second_person=second_person,
         )
         self.engine = build_engine(MACHINE, operator=self.operator)
         assert isinstance(self.engine.program, GantryProgram)
         self.program = self.engine.program
         self.axis = self.program.axis
         self.operator.attach(self.program)
+        log = self.axis.alarms
+        rules.locked = lambda: any(alarm.definition.lock for alarm in log.active.values())
         self.seq = 0
         self.lively = True
         self.stops = 0

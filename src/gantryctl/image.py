@@ -135,6 +135,8 @@ class OperatorCommand(NamedTuple):
     """Stop on the jog-release ramp, held in Stopping while TRUE."""
     quick_stop: bool = False
     reset: bool = False
+    brake_test: bool = False
+    """A rising edge tests the brake; power must be off."""
     override: float = 1.0
     """Speed override 0..1."""
     lease: int = 0

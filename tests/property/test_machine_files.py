@@ -29,7 +29,8 @@ RAW = default_machine_path().read_bytes()
 # Bound to each other too closely to be varied one by one; `consistent_changes` varies them together.
 BOUND = {
     "axis.over_travel_deg", "axis.limit_switch_deg", "axis.mechanical_stop_deg", "axis.pos_min_deg",
-    "axis.pos_max_deg", "axis.stopping_angle_max_deg", "axis.ring_ratio", "control.scan_period_ms",
+    "axis.pos_max_deg", "axis.stopping_angle_max_deg", "axis.ring_ratio", "brake.test_torque_nm",
+    "control.scan_period_ms",
     "drive.speed_loop.cycle_us", "plant.load.eccentric_sign", "speed.command_clamp_deg_s",
     "speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s", "speed.setting_max_deg_s",
 }  # fmt: skip
@@ -51,6 +52,7 @@ def consistent_changes(draw):
     changes["speed.overspeed_trip_deg_s"] = ceiling * draw(1.001, 1.1)
     changes["drive.speed_loop.cycle_us"] = cycle = draw(50.0, 250.0)
     changes["control.scan_period_ms"] = cycle * int(draw(2.0, 16.0)) / 1000.0
+    changes["brake.test_torque_nm"] = draw(70.0, 200.0)
     changes["plant.load.eccentric_sign"] = math.copysign(1.0, draw(-1.0, 1.0))
     changes["axis.ring_ratio"] = int(draw(312.0, 339.0)) / 26
     changes["plant.gear_error.phases_rad"] = [draw(0.0, 2.0 * math.pi) for _ in range(18)]

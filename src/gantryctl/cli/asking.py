@@ -10,6 +10,20 @@ from gantryctl.operation import AxisSession
 from gantryctl.wiring import in_virtual_time
 
 
+def ask_for_torque(session: AxisSession, yes: bool) -> None:
+    """The same question before a brake test of a real drive.
+
+    Raises:
+        CommandRefused: the person does not want it; nothing has been switched on.
+    """
+    machine = session.machine
+    if yes or in_virtual_time(machine) or not machine.can.commissioning_required:
+        return
+    question = f"{machine.name}: +-{machine.brake.test_torque_nm:g} N m against the closed brake. Test?"
+    if not click.confirm(question, err=True):
+        raise CommandRefused("not confirmed: no torque was given")
+
+
 def ask_before(session: AxisSession, way: str, speed_deg_s: float, yes: bool) -> None:
     """Say what will move, how fast and what a stop takes; ask, unless told not to. Virtual gantries are not asked for.
 

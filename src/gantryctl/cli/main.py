@@ -63,6 +63,10 @@ COMMANDS: Final = {
     "reset": Entry(
         "gantryctl.cli.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."
     ),
+    "brake-test": Entry(
+        "gantryctl.cli.brake_test", "brake_test", "Test torque against the closed brake, both ways."
+    ),
+    "arm": Entry("gantryctl.cli.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."),
     "encoder": Entry("gantryctl.cli.encoder", "encoder", "The absolute reference: show, set-zero."),
     "retain": Entry("gantryctl.cli.state", "retain", "The controller's retained memory: show."),
     "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),

@@ -84,8 +84,8 @@ class RemoteAxis:
             return
         self.link.ask("power", on=True)
         self._powered = True
-        self._wait(lambda tags: bool(tags["power"]) or tags["power_phase"] == "off")
-        self._raise_alarm()
+        self.wait(lambda tags: bool(tags["power"]) or tags["power_phase"] == "off")
+        self.raise_alarm()
 
     def set(self, tag: str, value: float) -> None:
         """One setting."""
@@ -93,17 +93,17 @@ class RemoteAxis:
 
     def follow(self) -> bool:
         """Wait for the end of the motion; whether it ended in position and was not stopped."""
-        self._wait(
+        self.wait(
             lambda tags: (tags["at_rest"] and (tags["in_position"] or self.stops > 0)) or not tags["power"]
         )
-        self._raise_alarm()
+        self.raise_alarm()
         return not self.stops
 
     def finish(self) -> None:
         """Power off if it was switched on here; control is free again."""
         if self._powered:
             self.link.ask("power", on=False)
-            self._wait(lambda tags: tags["power_phase"] == "off")
+            self.wait(lambda tags: tags["power_phase"] == "off")
             self._powered = False
         self.link.ask("give")
 
@@ -122,7 +122,8 @@ class RemoteAxis:
             for number, handler in before.items():
                 signal.signal(number, handler)
 
-    def _wait(self, holds: Callable[[dict[str, Any]], bool]) -> None:
+    def wait(self, holds: Callable[[dict[str, Any]], bool]) -> None:
+        """Until the tags show something; signs of life and stop requests go out meanwhile."""
         sent = 0
         self.link.look()
         while not holds(self.link.look()):
@@ -131,7 +132,8 @@ class RemoteAxis:
                 sent = self.stops
                 self.link.ask("stop" if sent == 1 else "quick_stop")
 
-    def _raise_alarm(self) -> None:
+    def raise_alarm(self) -> None:
+        """AlarmStop for the alarm that holds the axis, if one does."""
         first = next((row for row in self.link.tags["alarms"] if row["first_out"]), None)
         if first is not None:
             raise AlarmStop(first["text"])

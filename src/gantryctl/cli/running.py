@@ -99,7 +99,7 @@ def _guarded(
     failure: GantryctlError | None = None
     alarm: AlarmStop | None = None
     result = "failed"
-    with _stop_signals(session):
+    with stop_signals(session):
         try:
             motion = action(session, live.say)
             result = _result(session, motion)
@@ -122,7 +122,7 @@ def _result(session: AxisSession, motion: Motion) -> str:
 
 
 @contextmanager
-def _stop_signals(session: AxisSession) -> Iterator[None]:
+def stop_signals(session: AxisSession) -> Iterator[None]:
     """Ctrl-C, SIGTERM and a lost terminal stop the axis; a second one is a quick stop."""
 
     def stop(_: int, __: FrameType | None) -> None:

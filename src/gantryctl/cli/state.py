@@ -62,12 +62,20 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
 @config_option
 @click.option("--last", is_flag=True, help="Only the newest one.")
 @json_option
-def alarms(config_file: Path | None, last: bool, as_json: bool) -> int:
+@service_option
+def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -> int:
     """Alarms of the past, newest first."""
-    from gantryctl.operation import read_retained
+    found: list[AlarmEntry]
+    if to_service(service, config_file):
+        from gantryctl.cli.remote_state import service_alarms
 
-    retained = read_retained(machine_of(config_file))
-    found: list[AlarmEntry] = list(reversed(retained.alarms)) if retained else []
+        found, holds = service_alarms(machine_of(config_file))
+    else:
+        from gantryctl.operation import read_retained
+
+        retained = read_retained(machine_of(config_file))
+        found = list(reversed(retained.alarms)) if retained else []
+        holds = retained.error_stop if retained else ""
     if last:
         found = found[:1]
     if as_json:
@@ -75,7 +83,7 @@ def alarms(config_file: Path | None, last: bool, as_json: bool) -> int:
     elif not found:
         click.echo("no alarms")
     for alarm in found if not as_json else ():
-        held = " (holds the axis: gantryctl reset)" if retained and retained.error_stop == alarm.code else ""
+        held = " (holds the axis: gantryctl reset)" if holds == alarm.code else ""
         click.echo(f"{alarm.at}  t = {alarm.time_s:.3f} s{held}\n  {alarm.text}")
     return 0
 
@@ -98,14 +106,26 @@ def explain(code: str | None) -> int:
 @click.command()
 @config_option
 @json_option
-def reset(config_file: Path | None, as_json: bool) -> int:
-    """Acknowledge what holds the axis: the alarm of the last stop, or a small motion while off.
+@service_option
+@click.option("--yes", is_flag=True, help="Do not ask before what is locked is reset.")
+@click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it.")
+def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, take_over: bool) -> int:
+    """Acknowledge what holds the axis: the alarm of the last stop, a failed brake test, a small motion while off.
 
-    It never enables and never moves. What needs more than a look (a position that is not valid) stays.
+    It never enables and never moves. What needs more than a look (a position that is not valid) stays. What is locked
+    (`gantryctl explain CODE`) is asked for twice.
     """
-    from gantryctl.operation import reset_machine
+    machine = machine_of(config_file)
+    if to_service(service, config_file):
+        from gantryctl.cli.remote_state import remote_reset
 
-    said = reset_machine(machine_of(config_file))
+        return remote_reset(machine, yes=yes, take_over=take_over, as_json=as_json)
+    from gantryctl.operation import locked_code, reset_machine
+
+    locked = locked_code(machine)
+    if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
+        return 2
+    said = reset_machine(machine)
     if as_json:
         print_json({"reset": said})
     else:
@@ -121,11 +141,18 @@ def retain() -> None:
 @retain.command("show")
 @config_option
 @json_option
-def retain_show(config_file: Path | None, as_json: bool) -> int:
+@service_option
+def retain_show(config_file: Path | None, as_json: bool, service: bool) -> int:
     """Everything the controller remembers over power-off."""
     from gantryctl.operation import read_retained, retained_rows
 
-    retained = read_retained(machine_of(config_file))
+    machine = machine_of(config_file)
+    if to_service(service, config_file):
+        from gantryctl.cli.remote_state import service_retained
+
+        retained = service_retained(machine)
+    else:
+        retained = read_retained(machine)
     if retained is None:
         if as_json:
             print_json(None)

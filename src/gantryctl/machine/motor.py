@@ -81,6 +81,25 @@ class Brake(Table):
         "choice",
         "Torque the drive must build against the closed brake before it opens.",
     )
+    test_torque_nm: float = number(
+        65.0,
+        0.1,
+        5000.0,
+        "N m",
+        "derived",
+        "Brake test: torque that the closed brake must bear both ways, 1.3 x the check moment or more.",
+    )
+    test_interval_days: float = number(
+        7.0, 0.1, 366.0, "d", "choice", "The next brake test is due after so long."
+    )
+    test_interval_power_ups: int = number(
+        100, 1, 5000, "-", "choice", "... or after so many power-ups, whichever comes first."
+    )
     sag_max_deg: float = number(
-        0.02, 1e-4, 1.0, "deg", "choice", "Movement after release that closes the brake again, at the gantry."
+        0.02,
+        1e-4,
+        1.0,
+        "deg",
+        "choice",
+        "Movement after release, or under the brake test, that is too much; at the gantry.",
     )

@@ -174,6 +174,9 @@ class PlantBrake(Table):
     presliding_rad: float = number(
         5.0e-4, 1e-6, 0.02, "rad", "estimate", "Motor angle before the brake slides."
     )
+    torque_share: float = number(
+        1.0, 0.001, 3.0, "-", "choice", "Part of [brake] torque_nm that it really has; below 1 it is worn."
+    )
 
 
 class PlantEncoder(Table):

@@ -150,6 +150,28 @@ def proof_within_rating(m: Machine) -> str | None:
     return at_most(m.brake.proof_torque_nm, m.motor.torque_rated_nm, "N m", "the motor's rated torque")
 
 
+@rule("brake.test_torque_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
+def brake_test_covers_check_moment(m: Machine) -> str | None:
+    """The brake test asks for 1.3 times the eccentric moment of the check, or more."""
+    need = 1.3 * m.plant.load.eccentric_check_moment_nm / m.axis.ratio
+    return at_least(m.brake.test_torque_nm, need, "N m", "1.3 x the eccentric moment of the check")
+
+
+@rule("brake.test_torque_nm", "motor.torque_max_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
+def motor_gives_brake_test(m: Machine) -> str | None:
+    """The motor's torque limit covers the brake test on top of the load that it holds."""
+    most = m.motor.torque_max_nm - m.plant.load.eccentric_check_moment_nm / m.axis.ratio
+    return at_most(
+        m.brake.test_torque_nm, most, "N m", "the motor's torque limit less the load that it holds"
+    )
+
+
+@rule("brake.test_torque_nm", "brake.torque_nm")
+def brake_test_does_not_slip(m: Machine) -> str | None:
+    """The brake test stays below the brake's torque, or a sound brake slips."""
+    return below(m.brake.test_torque_nm, m.brake.torque_nm, "N m", "or a sound brake slips")
+
+
 @rule("brake.hold_brake_after_s", "monitors.in_position_dwell_ms", "brake.hold")
 def brake_waits_for_arrival(m: Machine) -> str | None:
     """With hold = "brake" the brake closes after the axis counts as arrived, not before."""

@@ -8,6 +8,7 @@ from gantryctl.operation.requests import way_note
 from gantryctl.operation.session import AxisSession
 from gantryctl.operation.state import (
     encoder_report,
+    locked_code,
     machine_status,
     read_retained,
     reset_machine,
@@ -33,6 +34,7 @@ __all__ = [
     "explain",
     "last_recording",
     "load_program",
+    "locked_code",
     "machine_status",
     "read_retained",
     "reset_machine",

@@ -7,9 +7,10 @@ from typing import NamedTuple
 
 from gantryctl.errors import AlarmStop
 from gantryctl.machine import Machine, config_hash
+from gantryctl.operation.brake import still_failed
 from gantryctl.operation.state import now_text
 from gantryctl.operation.virtual import ReadDrive
-from gantryctl.program import Axis
+from gantryctl.program import Axis, Code
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import rad
 from gantryctl.wiring import counts_per_turn
@@ -38,7 +39,7 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
     counts = drive.read().pos_act_counts
     rest = before.rest_position_counts
     way = abs(counts - (counts if rest is None else rest)) / counts_per_turn(machine)
-    alarms, held = _alarms(axis, end)
+    alarms, held = _alarms(axis, end, before.brake_failed)
     return replace(
         before,
         config_hash=config_hash(machine),
@@ -49,17 +50,19 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
         moves=before.moves + end.moves,
         travelled_rad=before.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,
         error_stop=held,
+        brake_failed=still_failed(axis, before),
         last_result=end.result,
         alarms=(*before.alarms, *alarms),
     )
 
 
-def _alarms(axis: Axis, end: RunEnd) -> tuple[tuple[AlarmEntry, ...], str]:
+def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEntry, ...], str]:
     """The alarms of this run for the record, and the code that holds the axis, or nothing."""
     when = now_text()
     alarms = tuple(
         AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, alarm.pos_rad)
         for alarm in axis.alarms.history
+        if not (failed_before and alarm.code is Code.BRK_08 and alarm.scan == 0)  # known from an earlier run
     )
     first = axis.alarms.first_out
     if first is not None:

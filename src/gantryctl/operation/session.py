@@ -1,189 +1,25 @@
-"""One run of an axis: power up, move or jog, power down, and leave everything so that the next run can go on.
-
-Each run is a power cycle of the machine. Whatever ends it (done, refused, alarm, Ctrl-C), the axis is brought to rest,
-the brake closed, the torque taken off and the state kept.
-"""
+"""What a command line or a script asks of an axis: moves, increments, keys held for a time, a brake test."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import ExitStack
-from dataclasses import replace
+from datetime import UTC, datetime
 from typing import Any, Final
 
-from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.image import Mode
-from gantryctl.machine import Machine
-from gantryctl.operation.absolute import (
-    ACCEPTED_DEG,
-    SHOWN_DEG,
-    AbsoluteReading,
-    evaluate,
-    refusal,
-    unwrapped,
-)
-from gantryctl.operation.bus import judge_bus, leave_bus
-from gantryctl.operation.ending import RunEnd, retained_after
-from gantryctl.operation.motions import Motion, Snapshot, Stop, state_words
+from gantryctl.operation.axis_run import REST_S, AxisRun
+from gantryctl.operation.brake import after_test, brake_due
+from gantryctl.operation.motions import Motion, Stop
 from gantryctl.operation.requests import check_direction, check_speed, check_target
-from gantryctl.operation.state import now_text
-from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
-from gantryctl.ports import Drive
-from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
-from gantryctl.runtime import AlarmEntry, Engine, HeldOperator, keeps_time
+from gantryctl.program import BrakeTestResult
+from gantryctl.program.command_checks import check_overdue
 from gantryctl.units import deg, rad
-from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, in_virtual_time
 
-SLICE_S: Final = 0.1
-"""Axis time between two looks at observer and stop request."""
-LEASE_SLICE_S: Final = 0.03
-"""The same while a hold-to-run command is renewed."""
-_POWER_S: Final = 10.0  # the power sequence has time limits of its own; this is only a net below them
-_REST_S: Final = 120.0  # a stop on the slowest ramp from the highest speed
+_TEST_S: Final = 30.0  # the brake test has time limits of its own; this is only a net below them
 
 
-class AxisSession:
-    """The axis of one machine, for one command line or script.
-
-    Args:
-        store: the state directory, locked by the caller; None for a new machine that is forgotten afterwards.
-        program: made from the axis, `GantryProgram` unless it is a program of one's own.
-        recorder: makes the recorder of the run.
-        observer: gets a `Snapshot` every 0.1 s of axis time. One that fails is left out from then on, and the axis
-            stops: nobody is looking any more.
-        commissioning: a CAN machine needs no commissioning record, because it is being made.
-
-    Attributes:
-        stop: raised by whoever wants the axis to stop, at any time.
-        notes: what had to be done to open the machine.
-        angle_deg: measured angle of the gantry, motor side.
-
-    Raises:
-        CommandRefused: an alarm of an earlier run is not acknowledged, or the encoder cannot be believed.
-    """
-
-    def __init__(
-        self,
-        machine: Machine,
-        store: StateStore | None = None,
-        *,
-        program: ProgramFactory = GantryProgram,
-        recorder: RecorderFactory | None = None,
-        real_time: bool = False,
-        observer: Callable[[Snapshot], None] | None = None,
-        commissioning: bool = False,
-    ) -> None:
-        self.machine = machine
-        self._commissioning = commissioning
-        self.stop = Stop.NO
-        self._store = store
-        self._observer = observer
-        virtual = open_machine(machine, store)
-        self.notes, self._retained, self._drive = virtual.notes, virtual.retained, virtual.drive
-        try:
-            self._prepare(program, recorder, real_time)
-        except BaseException:
-            leave_bus(self._drive)
-            raise
-        self._power_ups = self._moves = 0
-        self._powered = False
-        self._timed = ExitStack()
-        if not in_virtual_time(machine):
-            self._timed.enter_context(keeps_time())
-
-    def _prepare(self, program: ProgramFactory, recorder: RecorderFactory | None, real_time: bool) -> None:
-        """Judge the encoder's reading and make the engine."""
-        machine, drive = self.machine, self._drive
-        judge_bus(machine, self._store, drive, self._commissioning)
-        scale = encoder_scale(machine, drive)
-        counts = drive.read().pos_act_counts
-        reading = evaluate(scale, counts, self._retained)
-        self._refuse(refusal(reading))
-        self._record_accepted(reading)
-        zero = self._retained.zero_offset_counts
-        assert zero is not None
-        assert reading.angle_deg is not None
-        self._opened_deg = reading.angle_deg
-        self.operator = HeldOperator()
-        self.engine: Engine = build_engine(
-            machine,
-            program=program,
-            operator=self.operator,
-            drive=drive,
-            zero_counts=zero + counts - unwrapped(scale, counts, zero),
-            holding_torque_nm=self._retained.holding_torque_nm or 0.0,
-            recorder=recorder,
-            real_time=real_time,
-        )
-        assert isinstance(self.engine.program, AxisProgram)
-        self.axis = self.engine.program.axis
-
-    def _refuse(self, reason: str | None) -> None:
-        held = self._retained.error_stop
-        if held:
-            raise CommandRefused(
-                f"{held} stopped the axis in an earlier run and is not acknowledged: look at it "
-                f"(`gantryctl alarms --last`, `gantryctl explain {held}`), then `gantryctl reset`"
-            )
-        if reason is not None:
-            raise CommandRefused(reason)
-
-    def _record_accepted(self, reading: AbsoluteReading) -> None:
-        """A small motion while off is accepted, but not in silence."""
-        moved = reading.moved_deg
-        if moved is not None and abs(moved) >= SHOWN_DEG:
-            text = f"ENC-09 INFO · the gantry moved {moved:+.3f} deg while off · within {ACCEPTED_DEG:g} deg: accepted"
-            self.notes = (*self.notes, text)
-            alarms = (*self._retained.alarms, AlarmEntry("ENC-09", text, now_text()))
-            self._retained = replace(self._retained, alarms=alarms)
-
-    # --- what the axis does --------------------------------------------------------------------------------------
-
-    @property
-    def angle_deg(self) -> float:
-        """Measured angle of the gantry, motor side."""
-        return deg(self.axis.pos_act_rad) if self.engine.scan else self._opened_deg
-
-    @property
-    def drive(self) -> Drive:
-        """The drive that is run."""
-        return self._drive
-
-    def snapshot(self) -> Snapshot:
-        """What a display shows now."""
-        axis, virtual = self.axis, self.axis.virtual
-        time_s = self.engine.time_s
-        end_s = virtual.start_scan * self.engine.period_s + virtual.plan.duration
-        vel = self.engine.image.drive.vel_act_rad_s / axis.settings.law.ratio
-        return Snapshot(
-            time_s=time_s,
-            angle_deg=deg(axis.pos_act_rad),
-            speed_deg_s=deg(vel),
-            following_error_deg=deg(axis.pos_err_rad),
-            state=state_words(axis.state),
-            time_left_s=max(0.0, end_s - time_s) if axis.state is AxisState.DISCRETE_MOTION else None,
-        )
-
-    def power_up(self) -> None:
-        """Enable, prove torque, open the brake; nothing when that was done.
-
-        Raises:
-            AlarmStop: the power sequence ended in an alarm.
-        """
-        if self._powered:
-            return
-        self._powered = True
-        self._power_ups += 1
-        self._command(power=True)
-        self._follow(lambda: self.axis.state is AxisState.STANDSTILL, _POWER_S)
-        self._raise_alarm()
-        if self.axis.state is not AxisState.STANDSTILL:
-            raise AlarmStop(
-                f"SYS-10 STOP · power-up did not end within {_POWER_S:g} s, the axis is "
-                f"{state_words(self.axis.state)} · torque off, brake closed · a program of one's own must switch "
-                "power on when the operator wants it"
-            )
+class AxisSession(AxisRun):
+    """The axis of one machine, for one command line or script; arguments, attributes and errors of `AxisRun`."""
 
     def move(self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0) -> Motion:
         """Move to an angle and wait until the axis stands there; powers up where that was not done.
@@ -194,6 +30,7 @@ class AxisSession:
         """
         wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
         check_speed(self.machine, wanted)
+        self._check_overdue(wanted)
         check_target(self.machine, self.angle_deg, target_deg)
         if not 0.0 < override <= 1.0:
             raise UsageError(f"override {override:g}: above 0 and at most 1")
@@ -202,6 +39,7 @@ class AxisSession:
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> Motion:
         """One increment in the incremental mode."""
         check_speed(self.machine, speed_deg_s)
+        self._check_overdue(speed_deg_s)
         self.power_up()
         self._command(mode=Mode.INCREMENTAL)
         self.engine.step()
@@ -216,6 +54,7 @@ class AxisSession:
             AlarmStop: an alarm ended it; the axis is at rest.
         """
         check_speed(self.machine, speed_deg_s)
+        self._check_overdue(speed_deg_s)
         check_direction(self.machine, self.angle_deg, forward)
         self.power_up()
         if self.stop is not Stop.NO:
@@ -232,19 +71,31 @@ class AxisSession:
         self._command(forward=False, reverse=False)
         return self._finished(start, lease=True)._replace(settled_s=None, asked_deg_s=None)
 
-    def power_down(self) -> None:
-        """Come to rest, close the brake, take the torque off; keep what the next run needs to know."""
-        self._powered = False
-        self._command(power=False, forward=False, reverse=False, move=False)
-        self._follow(lambda: self._off() and self.axis.virtual.at_rest, _REST_S, watch=False)
+    def test_brake(self) -> BrakeTestResult:
+        """Torque both ways against the closed brake, with power off; the result is retained.
 
-    # --- how it does it ------------------------------------------------------------------------------------------
+        Raises:
+            CommandRefused: it cannot be tested here, or not now. AlarmStop: an alarm ended it.
+        """
+        refusals = self.axis.refusal_count
+        self._command(brake_test=True)
+        self.engine.step()
+        self._command(brake_test=False)
+        self._raise_refusal(refusals)
+        self._follow(lambda: not self.axis.power.testing, _TEST_S)
+        result, now = self.axis.power.brake_test_result, datetime.now(UTC)
+        assert result is not None
+        power_ups = self._retained.power_ups + self._power_ups
+        self._retained = after_test(self._retained, result, power_ups, now)
+        untestable = self.axis.settings.power.untestable
+        self.brake_due = brake_due(self.machine, untestable, self._retained, power_ups, now)
+        self._raise_alarm()
+        return result
 
-    def _command(self, **levels: Any) -> None:
-        self.operator.command = self.operator.command._replace(**levels)
-
-    def _renew(self) -> None:
-        self._command(lease=self.operator.command.lease + 1)
+    def _check_overdue(self, speed_deg_s: float) -> None:
+        reason = check_overdue(rad(speed_deg_s)) if self.brake_due.overdue else None
+        if reason is not None:
+            raise CommandRefused(f"{reason.code} · {reason.text}; `gantryctl brake-test` tests it")
 
     def _not_begun(self) -> Motion:
         """A stop was asked for before the motion began."""
@@ -265,16 +116,13 @@ class AxisSession:
     def _finished(self, start: float, *, lease: bool = False) -> Motion:
         """Wait until the motion has ended one way or the other."""
         self._moves += 1
-        self._follow(self._at_rest, self.axis.virtual.plan.duration + _REST_S, lease=lease)
+        self._follow(self._at_rest, self.axis.virtual.plan.duration + REST_S, lease=lease)
         plan_end = self.axis.virtual.start_scan * self.engine.period_s + self.axis.virtual.plan.duration
         end = self.engine.time_s
         self._raise_alarm()
         done = self.stop is Stop.NO and self._at_rest() and not self.axis.monitors.not_in_position
         command = self.operator.command
         return Motion(start, end, done, max(0.0, end - plan_end), deg(command.speed_rad_s) * command.override)
-
-    def _off(self) -> bool:
-        return self.axis.power.phase is PowerPhase.OFF
 
     def _at_rest(self) -> bool:
         motion = self.axis.motion
@@ -288,89 +136,3 @@ class AxisSession:
         if self.axis.refusal_count > before:
             assert self.axis.refusal is not None
             raise CommandRefused(self.axis.refusal.text)
-
-    def _raise_alarm(self) -> None:
-        first = self.axis.alarms.first_out
-        late = self.engine.overrun_stop
-        if first is None and late is None:
-            return
-        self._follow(self._off, _REST_S, watch=False)
-        raise AlarmStop(late or (first.text if first is not None else ""))
-
-    def _follow(
-        self,
-        done: Callable[[], bool],
-        timeout_s: float,
-        *,
-        held: bool = False,
-        lease: bool = False,
-        watch: bool = True,
-    ) -> None:
-        """Scan until something is done, in slices: between them stop requests, lease and display.
-
-        Args:
-            held: a key is held: the lease is renewed, and a request to stop ends the waiting, which lets go.
-            lease: the lease is renewed.
-            watch: stop requests go to the program.
-        """
-        engine = self.engine
-        end = engine.time_s + timeout_s
-        slice_s = LEASE_SLICE_S if held or lease else SLICE_S
-        while engine.time_s < end - 1e-9:
-            if watch and self._asked_to_stop() and held:
-                return
-            if held or lease:
-                self._renew()
-            reached = engine.run_until(lambda _: done(), min(slice_s, end - engine.time_s))
-            self._observe()
-            if reached:
-                return
-
-    def _observe(self) -> None:
-        if self._observer is None:
-            return
-        try:
-            self._observer(self.snapshot())
-        except Exception:
-            self._observer = None
-            self.stop = max(self.stop, Stop.RAMP)
-
-    def _asked_to_stop(self) -> bool:
-        """Hand a stop request to the program."""
-        if self.stop is Stop.QUICK:
-            self._command(quick_stop=True)
-        elif self.stop is Stop.RAMP:
-            self._command(stop=True)
-        return self.stop is not Stop.NO
-
-    # --- the end of the run --------------------------------------------------------------------------------------
-
-    def close(self, result: str, alarm: AlarmStop | None = None) -> None:
-        """Power down if that was not done, finish the recording, keep the state.
-
-        After a failure inside the scan the engine itself brings the axis to rest.
-
-        Args:
-            result: how it ended, for `status`.
-            alarm: what stopped the axis; it holds the axis until it is acknowledged.
-        """
-        self._observer = None
-        try:
-            if self.engine.failure is not None:
-                self.engine.run_for(_POWER_S)
-            elif not self._off():
-                self.power_down()
-        finally:
-            self._timed.close()
-            if self.engine.scan:
-                self.engine.close()
-            else:  # refused before anything was switched on: the drive stays as it is
-                leave_bus(self._drive)
-                if self.engine.recorder is not None:
-                    self.engine.recorder.close()
-            self._keep(result, alarm)
-
-    def _keep(self, result: str, alarm: AlarmStop | None) -> None:
-        end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
-        retained = retained_after(self.machine, self._retained, self.axis, self._drive, end)
-        keep_machine(self.machine, self._store, self._drive, retained)

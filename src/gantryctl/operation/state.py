@@ -14,6 +14,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.absolute import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, looked_at, new_machine
+from gantryctl.program import ALARMS
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 from gantryctl.wiring import lead_deg
@@ -143,6 +144,17 @@ def retained_rows(retained: Retained) -> list[tuple[str, str]]:
     return rows
 
 
+def locked_code(machine: Machine) -> str:
+    """Code of what only service may reset of what is retained, or ""."""
+    retained = read_retained(machine)
+    if retained is None:
+        return ""
+    codes = [str(code) for code, row in ALARMS.items() if row.lock]
+    if retained.error_stop in codes:
+        return retained.error_stop
+    return "BRK-08" if retained.brake_failed else ""
+
+
 def reset_machine(machine: Machine) -> str:
     """Acknowledge the alarm of the last stop or a small motion while off; what was done, in words.
 
@@ -170,6 +182,9 @@ def reset_machine(machine: Machine) -> str:
             retained = replace(
                 retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}"
             )
+        if retained.brake_failed:
+            said.append(f"BRK-08 acknowledged by {who}: {retained.brake_failed}")
+            retained = replace(retained, brake_failed="", last_result=f"reset of BRK-08 by {who}")
         if not said:
             return "nothing to reset"
         keep_machine(machine, store, virtual.drive, retained)

@@ -7,7 +7,7 @@ from gantryctl.program.alarm_rows import Definition
 from gantryctl.program.alarm_table import ALARMS
 from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, all_codes, explain
 from gantryctl.program.axis import Axis
-from gantryctl.program.brake_test import BrakeTestOutcome, BrakeTestPhase
+from gantryctl.program.brake_test import BrakeTestLaw, BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
 from gantryctl.program.codes import Code, Reaction, Severity
 from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.program.gantry import GantryProgram
@@ -36,8 +36,10 @@ __all__ = [
     "AxisProgram",
     "AxisSettings",
     "AxisState",
+    "BrakeTestLaw",
     "BrakeTestOutcome",
     "BrakeTestPhase",
+    "BrakeTestResult",
     "Code",
     "CommandStatus",
     "CompensationSettings",

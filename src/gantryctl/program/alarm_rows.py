@@ -21,3 +21,5 @@ class Definition(NamedTuple):
     """Only the service role may reset it."""
     blocks_motion: bool = False
     """No motion while it is active, though it does not stop the axis."""
+    before_motion: str = "reset first"
+    """What a refused motion is told then."""

@@ -50,6 +50,13 @@ POWER: Final = (
         "The brake stayed closed. Check the motor cable and the drive's torque limit, then reset.",
     ),
     Definition(
+        Code.BRK_08, "Brake test failed", _WARN, Reaction.W,
+        "Brake test failed: {measured}",
+        "The brake slips below its test torque, or the motor does not give it (then nothing moved).",
+        "Nothing moves until a brake test passes, or service resets. Inspect the brake and the motor's torque.",
+        lock=True, blocks_motion=True, before_motion="a brake test must pass, or service must reset",
+    ),
+    Definition(
         Code.BRK_10, "Sag after release", _STOP, _QS,
         "Moved {measured:.4f} deg after the brake opened, limit {limit:.4f} deg",
         "The drive does not hold the load: preload, gains or torque limit.",

@@ -54,6 +54,12 @@ REFUSALS: Final = (
         "Move the other way.",
     ),
     Definition(
+        Code.BRK_12, "Brake test overdue", _REF, Reaction.REF,
+        "the brake test is overdue: up to {limit:.2f} deg/s only, asked for {measured:.2f} deg/s",
+        "The brake must be tested from time to time: [brake] test_interval_days, test_interval_power_ups.",
+        "Switch power off and test the brake (`gantryctl brake-test`), or move slowly.",
+    ),
+    Definition(
         Code.LIM_05, "Only inward", _REF, Reaction.REF,
         "at {measured:.2f} deg only motion {side} is open",
         "The axis is outside its travel or at a limit switch.",

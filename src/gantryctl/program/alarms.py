@@ -136,9 +136,12 @@ class AlarmLog:
         self.first_out = None
         self.pending = Reaction.W
 
-    def blocking(self) -> Alarm | None:
-        """An active alarm that forbids motion without having stopped the axis, or None."""
-        return next((alarm for alarm in self.active.values() if alarm.definition.blocks_motion), None)
+    def blocking(self, but: Code | None = None) -> Alarm | None:
+        """An active alarm that forbids motion without having stopped the axis, or None; `but` does not count."""
+        for alarm in self.active.values():
+            if alarm.definition.blocks_motion and alarm.code is not but:
+                return alarm
+        return None
 
 
 def refusal(code: Code, /, **values: object) -> Refusal:
@@ -191,5 +194,5 @@ def describe_reaction(row: Definition) -> str:
     if row.lock:
         words += "; LOCK: only the service role may reset"
     if row.blocks_motion:
-        words += "; no motion until reset"
+        words += "; no motion until then" if row.lock else "; no motion until reset"
     return words

@@ -12,7 +12,7 @@ from gantryctl.motion import SetPoint, stop_point
 from gantryctl.program.alarms import Refusal, refusal
 from gantryctl.program.axis_scan import AxisScan
 from gantryctl.program.codes import Code
-from gantryctl.program.command import MotionCommand
+from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.program.power_phases import PowerPhase
 from gantryctl.program.states import AxisState
 from gantryctl.units import deg
@@ -67,17 +67,60 @@ class Axis(AxisScan):
 
     def power_on(self) -> Refusal | None:
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
-        inputs, first = self.feedback.inputs, self.alarms.first_out
+        if self.power.testing:
+            return refusal(Code.PWR_04, measured="a brake test is under way")
         if self.power.phase is not PowerPhase.OFF:
             if self._switching_off or self.power.falling or self.power.phase is PowerPhase.HOLDING:
                 return refusal(Code.PWR_04, measured="the axis is still being switched off")
             return None
+        reason = self._no_torque(None)
+        if reason is not None:
+            return refusal(Code.PWR_04, measured=reason)
+        self.power.switch_on()
+        return None
+
+    def begin_brake_test(self) -> Refusal | None:
+        """Begin a brake test; None when it was accepted. `power.testing` tells whether it is under way."""
+        power = self.power
+        if power.testing:
+            return refusal(Code.CTL_14, measured="a brake test is under way already")
+        if self.settings.power.untestable:
+            return refusal(Code.CTL_14, measured=f"not testable here: {self.settings.power.untestable}")
+        if power.phase is not PowerPhase.OFF:
+            return refusal(Code.CTL_14, measured="a brake test begins with power off: switch it off first")
+        room = self.settings.power.torque_max_nm - abs(power.holding_torque_nm)
+        level = power.brake_test.level_nm
+        if not level <= room:
+            text = f"a brake test with {level:.1f} N m and the load are more than the motor's torque limit"
+            return refusal(Code.CTL_14, measured=text)
+        reason = self._no_torque(Code.BRK_08)
+        if reason is not None:
+            return refusal(Code.PWR_04, measured=reason)
+        power.begin_test()
+        return None
+
+    def abort_brake_test(self, why: str) -> None:
+        """End a brake test that is under way: torque back, off, drive disabled."""
+        self.power.abort_test(why)
+
+    def stop(self) -> MotionCommand:
+        """To rest on the jog-release ramp, held until released; a brake test under way ends."""
+        if self.power.testing:
+            self.abort_brake_test("stopped")
+            command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
+            command.status = CommandStatus.DONE
+            return command
+        return self.motion.stop()
+
+    def _no_torque(self, but: Code | None) -> str | None:
+        """Why the drive may not be enabled now; the alarm `but` does not count."""
+        inputs, first = self.feedback.inputs, self.alarms.first_out
         reason = None
-        blocking = self.alarms.blocking()
+        blocking = self.alarms.blocking(but)
         if first is not None:
             reason = f"{first.code} is latched ({first.measured}): reset first"
         elif blocking is not None:
-            reason = f"{blocking.code} is active ({blocking.measured}): reset first"
+            reason = f"{blocking.code} is active ({blocking.measured}): {blocking.definition.before_motion}"
         elif not inputs.estop_ok:
             reason = "the emergency-stop chain is open"
         elif not inputs.mains_ready:
@@ -86,13 +129,13 @@ class Axis(AxisScan):
             reason = "the drive is in fault or its state is unknown: reset first"
         elif not self.feedback.position_valid:
             reason = "the position is not valid: service must compare the angle and reset"
-        if reason is not None:
-            return refusal(Code.PWR_04, measured=reason)
-        self.power.switch_on()
-        return None
+        return reason
 
     def power_off(self) -> None:
         """Come to rest on the jog-release ramp, close the brake, take the torque off."""
+        if self.power.testing:
+            self.abort_brake_test("power was switched off")
+            return
         if self.power.phase is PowerPhase.OFF or self._error or self._switching_off:
             return
         self.motion.abort_for_power_off()
@@ -181,7 +224,7 @@ class Axis(AxisScan):
             allowed = f"within {deg(travel.pos_min_rad):.2f} and {deg(travel.pos_max_rad):.2f} deg"
             measured = f"{deg(position_rad):.6g} deg"
             return refusal(Code.CTL_01, name="position", allowed=allowed, measured=measured)
-        standing = self.state in (AxisState.STANDSTILL, AxisState.DISABLED)
+        standing = self.state in (AxisState.STANDSTILL, AxisState.DISABLED) and not self.power.testing
         if not standing or self.motion.current is not None or self.motion.waiting is not None:
             return refusal(Code.CTL_14, measured="a new reference needs standstill")
         if not self.virtual.at_rest or abs(self.feedback.vel_rad_s) > self.settings.speed.creep_rad_s:

@@ -2,11 +2,44 @@
 
 from __future__ import annotations
 
+import math
 from enum import IntEnum
+from typing import Final, NamedTuple, assert_never
+
+from gantryctl.units import deg
+
+HELD_S: Final = 2.0
+"""So long the brake must hold the test torque, each way."""
+_RISE_S: Final = 0.5
+"""From no torque to the test torque."""
+_GIVE_S: Final = 1.0
+"""The motor must give the torque within this after the ramp."""
+_RELIEVE_S: Final = 1.5
+"""The torque is back at the preload within this, or is taken off as it is."""
+_TIME_CONSTANT_S: Final = 0.1
+"""Of the regulator that makes the motor give what is wanted."""
+_SHARE: Final = 0.95
+"""Part of the test torque that the motor must really give."""
 
 
 class BrakeTestPhase(IntEnum):
-    """Where a brake test is."""
+    """Where a brake test is. The power sequence has ENABLING and DISABLING, `BrakeTestLaw` the others.
+
+    | phase        | leaves when                                              | to                   |
+    |--------------|----------------------------------------------------------|----------------------|
+    | IDLE         | begun: power off, brake closed                           | ENABLING             |
+    | ENABLING     | drive in Operation enabled, brake still closed           | PLUS_RISING          |
+    | PLUS_RISING  | the motor gives the test torque                          | PLUS_HELD            |
+    | PLUS_HELD    | held for 2 s                                             | MINUS_RISING         |
+    | MINUS_RISING | the motor gives the test torque the other way            | MINUS_HELD           |
+    | MINUS_HELD   | held for 2 s: passed                                     | RELIEVING            |
+    | these four   | moved too far, torque not given or not held: failed      | RELIEVING            |
+    | these four   | stopped: aborted                                         | RELIEVING            |
+    | RELIEVING    | the motor gives the preload, so the brake bears nothing  | DISABLING            |
+    | ENABLING     | stopped, or the drive opens its brake: aborted           | DISABLING            |
+    | DISABLING    | torque taken off in three steps, drive disabled          | IDLE                 |
+    | any          | alarm of a stop class: aborted                           | IDLE, by its reaction|
+    """
 
     IDLE = 0
     ENABLING = 1
@@ -19,11 +52,211 @@ class BrakeTestPhase(IntEnum):
 
 
 class BrakeTestOutcome(IntEnum):
-    """How the last brake test ended."""
+    """How a brake test ended."""
 
     NONE = 0
-    """There was none."""
+    """There was none, or it is under way."""
     PASSED = 1
     FAILED = 2
     ABORTED = 3
     """Ended before it could show anything: stopped, an alarm, control lost."""
+
+
+class BrakeTestResult(NamedTuple):
+    """One test that has ended. Torques are what the brake bore: motor torque minus preload, N m at the motor.
+
+    Attributes:
+        plus_nm, minus_nm: means while held; nan where it did not come to that.
+        moved_rad: farthest way from where it stood, at the gantry, rad.
+        text: the same in a sentence.
+    """
+
+    outcome: BrakeTestOutcome
+    plus_nm: float
+    minus_nm: float
+    moved_rad: float
+    text: str
+
+
+_P: Final = BrakeTestPhase
+_RISING: Final = (_P.PLUS_RISING, _P.MINUS_RISING)
+_HELD: Final = (_P.PLUS_HELD, _P.MINUS_HELD)
+_NOMINAL_S: Final = {
+    _P.PLUS_RISING: _RISE_S,
+    _P.PLUS_HELD: HELD_S,
+    _P.MINUS_RISING: 2.0 * _RISE_S,
+    _P.MINUS_HELD: HELD_S,
+    _P.RELIEVING: _RISE_S,
+}
+
+
+class BrakeTestLaw:
+    """What torque to ask for against a closed brake while the drive stands at speed 0, and what it shows.
+
+    The drive's speed loop works against the torque as soon as the shaft gives way by a little (play, a brake that
+    slips): its integrator takes back what was asked for. So the torque that the motor reports is regulated to
+    what is wanted, within twice the level, and a brake that slips shows as torque that is not reached. At the end the
+    torque is back at the preload, which holds the load, so that nothing is wound up when it is taken off.
+
+    Args:
+        level_nm: what the brake must bear both ways, N m at the motor.
+        moved_max_rad: how far the gantry may move under it, rad.
+        torque_max_nm: no command passes it.
+        period_s: time of one scan.
+
+    Attributes:
+        phase: where it is; IDLE before it began and after it has ended.
+        outcome: NONE until it is known.
+        on_brake_nm: torque on the brake that is asked for now.
+        moved_rad, plus_nm, minus_nm: see `BrakeTestResult`.
+    """
+
+    __slots__ = (
+        "_correction", "_count", "_mean", "_period_s", "_preload_nm", "_start_rad", "_torque_max_nm", "level_nm",
+        "minus_nm", "moved_max_rad", "moved_rad", "on_brake_nm", "outcome", "phase", "plus_nm", "text",
+    )  # fmt: skip
+
+    def __init__(self, level_nm: float, moved_max_rad: float, torque_max_nm: float, period_s: float) -> None:
+        self.level_nm, self.moved_max_rad = level_nm, moved_max_rad
+        self._torque_max_nm, self._period_s = torque_max_nm, period_s
+        self.phase = BrakeTestPhase.IDLE
+        self.prepare(0.0)
+        self.outcome = BrakeTestOutcome.NONE
+
+    def prepare(self, preload_nm: float) -> None:
+        """Forget the last test. `preload_nm`: motor torque that holds the load, so that the brake bears nothing."""
+        self._preload_nm = preload_nm
+        self._start_rad: float | None = None
+        self._count = 0
+        self._correction = self._mean = 0.0
+        self.on_brake_nm = self.moved_rad = 0.0
+        self.plus_nm = self.minus_nm = math.nan
+        self.outcome, self.text = BrakeTestOutcome.NONE, ""
+
+    def begin(self) -> None:
+        """The drive is enabled at speed 0 and the brake is closed."""
+        self._enter(BrakeTestPhase.PLUS_RISING)
+
+    @property
+    def running(self) -> bool:
+        """Torque is asked for."""
+        return self.phase is not BrakeTestPhase.IDLE
+
+    @property
+    def left_s(self) -> float:
+        """Nominal time until the torque is back, s."""
+        elapsed_s = self._count * self._period_s
+        now_s = max(0.0, _NOMINAL_S.get(self.phase, 0.0) - elapsed_s)
+        return now_s + sum(
+            time_s for phase, time_s in _NOMINAL_S.items() if phase > self.phase and self.running
+        )
+
+    @property
+    def result(self) -> BrakeTestResult:
+        """What is known so far."""
+        return BrakeTestResult(self.outcome, self.plus_nm, self.minus_nm, self.moved_rad, self.text)
+
+    def end(self, outcome: BrakeTestOutcome, text: str) -> None:
+        """Decide how it ends, unless that is known already; the torque goes back to the preload."""
+        if self.outcome is BrakeTestOutcome.NONE:
+            self.outcome, self.text = outcome, text
+        if self.running and self.phase is not BrakeTestPhase.RELIEVING:
+            self._enter(BrakeTestPhase.RELIEVING)
+
+    def drop(self) -> None:
+        """Somebody else takes the torque off."""
+        self.phase = BrakeTestPhase.IDLE
+        self.on_brake_nm = 0.0
+
+    def scan(self, torque_nm: float, pos_rad: float) -> float:
+        """One scan: the motor torque to ask for, N m.
+
+        Args:
+            torque_nm: what the motor gives. pos_rad: angle of the gantry.
+        """
+        if self._start_rad is None:
+            self._start_rad = pos_rad
+        given = torque_nm - self._preload_nm
+        moved = abs(pos_rad - self._start_rad)
+        self._count += 1
+        self.moved_rad = max(self.moved_rad, moved)
+        if self.phase in _RISING or self.phase in _HELD:
+            self._watch(given, moved)
+        match self.phase:
+            case BrakeTestPhase.PLUS_RISING | BrakeTestPhase.MINUS_RISING:
+                self._rising(given)
+            case BrakeTestPhase.PLUS_HELD | BrakeTestPhase.MINUS_HELD:
+                self._holding(given)
+            case BrakeTestPhase.RELIEVING:
+                self._relieving(given)
+            case BrakeTestPhase.IDLE | BrakeTestPhase.ENABLING | BrakeTestPhase.DISABLING:
+                pass
+            case _:
+                assert_never(self.phase)
+        return self._regulated(given)
+
+    def _enter(self, phase: BrakeTestPhase) -> None:
+        self.phase = phase
+        self._count, self._mean = 0, 0.0
+
+    def _watch(self, given_nm: float, moved_rad: float) -> None:
+        """What ends it at once: readings that are no numbers, a brake that slips."""
+        if not math.isfinite(given_nm):
+            self.end(BrakeTestOutcome.ABORTED, "the torque reading is no number")
+        elif not moved_rad <= self.moved_max_rad:
+            self._fail(f"the brake slipped under {given_nm:+.1f} N m")
+            self.on_brake_nm = 0.0  # at once: every scan more is way
+
+    def _rising(self, given_nm: float) -> None:
+        """Up the ramp, or from one way to the other; then wait for the motor."""
+        sign = 1.0 if self.phase is BrakeTestPhase.PLUS_RISING else -1.0
+        self._ramp_to(sign * self.level_nm)
+        over_s = self._count * self._period_s - _NOMINAL_S[self.phase]
+        if self.on_brake_nm == sign * self.level_nm and sign * given_nm >= _SHARE * self.level_nm:
+            self._enter(BrakeTestPhase.PLUS_HELD if sign > 0.0 else BrakeTestPhase.MINUS_HELD)
+        elif over_s > _GIVE_S:
+            self._fail(f"{given_nm:+.1f} N m reached, {sign * self.level_nm:+.1f} N m wanted")
+
+    def _holding(self, given_nm: float) -> None:
+        """Means over the time that it must be held."""
+        self._mean += (given_nm - self._mean) / self._count
+        plus = self.phase is BrakeTestPhase.PLUS_HELD
+        if plus:
+            self.plus_nm = self._mean
+        else:
+            self.minus_nm = self._mean
+        if self._count * self._period_s < HELD_S - 1e-9:
+            return
+        if abs(self._mean) < _SHARE * self.level_nm:
+            self._fail(f"{self._mean:+.1f} N m held of {math.copysign(self.level_nm, self._mean):+.1f} N m")
+        elif plus:
+            self._enter(BrakeTestPhase.MINUS_RISING)
+        else:
+            held = f"held {self.plus_nm:+.1f} and {self.minus_nm:+.1f} N m for {HELD_S:g} s each"
+            self.end(BrakeTestOutcome.PASSED, self._with_way(held))
+
+    def _relieving(self, given_nm: float) -> None:
+        """Back to the preload; the motor's torque must follow."""
+        self._ramp_to(0.0)
+        back = self.on_brake_nm == 0.0 and abs(given_nm) <= (1.0 - _SHARE) * self.level_nm
+        if back or self._count * self._period_s >= _RELIEVE_S:
+            self.phase = BrakeTestPhase.IDLE
+
+    def _ramp_to(self, target_nm: float) -> None:
+        step = self.level_nm * self._period_s / _RISE_S
+        self.on_brake_nm = min(max(target_nm, self.on_brake_nm - step), self.on_brake_nm + step)
+
+    def _regulated(self, given_nm: float) -> float:
+        missing = self.on_brake_nm - given_nm
+        if math.isfinite(missing):
+            wanted = self._correction + missing * min(1.0, self._period_s / _TIME_CONSTANT_S)
+            most = 2.0 * self.level_nm
+            self._correction = min(max(wanted, -most - self.on_brake_nm), most - self.on_brake_nm)
+        torque = self._preload_nm + self.on_brake_nm + self._correction
+        return min(max(torque, -self._torque_max_nm), self._torque_max_nm)
+
+    def _fail(self, what: str) -> None:
+        self.end(BrakeTestOutcome.FAILED, self._with_way(what))
+
+    def _with_way(self, what: str) -> str:
+        return f"{what}, moved {deg(self.moved_rad):.4f} deg of {deg(self.moved_max_rad):.4f} deg allowed"

@@ -9,8 +9,10 @@ from gantryctl.program.alarms import Refusal, refusal
 from gantryctl.program.codes import Code
 from gantryctl.program.interlocks import Interlocks
 from gantryctl.program.settings import TravelSettings
-from gantryctl.units import deg
+from gantryctl.units import deg, rad
 
+OVERDUE_RAD_S: Final = rad(1.0)
+"""Nothing moves faster while the brake test is overdue."""
 # A way shorter than this is none: less than one fine count at the gantry.
 _NO_WAY_RAD: Final = 1e-9
 
@@ -28,6 +30,13 @@ def check_speed(speed_rad_s: float, top_rad_s: float) -> Refusal | None:
         return None
     allowed = f"above 0 and at most {deg(top_rad_s):.2f} deg/s"
     return refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{deg(speed_rad_s):.6g} deg/s")
+
+
+def check_overdue(speed_rad_s: float) -> Refusal | None:
+    """Slow enough for a brake whose test is overdue."""
+    if speed_rad_s <= OVERDUE_RAD_S * (1.0 + 1e-9):
+        return None
+    return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(OVERDUE_RAD_S))
 
 
 def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:

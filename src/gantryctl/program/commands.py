@@ -5,7 +5,13 @@ from __future__ import annotations
 from gantryctl.program.alarms import AlarmLog, Refusal, refusal
 from gantryctl.program.codes import Code
 from gantryctl.program.command import CommandStatus, MotionCommand
-from gantryctl.program.command_checks import check_angle, check_direction, check_speed, check_way
+from gantryctl.program.command_checks import (
+    check_angle,
+    check_direction,
+    check_overdue,
+    check_speed,
+    check_way,
+)
 from gantryctl.program.interlocks import Interlocks
 from gantryctl.program.monitors import Monitors
 from gantryctl.program.power import PowerSequence
@@ -24,13 +30,14 @@ class MotionCommands:
 
     Attributes:
         current: the command under way, or None.
+        brake_overdue: the brake test is overdue: nothing moves fast.
         stop_command: the Stop that holds the axis, or None.
         state: the axis state, kept up by `Axis`.
     """
 
     __slots__ = (
         "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_stop_execute", "_virtual",
-        "current", "scan", "state", "stop_command", "waiting",
+        "brake_overdue", "current", "scan", "state", "stop_command", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -48,7 +55,7 @@ class MotionCommands:
         self.current: MotionCommand | None = None
         self.waiting: MotionCommand | None = None
         self.stop_command: MotionCommand | None = None
-        self._stop_execute = False
+        self._stop_execute = self.brake_overdue = False
         self.state = AxisState.DISABLED
         self.scan = 0
 
@@ -210,8 +217,11 @@ class MotionCommands:
     # --- checks: None, or why not -----------------------------------------------------------------
 
     def check_speed(self, speed_rad_s: float) -> Refusal | None:
-        """Above 0 and no more than the highest speed setting; None when it is."""
-        return check_speed(speed_rad_s, self._settings.speed.setting_max_rad_s)
+        """Above 0, at most the highest setting, and slow while the brake test is overdue; None when it is."""
+        refused = check_speed(speed_rad_s, self._settings.speed.setting_max_rad_s)
+        if refused is None and self.brake_overdue:
+            refused = check_overdue(speed_rad_s)
+        return refused
 
     def _check_state(self) -> Refusal | None:
         if self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None:
@@ -222,9 +232,8 @@ class MotionCommands:
             return refusal(Code.CTL_14, measured="the axis is held by Stop: release it first")
         blocking = self._alarms.blocking()
         if blocking is not None:
-            return refusal(
-                Code.CTL_14, measured=f"{blocking.code} is active ({blocking.measured}): reset first"
-            )
+            text = f"{blocking.code} is active ({blocking.measured}): {blocking.definition.before_motion}"
+            return refusal(Code.CTL_14, measured=text)
         return None
 
     def _not_ready(self) -> Refusal:

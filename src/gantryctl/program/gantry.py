@@ -5,7 +5,7 @@ from __future__ import annotations
 from gantryctl.image import InputImage, Mode, OperatorCommand
 from gantryctl.program.alarms import Refusal, refusal
 from gantryctl.program.axis import Axis
-from gantryctl.program.blocks import Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
+from gantryctl.program.blocks import BrakeTest, Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
 from gantryctl.program.codes import Code
 from gantryctl.program.program import AxisProgram
 from gantryctl.units import deg
@@ -27,7 +27,7 @@ class GantryProgram(AxisProgram):
 
     Attributes:
         mode: the mode in force, which follows the operator's at standstill only.
-        power, move, jog, inch, halt, stop, reset, override: its blocks, to look at.
+        power, move, jog, inch, halt, stop, reset, override, brake_test: its blocks, to look at.
     """
 
     def __init__(self, axis: Axis, *, service: bool = False) -> None:
@@ -42,6 +42,7 @@ class GantryProgram(AxisProgram):
         self.move = MoveAbsolute(axis)
         self.jog = Jog(axis)
         self.inch = Inch(axis)
+        self.brake_test = BrakeTest(axis)
         speed = axis.settings.speed
         self._speed_min, self._speed_max = speed.setting_min_rad_s, speed.setting_max_rad_s
         self._without_switch = speed.without_enabling_switch_rad_s
@@ -85,6 +86,8 @@ class GantryProgram(AxisProgram):
             self._by_key(op)
         if changed or self.inch.attention:
             self._by_increment(op)
+        if changed or self.brake_test.attention:
+            self.brake_test(execute=op.brake_test)
 
     # --- edges ------------------------------------------------------------------------------------
 

@@ -6,7 +6,6 @@ from typing import Final, assert_never
 
 from gantryctl.image import DriveState
 from gantryctl.program.codes import Reaction
-from gantryctl.program.power_down import WayDown
 from gantryctl.program.power_phases import FALLING, RISING, TORQUE_ON, PowerPhase
 from gantryctl.program.power_up import WayUp
 
@@ -16,7 +15,7 @@ _ON: Final = PowerPhase.ON
 _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
 
 
-class PowerSequence(WayUp, WayDown):
+class PowerSequence(WayUp):
     """Drive enable, torque proof, brake, and the same back, one phase at a time (table in `PowerPhase`).
 
     The proof: `torque_ff_nm` is raised to the proof torque against the closed brake, and the actual torque
@@ -32,6 +31,8 @@ class PowerSequence(WayUp, WayDown):
         proof: whether torque was proven before the last release.
         request, brake_open, torque_ff_nm: what it says to the drive.
         holding_torque_nm: mean torque at standstill, motor side: retained memory, and the next preload.
+        testing: a brake test is under way.
+        brake_test: its law. brake_test_result, brake_tests: the last test that has ended, and how many did.
         fault_reset: ask the drive to clear its fault (Reset); only while off.
     """
 
@@ -68,6 +69,8 @@ class PowerSequence(WayUp, WayDown):
         """Do what an alarm of class QUICK_STOP, TORQUE_OFF or HOLD asks for."""
         self.status = False
         self._parking = False
+        if self.testing:
+            self._test_stopped(reaction)
         if self.phase is PowerPhase.TORQUE_OFF or (
             self.phase is PowerPhase.HOLDING and reaction is not Reaction.TORQUE_OFF
         ):
@@ -96,6 +99,11 @@ class PowerSequence(WayUp, WayDown):
         """At standstill on the servo: follow the torque that holds the load."""
         mean = self.holding_torque_nm
         self.holding_torque_nm = self._limited(mean + (self._feedback.torque_nm - mean) * self._learn)
+
+    def _enter(self, phase: PowerPhase) -> None:
+        super()._enter(phase)
+        if phase is PowerPhase.OFF and self.testing:
+            self._end_test()
 
     @property
     def parked(self) -> bool:
@@ -145,6 +153,6 @@ class PowerSequence(WayUp, WayDown):
             case PowerPhase.HOLDING:
                 self._holding()
             case PowerPhase.TESTING:
-                pass
+                self._test_step(pos_rad)
             case _:
                 assert_never(phase)

@@ -15,7 +15,9 @@ class PowerPhase(Enum):
     |---------------|---------------------------------------------------------|------------------------------|
     | OFF           | switched on                                             | ENABLING                     |
     | ENABLING      | drive in Operation enabled                              | PROVING, or SAG_WATCH when   |
-    |               |                                                         | no proof is possible         |
+    |               |                                                         | no proof is possible; TESTING|
+    |               |                                                         | when a brake test is asked   |
+    |               |                                                         | for                          |
     | PROVING       | actual torque proven against the closed brake           | SETTLING                     |
     | SETTLING      | torque is at the preload                                | RELEASING                    |
     | RELEASING     | brake feedback open                                     | SAG_WATCH                    |
@@ -28,6 +30,7 @@ class PowerPhase(Enum):
     | QUICK_STOPPING| at rest                                                 | CLOSING                      |
     | TORQUE_OFF    | at rest                                                 | OFF                          |
     | HOLDING       | reset by service                                        | CLOSING                      |
+    | TESTING       | brake test over, torque back at the preload             | UNLOADING                    |
     | any but OFF   | alarm QUICK_STOP                                        | QUICK_STOPPING (or down)     |
     | any but OFF   | alarm TORQUE_OFF                                        | TORQUE_OFF                   |
     | any           | alarm HOLD, drive able                                  | HOLDING                      |
@@ -93,9 +96,10 @@ RISING: Final = frozenset(
         PowerPhase.SETTLING,
         PowerPhase.RELEASING,
         PowerPhase.SAG_WATCH,
+        PowerPhase.TESTING,
     }
 )
-"""On the way up."""
+"""On the way up, or in a brake test: the drive is enabled and holds nothing alone."""
 
 FALLING: Final = frozenset(
     {
@@ -118,6 +122,7 @@ TORQUE_ON: Final = frozenset(
         PowerPhase.CLOSING,
         PowerPhase.UNLOADING,
         PowerPhase.QUICK_STOPPING,
+        PowerPhase.TESTING,
     }
 )
 """The drive must be enabled (or in its quick stop); anything else is a fault."""

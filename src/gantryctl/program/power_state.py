@@ -7,6 +7,7 @@ from typing import Final
 
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program.alarms import AlarmLog
+from gantryctl.program.brake_test import BrakeTestLaw, BrakeTestResult
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.power_phases import OUTPUTS, PowerPhase, Proof
 from gantryctl.program.settings import AxisSettings
@@ -25,8 +26,8 @@ class PowerState:
         "_learn", "_load_nm", "_open_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold",
         "_pos_rad", "_power_up_scans", "_preload_nm", "_proof_nm", "_proof_scans", "_quick_dec",
         "_rest_count", "_rest_scans", "_sag_scans", "_settings", "_settle_scans", "_slip_scans",
-        "_step_scans", "_unloaded", "_vel_start", "brake_open", "fault_reset", "holding_torque_nm",
-        "phase", "proof", "request", "status", "torque_ff_nm",
+        "_step_scans", "_unloaded", "_vel_start", "brake_open", "brake_test", "brake_test_result", "brake_tests",
+        "fault_reset", "holding_torque_nm", "phase", "proof", "request", "status", "testing", "torque_ff_nm",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -60,6 +61,12 @@ class PowerState:
         self._pos_rad: float | None = None
         self._pos_hold: float | None = None
         self._load_nm = self._preload_nm = self._proof_nm = self._vel_start = 0.0
+        self.brake_test = BrakeTestLaw(
+            power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
+        )
+        self.brake_test_result: BrakeTestResult | None = None
+        self.brake_tests = 0
+        self.testing = False
 
     def _enter(self, phase: PowerPhase) -> None:
         """Change the phase; outputs follow from it."""

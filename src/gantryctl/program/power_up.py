@@ -7,11 +7,12 @@ import math
 from gantryctl.image import DriveState
 from gantryctl.program.codes import Code
 from gantryctl.program.power_phases import PowerPhase, Proof
-from gantryctl.program.power_state import STATE_WORDS, PowerState
+from gantryctl.program.power_state import STATE_WORDS
+from gantryctl.program.power_test import BrakeTesting
 from gantryctl.units import deg
 
 
-class WayUp(PowerState):
+class WayUp(BrakeTesting):
     """One method per phase of the way up."""
 
     __slots__ = ()
@@ -21,7 +22,9 @@ class WayUp(PowerState):
         if feedback.state is DriveState.OPERATION_ENABLED:
             self._preload_nm = self._limited(self.holding_torque_nm)
             self._drive_owns_brake = feedback.brake_open
-            if feedback.brake_open:
+            if self.testing:
+                self._test_enabled()
+            elif feedback.brake_open:
                 self.proof = Proof.NOT_POSSIBLE
                 self._enter(PowerPhase.SAG_WATCH)
             elif not self._settings.torque_preload:

@@ -45,7 +45,10 @@ class Retained:
         reading of the encoder at gantry angle 0; `previous_offset_counts` the one before. zero_set_by,
         zero_set_at, zero_witness: who, when, and what proved it. rest_position_counts: raw reading when the
         axis was last left at rest. holding_torque_nm: motor torque that held the load there, N m.
-        brake_tested_at: date of the last brake test. power_ups, moves, emergency_brake_stops: counters.
+        brake_tested_at: date of the last brake test that passed or failed; `brake_tested_power_ups` the
+        power-ups before it. brake_test_text: the last test in words; brake_plus_nm, brake_minus_nm: torque that the
+        brake bore in it, N m. brake_failed: what a failed test measured, until one passes or service resets; or "".
+        brake_tests, brake_tests_failed: counters. power_ups, moves, emergency_brake_stops: counters.
         travelled_rad: total way of the gantry, rad. error_stop: code of the alarm that still holds the axis
         in ErrorStop, or "". last_result: how the last command ended, in words. alarms: the last
         `ALARMS_KEPT`, oldest first.
@@ -64,6 +67,13 @@ class Retained:
     rest_position_counts: int | None = None
     holding_torque_nm: float | None = None
     brake_tested_at: str = ""
+    brake_tested_power_ups: int = 0
+    brake_test_text: str = ""
+    brake_plus_nm: float | None = None
+    brake_minus_nm: float | None = None
+    brake_failed: str = ""
+    brake_tests: int = 0
+    brake_tests_failed: int = 0
     power_ups: int = 0
     moves: int = 0
     emergency_brake_stops: int = 0
@@ -74,6 +84,13 @@ class Retained:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "alarms", tuple(self.alarms)[-ALARMS_KEPT:])
+
+
+_ADDED: Final = {
+    "brake_tested_power_ups": 0, "brake_test_text": "", "brake_plus_nm": None, "brake_minus_nm": None,
+    "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0,
+}  # fmt: skip
+"""Fields that memories of the first version do not have, with what they mean there."""
 
 
 def to_json_values(record: Retained) -> dict[str, object]:
@@ -90,6 +107,7 @@ def to_json_values(record: Retained) -> dict[str, object]:
 
 def from_json_values(values: Mapping[str, object]) -> Retained:
     """The record from JSON values; StateError when a field is missing, unknown or of another type."""
+    values = {**_ADDED, **values}
     alarms = values.get("alarms")
     if not isinstance(alarms, list) or not all(isinstance(alarm, dict) for alarm in alarms):
         raise StateError("alarms: must be a list of records")

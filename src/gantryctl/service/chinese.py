@@ -73,7 +73,14 @@ _VALUES: Final = {
 _PROGRAM: Final = {
     "the axis is still being switched off": "轴正在断电",
     "{code} is latched ({measured}): reset first": "{code} 已锁存（{measured}）：请先复位",
-    "{code} is active ({measured}): reset first": "{code} 有效（{measured}）：请先复位",
+    "{code} is active ({measured}): {first}": "{code} 有效（{measured}）：{first}",
+    "reset first": "请先复位",
+    "a brake test must pass, or service must reset": "须先通过制动器测试，或由维修人员复位",
+    "a brake test is under way": "正在测试制动器",
+    "a brake test is under way already": "已在测试制动器",
+    "a brake test begins with power off: switch it off first": "制动器测试须在断电时开始：请先断电",
+    "a brake test with {level:g} N m and the load are more than the motor's torque limit":
+        "{level} N m 的制动器测试加上负载超过电机转矩限值",
     "the axis is in ErrorStop by {code} ({measured}): reset first": "轴因 {code} 处于故障停止（{measured}）：请先复位",
     "{code} ({measured}) may be reset by the service role only": "{code}（{measured}）只能由维修角色复位",
     "the emergency-stop chain is open": "急停回路断开",
@@ -99,6 +106,31 @@ _PROGRAM: Final = {
     "the way there would pass {angle:g} deg, outside the travel; stop first": "途中将经过行程之外的 {angle}°；请先停止",
 }  # fmt: skip
 """Reasons of the program that stand inside its refusals."""
+
+_BRAKE: Final = {
+    "not testable here: {why}": "不能在此测试：{why}",
+    '[brake] owner = "{owner}": the drive works the brake itself and opens it whenever it is enabled; use the '
+    "drive's own brake test": "[brake] owner = {owner}：制动器由驱动器控制，使能时即松开；请使用驱动器自身的制动器测试",
+    "the drive takes no torque beside the speed (object 60B2); use the drive's own brake test":
+        "驱动器除速度外不接受转矩（对象 60B2）；请使用驱动器自身的制动器测试",
+    "passed: {text}": "通过：{text}",
+    "failed: {text}": "未通过：{text}",
+    "aborted: {text}": "中止：{text}",
+    "{what}, moved {way:g} deg of {limit:g} deg allowed": "{what}，移动 {way}°，允许 {limit}°",
+    "held {plus:g} and {minus:g} N m for {time:g} s each": "各保持 {time} s：{plus} 和 {minus} N m",
+    "{given:g} N m reached, {wanted:g} N m wanted": "达到 {given} N m，需要 {wanted} N m",
+    "{given:g} N m held of {wanted:g} N m": "保持 {given} N m，需要 {wanted} N m",
+    "the brake slipped under {given:g} N m": "制动器在 {given} N m 下打滑",
+    "the brake slipped when the torque was taken off after the test": "测试后撤去转矩时制动器打滑",
+    "the brake's contact says that it is open": "制动器触点显示松开",
+    "the torque reading is no number": "转矩读数不是数值",
+    "the drive opened its brake when it was enabled: not testable here": "驱动器使能时松开了制动器：不能在此测试",
+    "stopped": "已停止",
+    "power was switched off": "已断电",
+    "ended by {code}": "由 {code} 结束",
+    "ended by an alarm": "由报警结束",
+}  # fmt: skip
+"""What a brake test says."""
 
 _SERVICE: Final = {
     "the role {role} may not do this ({action})": "角色 {role} 无权执行（{action}）",
@@ -128,7 +160,6 @@ _SERVICE: Final = {
     "brake_test": "制动器测试",
     "reset_locked": "复位锁定的报警",
     "there is no alarm number {number:g} (any more)": "（已）没有第 {number} 号报警",
-    "not testable here: use the drive's own function": "不能在此测试：请使用驱动器自身的功能",
     "{code} stopped the axis in an earlier run: look at it, then reset": "{code} 在上次运行中使轴停止：请查看后复位",
     "no zero offset is stored for this machine, the angle is unknown": "此机器未存储零点偏移，角度未知",
     "the encoder is {serial}, the stored zero offset belongs to another one":
@@ -147,4 +178,4 @@ def phrases() -> dict[str, str]:
         found |= {row.title: words.title, row.message: words.message}
         found |= {row.cause: words.cause, row.to_do: words.to_do}
     found.pop("{measured}")  # a field alone says nothing
-    return {**found, **_STOPS, **_VALUES, **_PROGRAM, **_SERVICE}
+    return {**found, **_STOPS, **_VALUES, **_PROGRAM, **_BRAKE, **_SERVICE}

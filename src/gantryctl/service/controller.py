@@ -31,6 +31,7 @@ from gantryctl.operation.virtual import ReadDrive, is_simulated, keep_machine
 from gantryctl.program import AxisState, PowerPhase
 from gantryctl.runtime import Engine, Retained, StateLock
 from gantryctl.service.alarm_view import AlarmView
+from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.messages import Identity, Refused
@@ -70,7 +71,9 @@ class Controller:
         self.axis = self.operator.program.axis
         self.events: EventLog = self.operator.events
         self.alarms = AlarmView(self.axis.alarms, self.events)
+        self.brake = BrakeWatch(machine, self.axis, self.events, self._retained)
         rules = self.operator.rules
+        rules.untestable = self.brake.untestable
         rules.locked = self._locked
         rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
         self.operator.on_reset = self._reset
@@ -87,7 +90,7 @@ class Controller:
         self._say_hello()
         publish_json(self.memory.columns, self._metadata())
         self._publisher = Publisher(
-            self.machine, self.engine, self.operator, self.alarms, self._recorder, self.memory,
+            self.machine, self.engine, self.operator, self.alarms, self.brake, self._recorder, self.memory,
             real_time=self.real_time, version=version("gantryctl"),
         )  # fmt: skip
         failure: AlarmStop | None = None
@@ -122,6 +125,13 @@ class Controller:
     def _watch(self) -> None:
         """Power up and down, motions: counters, recording, state on the disk."""
         axis = self.axis
+        power_ups = self._retained.power_ups + self._power_ups
+        before, self._retained = (
+            self._retained,
+            self.brake.scan(self._retained, power_ups, self.engine.time_s),
+        )
+        if self._retained is not before:
+            self._start_keeping("brake test")
         on = axis.power.phase is not PowerPhase.OFF
         if on is not self._powered:
             self._powered = on
@@ -145,6 +155,7 @@ class Controller:
         if on:
             self._power_ups += 1
             self._recorder.number = int(time.time() * 1000)
+            self.brake.judge(self._retained, self._retained.power_ups + self._power_ups)
             return
         self._recorder.stop()
         lost, self._lost_rows = self._recorder.lost - self._lost_rows, self._recorder.lost
@@ -152,9 +163,13 @@ class Controller:
             self.events.put(
                 "service", f"recording: {lost} rows are missing, the recorder was away for too long"
             )
+        self._start_keeping("power off")
+
+    def _start_keeping(self, why: str) -> None:
+        """Keep the state, beside the scan: the disk may take its time."""
         if self._keeper is None or not self._keeper.is_alive():
-            self._keeper = threading.Thread(target=self._keep, args=(self._state("power off"),))
-            self._keeper.start()  # the disk may take its time; power is off
+            self._keeper = threading.Thread(target=self._keep, args=(self._state(why),))
+            self._keeper.start()
 
     # --- the state --------------------------------------------------------------------------------
 

@@ -12,6 +12,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine, config_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.absolute import RestVerdict, evaluate, refusal, unwrapped
+from gantryctl.operation.brake import restore_failure
 from gantryctl.operation.bus import judge_bus
 from gantryctl.operation.virtual import encoder_scale, open_machine
 from gantryctl.ports import Drive
@@ -58,7 +59,6 @@ def open_service(
     for ring in memory.commands:
         ring.clear()  # what was sent to a controller that is gone
     events = EventLog(memory.events[Source.CONTROLLER])
-    rules.untestable = "not testable here: use the drive's own function"
     operator = ServiceOperator(
         memory.commands, memory.replies, events, rules, secrets.randbits(40), second_person=second_person
     )
@@ -79,6 +79,7 @@ def open_service(
     )
     assert isinstance(engine.program, GantryProgram)
     operator.attach(engine.program)
+    restore_failure(engine.program.axis, retained)
     if reading.verdict is RestVerdict.MOVED:  # a reset acknowledges it
         retained = replace(retained, rest_position_counts=int(counts), config_hash=config_hash(machine))
     return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)

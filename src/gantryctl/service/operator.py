@@ -70,6 +70,7 @@ class ServiceOperator:
         self._refusals = 0
         self._gap = False
         self._stop_scans = 0
+        self._test_epoch = 0
 
     def attach(self, program: GantryProgram) -> None:
         """The program that the levels go to."""
@@ -80,6 +81,11 @@ class ServiceOperator:
         """No motion under way or waiting."""
         axis = self.program.axis
         return axis.motion.current is None and axis.motion.waiting is None and axis.virtual.at_rest
+
+    @property
+    def testing(self) -> bool:
+        """A brake test is under way."""
+        return self.program.axis.power.testing
 
     # --- once a scan ------------------------------------------------------------------------------
 
@@ -114,6 +120,8 @@ class ServiceOperator:
             )
         if self.authority.silent(now_s) and self.authority.holder is not None:
             self._free(self.authority.holder.client, "was silent for 2 s")
+        if self.testing and self.authority.epoch != self._test_epoch and not self.levels.stop:
+            self.stop()  # whoever began the brake test has lost control, or somebody reset
         first_out = self.program.axis.alarms.first_out is not None
         if first_out:
             self.hold.end()
@@ -135,7 +143,7 @@ class ServiceOperator:
             return
         self._acting, self._gap = None, True
         kind, axis = acting.message.kind, self.program.axis
-        self._set(move=False, halt=False, reset=False)
+        self._set(move=False, halt=False, reset=False, brake_test=False)
         if kind == "increment":
             self._set(forward=False, reverse=False)
         reason = axis.refusal if axis.refusal_count > self._refusals else None
@@ -191,7 +199,10 @@ class ServiceOperator:
         if quick:
             self._set(quick_stop=True)
             self._stop_scans = 1
-        if axis.power.phase in RISING:
+        if self.testing:
+            self._set(stop=True)
+            self._stop_scans = 1
+        elif axis.power.phase in RISING:
             self._set(power=False)
         elif not quick and axis.power.status and axis.alarms.first_out is None:
             self._set(stop=True)
@@ -210,6 +221,8 @@ class ServiceOperator:
         """Come to rest, then power off."""
         self.hold.end()
         self._inbox.others.clear()
+        if self.testing and not self.levels.stop:
+            self.stop()
         if self.levels.power and not self.levels.stop and not self._stop_scans:
             if self.at_rest:
                 self._set(power=False)
@@ -294,6 +307,10 @@ class ServiceOperator:
                 self._set(move=True, target_rad=self.rules.rad(values["target_deg"]))
             case "halt":
                 self._set(halt=True)
+            case "brake_test":
+                self.arming.use()
+                self._test_epoch = self.authority.epoch
+                self._set(brake_test=True)
             case "reset":
                 self._reset(who)
         return False
@@ -325,6 +342,8 @@ class ServiceOperator:
             return True
         if not on:
             self.hold.end()
+            if self.testing:
+                self.stop()
         self._set(power=on)
         return not on
 

@@ -13,7 +13,7 @@ from gantryctl.program import GantryProgram
 from gantryctl.runtime import Engine
 from gantryctl.service.alarm_view import AlarmView
 from gantryctl.service.arming import Armed
-from gantryctl.service.brake_view import BrakeView
+from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.learning import TorqueModel
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.operator import ServiceOperator
@@ -43,6 +43,7 @@ class Publisher:
         engine: Engine,
         operator: ServiceOperator,
         alarms: AlarmView,
+        brake: BrakeWatch,
         recorder: RingRecorder,
         memory: SharedMemory,
         *,
@@ -53,7 +54,7 @@ class Publisher:
         self._program, self._axis = engine.program, engine.program.axis
         self._machine, self._engine, self._operator = machine, engine, operator
         self._alarms, self._recorder, self._memory = alarms, recorder, memory
-        self._brake = BrakeView()
+        self._brake = brake
         self._model = TorqueModel(self._axis.settings.law.ratio, machine.motor.torque_rated_nm)
         self._fast_scans = max(1, round(FAST_S / engine.period_s))
         self._frame_scans = max(1, round(FRAME_S / engine.period_s))
@@ -98,7 +99,7 @@ class Publisher:
         shown = (
             operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
             levels.override, self._axis.virtual.acc_setting_rad_s2, operator.rules.blocked_by,
-            self._axis.refusal_count, self._armed(), operator.rules.locked(),
+            self._axis.refusal_count, self._armed(), operator.rules.locked(), self._brake.changed,
         )  # fmt: skip
         if due or shown != self._shown:
             self._shown = shown

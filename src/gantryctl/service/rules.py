@@ -98,7 +98,7 @@ class Rules:
             raise Refused("JRN-02", "the journal cannot keep events now: no new motion; see `journal_state`")
         if operator.shutdown:
             raise Refused("SYS-07", "the service is being shut down")
-        if message.kind == "power" and self.blocked_by:
+        if message.kind in ("power", "brake_test") and self.blocked_by:
             raise Refused(str(Code.PWR_04), self.blocked_by)
         if message.kind == "brake_test":
             self._check_brake_test(operator, who)

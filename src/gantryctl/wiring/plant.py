@@ -52,7 +52,7 @@ def plant_params(machine: Machine) -> _core.PlantParams:
     p.ripple_torque = plant.motor.torque_ripple_nm
     p.ripple_order = plant.motor.torque_ripple_order
     p.ripple_full_torque = _RIPPLE_FULL_TORQUE_NM
-    p.brake_torque = machine.brake.torque_nm
+    p.brake_torque = machine.brake.torque_nm * machine.plant.brake.torque_share
     p.brake_presliding = plant.brake.presliding_rad
     p.rigid = switch.rigid
     current = machine.drive.current_loop

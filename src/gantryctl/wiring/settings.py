@@ -83,8 +83,27 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_open_time_s=brake.open_time_ms * _MS,
         brake_close_time_s=brake.close_time_ms * _MS,
         brake_feedback_time_s=monitors.brake_feedback_time_ms * _MS,
+        test_torque_nm=brake.test_torque_nm,
+        untestable=untestable(machine, torque_preload),
         power_up_time_s=monitors.power_up_time_ms * _MS,
     )
+
+
+def untestable(machine: Machine, torque_preload: bool) -> str:
+    """Why the controller cannot test the brake, or nothing: it must keep it closed while the drive gives torque.
+
+    The simulated drive of this process always does what the brake command says, whoever owns the brake.
+    """
+    if machine.drive.kind != "canopen":
+        return ""
+    if machine.brake.owner != "object_60FE":
+        return (
+            f'[brake] owner = "{machine.brake.owner}": the drive works the brake itself and opens it whenever it is '
+            "enabled; use the drive's own brake test"
+        )
+    if not torque_preload:
+        return "the drive takes no torque beside the speed (object 60B2); use the drive's own brake test"
+    return ""
 
 
 def _monitors(machine: Machine) -> MonitorSettings:

@@ -47,6 +47,7 @@ RUNS: dict[str, list[str]] = {
     "status": ["status"],
     "alarms": ["alarms"],
     "reset": ["reset"],
+    "brake-test": ["brake-test", "--fresh"],
     "encoder show": ["encoder", "show"],
     "encoder set-zero": ["encoder", "set-zero", "--angle", "3", "--witness", "mark"],
     "retain show": ["retain", "show"],

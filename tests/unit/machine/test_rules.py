@@ -66,6 +66,9 @@ BREAKS = {
     "speed_loop_is_sampled_enough": {
         "motor.inertia_kg_m2": 0.005, "plant.motor.wave_generator_inertia_kg_m2": 0.0,
     },
+    "brake_test_covers_check_moment": {"brake.test_torque_nm": 56.8},
+    "motor_gives_brake_test": {"brake.test_torque_nm": 342.0},
+    "brake_test_does_not_slip": {"brake.test_torque_nm": 120.0, "brake.torque_nm": 119.0},
     "standstill_above_resolution": {"monitors.standstill_window_deg": 7e-5},
     "in_position_above_resolution": {"monitors.in_position_window_deg": 7e-5},
     "sag_above_resolution": {"brake.sag_max_deg": 1e-4, "encoder.counts_per_turn": 4096},

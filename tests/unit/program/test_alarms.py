@@ -42,7 +42,7 @@ def test_severity_and_reaction_fit(row):
     stops = row.reaction >= Reaction.QUICK_STOP
     assert (row.severity is Severity.STOP) == stops
     if row.lock:
-        assert row.reaction in (Reaction.TORQUE_OFF, Reaction.HOLD)
+        assert row.reaction in (Reaction.TORQUE_OFF, Reaction.HOLD) or row.blocks_motion
     if row.blocks_motion:
         assert row.severity is Severity.WARNING
 

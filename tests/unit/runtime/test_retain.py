@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.errors import StateError
-from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory, StateLock
+from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory, StateLock, retained
 from gantryctl.runtime.retain import COPIES, decode, encode
 
 FIRST = Retained(
@@ -236,3 +236,12 @@ def test_the_lock_also_holds_within_one_process_and_is_freed(tmp_path: Path) -> 
             pass
     with StateLock(tmp_path):
         pass
+
+
+def test_a_memory_from_before_the_brake_test_is_read_with_its_defaults() -> None:
+    record = retained.to_json_values(FIRST)
+    old = {name: value for name, value in record.items() if name not in retained._ADDED}
+    assert len(old) < len(record)
+    assert retained.from_json_values(old) == FIRST
+    with pytest.raises(StateError, match="brake_tests_new"):
+        retained.from_json_values({**old, "brake_tests_new": 1})

@@ -1,11 +1,12 @@
 """Function blocks under their PLCopen names (without the prefix); docs/reference/blocks.md has the table.
 
 A block is called once per scan with its inputs as keyword arguments and shows its outputs as attributes.
-Bad inputs give an error output and no motion, never an exception. `Jog` and `Inch` are vendor blocks, not
-PLCopen Part 1.
+Bad inputs give an error output and no motion, never an exception. `Jog`, `Inch` and `BrakeTest` are vendor
+blocks, not PLCopen Part 1.
 """
 
 from gantryctl.program.blocks.administration import Power, Reset, SetOverride, SetPosition
+from gantryctl.program.blocks.brake import BrakeTest
 from gantryctl.program.blocks.by_hand import Inch, Jog
 from gantryctl.program.blocks.motion import Halt, Home, MoveAbsolute, MoveRelative, MoveVelocity, Stop
 from gantryctl.program.blocks.reading import (
@@ -18,6 +19,7 @@ from gantryctl.program.blocks.reading import (
 )
 
 __all__ = [
+    "BrakeTest",
     "Halt",
     "Home",
     "Inch",

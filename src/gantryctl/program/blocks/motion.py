@@ -79,7 +79,10 @@ class Halt(ExecuteBlock):
 
 
 class Stop(ExecuteBlock):
-    """To rest on the jog-release ramp; Stopping, and no other motion, while Execute is TRUE."""
+    """To rest on the jog-release ramp; Stopping, and no other motion, while Execute is TRUE.
+
+    A brake test under way ends, with the drive disabled.
+    """
 
     __slots__ = ("_held",)
 
@@ -91,7 +94,7 @@ class Stop(ExecuteBlock):
         """One scan."""
         if execute != self._execute:
             if execute:
-                self._held = self.axis.motion.stop()
+                self._held = self.axis.stop()
                 self._begin(self._held)
             elif self._held is not None:
                 self.axis.motion.release_stop(self._held)

@@ -1,0 +1,149 @@
+"""Brake test, reset, alarms and retained memory of the running service."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import click
+
+from gantryctl.cli.brake_test import print_result
+from gantryctl.cli.options import print_json
+from gantryctl.cli.remote import RemoteAxis, directory_of
+from gantryctl.errors import CommandRefused
+from gantryctl.machine import Machine
+from gantryctl.operation.brake import BrakeDue
+from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
+from gantryctl.service.remote import ServiceLink
+from gantryctl.units import rad
+
+_OTHER_S: Final = 120.0
+"""How long it waits for the second person."""
+_FRAME_S: Final = 0.05
+
+
+def remote_brake_test(machine: Machine, *, yes: bool, take_over: bool, as_json: bool) -> int:
+    """Test the brake of the service's axis; the exit code."""
+    with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
+        tags = axis.link.tags
+        if not tags["brake_test_available"]:
+            raise CommandRefused(f"not testable here: {tags['brake_test_blocked']}")
+        level = tags["brake_test_level_nm"]
+        question = f"{tags['machine']}: +-{level:.1f} N m against the closed brake. Test?"
+        if not yes and not click.confirm(question, err=True):
+            return 2
+        _arm(axis, "brake_test")
+        axis.link.ask("brake_test")
+        axis.wait(lambda now: now["brake_test_phase"] == "idle")
+        for _ in range(2):  # the result comes with the picture after
+            tags = axis.link.look()
+        axis.raise_alarm()
+        axis.finish()
+    shown = {
+        "exit_code": int(tags["brake_test_result"] != "passed"),
+        "machine": machine.name,
+        "result": tags["brake_test_result"],
+        "text": tags["brake_test_text"].partition(": ")[2],
+        "level_nm": level,
+        "plus_nm": tags["brake_test_plus_nm"],
+        "minus_nm": tags["brake_test_minus_nm"],
+        "moved_deg": tags["brake_test_moved_deg"],
+        "limit_deg": tags["brake_test_limit_deg"],
+        "due_at": tags["brake_test_due_at"],
+        "power_ups_left": tags["brake_test_cycles_left"],
+        "error": None,
+    }
+    if as_json:
+        print_json(shown)
+    else:
+        due = BrakeDue(shown["due_at"], shown["power_ups_left"], tags["brake_test_overdue"])
+        print_result(shown, due.words)
+    return int(shown["exit_code"])
+
+
+def _arm(axis: RemoteAxis, action: str) -> None:
+    """Arm an action, or wait until somebody else has.
+
+    Raises:
+        CommandRefused: nobody did.
+    """
+    if not axis.link.tags["second_person"]:
+        axis.link.ask("arm", action=action)
+        return
+    word = action.replace("_", "-")
+    click.echo(f"another user must arm it now: the page, or `gantryctl arm {word}`", err=True)
+    left = math.ceil(_OTHER_S / _FRAME_S)
+
+    def armed(tags: dict[str, Any]) -> bool:
+        nonlocal left
+        left -= 1
+        return tags["armed_action"] == action or left < 0 or axis.stops > 0
+
+    axis.wait(armed)
+    if axis.link.tags["armed_action"] != action:
+        raise CommandRefused(f"SEC-10 · nobody has armed {word}: nothing was done")
+
+
+def remote_arm(machine: Machine, action: str) -> int:
+    """Arm for somebody else, and stay until it is used or over."""
+    with ServiceLink(directory_of(machine)) as link:
+        link.ask("arm", action=action)
+        click.echo(f"{action.replace('_', '-')} is armed for 10 s: somebody else may execute it")
+        link.look()
+        while link.tags["armed_action"] == action and link.tags["armed_client"] == link.client:
+            link.look()
+            link.alive()
+    click.echo("not armed any more")
+    return 0
+
+
+def remote_reset(machine: Machine, *, yes: bool, take_over: bool, as_json: bool) -> int:
+    """Reset the alarms of the service's axis; the exit code."""
+    with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
+        tags = axis.link.tags
+        before = [row["code"] for row in tags["alarms"]]
+        before += [tags["blocked_by"].partition(" ")[0]] if tags["blocked_by"] else []
+        if tags["reset_locked"]:
+            what = ", ".join(before) or "the position or the journal"
+            if not yes and not click.confirm(f"{what}: locked. Has the cause been removed?", err=True):
+                return 2
+            _arm(axis, "reset_locked")
+        axis.link.ask("reset")
+        for _ in range(3):
+            tags = axis.link.look()
+        left = {row["code"] for row in tags["alarms"]}
+        axis.finish()
+    gone = [code for code in before if code not in left]
+    said = f"{', '.join(gone)} reset" if gone else "nothing to reset"
+    said += f"; still there: {', '.join(sorted(left))}" if left else ""
+    if as_json:
+        print_json({"reset": said})
+    else:
+        click.echo(said)
+    return 0
+
+
+def service_alarms(machine: Machine) -> tuple[list[AlarmEntry], str]:
+    """Alarms since the service started and those retained from before, newest first; what holds the axis."""
+    with ServiceLink(directory_of(machine)) as link:
+        tags = link.tags
+    fresh = [
+        AlarmEntry(row["code"], row["text"], row["at"], row["time_s"], rad(row["pos_act_deg"]))
+        for row in tags["alarm_history"]
+    ]
+    held = next((row["code"] for row in tags["alarms"] if row["first_out"]), "")
+    held = held or (tags["blocked_by"].partition(" ")[0] if tags["blocked_by"] else "")
+    known = {(alarm.code, round(alarm.time_s, 6), alarm.text) for alarm in fresh}
+    kept = RetainedMemory(directory_of(machine)).load()
+    older = [
+        alarm
+        for alarm in reversed(kept.alarms if kept else ())
+        if (alarm.code, round(alarm.time_s, 6), alarm.text) not in known
+    ]
+    return [*fresh, *older], held
+
+
+def service_retained(machine: Machine) -> Retained | None:
+    """The retained memory as it is on the disk; the service keeps it at every power-off."""
+    with ServiceLink(directory_of(machine)):
+        return RetainedMemory(directory_of(machine)).load()

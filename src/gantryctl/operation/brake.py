@@ -1,0 +1,102 @@
+"""The brake test over the runs: when the next one is due, and what is retained of the last."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from typing import Final, NamedTuple
+
+from gantryctl.machine import Machine
+from gantryctl.operation.virtual import is_simulated
+from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult, Code
+from gantryctl.runtime import Retained
+
+TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%SZ"
+
+
+class BrakeDue(NamedTuple):
+    """When the next brake test is due.
+
+    Attributes:
+        at: UTC, or "" where only the power-ups count, or nothing is ever due.
+        power_ups_left: until it is due; None where the brake cannot be tested here.
+        overdue: nothing moves fast until it was done.
+    """
+
+    at: str
+    power_ups_left: int | None
+    overdue: bool
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        if self.power_ups_left is None:
+            return "never: not testable here"
+        if self.overdue:
+            return "overdue: nothing moves faster than 1 deg/s"
+        cycles = f"after {self.power_ups_left} more power-ups"
+        return f"{self.at}, or {cycles}" if self.at else cycles
+
+
+def brake_due(
+    machine: Machine, untestable: str, retained: Retained, power_ups: int, now: datetime
+) -> BrakeDue:
+    """When the next test is due, by what is retained and the power-ups so far.
+
+    A simulated machine is delivered with a sound brake: without a test yet its power-ups count from the first. A
+    real one that was never tested is overdue; commissioning tests it.
+    """
+    if untestable:
+        return BrakeDue("", None, overdue=False)
+    brake = machine.brake
+    left = brake.test_interval_power_ups - (power_ups - retained.brake_tested_power_ups)
+    tested = _time(retained.brake_tested_at)
+    if tested is None:
+        overdue = left <= 0 or not is_simulated(machine) or bool(retained.brake_tested_at)
+        return BrakeDue("", max(0, left), overdue)
+    due = tested + timedelta(days=brake.test_interval_days)
+    return BrakeDue(due.strftime(TIME_FORMAT), max(0, left), left <= 0 or now >= due)
+
+
+def _time(text: str) -> datetime | None:
+    try:
+        return datetime.strptime(text, TIME_FORMAT).replace(tzinfo=UTC)
+    except ValueError:
+        return None
+
+
+def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now: datetime) -> Retained:
+    """The memory after a test. An aborted one leaves the verdict and its date as they were."""
+    shown = replace(
+        retained,
+        brake_test_text=f"{result.outcome.name.lower()}: {result.text}",
+        brake_plus_nm=_known(result.plus_nm),
+        brake_minus_nm=_known(result.minus_nm),
+    )
+    if result.outcome is BrakeTestOutcome.ABORTED:
+        return shown
+    failed = result.outcome is BrakeTestOutcome.FAILED
+    return replace(
+        shown,
+        brake_tested_at=now.strftime(TIME_FORMAT),
+        brake_tested_power_ups=power_ups,
+        brake_failed=result.text if failed else "",
+        brake_tests=retained.brake_tests + 1,
+        brake_tests_failed=retained.brake_tests_failed + failed,
+    )
+
+
+def restore_failure(axis: Axis, retained: Retained) -> None:
+    """A failed test still holds the axis after a start."""
+    if retained.brake_failed:
+        axis.alarms.raise_(Code.BRK_08, measured=retained.brake_failed)
+
+
+def still_failed(axis: Axis, retained: Retained) -> str:
+    """What a failed test measured, unless one has passed or service has reset since; else ""."""
+    return retained.brake_failed if Code.BRK_08 in axis.alarms.active else ""
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,393 @@
+"""The brake test: torque both ways against the closed brake; whatever ends it, the brake has stayed closed."""
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+
+from gantryctl.image import DigitalInputs, DriveRequest
+from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
+from gantryctl.program.brake_test import HELD_S
+from gantryctl.units import deg, rad
+from unit.program.rig import RATIO, Rig, settings
+
+LEVEL_NM = 65.0
+HOLDING_NM = 12.0
+LONGEST_S = 12.0
+PASSED, FAILED, ABORTED = BrakeTestOutcome.PASSED, BrakeTestOutcome.FAILED, BrakeTestOutcome.ABORTED
+TORQUE_PHASES = [
+    BrakeTestPhase.PLUS_RISING, BrakeTestPhase.PLUS_HELD, BrakeTestPhase.MINUS_RISING,
+    BrakeTestPhase.MINUS_HELD, BrakeTestPhase.RELIEVING,
+]  # fmt: skip
+RUNNING = [BrakeTestPhase.ENABLING, *TORQUE_PHASES]
+
+
+class TestRig(Rig):
+    """A rig that keeps what was said to the drive, and checks in every scan that the brake was not released."""
+
+    __test__ = False
+
+    def __init__(self, **arguments):
+        config = arguments.pop("config", None) or settings(
+            test_torque_nm=LEVEL_NM, holding_torque_nm=HOLDING_NM
+        )
+        super().__init__(config=config, **arguments)
+        self.torques = []
+
+    def step(self):
+        super().step()
+        self.torques.append(self.output.torque_ff_nm)
+        assert not self.output.brake_open, "the load is held by the brake at every instant"
+        assert self.output.vel_cmd_rad_s == 0.0
+
+    def begin(self):
+        self.run(0.05)
+        self.op(brake_test=True)
+        self.op(brake_test=False)
+        assert self.axis.power.testing
+
+    def to(self, phase):
+        self.until(lambda: self.axis.power.test_phase is phase, LONGEST_S)
+
+    def finish(self):
+        self.until(lambda: not self.axis.power.testing, LONGEST_S)
+        self.run(0.5)
+
+    @property
+    def result(self):
+        return self.axis.power.brake_test_result
+
+    def is_off(self):
+        return (
+            self.axis.power.phase is PowerPhase.OFF
+            and self.output.request is DriveRequest.DISABLE
+            and self.output.torque_ff_nm == 0.0
+        )
+
+
+def weak(rig, slips_at_nm):
+    """The brake slips above a torque: the speed loop of the drive takes back what it does not bear."""
+
+    def spoil(drive):
+        given = drive.torque_act_nm - HOLDING_NM
+        limit = math.copysign(min(abs(given), slips_at_nm), given)
+        if abs(given) > slips_at_nm:
+            rig.drive.pos_motor_rad += math.copysign(1e-4, given)
+        return drive._replace(torque_act_nm=HOLDING_NM + limit if drive.torque_act_nm else 0.0)
+
+    rig.spoil = spoil
+
+
+def test_a_sound_brake_passes_and_everything_is_off_afterwards():
+    rig = TestRig()
+    rig.begin()
+    seen = []
+    while rig.axis.power.testing:
+        rig.step()
+        if rig.axis.power.test_phase not in seen:
+            seen.append(rig.axis.power.test_phase)
+    assert seen == [*RUNNING, BrakeTestPhase.DISABLING, BrakeTestPhase.IDLE]
+    assert rig.result.outcome is PASSED
+    # The ideal drive gives what it is told: the means are exact but for the scan in which the ramp ends.
+    assert rig.result.plus_nm == pytest.approx(LEVEL_NM, rel=0.01)
+    assert rig.result.minus_nm == pytest.approx(-LEVEL_NM, rel=0.01)
+    assert rig.result.moved_rad == 0.0
+    assert rig.is_off()
+    assert rig.axis.state is AxisState.DISABLED
+    assert not rig.codes
+    assert rig.program.brake_test.done or not rig.program.brake_test.busy
+
+
+def test_the_brake_bears_the_level_around_the_torque_that_holds_the_load():
+    rig = TestRig()
+    rig.begin()
+    rig.finish()
+    # The regulator adds at most what the ramp runs ahead of the reading: 130 N m/s for a scan or two.
+    assert max(rig.torques) == pytest.approx(HOLDING_NM + LEVEL_NM, abs=1.0)
+    assert min(rig.torques) == pytest.approx(HOLDING_NM - LEVEL_NM, abs=1.0)
+
+
+def test_each_way_is_held_for_two_seconds():
+    rig = TestRig()
+    rig.begin()
+    for phase, after in (
+        (BrakeTestPhase.PLUS_HELD, BrakeTestPhase.MINUS_RISING),
+        (BrakeTestPhase.MINUS_HELD, BrakeTestPhase.RELIEVING),
+    ):
+        rig.to(phase)
+        begin = rig.scan
+        rig.to(after)
+        assert (rig.scan - begin) * rig.period_s == pytest.approx(HELD_S, abs=2 * rig.period_s)
+
+
+def test_the_time_left_falls_to_nothing():
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.PLUS_RISING)
+    left = [rig.axis.power.brake_test.left_s]
+    begin = rig.scan
+    rig.to(BrakeTestPhase.DISABLING)
+    assert left[0] == pytest.approx((rig.scan - begin) * rig.period_s, abs=0.1)
+    assert rig.axis.power.brake_test.left_s == 0.0
+
+
+@pytest.mark.parametrize("slips_at_nm", [0.0, 10.0, 40.0, 61.0])
+def test_a_brake_that_slips_fails_and_lets_nothing_move(slips_at_nm):
+    rig = TestRig()
+    rig.begin()
+    weak(rig, slips_at_nm)
+    rig.finish()
+    assert rig.result.outcome is FAILED
+    assert "BRK-08" in rig.codes
+    assert f"{slips_at_nm:+.1f} N m reached" in rig.axis.alarms.active["BRK-08"].measured
+    rig.spoil = None
+    rig.op(power=True)
+    assert "a brake test must pass, or service must reset" in rig.refused()
+    assert rig.is_off()
+
+
+def test_a_brake_that_bears_the_level_less_the_tolerance_passes():
+    rig = TestRig()
+    rig.begin()
+    weak(rig, 0.96 * LEVEL_NM)  # 95 % is asked for
+    rig.finish()
+    assert rig.result.outcome is PASSED
+
+
+def test_the_way_alone_fails_it_too_and_the_torque_goes_at_once():
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.PLUS_HELD)
+    rig.drive.pos_motor_rad += rad(0.019) * RATIO
+    rig.run(0.01)
+    assert rig.axis.power.test_phase is BrakeTestPhase.PLUS_HELD
+    rig.drive.pos_motor_rad += rad(0.002) * RATIO
+    rig.run(0.003)
+    assert rig.axis.power.test_phase in (BrakeTestPhase.RELIEVING, BrakeTestPhase.DISABLING)
+    assert -1.0 <= rig.output.torque_ff_nm <= HOLDING_NM + 1.0, "no more than what holds the load"
+    rig.finish()
+    assert rig.result.outcome is FAILED
+    assert deg(rig.result.moved_rad) == pytest.approx(0.021, abs=1e-4)
+
+
+def test_a_motor_without_torque_fails_it():
+    rig = TestRig()
+    rig.begin()
+    rig.spoil = lambda drive: drive._replace(torque_act_nm=0.0)
+    rig.finish()
+    assert rig.result.outcome is FAILED
+    assert rig.result.moved_rad == 0.0
+    # What is asked for beyond the level is limited: it must not jump when the torque comes back.
+    assert max(map(abs, rig.torques)) <= HOLDING_NM + 2.0 * LEVEL_NM + 1e-9
+
+
+def test_a_brake_contact_that_opens_fails_it():
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.PLUS_HELD)
+    rig.spoil = lambda drive: drive._replace(brake_open=True)
+    rig.run(0.01)
+    rig.spoil = None
+    rig.finish()
+    assert rig.result.outcome is FAILED
+    assert "contact" in rig.result.text
+
+
+def test_a_drive_that_opens_its_own_brake_cannot_be_tested():
+    rig = TestRig()
+    rig.begin()
+    rig.spoil = lambda drive: drive._replace(brake_open=drive.state.name == "OPERATION_ENABLED")
+    rig.finish()
+    assert rig.result.outcome is ABORTED
+    assert "not testable here" in rig.result.text
+    assert max(map(abs, rig.torques)) == 0.0
+    assert rig.is_off()
+
+
+@pytest.mark.parametrize("phase", RUNNING)
+def test_stop_ends_it_in_every_phase_with_torque_off_and_no_verdict(phase):
+    rig = TestRig()
+    rig.begin()
+    rig.to(phase)
+    rig.run(0.01)
+    rig.op(stop=True)
+    rig.op(stop=False)
+    rig.finish()
+    passed = phase is BrakeTestPhase.RELIEVING  # everything was shown by then
+    assert rig.result.outcome is (PASSED if passed else ABORTED)
+    assert rig.is_off()
+    assert not rig.codes
+    assert rig.axis.state is AxisState.DISABLED
+    rig.begin()  # and another one may begin
+    rig.finish()
+    assert rig.result.outcome is PASSED
+
+
+CAUSES = ["INT-03", "DRV-01", "PWR-01", "INT-06", "DRV-04", "CTL-02"]
+LOST_BEFORE_ENABLED = (BrakeTestPhase.ENABLING, "DRV-04")  # there is nothing to lose yet
+
+
+@pytest.mark.parametrize(
+    ("phase", "code"),
+    [(phase, code) for phase in RUNNING for code in CAUSES if (phase, code) != LOST_BEFORE_ENABLED],
+)
+def test_an_alarm_ends_it_in_every_phase_safely(phase, code):
+    rig = TestRig()
+    rig.begin()
+    rig.to(phase)
+    rig.run(0.005)
+    if code == "INT-06":
+        rig.op(quick_stop=True)
+    elif code == "DRV-01":
+        rig.drive.error_code = 5
+    elif code == "DRV-04":
+        rig.drive.state = rig.drive.state.SWITCH_ON_DISABLED
+    elif code == "CTL-02":
+        rig.spoil = lambda drive: drive._replace(torque_act_nm=math.nan)
+    else:
+        rig.drive.inputs = DigitalInputs(estop_ok=code != "INT-03", mains_ready=code != "PWR-01")
+    rig.run(0.01)
+    assert rig.first.code == code
+    assert not rig.axis.power.testing
+    assert rig.result.outcome in (ABORTED, PASSED if phase is BrakeTestPhase.RELIEVING else ABORTED)
+    rig.run(2.0)
+    assert rig.is_off()
+    assert rig.axis.state is AxisState.ERROR_STOP
+    assert "BRK-08" not in rig.codes, "it has shown nothing about the brake"
+
+
+def test_a_brake_that_slips_when_the_torque_is_taken_off_is_held_by_the_motor():
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.DISABLING)
+    rig.drive.pos_motor_rad += rad(0.021) * RATIO
+    rig.run(0.02)
+    assert rig.first.code == "BRK-03"
+    assert rig.axis.power.phase is PowerPhase.HOLDING
+    assert rig.output.request is DriveRequest.ENABLE
+    assert rig.output.torque_ff_nm == pytest.approx(HOLDING_NM, abs=0.5)
+    assert rig.result.outcome is FAILED, "it had passed before"
+
+
+def test_a_failed_brake_moves_again_after_a_test_that_passes():
+    rig = TestRig()
+    rig.begin()
+    weak(rig, 20.0)
+    rig.finish()
+    rig.spoil = None
+    rig.begin()
+    rig.finish()
+    assert rig.result.outcome is PASSED
+    assert not rig.codes
+
+
+def test_or_after_a_reset_by_service_only():
+    rig = TestRig()
+    rig.begin()
+    weak(rig, 20.0)
+    rig.finish()
+    rig.op(reset=True)
+    assert "service role only" in rig.refused()
+    rig.op(reset=False)
+    rig.program.service = True
+    rig.op(reset=True)
+    rig.run(0.01)
+    assert not rig.codes
+
+
+@pytest.mark.parametrize(
+    ("why", "words"),
+    [
+        ("on", "begins with power off"),
+        ("estop", "emergency-stop chain"),
+        ("untestable", "not testable here: owner"),
+        ("twice", "under way already"),
+        ("heavy", "more than the motor's torque limit"),
+    ],
+)
+def test_it_is_refused_with_the_reason(why, words):
+    config = settings(test_torque_nm=LEVEL_NM, holding_torque_nm=380.0 if why == "heavy" else 0.0)
+    if why == "untestable":
+        config = replace(config, power=replace(config.power, untestable="owner"))
+    rig = Rig(config=config)
+    rig.run(0.05)
+    if why == "on":
+        rig.power_up()
+    elif why == "estop":
+        rig.drive.inputs = DigitalInputs(estop_ok=False)
+    elif why == "twice":
+        rig.op(brake_test=True)
+        rig.op(brake_test=False)
+        assert rig.axis.begin_brake_test().text.endswith(words)
+        return
+    rig.op(brake_test=True)
+    assert words in rig.refused()
+    assert rig.program.brake_test.error
+    assert not rig.axis.power.testing
+
+
+def test_power_and_a_new_reference_wait_for_its_end():
+    rig = TestRig()
+    rig.begin()
+    rig.to(BrakeTestPhase.PLUS_HELD)
+    rig.op(power=True)
+    assert "a brake test is under way" in rig.refused()
+    rig.op(power=False)  # what was never on is switched off: that ends the test
+    assert rig.axis.set_position(0.0) is not None
+    rig.finish()
+    assert rig.result.outcome is ABORTED
+
+
+def test_an_overdue_test_allows_slow_motion_only():
+    rig = Rig()
+    rig.axis.motion.brake_overdue = True
+    rig.power_up()
+    rig.move(1.0, speed_deg_s=1.01)
+    assert "overdue: up to 1.00 deg/s only, asked for 1.01 deg/s" in rig.refused()
+    assert rig.axis.state is AxisState.STANDSTILL
+    rig.move(1.0, speed_deg_s=1.0)
+    rig.until(lambda: rig.program.move.done, 10.0)
+    rig.axis.motion.brake_overdue = False
+    rig.move(-1.0, speed_deg_s=6.0)
+    rig.until(lambda: rig.program.move.done, 10.0)
+
+
+@hypothesis_settings(max_examples=60, deadline=None)
+@given(
+    slips_at_nm=st.floats(0.0, 120.0),
+    events=st.lists(
+        st.tuples(st.floats(0.0, 7.0), st.sampled_from(["stop", "quick", "estop", "fault", "nan"])),
+        max_size=3,
+    ),
+)
+def test_whatever_happens_the_brake_is_never_released_and_it_ends_without_torque(slips_at_nm, events):
+    """`TestRig.step` looks at the brake command and the speed command in every scan."""
+    rig = TestRig(config=settings(period_s=0.004, test_torque_nm=LEVEL_NM, holding_torque_nm=HOLDING_NM))
+    rig.begin()
+    weak(rig, slips_at_nm)
+    for at_s, event in sorted(events):
+        rig.run(max(0.0, at_s - rig.scan * rig.period_s))
+        if event == "nan":
+            rig.spoil = lambda drive: drive._replace(torque_act_nm=math.nan)
+        elif event == "fault":
+            rig.drive.error_code = 7
+        elif event == "estop":
+            rig.drive.inputs = DigitalInputs(estop_ok=False)
+        else:
+            name = "stop" if event == "stop" else "quick_stop"
+            rig.op(**{name: True})
+            rig.op(**{name: False})
+    rig.run(LONGEST_S)
+    assert not rig.axis.power.testing
+    held_by_motor = rig.axis.power.phase is PowerPhase.HOLDING and rig.first.code in ("BRK-03", "BRK-04")
+    assert rig.is_off() or (held_by_motor and slips_at_nm < HOLDING_NM), (
+        "the brake cannot bear the load itself"
+    )
+    sound = slips_at_nm > LEVEL_NM
+    if rig.result.outcome is PASSED:
+        assert slips_at_nm >= 0.95 * LEVEL_NM
+    if sound and not events:
+        assert rig.result.outcome is PASSED
