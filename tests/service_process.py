@@ -7,6 +7,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -130,14 +131,16 @@ class Service:
         with opener.open(asked, timeout=PATIENCE_S):
             return str(next(iter(jar)).value)
 
-    def page(self, user: str) -> Page:
-        """A page with a session of its own."""
+    def page(self, user: str, source: str = "127.0.0.1") -> Page:
+        """A page with a session of its own, from an address of this machine."""
         cookie = self.log_in(user)
+        host, port = self.address.split(":")
         return Page(
             connect(
                 f"ws://{self.address}/api/v1/socket",
                 origin=f"http://{self.address}",  # type: ignore[arg-type]
                 additional_headers={"Cookie": f"gantryctl_session={cookie}"},
+                sock=socket.create_connection((host, int(port)), PATIENCE_S, (source, 0)),
             )
         )
 

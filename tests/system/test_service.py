@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import os
 import signal
@@ -11,7 +12,7 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 
 import pytest
@@ -265,6 +266,25 @@ def test_slow_and_huge_requests_are_ended_and_others_are_served(service: Service
     assert service.request("GET", "/api/v1/health")[0] == 200
 
 
+def asked_from(service: Service, address: str) -> tuple[int, str | None]:
+    """Status and `Retry-After` of one request from an address of this machine."""
+    host, port = service.address.split(":")
+    with closing(http.client.HTTPConnection(host, int(port), 30.0, source_address=(address, 0))) as made:
+        made.request("GET", "/api/v1/health")
+        answer = made.getresponse()
+        answer.read()
+        return answer.status, answer.getheader("Retry-After")
+
+
+def test_too_many_requests_are_refused_for_their_own_address_and_stop_is_not(service: Service) -> None:
+    with service.page("viewer", source="127.0.0.3") as page:
+        answers = [asked_from(service, "127.0.0.3") for _ in range(60)]
+        assert answers[0] == (200, None)
+        assert (429, "1") in answers  # 40 in reserve, 10 a second
+        assert asked_from(service, "127.0.0.2")[0] == 200
+        page.do("stop")  # over the connection that is open, from the address that has to wait
+
+
 def flood(page: Page) -> None:
     for _ in range(100_000):
         page.socket.send('{"type":"stop","seq":1,"frame":1}')
@@ -300,6 +320,7 @@ def test_a_page_over_tls_works_and_its_cookie_is_secure(tmp_path: Path) -> None:
             json.dumps({"user": "viewer", "password": PASSWORD}).encode(),
             {"Content-Type": "application/json"},
         )
+        assert "cert.pem: expires in 2 days" in secure.errors()
         with urllib.request.urlopen(asked, context=trusting) as answer:
             cookie = answer.headers["set-cookie"]
             assert answer.headers["strict-transport-security"]
@@ -327,6 +348,13 @@ def test_opc_ua_shows_the_axis_in_a_process_of_its_own(tmp_path: Path) -> None:
             return False
 
         page.until(listening)
+        (made.parent / "trusted" / "another.der").write_bytes(made.read_bytes())
+
+        def read_again(_: object) -> bool:
+            rows = read_journal(service.directory, newest=True)
+            return any("the trust list was read again" in row.values["text"] for row in rows)
+
+        page.until(read_again)
         os.kill(service.child("gateway.opcua"), signal.SIGKILL)
         page.until(lambda _: "SYS-06 opcua ended with code -9" in service.errors())
         assert service.request("GET", "/api/v1/health")[0] == 200

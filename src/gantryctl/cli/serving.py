@@ -7,6 +7,7 @@ import importlib.util
 import ipaddress
 import json
 import socket
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,9 +17,10 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine_path, short_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.store import state_root
+from gantryctl.service.certificates import refuse_expired
 from gantryctl.service.keeping import Keeping
 from gantryctl.service.selftest import self_test
-from gantryctl.service.supervisor import Supervisor
+from gantryctl.service.supervisor import Options, Supervisor
 from gantryctl.service.users import Users
 
 
@@ -66,8 +68,7 @@ def run_service(
         listener.fileno() if listener is not None else -1,
         None if opcua is None else opcua_command(opcua, root, store.directory),
         lambda text: click.echo(text, err=True),
-        keeping=keeping,
-        second_person=second_person,
+        Options(keeping, lambda: certificate_files(page, store.directory if opcua else None), second_person),
     )
 
     def ready() -> None:
@@ -104,6 +105,15 @@ def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
     return ["gantryctl.gateway.opcua", json.dumps(settings)]
 
 
+def certificate_files(page: Listen | None, opcua: Path | None) -> list[Path]:
+    """Of the page and, below the directory given, of OPC UA: its own and those of its clients."""
+    found = [] if page is None or page.certificate is None else [page.certificate]
+    if opcua is not None:
+        folder = opcua / "opcua"
+        found += [*folder.glob("certificate.der"), *sorted(folder.glob("trusted/*"))]
+    return [file for file in found if file.name != "own.der"]
+
+
 def _listener(page: Listen, root: Path) -> socket.socket:
     """The listening socket, after the checks on where it may listen.
 
@@ -125,6 +135,8 @@ def _listener(page: Listen, root: Path) -> socket.socket:
             raise UsageError(
                 f"--listen {page.address}: there are no users: gantryctl user add NAME --role operator"
             )
+    if page.certificate is not None:
+        refuse_expired(page.certificate, datetime.now(UTC))
     try:
         family, *_, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE

@@ -18,12 +18,12 @@ from typing import Any, Final, NamedTuple
 from asyncua import Server, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.permission_rules import USER_TYPES, PermissionRuleset, User, UserRole
-from asyncua.crypto.truststore import TrustStore
 from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
 from asyncua.server.user_managers import UserManager
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from gantryctl.errors import StateError
+from gantryctl.gateway.opcua_trust import TrustList
 from gantryctl.gateway.sessions import LockOut
 from gantryctl.program import AxisState
 from gantryctl.service.events import EventLog
@@ -38,6 +38,8 @@ from gantryctl.service.view import Picture
 NAMESPACE: Final = "urn:gantryctl:axis"
 APPLICATION: Final = "urn:gantryctl:server"
 PERIOD_S: Final = 0.2
+TRUST_TURNS: Final = 10
+"""The trust list is looked at every so many periods."""
 POLICIES: Final = (
     ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
     ua.SecurityPolicyType.Aes128Sha256RsaOaep_SignAndEncrypt,
@@ -194,16 +196,14 @@ def _value(tag: Tag, value: Any) -> object:
     return float(value) if tag.kind == "float" else value
 
 
-async def make_server(settings: Settings, events: EventLog) -> tuple[Server, AddressSpace]:
+async def make_server(settings: Settings, events: EventLog) -> tuple[Server, AddressSpace, TrustList]:
     """A server that is ready to be started.
 
     Its certificate is made once; the private key is for its owner only. Clients whose certificate is not in
     `opcua/trusted/` (DER) are refused.
     """
     folder = Path(settings.directory) / "opcua"
-    trusted, revoked = folder / "trusted", folder / "revoked"
-    for each in (trusted, revoked):
-        each.mkdir(parents=True, exist_ok=True, mode=0o700)
+    trust = TrustList(folder, events)
     key, certificate = folder / "key.pem", folder / "certificate.der"
     server = Server(user_manager=People(Users(Path(settings.root)), events))
     server.name, server.manufacturer_name, server.product_uri = (
@@ -230,25 +230,26 @@ async def make_server(settings: Settings, events: EventLog) -> tuple[Server, Add
         os.umask(before)
     await server.load_certificate(str(certificate))
     await server.load_private_key(str(key))
-    if not any(trusted.iterdir()):  # an empty list is not allowed: ourselves, which is nobody
-        (trusted / "own.der").write_bytes(certificate.read_bytes())
-    store = TrustStore([trusted], [revoked])
-    await store.load()
+    trust.never_empty(certificate)
+    await trust.refresh()
     options = CertificateValidatorOptions.TRUSTED_VALIDATION | CertificateValidatorOptions.PEER_CLIENT
-    server.set_certificate_validator(CertificateValidator(options, store))
+    server.set_certificate_validator(CertificateValidator(options, trust.store))
     space = AddressSpace(server)
     await space.build()
-    return server, space
+    return server, space, trust
 
 
 async def serve(settings: Settings, memory: SharedMemory) -> None:
     """Serve until cancelled."""
-    server, space = await make_server(settings, EventLog(memory.events[Source.OPCUA]))
-    picture = Picture(memory)
+    server, space, trust = await make_server(settings, EventLog(memory.events[Source.OPCUA]))
+    picture, turn = Picture(memory), 0
     async with server:
         while True:
             fast, age_ms = picture.fast()
             await space.show({**fast, **picture.slow()}, age_ms <= STALE_S * 1e3)
+            turn += 1
+            if turn % TRUST_TURNS == 0:
+                await trust.refresh()
             await asyncio.sleep(PERIOD_S)
 
 

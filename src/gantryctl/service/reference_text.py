@@ -102,8 +102,11 @@ control or the connection. The torque is taken back, the drive is disabled, the 
 | SEC-08 | control is held by somebody and the axis is moving |
 | SEC-09 | the lease is dead or is not yours |
 | SEC-10 | not armed: by nobody, too long ago, in another epoch, at another screen, or (second person) by the same user |
+| SEC-11 | (event) a certificate of the page, of OPC UA or of one of its clients ends within 30 days, or has ended |
 | SYS-11 | the controller does not answer |
+| JRN-01 | (event) the disk is nearly full: nothing is recorded, or no new motion |
 | JRN-02 | the journal is not able to keep events: no new motion |
+| JRN-05 | (event) the journal was damaged and moved aside; service must reset |
 
 All others (CTL-.., LIM-.., PWR-.., INT-..) are those of `gantryctl explain`.
 """

@@ -12,11 +12,13 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine, config_hash
+from gantryctl.service.certificates import CertificateWatch
 from gantryctl.service.hub import Hub
 from gantryctl.service.keeping import Keeping
 from gantryctl.service.local import LocalServer
@@ -28,6 +30,7 @@ _PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
 _CALM_S: Final = 10.0
 _CONTROLLER_END_S: Final = 25.0
 _END_S: Final = 8.0
+_CERTIFICATES_S: Final = 3600.0
 
 
 class Child:
@@ -88,6 +91,20 @@ class Child:
             await self.process.wait()
 
 
+class Options(NamedTuple):
+    """What the service is told beside where it listens.
+
+    Attributes:
+        keeping: how much the recorder keeps.
+        certificates: the files whose end is watched, as they are now.
+        second_person: what one user arms, another one executes.
+    """
+
+    keeping: Keeping
+    certificates: Callable[[], list[Path]]
+    second_person: bool
+
+
 class Supervisor:
     """The service of one machine.
 
@@ -96,7 +113,7 @@ class Supervisor:
         gateway: command line of the gateway without the handle, or None for a service without a page.
         listener: handle of its listening socket. opcua: command line of the OPC UA server, or None.
         say: gets one line for whoever started the service.
-        keeping: how much the recorder keeps. second_person: what one user arms, another one executes.
+        options: the rest.
     """
 
     def __init__(
@@ -108,9 +125,7 @@ class Supervisor:
         listener: int,
         opcua: Sequence[str] | None,
         say: Callable[[str], None],
-        *,
-        keeping: Keeping,
-        second_person: bool = False,
+        options: Options,
     ) -> None:
         self.memory = SharedMemory.create()
         self.memory.words[Word.BOOT] = secrets.randbits(62)
@@ -121,11 +136,17 @@ class Supervisor:
         self.controller = Child(
             "controller",
             [*run, "gantryctl.service.controller", str(handle), str(config), wanted]
-            + (["--second-person"] if second_person else []),
+            + (["--second-person"] if options.second_person else []),
             [handle],
             critical=True,
         )
-        recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory), keeping.to_json()]
+        recorder = [
+            *run,
+            "gantryctl.service.recorder",
+            str(handle),
+            str(directory),
+            options.keeping.to_json(),
+        ]
         self.recorder = Child("recorder", recorder, [handle])
         self.gateway: Child | None = None
         if gateway is not None:
@@ -133,7 +154,7 @@ class Supervisor:
         self.opcua: Child | None = None
         if opcua is not None:
             self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle])
-        self._directory, self._say = directory, say
+        self._directory, self._say, self._certificates = directory, say, options.certificates
         self.hub: Hub
 
     async def run(self, ready: Callable[[], None]) -> int:
@@ -150,6 +171,7 @@ class Supervisor:
         server = LocalServer(self._directory, self.hub)
         keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
         looking = asyncio.create_task(self.hub.run())
+        watching = asyncio.create_task(self._watch_certificates())
         until_end = asyncio.create_task(ended.wait())
         try:
             await self._until_ready(keepers[self.controller], ended)
@@ -163,6 +185,7 @@ class Supervisor:
             await self._end()
             server.close()
             looking.cancel()
+            watching.cancel()
             for keeper in keepers.values():
                 keeper.cancel()
 
@@ -174,6 +197,14 @@ class Supervisor:
     def _tell(self, text: str) -> None:
         self._say(text)
         self.hub.events.put("service", text)
+
+    async def _watch_certificates(self) -> None:
+        watch = CertificateWatch()
+        while True:
+            for text in watch.due(self._certificates(), datetime.now(UTC)):
+                self._say(text)
+                self.hub.events.put("alarm", text)
+            await asyncio.sleep(_CERTIFICATES_S)
 
     async def _until_ready(self, keeper: asyncio.Task[None], ended: asyncio.Event) -> None:
         until_s = time.monotonic() + READY_S

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -106,3 +107,14 @@ def test_what_makes_no_sense_with_a_service_is_refused() -> None:
     assert "--program does not go with" in refused(
         "jog", "+", "--for", "1", "--service", "--program", "a.py:B"
     )
+
+
+def test_a_certificate_that_has_expired_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("cryptography", reason="the extra [opcua] is not installed")
+    from certificates import certificate  # it needs cryptography
+
+    key, now = tmp_path / "key.pem", datetime.now(UTC)
+    old = certificate(tmp_path / "old.pem", now - timedelta(days=9), now - timedelta(days=1), key)
+    listen = ["serve", "--listen", "127.0.0.1:0", "--tls-key", key, "--tls-cert"]
+    assert f"old.pem: expired on {now - timedelta(days=1):%Y-%m-%d}" in refused(*listen, old)
+    assert "is no certificate" in refused(*listen, key)

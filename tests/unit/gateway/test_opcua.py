@@ -7,6 +7,7 @@ import json
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,15 @@ import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import Client, ua  # noqa: E402
-from asyncua.crypto.cert_gen import setup_self_signed_certificate  # noqa: E402
+from asyncua.crypto.cert_gen import (  # noqa: E402
+    load_private_key,
+    setup_self_signed_certificate,
+)
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256  # noqa: E402
-from cryptography.x509.oid import ExtendedKeyUsageOID  # noqa: E402
+from cryptography import x509  # noqa: E402
+from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
+from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
 from gantryctl.gateway.opcua import POLICIES, Settings, make_server  # noqa: E402
 from gantryctl.service.events import EventLog  # noqa: E402
@@ -31,8 +38,8 @@ CLIENT = "urn:example:client"
 
 
 class Bench:
-    def __init__(self, root: Path, port: int, space: Any) -> None:
-        self.root, self.space = root, space
+    def __init__(self, root: Path, port: int, space: Any, trust: Any) -> None:
+        self.root, self.space, self.trust = root, space, trust
         self.address = f"opc.tcp://127.0.0.1:{port}/gantryctl"
 
     async def client(self, user: str = "viewer", password: str = PASSWORD, key: str = "client") -> Client:
@@ -63,9 +70,9 @@ async def running(root: Path) -> AsyncIterator[Bench]:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     events = EventLog(Ring(memoryview(bytearray(192 + 64 * 1024)), 1024))
-    server, space = await make_server(Settings("127.0.0.1", port, str(root), str(root)), events)
+    server, space, trust = await make_server(Settings("127.0.0.1", port, str(root), str(root)), events)
     async with server:
-        yield Bench(root, port, space)
+        yield Bench(root, port, space, trust)
 
 
 def run(root: Path, check: Callable[[Bench], Awaitable[None]]) -> None:
@@ -134,6 +141,80 @@ def test_nobody_else_gets_in(tmp_path: Path) -> None:
                 await client.connect()
         async with await bench.client():
             pass
+
+    run(tmp_path, check)
+
+
+async def refused(bench: Bench, key: str) -> bool:
+    try:
+        async with await bench.client(key=key):
+            return False
+    except (TimeoutError, ua.UaError, ConnectionError, OSError):
+        return True
+
+
+def test_the_trust_list_is_read_again_without_a_new_start(tmp_path: Path) -> None:
+    async def refused(bench: Bench, key: str) -> bool:
+        try:
+            async with await bench.client(key=key):
+                return False
+        except (TimeoutError, ua.UaError, ConnectionError, OSError):
+            return True
+
+    async def check(bench: Bench) -> None:
+        trusted = bench.root / "opcua" / "trusted"
+        assert await refused(bench, "stranger")
+        (trusted / "stranger.der").write_bytes((bench.root / "stranger.der").read_bytes())
+        await bench.trust.refresh()
+        assert not await refused(bench, "stranger")
+        (trusted / "broken.der").write_bytes(b"no certificate")
+        await bench.trust.refresh()  # the list before stays in force
+        assert not await refused(bench, "stranger")
+        (trusted / "broken.der").unlink()
+        (trusted / "stranger.der").unlink()
+        await bench.trust.refresh()
+        assert await refused(bench, "stranger")
+        assert not await refused(bench, "client")
+
+    run(tmp_path, check)
+
+
+def of_client(key: Any, days: int) -> x509.Certificate:
+    """A client's certificate whose last day is so far away."""
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "dated")])
+    uses = dict.fromkeys(
+        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment"), True
+    )
+    never = dict.fromkeys(
+        ("key_agreement", "key_cert_sign", "crl_sign", "encipher_only", "decipher_only"), False
+    )
+    now = datetime.now(UTC)
+    return (
+        x509.CertificateBuilder()
+        .subject_name(name)
+        .issuer_name(name)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - timedelta(days=10))
+        .not_valid_after(now + timedelta(days=days))
+        .add_extension(x509.SubjectAlternativeName([x509.UniformResourceIdentifier(CLIENT)]), critical=False)
+        .add_extension(x509.KeyUsage(**uses, **never), critical=False)
+        .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH]), critical=False)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .sign(key, SHA256())
+    )
+
+
+def test_a_client_certificate_that_has_expired_is_refused(tmp_path: Path) -> None:
+    async def check(bench: Bench) -> None:
+        key = await load_private_key(bench.root / "client.pem")
+        (bench.root / "dated.pem").write_bytes((bench.root / "client.pem").read_bytes())
+        for days in (1, -1):
+            made = of_client(key, days).public_bytes(Encoding.DER)
+            (bench.root / "dated.der").write_bytes(made)
+            (bench.root / "opcua" / "trusted" / "dated.der").write_bytes(made)
+            await bench.trust.refresh()
+            assert await refused(bench, "dated") is (days < 0)
 
     run(tmp_path, check)
 

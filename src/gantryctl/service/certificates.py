@@ -1,0 +1,108 @@
+"""Certificates that the service uses: until when they are valid, and a word in time before they are not any more."""
+
+from __future__ import annotations
+
+import ssl
+from collections.abc import Iterable
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gantryctl.errors import UsageError
+
+WARN_DAYS: Final = 30
+_DAY: Final = timedelta(days=1)
+_TIMES: Final = {0x17: "%y%m%d%H%M%SZ", 0x18: "%Y%m%d%H%M%SZ"}
+_VERSION: Final = 0xA0
+_BEFORE_VALIDITY: Final = 3
+"""Serial number, algorithm and issuer stand before it."""
+_PEM: Final = b"-----BEGIN CERTIFICATE-----"
+
+
+class Validity(NamedTuple):
+    """From when until when."""
+
+    begin: datetime
+    end: datetime
+
+
+def validity(file: Path) -> Validity:
+    """Of the first certificate in a file, PEM or DER.
+
+    Raises:
+        UsageError: it cannot be read, or is no certificate.
+    """
+    try:
+        data = file.read_bytes()
+        if _PEM in data:
+            first = data[data.index(_PEM) :].decode("ascii", "replace")
+            data = ssl.PEM_cert_to_DER_cert(
+                first[: first.index("-----END") + len("-----END CERTIFICATE-----")]
+            )
+        (certificate,) = _parts(data)
+        fields = _parts(_parts(certificate[1])[0][1])
+        place = _BEFORE_VALIDITY + (fields[0][0] == _VERSION)
+        begin, end = (_time(tag, content) for tag, content in _parts(fields[place][1]))
+    except OSError as fault:
+        raise UsageError(f"{file}: {fault.strerror or fault}") from fault
+    except (ValueError, IndexError, KeyError) as fault:
+        raise UsageError(f"{file}: is no certificate (X.509, PEM or DER)") from fault
+    return Validity(begin, end)
+
+
+def _parts(data: bytes) -> list[tuple[int, bytes]]:
+    """The elements of a DER sequence one after the other: tag and content."""
+    found, at = [], 0
+    while at < len(data):
+        tag, length = data[at], data[at + 1]
+        at += 2
+        if length & 0x80:
+            count = length & 0x7F
+            length, at = int.from_bytes(data[at : at + count]), at + count
+        if at + length > len(data):
+            raise ValueError("cut off")
+        found.append((tag, data[at : at + length]))
+        at += length
+    return found
+
+
+def _time(tag: int, content: bytes) -> datetime:
+    return datetime.strptime(content.decode("ascii"), _TIMES[tag]).replace(tzinfo=UTC)
+
+
+def refuse_expired(file: Path, now: datetime) -> None:
+    """Raises UsageError for a certificate that is not valid now."""
+    begin, end = validity(file)
+    if now >= end:
+        raise UsageError(f"{file}: expired on {end:%Y-%m-%d}: browsers refuse it; get a new one")
+    if now < begin:
+        raise UsageError(f"{file}: is not valid before {begin:%Y-%m-%d %H:%M} UTC")
+
+
+class CertificateWatch:
+    """What is to be said about certificates: from 30 days before the end on, once a day each."""
+
+    def __init__(self) -> None:
+        self._said: dict[Path, datetime] = {}
+
+    def due(self, files: Iterable[Path], now: datetime) -> list[str]:
+        """One line for each certificate of which something is to be said now."""
+        found = []
+        for file in files:
+            text = _warning(file, now)
+            if text and now - self._said.get(file, datetime.min.replace(tzinfo=UTC)) >= _DAY:
+                self._said[file] = now
+                found.append(text)
+        return found
+
+
+def _warning(file: Path, now: datetime) -> str:
+    try:
+        end = validity(file).end
+    except UsageError as fault:
+        return f"SEC-11 {fault}"
+    days = (end - now) / _DAY
+    if days > WARN_DAYS:
+        return ""
+    when = f"expires in {days:.0f} days, on" if days > 0 else "expired on"
+    return f"SEC-11 {file}: {when} {end:%Y-%m-%d}"
