@@ -31,7 +31,7 @@ class Album:
         self._folder = folder
 
     def take(self, page: Page, name: str) -> None:
-        picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+        picture = Image.open(io.BytesIO(page.screenshot(animations="disabled"))).convert("RGB")
         small = picture.quantize(COLOURS, dither=Image.Dither.NONE)
         small.save(self._folder / f"{name}.png", optimize=True)
 
@@ -41,8 +41,30 @@ def show(page: Page, area: str) -> None:
     page.locator(f"[data-area={area}]").wait_for()
 
 
+def move(page: Page, angle: str) -> None:
+    show(page, "operation")
+    page.get_by_label("Target").fill(angle)
+    page.get_by_role("button", name=f"Move to {angle.replace('-', '−')}.00°").click()
+
+
+def learn(page: Page, watcher: Watcher) -> None:
+    """There and back at the top speed: then load and friction can be told apart."""
+    show(page, "settings")
+    speed = page.locator("form.setting").filter(has=page.locator("#speed_setting_deg_s"))
+    speed.get_by_role("textbox").fill("1")
+    speed.get_by_role("textbox").press("Enter")
+    watcher.until(lambda tags: tags["speed_setting_deg_s"] == 6.0)
+    move(page, "70")
+    watcher.until(lambda tags: tags["pos_act_deg"] > 60.0)
+    watcher.until(lambda tags: tags["in_position"])
+    move(page, "-120")
+    show(page, "display")
+    page.get_by_label("Quantity").select_option(label="Torque")
+    watcher.until(lambda tags: tags["eccentric_moment_nm"] is not None and tags["pos_act_deg"] < -40.0)
+
+
 def in_motion(page: Page, watcher: Watcher, album: Album) -> None:
-    """A jog and a move on the way, light and dark."""
+    """A jog and moves on the way, light and dark."""
     show(page, "operation")
     ready_to_jog(page)
     press(page)
@@ -51,10 +73,7 @@ def in_motion(page: Page, watcher: Watcher, album: Album) -> None:
     album.take(page, "operation")
     page.mouse.up()
     watcher.until(lambda tags: tags["at_rest"])
-    page.get_by_label("Target").fill("40")
-    page.get_by_role("button", name="Move to 40.00°").click()
-    show(page, "display")
-    watcher.until(lambda tags: tags["pos_act_deg"] > 6.0)
+    learn(page, watcher)
     album.take(page, "display")
     page.get_by_role("button", name="Dark").click()
     album.take(page, "display_dark")
@@ -80,6 +99,9 @@ def after_a_stop(page: Page, watcher: Watcher, album: Album) -> None:
     page.get_by_role("button", name="Dark").click()
     album.take(page, "alarms_dark")
     page.get_by_role("button", name="Dark").click()
+    page.get_by_role("button", name="中文").click()
+    album.take(page, "alarms_chinese")
+    page.get_by_role("button", name="English").click()
 
 
 def main() -> int:

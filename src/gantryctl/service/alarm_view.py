@@ -6,7 +6,7 @@ from collections import deque
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from gantryctl.program import Alarm, AlarmLog
+from gantryctl.program import Alarm, AlarmLog, Code
 from gantryctl.service.events import EventLog
 from gantryctl.service.messages import Identity, Refused
 from gantryctl.units import deg
@@ -36,6 +36,7 @@ class AlarmView:
         self._log, self._events = log, events
         self._rows: deque[_Row] = deque(maxlen=KEPT)
         self._last: Alarm | None = None
+        self._done: dict[Code, str] = {}
         self._active = 0
         self._number = 0
         self.changed = True
@@ -45,6 +46,7 @@ class AlarmView:
         log = self._log
         if len(log.active) != self._active:
             self._active, self.changed = len(log.active), True
+        self._account()
         if not log.history or log.history[-1] is self._last:
             return
         fresh: list[Alarm] = []
@@ -64,6 +66,18 @@ class AlarmView:
                 pos_deg=round(deg(alarm.pos_rad), 5),
             )
         self._last, self.changed = log.history[-1], True
+
+    def _account(self) -> None:
+        """What was done about an alarm is complete when the axis has come to rest: then it is shown anew, and kept."""
+        active = self._log.active
+        if not active:
+            self._done.clear()
+        for code, alarm in active.items():
+            known = self._done.get(code)
+            if known is not alarm.done:
+                self._done[code], self.changed = alarm.done, True
+                if known is not None:
+                    self._events.put("alarm", f"{code} · {alarm.done}", None, code=str(code))
 
     def acknowledge(self, number: int, who: Identity) -> None:
         """Somebody has seen it.

@@ -22,7 +22,7 @@ _START: Final = 100.0
 _FIRM: Final = 0.01
 """Sine and cosine do not wander beyond: hours of small motions, which teach neither, do not lose them."""
 _LIMITS: Final = (_FIRM, _FIRM, _START, _START, _START)
-_KNOWN_SHARE: Final = 0.0025
+_KNOWN_SHARE: Final = 0.005
 """A weight is known when its standard deviation is below this share of the rated torque."""
 _SAMPLES_MIN: Final = 100
 _SAMPLES_MAX: Final = 2000
