@@ -147,6 +147,7 @@ class InputImage(NamedTuple):
     """Everything one scan may know."""
 
     scan: int
+    """One more than before; further on where scans were missed while the axis went on by itself."""
     time_s: float
     """Nominal time of this scan: `scan * scan period`."""
     drive: DriveFeedback

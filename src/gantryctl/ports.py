@@ -6,7 +6,7 @@ Parameters are the nominal period and integers; no port reads a clock except `Cl
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from gantryctl.image import DriveFeedback, DriveIdentity, InputImage, OperatorCommand, OutputImage
 
@@ -82,15 +82,24 @@ class Program(Protocol):
         ...
 
 
+class ScanStart(NamedTuple):
+    """When a scan begins, as its clock says."""
+
+    deadline: int
+    """The deadline that it begins at: a later one than was asked for when that was missed."""
+    late_s: float
+    """How long after the deadline that was asked for the clock could look, s."""
+
+
 class Clock(Protocol):
-    """Paces the scans: virtual (returns at once) or real (absolute deadlines)."""
+    """Paces the scans: virtual (returns at once) or real (absolute deadlines, numbered, one a period)."""
 
     def start(self) -> None:
         """Time zero of the first scan."""
         ...
 
-    def wait_for(self, scan: int) -> float:
-        """Wait until the start of `scan`; the lateness in seconds (0 for virtual time)."""
+    def wait_for(self, deadline: int) -> ScanStart:
+        """Wait until `deadline`, or the first later one that can be met."""
         ...
 
     def elapsed_s(self) -> float:

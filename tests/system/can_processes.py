@@ -14,11 +14,16 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
+
 from gantryctl.drive_sim import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import configs_folder
+from gantryctl.trace import read_trace
 
 COMMAND = [sys.executable, "-m", "gantryctl"]
+LATE_MS = 30.0
+"""A stall longer than this is a quick stop."""
 FAST = "\n[virtual_axis]\nacc_deg_s2 = 2.0\ndec_deg_s2 = 2.0\n"
 
 
@@ -135,8 +140,58 @@ def kill_drive(folder: Path) -> dict[str, object]:
     return {"out": json.loads(out), "err": err}
 
 
+def stall(folder: Path, *stalls_ms: str) -> dict[str, object]:
+    """The controller held by SIGSTOP for a time during `move 90` at 250 Hz: two seconds into the cruise, and while it
+    speeds up for a second stall."""
+    found: dict[str, object] = {}
+    bus = Bus(folder, 4.0)
+    for number, stall_ms in enumerate(stalls_ms):
+        out = folder / str(number)
+        master = bus.start("move", str(90 - 90 * (number % 2)), "--json", "--out", str(out))
+        bus.wait_for_speed(3.0)  # half of the ramp
+        hold(master.pid, float(stall_ms))
+        if master.poll() is None and float(stall_ms) <= LATE_MS:
+            bus.wait_for_speed(5.95)
+            time.sleep(2.0)
+            hold(master.pid, float(stall_ms))
+        text, err = master.communicate()
+        end = json.loads(text)
+        found[stall_ms] = {
+            **stalled(next(out.glob("*.parquet"))),
+            "result": end["result"],
+            "alarms": end["alarms"],
+        }
+        found[stall_ms]["err"] = err[-600:]  # type: ignore[index]
+    bus.end()
+    return found
+
+
+def hold(pid: int, stall_ms: float) -> None:
+    """Not a scan for a time."""
+    if stall_ms:
+        os.kill(pid, signal.SIGSTOP)
+        time.sleep(stall_ms * 1e-3)
+        os.kill(pid, signal.SIGCONT)
+
+
+def stalled(path: Path) -> dict[str, float]:
+    """Following error and torque of a whole move; what is left of them in the cruise beside their mean."""
+    trace = read_trace(path)
+    vel = np.abs(np.degrees(trace["vel_ref_rad_s"]))
+    err, torque = np.degrees(trace["pos_err_rad"]), trace["torque_act_nm"]
+    following = trace["axis_state"] > 0
+    cruise = np.flatnonzero(vel > 5.999)
+    cruise = cruise[250:] if len(cruise) > 500 else np.array([0])
+    return {
+        "following_error_deg": float(np.max(np.abs(err))),
+        "torque_nm": float(np.max(np.abs(torque[following]))) if following.any() else 0.0,
+        "cruise_error_deg": float(np.max(np.abs(err[cruise] - np.median(err[cruise])))),
+        "cruise_torque_nm": float(np.max(np.abs(torque[cruise] - np.median(torque[cruise])))),
+        "most_periods": float(np.max(np.diff(trace["time_s"])) / 0.004),
+        "rows": float(len(err)),
+    }
+
+
 if __name__ == "__main__":
-    found = {"move": move, "kill_master": kill_master, "kill_drive": kill_drive}[sys.argv[1]](
-        Path(sys.argv[2])
-    )
-    print(json.dumps(found))
+    scenarios = {"move": move, "kill_master": kill_master, "kill_drive": kill_drive, "stall": stall}
+    print(json.dumps(scenarios[sys.argv[1]](Path(sys.argv[2]), *sys.argv[3:])))

@@ -37,7 +37,7 @@ class Hand:
         self._leash_deg = leash_deg
         self._deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
         self._clock = VirtualClock() if in_virtual_time(machine) else RealClock(self.period_s)
-        self._scan = 0
+        self._deadline = 0
         self.feedback = drive.read()
         self.start_counts = self.feedback.pos_act_counts
 
@@ -61,10 +61,7 @@ class Hand:
         """
         vel = rad(speed_deg_s) * self.ratio
         self.drive.write(OutputImage(request, vel, torque_nm, brake))
-        self._scan += 1
-        if self._scan == 1:
-            self._clock.start()
-        self._clock.wait_for(self._scan)
+        self._wait()
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
             self.drive.write(OutputImage())
@@ -75,6 +72,9 @@ class Hand:
         if self.feedback.link:
             raise AlarmStop(f"the connection to the drive is disturbed: {self.feedback.link!r}")
         return self.feedback
+
+    def _wait(self) -> None:
+        self._deadline = self._clock.wait_for(self._deadline + 1).deadline
 
     def run(
         self,
@@ -129,7 +129,7 @@ class Hand:
         for k in range(round(_SILENT_S / self.period_s)):
             drive.write(OutputImage(ENABLE, 0.0, 0.0, True))
             if not process_data:
-                self._clock.wait_for(self._scan + k + 1)
+                self._wait()
             self.feedback = drive.read()
             seen = node.emergencies.count > before or (
                 not process_data and self.feedback.state is not DriveState.OPERATION_ENABLED
@@ -137,7 +137,6 @@ class Hand:
             if seen and math.isnan(reacted):
                 elapsed = drive.link.now_s() - begun
                 reacted = (k + 1) * self.period_s if drive.link.stepped else elapsed
-        self._scan += round(_SILENT_S / self.period_s)
         drive.silent_process_data = drive.silent_heartbeat = False
         return reacted
 

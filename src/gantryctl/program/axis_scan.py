@@ -76,6 +76,7 @@ class AxisScan:
         """Take the image: feedback, set-point, monitors, reactions, power."""
         scan, time_s, drive, _ = image
         alarms, feedback, virtual, power = self.alarms, self.feedback, self.virtual, self.power
+        feedback.periods = scan - self.scan
         self.scan = self.motion.scan = alarms.scan = scan
         self.time_s = alarms.time_s = time_s
         feedback.scan(drive, self.vel_cmd_rad_s)

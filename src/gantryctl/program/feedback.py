@@ -36,14 +36,16 @@ class Feedback:
         pos_ring_rad: reading of a load-side encoder, unchecked; 0 without one.
         position_valid: False after a fault of the encoder.
         unchanged_scans: scans without a new count while the axis is told to move.
+        periods: scan periods since the scan before: 1, and more where scans were missed. Whatever counts scans to
+            know a time counts these.
     """
 
     __slots__ = (
         "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max",
         "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s",
         "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm", "error_code",
-        "inputs", "overload", "pos_ring_rad", "position_valid", "state", "torque_limited", "torque_nm",
-        "unchanged_scans", "vel_rad_s", "warning",
+        "inputs", "overload", "periods", "pos_ring_rad", "position_valid", "state", "torque_limited",
+        "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
@@ -63,6 +65,7 @@ class Feedback:
         self._errors_max = monitors.encoder_errors_max
         self._old_scans = max(3, int(monitors.reading_age_s / period_s + 1e-9))
         self.unchanged_scans = 0
+        self.periods = 1
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self.state = DriveState.UNKNOWN
         self.counts: float = math.nan
@@ -99,6 +102,10 @@ class Feedback:
             self.unchanged_scans = 0
         self.counts = counts
         self.vel_rad_s = vel_motor / self._ratio
+
+    def lasting(self, count: int) -> int:
+        """`count` of something that is so in this scan: what began before scans that were missed has lasted."""
+        return count + self.periods if count else 1
 
     def accept_position(self) -> None:
         """Service has compared the angle: take the present reading as valid."""
@@ -141,7 +148,7 @@ class Feedback:
         if math.isnan(self.counts):  # the first reading: nothing to compare with
             return counts
         # A late telegram may have been sampled late too: one scan more.
-        scans = missed + 2 if missed else 1
+        scans = self.periods + (missed + 1 if missed else 0)
         allowed = (self._jump_base + abs(self.vel_rad_s) * self._jump_per_speed) * scans
         if not -allowed <= step <= allowed:
             per_deg = self._counts_per_rad * math.pi / 180.0
@@ -162,14 +169,14 @@ class Feedback:
             return counts
         if not math.isfinite(self.vel_rad_s):  # no speed to predict with; the speed has an alarm of its own
             return self.counts
-        return self.counts + round(self.vel_rad_s * self._jump_per_speed)
+        return self.counts + round(self.vel_rad_s * self._jump_per_speed * self.periods)
 
     def _unchanged(self, vel_cmd_rad_s: float, age: int) -> None:
         """The count is what it was: frozen, when that lasts while the axis is told to move."""
         if age or not abs(vel_cmd_rad_s) > self._frozen_speed:
             self.unchanged_scans = 0
             return
-        self.unchanged_scans += 1
+        self.unchanged_scans = self.lasting(self.unchanged_scans)
         if self.unchanged_scans >= self._frozen_scans:
             self.report_frozen(vel_cmd_rad_s)
 

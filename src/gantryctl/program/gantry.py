@@ -68,7 +68,7 @@ class GantryProgram(AxisProgram):
         A block without new inputs and with nothing under way is left out: most scans, most blocks.
         """
         op, last = image.operator, self._last
-        self._lease_age += 1
+        self._lease_age += self.axis.feedback.periods
         changed = op is not last and op != last
         self.power(enable=op.power)
         if changed:

@@ -97,7 +97,7 @@ class LoadSide:
         if -limit <= self.disagreement_rad <= limit:  # NaN fails
             self._count = 0
             return
-        self._count += 1
+        self._count = self._feedback.lasting(self._count)
         if self._count >= self._scans:
             self._feedback.position_valid = False
             self._alarms.raise_(Code.ENC_07, measured=deg(self.disagreement_rad), limit=deg(limit))

@@ -21,7 +21,7 @@ class Monitors:
     """Following error, speed, brake, torque and position while the axis follows.
 
     `scan` is a flat row of cheap tests written so that NaN fails them; a method per monitor is entered only
-    when its test fails, counts its scans there and decides.
+    when its test fails, counts there how many scans it lasts and decides.
 
     Attributes:
         in_position: at rest within the window for the dwell time.
@@ -159,7 +159,7 @@ class Monitors:
     def _following_error(self, error: float, band: float, vel_cmd_rad_s: float) -> None:
         size = abs(error)
         if not size <= band:
-            self._following += 1
+            self._following = self._feedback.lasting(self._following)
             if self._following >= self._following_scans or math.isnan(size):
                 if self._feedback.unchanged_scans:  # a frozen encoder, not an axis that lags
                     self._feedback.report_frozen(vel_cmd_rad_s)
@@ -179,7 +179,7 @@ class Monitors:
             self._feedback.position_valid = False
             self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="speed reading")
             return
-        self._deviation_count += 1
+        self._deviation_count = self._feedback.lasting(self._deviation_count)
         if self._deviation_count < self._deviation_scans:
             return
         lags = self._feedback.torque_limited and abs(vel) < abs(command) and vel * command >= 0.0
@@ -188,7 +188,7 @@ class Monitors:
             self._alarms.raise_(Code.CTL_05, measured=deg(vel), command=deg(command), limit=limit)
 
     def _too_fast(self, vel: float) -> None:
-        self._overspeed += 1
+        self._overspeed = self._feedback.lasting(self._overspeed)
         if self._overspeed >= self._overspeed_scans:
             # 1.2 of the highest speed is 1.09 of the trip, which stands at 1.1 of it.
             reaction = Reaction.TORQUE_OFF if abs(vel) > 1.2 / 1.1 * self._trip else None
@@ -206,14 +206,14 @@ class Monitors:
         size = abs(error)
         if self._saturation == 0:
             self._error_at_saturation = size
-        self._saturation += 1
+        self._saturation = self._feedback.lasting(self._saturation)
         if self._saturation >= self._saturation_scans and size > self._error_at_saturation + self._window:
             time_ms = self._saturation * self._period_s * 1e3
             self._alarms.raise_(Code.CTL_07, measured=deg(size), time_ms=time_ms)
 
     def _brake_closed(self, vel: float, error: float, warning: float) -> None:
         """Closed while commanded open: a fault at once when the axis feels it, else after a time."""
-        self._brake += 1
+        self._brake = self._feedback.lasting(self._brake)
         moving = not self._virtual.at_rest
         if moving and (self._feedback.torque_limited or not -warning <= error <= warning):
             self._alarms.raise_(Code.BRK_05, measured=deg(vel), error=deg(abs(error)))
@@ -227,10 +227,10 @@ class Monitors:
     def _at_standstill(self, error: float) -> None:
         """In-position, then standstill: the window must be kept once it was reached."""
         self._at_rest = True
-        self.rest_scans += 1
+        self.rest_scans = self._feedback.lasting(self.rest_scans)
         size = abs(error)
         if size <= self._window:
-            self._dwell += 1
+            self._dwell = self._feedback.lasting(self._dwell)
             if self._dwell >= self._dwell_scans:
                 self.in_position = self._in_window = True
                 self.not_in_position = False
@@ -238,7 +238,8 @@ class Monitors:
         else:
             self._dwell = 0
             self.in_position = False
-            if not self._in_window and self.rest_scans == self._tolerance_scans:
+            overdue = self.rest_scans >= self._tolerance_scans
+            if overdue and not self._in_window and not self.not_in_position:
                 self.not_in_position = True
                 self._alarms.raise_(
                     Code.CTL_11,
@@ -247,7 +248,7 @@ class Monitors:
                     time_s=self.rest_scans * self._period_s,
                 )
         if self._in_window and not size <= self._settings.standstill_window_rad:
-            self._standstill += 1
+            self._standstill = self._feedback.lasting(self._standstill)
             if self._standstill >= self._standstill_scans:
                 limit = deg(self._settings.standstill_window_rad)
                 self._alarms.raise_(Code.CTL_13, measured=deg(size), limit=limit)

@@ -123,7 +123,7 @@ class PowerSequence(WayUp):
             if self._feedback.state is not _OPERATION_ENABLED:
                 self._lost()
             return
-        self._count += 1
+        self._count += self._feedback.periods
         if phase in TORQUE_ON and self._feedback.state not in _ENABLED:
             self._lost()
             return

@@ -86,7 +86,7 @@ class WayDown(PowerState):
         elapsed_s = self._count * self._period_s
         ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
         allowed = ramp + _ENVELOPE_RAD_S
-        self._over_envelope = 0 if speed <= allowed else self._over_envelope + 1
+        self._over_envelope = 0 if speed <= allowed else self._feedback.lasting(self._over_envelope)
         overdue = elapsed_s > self._vel_start / self._quick_dec + _STOP_TIME_S
         if self._over_envelope * self._period_s >= _ENVELOPE_S or overdue:
             self._alarms.raise_(Code.DRV_07, measured=deg(speed), limit=deg(allowed))

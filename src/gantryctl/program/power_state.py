@@ -93,7 +93,7 @@ class PowerState:
     def _at_rest(self) -> bool:
         """Slow for long enough."""
         slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S
-        self._rest_count = self._rest_count + 1 if slow else 0
+        self._rest_count = self._feedback.lasting(self._rest_count) if slow else 0
         return self._rest_count >= self._rest_scans
 
     def _milliseconds(self, scans: int) -> float:

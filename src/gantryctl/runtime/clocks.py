@@ -5,8 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
+from typing import Final
 
 from gantryctl.errors import UsageError
+from gantryctl.ports import ScanStart
+
+_LATE_PERIODS: Final = 0.25
+"""A scan later than this part of its period is left out. At speed a late reading looks like a following error, speed
+times lateness; a scan that is missing costs next to nothing."""
 
 
 class VirtualClock:
@@ -15,9 +21,9 @@ class VirtualClock:
     def start(self) -> None:
         """Nothing to start."""
 
-    def wait_for(self, scan: int) -> float:
+    def wait_for(self, deadline: int) -> ScanStart:
         """Returns at once, on time."""
-        return 0.0
+        return ScanStart(deadline, 0.0)
 
     def elapsed_s(self) -> float:
         """No time passes inside a scan."""
@@ -25,10 +31,10 @@ class VirtualClock:
 
 
 class RealClock:
-    """Scan k starts at `base + k x period` of the monotonic clock: a late scan does not shift the next.
+    """Deadline k is at `base + k x period` of the monotonic clock: a late scan does not shift the next.
 
-    When a whole period or more was missed, the missed deadlines are skipped, never caught up in a burst:
-    the base moves on by whole periods.
+    A deadline that was missed by more than a quarter of a period is skipped, and so are all others until the next
+    that can be met: never a burst, and every scan is near its own time.
 
     Args:
         period_s: scan period, s.
@@ -53,22 +59,29 @@ class RealClock:
         """Call the next scan on time whenever it comes: the first one, or one after an intended pause."""
         self._base_s = None
 
-    def wait_for(self, scan: int) -> float:
-        """Sleep until `scan` is due; how late it starts, s, measured before missed deadlines are skipped."""
-        now_s = self._now()
+    def wait_for(self, deadline: int) -> ScanStart:
+        """Sleep until `deadline`, or until a later one where it was missed."""
         if self._base_s is None:
-            self._base_s = now_s - scan * self.period_s
-            self._scan_start_s = now_s
-            return 0.0
-        deadline_s = self._base_s + scan * self.period_s
-        while now_s < deadline_s:
-            self._sleep(deadline_s - now_s)
+            self._scan_start_s = self._now()
+            self._base_s = self._scan_start_s - deadline * self.period_s
+            return ScanStart(deadline, 0.0)
+        late_s = self._sleep_until(deadline)
+        late_now_s = late_s
+        while late_now_s > _LATE_PERIODS * self.period_s:
+            deadline += math.ceil(late_now_s / self.period_s)
+            late_now_s = self._sleep_until(deadline)
+        return ScanStart(deadline, late_s)
+
+    def _sleep_until(self, deadline: int) -> float:
+        """How late it is then, s."""
+        assert self._base_s is not None
+        at_s = self._base_s + deadline * self.period_s
+        now_s = self._now()
+        while now_s < at_s:
+            self._sleep(at_s - now_s)
             now_s = self._now()
         self._scan_start_s = now_s
-        late_s = now_s - deadline_s
-        if late_s >= self.period_s:
-            self._base_s += int(late_s / self.period_s) * self.period_s
-        return late_s
+        return now_s - at_s
 
     def elapsed_s(self) -> float:
         """Since the present scan really started, s."""

@@ -50,7 +50,8 @@ class Engine:
     """Runs a program on a drive, scan by scan.
 
     One scan: wait for its time, `drive.read()`, `operator.poll()`, `program.scan()`, `drive.write()`, one
-    trace row. Row k is the state at `k x period`: the truth is sampled before the write.
+    trace row. The row of scan k is the state at `k x period`: the truth is sampled before the write. Where the
+    axis goes on while scans are missed (`OverrunPolicy.QUICK_STOP`), their numbers are left out.
 
     When anything in a scan raises, the drive gets a quick stop in place of the program's output and the
     error goes on as a `GantryctlError`. Scans that the caller still makes bring the axis to rest, close the
@@ -58,7 +59,7 @@ class Engine:
     recording, and the axis goes on.
 
     Attributes:
-        scan: scans done so far, which is the number of the next one.
+        scan: number of the next scan: scans done so far and deadlines missed.
         image: input of the last scan, `NOTHING_READ` before the first.
         output: what the drive was told last.
         statistics: how well real time was kept; nothing is measured in virtual time.
@@ -96,6 +97,7 @@ class Engine:
         self._record = recorder.record if recorder is not None else None
         self._truth = truth.truth if truth is not None and recorder is not None else tuple
         self._overruns = RecentOverruns()
+        self._waited = 0
         self._hold = HeldInterrupt()
 
     @property
@@ -180,8 +182,8 @@ class Engine:
         if self.scan == 0:
             clock.start()
         while self.scan < end and not hold.pending:
-            scan, time_s = self.scan, self.time_s
-            lateness_s = clock.wait_for(scan)
+            scan, lateness_s, skipped = self._begin_scan()
+            time_s = self.time_s
             if self.overrun_policy is OverrunPolicy.QUICK_STOP and self.overrun_stop is None:
                 self.overrun_stop = self._overruns.reason_to_stop(time_s, lateness_s, self.overrun_limits)
             feedback = self.drive.read()
@@ -201,11 +203,22 @@ class Engine:
                     self._record((time_s, *self._active.trace_row(), *true_row))
                 except DeviceError as fault:
                     self._stop_recording(fault)
-            if self.statistics.add(scan, lateness_s, clock.elapsed_s()):
+            if self.statistics.add(scan, lateness_s, clock.elapsed_s(), skipped):
                 self._overruns.add(time_s)
             if condition is not None and condition(self):
                 return True
         return False
+
+    def _begin_scan(self) -> tuple[int, float, int]:
+        """Wait for the next scan: its number, how late it was looked for, s, and how many deadlines were skipped."""
+        wanted = self.scan + self._waited
+        deadline, late_s = self.clock.wait_for(wanted)
+        skipped = deadline - wanted
+        if self.overrun_policy is OverrunPolicy.QUICK_STOP:
+            self.scan += skipped
+        else:
+            self._waited += skipped
+        return self.scan, late_s, skipped
 
     def _stop_recording(self, fault: DeviceError) -> None:
         """The axis is more important than its recording."""

@@ -11,14 +11,17 @@ WINDOW_S: Final = 1.0
 
 
 class OverrunPolicy(Enum):
-    """What the engine does when scans are late. Missed deadlines are always skipped and counted."""
+    """What late scans mean. Missed deadlines are always skipped and counted."""
 
     CONTINUE = "continue"
-    """Go on with the next deadline; the statistics tell. For simulation in real time."""
+    """The plant waits for a late scan, so nothing was missed: the scan numbers go on one by one. For a
+    simulation in real time."""
     QUICK_STOP = "quick stop"
-    """One scan later than the limit, or too many overruns in a second: from this scan on the drive gets a
-    quick stop where the program would move, the program sees `operator.quick_stop`, and
-    `Engine.overrun_stop` says why. It lasts as long as the engine. For everything that moves."""
+    """The axis goes on by itself meanwhile: the scan numbers go on with the time, so set-point, timers and
+    recording leave out what was missed. One scan later than the limit, or too many overruns in a second: from
+    this scan on the drive gets a quick stop where the program would move, the program sees
+    `operator.quick_stop`, and `Engine.overrun_stop` says why. It lasts as long as the engine. For everything
+    that moves."""
 
 
 class OverrunLimits(NamedTuple):

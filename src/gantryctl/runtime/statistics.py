@@ -81,16 +81,16 @@ class ScanStatistics:
         """Deadlines that passed without a scan."""
         self._last_offset_s: float | None = None
 
-    def add(self, scan: int, lateness_s: float, run_time_s: float) -> bool:
-        """Count one scan; True when it was an overrun."""
+    def add(self, scan: int, lateness_s: float, run_time_s: float, skipped: int = 0) -> bool:
+        """Count one scan, which began `skipped` deadlines later than it should; True when it was an overrun."""
         period_s = self.period_s
         self.lateness.add(scan, lateness_s)
         self.run_time.add(scan, run_time_s)
+        offset_s = 0.0 if skipped else lateness_s  # after a skipped one it began on time
         if self._last_offset_s is not None:
-            self.period.add(scan, period_s + lateness_s - self._last_offset_s)
-        missed = int(lateness_s / period_s)
-        self.skipped += missed
-        self._last_offset_s = lateness_s - missed * period_s
+            self.period.add(scan, (skipped + 1) * period_s + offset_s - self._last_offset_s)
+        self.skipped += skipped
+        self._last_offset_s = offset_s
         overrun = lateness_s + run_time_s > period_s
         self.overruns += overrun
         return overrun

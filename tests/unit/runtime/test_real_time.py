@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from gantryctl.errors import UsageError
@@ -54,7 +55,7 @@ def test_deadlines_are_absolute() -> None:
     clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
     started = []
     for scan in range(100):
-        assert clock.wait_for(scan) == pytest.approx(0.0, abs=1e-9)
+        assert clock.wait_for(scan) == (scan, pytest.approx(0.0, abs=1e-9))
         started.append(time.now_s)
         time.work(0.004)
     assert started == pytest.approx([5_000.0 + k * PERIOD_S for k in range(100)], abs=1e-9)
@@ -64,27 +65,41 @@ def test_a_late_scan_does_not_shift_the_next_deadline() -> None:
     time = FakeTime()
     clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
     clock.wait_for(0)
-    time.work(0.013)
-    assert clock.wait_for(1) == pytest.approx(0.003)
-    assert clock.wait_for(2) == pytest.approx(0.0, abs=1e-9)
+    time.work(0.012)
+    assert clock.wait_for(1) == (1, pytest.approx(0.002))
+    assert time.now_s == pytest.approx(5_000.012)  # less than a quarter of a period: at once
+    assert clock.wait_for(2) == (2, pytest.approx(0.0, abs=1e-9))
     assert time.now_s == pytest.approx(5_000.020)
 
 
-def test_missed_deadlines_are_skipped_and_never_caught_up() -> None:
+@pytest.mark.parametrize(
+    ("work_s", "next_deadline"), [(0.013, 2), (0.019, 2), (0.022, 3), (0.047, 5), (2.003, 201)]
+)
+def test_missed_deadlines_are_skipped_and_the_next_one_is_on_time(work_s: float, next_deadline: int) -> None:
     time = FakeTime()
     clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
     clock.wait_for(0)
-    time.work(0.047)
-    assert clock.wait_for(1) == pytest.approx(0.037)
-    assert clock.wait_for(2) == pytest.approx(0.0, abs=1e-9)
-    assert time.now_s == pytest.approx(5_000.050)  # on the old grid, three deadlines left out
+    time.work(work_s)
+    assert clock.wait_for(1) == (next_deadline, pytest.approx(work_s - PERIOD_S))
+    assert time.now_s == pytest.approx(5_000.0 + next_deadline * PERIOD_S)  # on the old grid
+    assert clock.wait_for(next_deadline + 1) == (next_deadline + 1, pytest.approx(0.0, abs=1e-9))
+    assert time.now_s == pytest.approx(5_000.0 + (next_deadline + 1) * PERIOD_S)
+
+
+def test_a_clock_that_wakes_late_again_skips_again() -> None:
+    time = FakeTime()
+    too_long = iter([0.033, 0.022, 0.0])
+    clock = RealClock(PERIOD_S, now=time.now, sleep=lambda seconds: time.sleep(seconds + next(too_long)))
+    clock.wait_for(0)
+    assert clock.wait_for(1) == (8, pytest.approx(0.033))
+    assert time.now_s == pytest.approx(5_000.080)
 
 
 def test_elapsed_counts_from_the_real_start_of_the_scan() -> None:
     time = FakeTime()
     clock = RealClock(PERIOD_S, now=time.now, sleep=time.sleep)
     clock.wait_for(0)
-    time.work(0.013)
+    time.work(0.012)
     clock.wait_for(1)
     time.work(0.002)
     assert clock.elapsed_s() == pytest.approx(0.002)
@@ -94,7 +109,7 @@ def test_a_sleep_that_ends_early_is_continued() -> None:
     time = FakeTime()
     clock = RealClock(PERIOD_S, now=time.now, sleep=lambda seconds: time.sleep(max(seconds / 2, 1e-6)))
     clock.wait_for(0)
-    assert clock.wait_for(1) >= 0.0
+    assert clock.wait_for(1).late_s >= 0.0
     assert time.now_s == pytest.approx(5_000.010, abs=2e-6)
 
 
@@ -104,8 +119,8 @@ def test_start_forgives_an_intended_pause() -> None:
     clock.wait_for(0)
     time.work(60.0)
     clock.start()
-    assert clock.wait_for(1) == 0.0
-    assert clock.wait_for(2) == pytest.approx(0.0, abs=1e-9)
+    assert clock.wait_for(1) == (1, 0.0)
+    assert clock.wait_for(2) == (2, pytest.approx(0.0, abs=1e-9))
 
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.nan])
@@ -116,8 +131,8 @@ def test_a_clock_wants_a_period(period_s: float) -> None:
 
 def test_the_real_sleep_and_time_are_used_by_default() -> None:
     clock = RealClock(1e-4)
-    assert clock.wait_for(0) == 0.0
-    assert clock.wait_for(3) >= 0.0
+    assert clock.wait_for(0) == (0, 0.0)
+    assert clock.wait_for(3).deadline >= 3
 
 
 # --- the engine on it ------------------------------------------------------------------------------
@@ -132,6 +147,20 @@ def test_real_time_makes_the_same_trace_as_virtual_time(going_on: Bench) -> None
     assert going_on.recorder.trace().hash() == recorder.trace().hash()
 
 
+def test_scans_missed_on_an_axis_that_goes_on_are_left_out(strict: Bench) -> None:
+    """Numbers, times and rows go on with the time: whoever counts in scans or in seconds has lost nothing."""
+    strict.work(20, 0.023)
+    strict.engine.run_for(0.5)
+    images = strict.program.images
+    assert [image.scan for image in images[19:24]] == [19, 20, 23, 24, 25]
+    assert all(image.time_s == image.scan * PERIOD_S for image in images)
+    assert np.array_equal(strict.recorder.trace()["time_s"], [image.time_s for image in images])
+    assert strict.time.now_s == pytest.approx(5_000.0 + 0.49)  # as long as it was asked to run
+    assert strict.engine.scan == 50
+    assert strict.engine.overrun_stop is None
+    assert strict.engine.statistics.skipped == 2
+
+
 def test_a_stall_is_counted_and_the_program_goes_on_under_continue(going_on: Bench) -> None:
     going_on.work(20, 2.003)
     going_on.engine.run_for(1.0)
@@ -139,7 +168,7 @@ def test_a_stall_is_counted_and_the_program_goes_on_under_continue(going_on: Ben
     assert going_on.engine.overrun_stop is None
     assert going_on.drive.outputs[-1].request is DriveRequest.ENABLE
     assert statistics.overruns == 2  # the scan that stalled and the one that woke late
-    assert statistics.skipped == 199
+    assert statistics.skipped == 200
     assert statistics.lateness.worst_s == pytest.approx(1.993)
     assert statistics.lateness.worst_scan == 21
 
@@ -157,10 +186,11 @@ def test_a_scan_too_late_gets_a_quick_stop_in_place_of_the_old_command(strict: B
     assert strict.drive.outputs[20].request is DriveRequest.ENABLE
     strict.engine.step()
     assert strict.drive.outputs[21] == (DriveRequest.QUICK_STOP, 0.0, 0.0, True)
+    assert strict.program.images[21].scan == 25
     assert strict.program.images[21].operator.quick_stop
     alarm = strict.engine.overrun_stop
     assert alarm is not None
-    assert alarm.startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms) at t = 0.210 s")
+    assert alarm.startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms) at t = 0.250 s")
 
 
 def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:
@@ -171,12 +201,12 @@ def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:
     requests = [output.request for output in strict.drive.outputs]
     assert set(requests[:21]) == {DriveRequest.ENABLE}
     assert set(requests[21:]) == {DriveRequest.QUICK_STOP}  # for as long as the program wants to move
-    assert len(requests) == 100
+    assert len(requests) == 22  # the second it was to run was over before it woke
 
 
 def test_the_programs_own_stop_is_not_disturbed(strict: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     strict.work(20, 2.0)
-    strict.engine.run_for(0.5)
+    strict.engine.run_for(2.5)
     monkeypatch.setattr(strict.program, "scan", lambda image: OutputImage())
     strict.engine.step()
     assert strict.drive.outputs[-1] == OutputImage()

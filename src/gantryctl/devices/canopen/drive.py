@@ -77,12 +77,13 @@ class CanopenDrive:
         self.node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
         self.silent_process_data = self.silent_heartbeat = False
         self.scan = 0
+        self._heartbeat_due = 0
         self._brake = BrakeWork(settings)
         self._controlword = DISABLE_VOLTAGE
         self.commanded = self._due = self._closed = False
         self._flags = LinkFlag.NONE
         self._followed = False
-        self._enabling = self._gap = 0
+        self._enabling = 0
         self._synced_s = 0.0
 
     # --- before the first scan ---------------------------------------------------------------------------------
@@ -180,26 +181,27 @@ class CanopenDrive:
         """SYNC out, process data in."""
         self._due = False
         node, process = self.node, self.process
+        periods = self._periods()
+        node.heartbeat_age += periods
         node.drain()
-        self.scan += 1
+        self.scan += periods
         node.scan = self.scan
-        node.heartbeat_age += 1
-        if self.commanded and not self.silent_heartbeat and self.scan % self.settings.heartbeat_scans == 0:
+        if self.commanded and not self.silent_heartbeat and self.scan >= self._heartbeat_due:
             node.heartbeat()
+            self._heartbeat_due = self.scan + self.settings.heartbeat_scans
         if self.silent_process_data:
             node.listen_for(self.settings.period_s)
             return
-        self._note_gap()
-        process.begin()
+        process.begin(periods)
         node.sync()
         process.collect(answer_s)
 
-    def _note_gap(self) -> None:
-        """SYNC periods that were skipped before this one: so long nobody has looked at the axis."""
-        now = self.link.now_s()
-        late = 0 if self.link.stepped or not self.commanded else now - self._synced_s
-        self._gap = max(0, round(late / self.settings.period_s) - 1)
-        self._synced_s = now
+    def _periods(self) -> int:
+        """SYNC periods since the last SYNC: ages and time-outs count those that were missed too."""
+        before, self._synced_s = self._synced_s, self.link.now_s()
+        if self.link.stepped or not self.commanded:
+            return 1
+        return max(1, round((self._synced_s - before) / self.settings.period_s))
 
     def _feedback(self) -> DriveFeedback:
         process = self.process
@@ -211,7 +213,7 @@ class CanopenDrive:
         in_fault = state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
         return DriveFeedback(
             state,
-            process.counts,
+            process.position,
             process.vel_rad_s,
             process.torque_nm,
             brake_open,
@@ -220,7 +222,7 @@ class CanopenDrive:
             EncoderFlag.NONE,
             (process.error_code or self.node.emergencies.code) if in_fault else 0,
             bool(status & WARNING),
-            max(process.age, self._gap),
+            process.age,
             inputs,
             link=flags,
         )

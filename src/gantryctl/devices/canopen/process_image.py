@@ -17,6 +17,8 @@ from gantryctl.image import DigitalInputs
 
 _ALL_GOOD: Final = DigitalInputs()
 _TIMES_KEPT: Final = 5000
+_CARRIED_S: Final = 0.030
+"""So long a position whose telegram is missing goes on with its speed; the program stops the axis then (CAN-07)."""
 _BRAKE_CLOSED: Final = 1
 """60FE bit 0: set the brake."""
 
@@ -33,7 +35,7 @@ class ProcessImage:
     Attributes:
         watches: one per TPDO.
         answer_times_s: from SYNC to the last of its answers, of the last scans that had them all.
-        counts: unwrapped position in increments, of the gantry's direction.
+        counts: unwrapped position in increments, of the gantry's direction, as the last telegram had it.
     """
 
     def __init__(
@@ -56,6 +58,7 @@ class ProcessImage:
         self.answer_times_s: deque[float] = deque(maxlen=_TIMES_KEPT)
         self._counts_before: int | None = None
         self._vel_rad_s = 0.0
+        self._span_s = settings.period_s
         self._shown_inputs = _ALL_GOOD
         self._in_time = False
         for number, (pdo, watch) in enumerate(zip(mapping.tpdos, self.watches, strict=True)):
@@ -84,11 +87,12 @@ class ProcessImage:
 
     # --- the cycle ---------------------------------------------------------------------------------------------
 
-    def begin(self) -> None:
-        """SYNC goes out."""
+    def begin(self, periods: int) -> None:
+        """SYNC goes out, so many periods after the one before."""
         self._counts_before = self.counts if self.complete else None
         for watch in self.watches:
-            watch.begin()
+            watch.begin(periods)
+        self._span_s = self.watches[0].age * self._period_s
 
     def collect(self, answer_s: float) -> None:
         """Wait for the answers to SYNC, but not longer than a time; what else comes is taken as well."""
@@ -109,7 +113,7 @@ class ProcessImage:
             watch.end()
         if not self._has_velocity and self._counts_before is not None and not self.watches[0].age:
             step = self.counts - self._counts_before
-            self._vel_rad_s = step / self._period_s * self._units.rad_per_increment
+            self._vel_rad_s = step / self._span_s * self._units.rad_per_increment
 
     def send(self, word: int, vel_rad_s: float, torque_nm: float, brake_released: bool) -> None:
         """The RPDOs."""
@@ -137,6 +141,14 @@ class ProcessImage:
     def age(self) -> int:
         """Of the oldest telegram, in scans."""
         return max(watch.age for watch in self.watches)
+
+    @property
+    def position(self) -> int:
+        """6064 unwrapped, at this scan's SYNC: an old reading would look like a following error."""
+        late_s = min(self.watches[0].age * self._period_s, _CARRIED_S)
+        if late_s == 0.0:
+            return self.counts
+        return self.counts + round(self.vel_rad_s * late_s / self._units.rad_per_increment)
 
     @property
     def statusword(self) -> int:

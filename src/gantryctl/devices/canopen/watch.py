@@ -26,12 +26,12 @@ class TpdoWatch:
         self.received = self.missed = self.late = self.duplicated = self.wrong_length = 0
         self.longest_age = 0
 
-    def begin(self) -> None:
-        """SYNC goes out: whatever was waited for until now is missed."""
+    def begin(self, periods: int = 1) -> None:
+        """SYNC goes out, so many periods after the one before: whatever was waited for until now is missed."""
         if self.waiting:
             self.missed += 1
         self.waiting = True
-        self.age += 1
+        self.age += periods
 
     def take(self, data: bytes, in_time: bool) -> bool:
         """One telegram; True when it is news.
