@@ -54,6 +54,8 @@ class Rig:
         self.operator = OperatorCommand()
         self.spoil: Callable[[DriveFeedback], DriveFeedback] | None = None
         self.scan = 0
+        self.missed: Callable[[int], int] = lambda scan: 0
+        """Scans that are missed behind this one."""
         self.output = OutputImage()
         self.image: InputImage | None = None
         self.rows: list[tuple[float, ...]] = []
@@ -67,15 +69,18 @@ class Rig:
         self.output = self.program.scan(self.image)
         if self.keep_rows:
             self.rows.append(self.program.trace_row())
-        self.drive.write(self.output)
-        self.scan += 1
+        for _ in range(1 + self.missed(self.scan)):  # the drive goes on with what it was told last
+            self.drive.write(self.output)
+            self.scan += 1
 
     def run(self, seconds):
-        for _ in range(math.ceil(seconds / self.period_s - 1e-9)):
+        end = self.scan + math.ceil(seconds / self.period_s - 1e-9)
+        while self.scan < end:
             self.step()
 
     def until(self, condition, timeout_s=60.0):
-        for _ in range(math.ceil(timeout_s / self.period_s)):
+        end = self.scan + math.ceil(timeout_s / self.period_s)
+        while self.scan < end:
             if condition():
                 return
             self.step()
