@@ -141,8 +141,7 @@ def kill_drive(folder: Path) -> dict[str, object]:
 
 
 def stall(folder: Path, *stalls_ms: str) -> dict[str, object]:
-    """The controller held by SIGSTOP for a time during `move 90` at 250 Hz: two seconds into the cruise, and while it
-    speeds up for a second stall."""
+    """The controller held by SIGSTOP for a time while it speeds up and in the cruise of `move 90`, at 250 Hz."""
     found: dict[str, object] = {}
     bus = Bus(folder, 4.0)
     for number, stall_ms in enumerate(stalls_ms):

@@ -171,6 +171,47 @@ def test_missing_and_doubled_telegrams_are_counted_and_bridged() -> None:
     bench.drive.close()
 
 
+def test_a_missing_position_goes_on_with_its_speed_but_not_for_long() -> None:
+    bench = Bench().open().enable()
+    bench.ramp_to(6.0)
+    per_deg = bench.drive.identity().counts_per_turn * bench.ratio / 360.0
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=20)
+    begun = bench.drive.read().pos_act_counts
+    way = [(bench.scan(ENABLE, 6.0).pos_act_counts - begun) / per_deg for _ in range(10)]
+    # The speed of this moment is steady to some hundredths of a deg/s: over 28 ms a thousandth of a degree.
+    assert way[:7] == pytest.approx([6.0 * SYNC_S * k for k in range(1, 8)], abs=0.002)
+    assert way[7:] == pytest.approx([6.0 * 0.030] * 3, abs=0.002)
+    bench.drive.close()
+
+
+def test_ages_and_heartbeats_count_the_periods_that_were_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a gap our heartbeat is due at once; the drive's is lost by the clock, not by the number of scans."""
+    bench = Bench().open().enable()
+    now_s = [bench.link.now_s()]
+    bench.link.stepped = False
+    monkeypatch.setattr(bench.link, "now_s", lambda: now_s[0])
+    sent: list[int] = []
+    send = bench.link.send
+    monkeypatch.setattr(bench.link, "send", lambda can_id, data: (sent.append(can_id), send(can_id, data)))
+
+    def scan(periods: int) -> int:
+        now_s[0] += periods * SYNC_S
+        return bench.scan().age_scans
+
+    assert [scan(1), scan(4), scan(1)] == [0, 0, 0]
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=2)
+    assert [scan(1), scan(4), scan(1)] == [1, 5, 0]
+    sent.clear()
+    scan(13)
+    assert 0x700 + bench.drive.settings.master_node in sent
+    for _ in range(13):  # its heartbeat comes every 12
+        scan(1)
+    bench.inject("silence")
+    assert [scan(20), bench.scan().link] == [20, LinkFlag.NONE]
+    assert scan(20) == 41
+    assert bench.scan().link & LinkFlag.HEARTBEAT_LOST  # 150 ms
+
+
 def test_a_telegram_of_the_wrong_length_is_never_decoded() -> None:
     bench = Bench().open().enable()
     before = bench.drive.read().pos_act_counts
