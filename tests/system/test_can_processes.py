@@ -34,8 +34,9 @@ def namespace() -> None:
         pytest.skip(f"no network namespace: {found.stderr.strip()}")
 
 
-def scenario(name: str, folder: Path) -> dict[str, Any]:
-    command = [*PRIVATE, sys.executable, str(Path(__file__).with_name("can_processes.py")), name, str(folder)]
+def scenario(name: str, folder: Path, *values: str) -> dict[str, Any]:
+    script = str(Path(__file__).with_name("can_processes.py"))
+    command = [*PRIVATE, sys.executable, script, name, str(folder), *values]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=110)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads(done.stdout)
@@ -73,6 +74,22 @@ def test_a_killed_drive_is_an_alarm_within_three_syncs(
     assert found["out"]["exit_code"] == 4
     assert "CAN-07" in found["err"]
     assert "30 ms old" in found["err"]  # three SYNC periods of 10 ms
+
+
+def test_a_stall_of_the_controller_leaves_no_following_error(
+    tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
+) -> None:
+    """F1, F2 at 250 Hz: up to 30 ms the axis goes on, later is a quick stop. 9 ms at 6 deg/s are 0.054 deg."""
+    found = scenario("stall", tmp_path, "0", "9", "20", "40")
+    evidence("can_stall", found)
+    for stall_ms in ("9", "20"):
+        run = found[stall_ms]
+        assert run["result"] == "done", run
+        assert run["most_periods"] * 4.0 >= float(stall_ms) - 4.0
+        assert run["following_error_deg"] < 0.03
+        assert run["torque_nm"] < 0.9 * 385.0  # object 6072: a step of the speed command goes to the limit
+    assert "SYS-02" in found["40"]["err"]
+    assert found["40"]["most_periods"] * 4.0 > 30.0
 
 
 def test_the_conformance_suite_between_two_processes() -> None:

@@ -11,8 +11,9 @@ from gantryctl.errors import UsageError
 from gantryctl.ports import ScanStart
 
 _LATE_PERIODS: Final = 0.25
-"""A scan later than this part of its period is left out. At speed a late reading looks like a following error, speed
-times lateness; a scan that is missing costs next to nothing."""
+_LATE_LEAST_S: Final = 0.001
+"""A scan later than this part of its period, and than this time, is left out. At speed a late reading looks like a
+following error, speed times lateness; a scan that is missing costs next to nothing."""
 
 
 class VirtualClock:
@@ -33,8 +34,8 @@ class VirtualClock:
 class RealClock:
     """Deadline k is at `base + k x period` of the monotonic clock: a late scan does not shift the next.
 
-    A deadline that was missed by more than a quarter of a period is skipped, and so are all others until the next
-    that can be met: never a burst, and every scan is near its own time.
+    A deadline that was missed by more than a quarter of a period (and 1 ms) is skipped, and so are all others until
+    the next that can be met: never a burst, and every scan is near its own time.
 
     Args:
         period_s: scan period, s.
@@ -66,10 +67,10 @@ class RealClock:
             self._base_s = self._scan_start_s - deadline * self.period_s
             return ScanStart(deadline, 0.0)
         late_s = self._sleep_until(deadline)
-        late_now_s = late_s
-        while late_now_s > _LATE_PERIODS * self.period_s:
-            deadline += math.ceil(late_now_s / self.period_s)
-            late_now_s = self._sleep_until(deadline)
+        if late_s > max(_LATE_PERIODS * self.period_s, _LATE_LEAST_S):
+            deadline += math.ceil(late_s / self.period_s)
+            late_again_s = self._sleep_until(deadline)
+            deadline += int(late_again_s / self.period_s)  # without waiting once more
         return ScanStart(deadline, late_s)
 
     def _sleep_until(self, deadline: int) -> float:
