@@ -69,7 +69,9 @@ def show(file: Path, as_json: bool) -> None:
     if not recording.complete:
         click.echo("not closed: the run was killed or still goes on; every row shown is whole")
     for before_s, after_s in recording.gaps():
-        click.echo(f"rows are missing between {before_s:.3f} s and {after_s:.3f} s: they found no place")
+        click.echo(
+            f"rows are missing between {before_s:.3f} s and {after_s:.3f} s: scans missed, or no place for them"
+        )
     for key, value in recording.metadata.items():
         click.echo(f"  {key}: {value}")
     shown = recording.in_degrees()

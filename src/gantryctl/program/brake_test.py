@@ -168,17 +168,18 @@ class BrakeTestLaw:
         self.phase = BrakeTestPhase.IDLE
         self.on_brake_nm = 0.0
 
-    def scan(self, torque_nm: float, pos_rad: float) -> float:
+    def scan(self, torque_nm: float, pos_rad: float, periods: int = 1) -> float:
         """One scan: the motor torque to ask for, N m.
 
         Args:
             torque_nm: what the motor gives. pos_rad: angle of the gantry.
+            periods: scan periods since the scan before.
         """
         if self._start_rad is None:
             self._start_rad = pos_rad
         given = torque_nm - self._preload_nm
         moved = abs(pos_rad - self._start_rad)
-        self._count += 1
+        self._count += periods
         self.moved_rad = max(self.moved_rad, moved)
         if self.phase in _RISING or self.phase in _HELD:
             self._watch(given, moved)

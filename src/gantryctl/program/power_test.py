@@ -52,7 +52,7 @@ class BrakeTesting(WayDown):
         law, feedback = self.brake_test, self._feedback
         if feedback.brake_open:
             law.end(BrakeTestOutcome.FAILED, "the brake's contact says that it is open")
-        self.torque_ff_nm = self._limited(law.scan(feedback.torque_nm, pos_rad))
+        self.torque_ff_nm = self._limited(law.scan(feedback.torque_nm, pos_rad, feedback.periods))
         if not law.running:
             self._preload_nm = self.torque_ff_nm
             self._unload()
