@@ -104,6 +104,18 @@ def after_a_stop(page: Page, watcher: Watcher, album: Album) -> None:
     page.get_by_role("button", name="English").click()
 
 
+def brake_test(page: Page, watcher: Watcher, album: Album) -> None:
+    """The test under way, in the second direction; it ends before this returns."""
+    page.get_by_role("button", name="Reset", exact=True).click()
+    watcher.until(lambda tags: tags["alarm_count"] == 0)
+    show(page, "operation")
+    page.get_by_role("button", name="1 · Arm test").click()
+    page.get_by_role("button", name="2 · Execute test").click()
+    watcher.until(lambda tags: tags["brake_test_phase"] == "minus_held")
+    album.take(page, "brake_test")
+    watcher.until(lambda tags: tags["brake_test_result"] == "passed" and tags["power_phase"] == "off")
+
+
 def main() -> int:
     """Start everything, take the pictures, stop everything."""
     album = Album(Path(sys.argv[1]))
@@ -122,7 +134,7 @@ def main() -> int:
                 )
                 in_motion(page, watcher, album)
                 after_a_stop(page, watcher, album)
-                show(page, "operation")
+                brake_test(page, watcher, album)
                 proxy.freeze()
                 page.locator("[data-stale=true]").wait_for()
                 album.take(page, "stale")

@@ -20,7 +20,7 @@ export const zh: Record<Key, string> = {
   nobody: '无人',
   you: '您',
   console: '本地控制台',
-  open: '打开',
+  open: '松开',
   closed: '抱紧',
   done: '已完成。',
   refused: '被拒绝',
