@@ -14,7 +14,7 @@ from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
 from gantryctl.operation.virtual import keep_machine, open_machine
-from gantryctl.runtime import RealClock, VirtualClock, keeps_time
+from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
 from gantryctl.wiring import in_virtual_time, total_ratio
 
@@ -29,9 +29,13 @@ class Hand:
     Args:
         drive: open.
         leash_deg: further than this from where it stood the axis is switched off.
+
+    Attributes:
+        retained: the controller's memory; kept at the end, with what a step has put into it.
     """
 
-    def __init__(self, machine: Machine, drive: CanopenDrive, leash_deg: float) -> None:
+    def __init__(self, machine: Machine, drive: CanopenDrive, leash_deg: float, retained: Retained) -> None:
+        self.retained = retained
         self.drive, self.period_s = drive, drive.settings.period_s
         self.ratio = total_ratio(machine)
         self._leash_deg = leash_deg
@@ -157,11 +161,13 @@ def by_hand(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[H
     opened = open_machine(machine, store)
     drive = opened.drive
     assert isinstance(drive, CanopenDrive)
+    retained = opened.retained
+    hand: Hand | None = None
     try:
         if drive.refusals:
             lines = "\n  ".join(drive.refusals)
             raise CommandRefused(f"the drive's parameters forbid enabling it:\n  {lines}")
-        hand = Hand(machine, drive, leash_deg)
+        hand = Hand(machine, drive, leash_deg, retained)
         if in_virtual_time(machine):
             yield hand
         else:
@@ -171,4 +177,9 @@ def by_hand(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[H
         drive.close()
         identity = drive.identity()
         counts = int(drive.read().pos_act_counts) % (identity.counts_per_turn * identity.turns)
-        keep_machine(machine, store, drive, replace(opened.retained, rest_position_counts=counts))
+        keep_machine(
+            machine,
+            store,
+            drive,
+            replace(hand.retained if hand is not None else retained, rest_position_counts=counts),
+        )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from datetime import UTC, datetime
 from typing import Final
 
 import numpy as np
@@ -12,7 +13,10 @@ from gantryctl.commissioning.hand import Hand, by_hand
 from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
-from gantryctl.units import DEG_S_PER_R_MIN
+from gantryctl.operation.brake import after_test
+from gantryctl.program import BrakeTestLaw, BrakeTestOutcome, BrakeTestResult
+from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
+from gantryctl.wiring import untestable
 
 _STAND_DEG: Final = 0.1
 _SAG_DEG: Final = 0.05
@@ -66,25 +70,41 @@ def reset(hand: Hand) -> None:
 
 
 def brake(c: Context) -> StepResult:
-    """Proof torque both ways against the closed brake, where the controller can keep it closed."""
-    if c.machine.brake.owner != "object_60FE":
-        proof = "the drive works the brake and opens it whenever it is enabled: not testable here"
-        return StepResult("brake", Outcome.NOT_TESTABLE, proof, to_do="use the drive's own brake test")
-    torque = c.machine.brake.proof_torque_nm
+    """The brake test of operation, where the controller can keep the brake closed. It is the machine's first one."""
+    reason = untestable(c.machine)
+    if reason:
+        return StepResult("brake", Outcome.NOT_TESTABLE, reason, to_do="use the drive's own brake test")
     with by_hand(c.machine, c.store, _STAND_DEG) as hand:
-        hand.enable(brake=False)
-        given, farthest = [], 0.0
-        for wanted in (torque, -torque):
-            seen = hand.run(0.5, torque_nm=wanted, brake=False)
-            given.append(seen[-1].torque_act_nm)
-            farthest = max(farthest, abs(hand.angle_deg))
-        hand.run(0.3, torque_nm=0.0, brake=False)
-        hand.run(0.2, DriveRequest.DISABLE, brake=False)
-    ok = given[0] > 0.8 * torque and given[1] < -0.8 * torque and farthest <= c.machine.brake.sag_max_deg
-    proof = f"{given[0]:+.1f} and {given[1]:+.1f} N m against the closed brake, moved {farthest:.4f} deg"
-    return judged(
-        ok, "brake", proof, "brake or torque scaling; call service", torque_nm=torque, moved_deg=farthest
-    )
+        if not hand.drive.torque_preload:
+            return StepResult(
+                "brake", Outcome.NOT_TESTABLE, untestable(c.machine, torque_preload=False),
+                to_do="use the drive's own brake test",
+            )  # fmt: skip
+        result = _test_brake(c, hand)
+        hand.retained = after_test(hand.retained, result, hand.retained.power_ups, datetime.now(UTC))
+    figures = {
+        "torque_nm": c.machine.brake.test_torque_nm, "moved_deg": deg(result.moved_rad),
+        "plus_nm": result.plus_nm, "minus_nm": result.minus_nm,
+    }  # fmt: skip
+    figures = {key: value for key, value in figures.items() if math.isfinite(value)}
+    ok = result.outcome is BrakeTestOutcome.PASSED
+    return judged(ok, "brake", result.text, "brake or torque scaling; call service", **figures)
+
+
+def _test_brake(c: Context, hand: Hand) -> BrakeTestResult:
+    """Enabled behind the closed brake, tested, torque taken off, disabled."""
+    m = c.machine
+    law = BrakeTestLaw(m.brake.test_torque_nm, rad(m.brake.sag_max_deg), m.motor.torque_max_nm, hand.period_s)
+    hand.enable(brake=False)
+    law.prepare(hand.retained.holding_torque_nm or 0.0)
+    law.begin()
+    seen, torque = hand.feedback, 0.0
+    while law.running:
+        torque = law.scan(seen.torque_act_nm, rad(hand.angle_deg))
+        seen = hand.scan(DriveRequest.ENABLE, torque_nm=torque, brake=False)
+    hand.run(0.3, torque_nm=torque - seen.torque_act_nm, brake=False)
+    hand.run(0.2, DriveRequest.DISABLE, brake=False)
+    return law.result
 
 
 def sign(c: Context) -> StepResult:

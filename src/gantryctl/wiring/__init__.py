@@ -25,7 +25,7 @@ from gantryctl.wiring.plant import (
     ramps_deg,
     total_ratio,
 )
-from gantryctl.wiring.settings import axis_settings
+from gantryctl.wiring.settings import axis_settings, untestable
 
 __all__ = [
     "SIMULATED",
@@ -57,5 +57,6 @@ __all__ = [
     "ramps_deg",
     "sim_drive",
     "total_ratio",
+    "untestable",
     "virtual_node",
 ]

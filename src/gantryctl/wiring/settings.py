@@ -89,7 +89,7 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
     )
 
 
-def untestable(machine: Machine, torque_preload: bool) -> str:
+def untestable(machine: Machine, torque_preload: bool = True) -> str:
     """Why the controller cannot test the brake, or nothing: it must keep it closed while the drive gives torque.
 
     The simulated drive of this process always does what the brake command says, whoever owns the brake.
@@ -102,7 +102,7 @@ def untestable(machine: Machine, torque_preload: bool) -> str:
             "enabled; use the drive's own brake test"
         )
     if not torque_preload:
-        return "the drive takes no torque beside the speed (object 60B2); use the drive's own brake test"
+        return "the drive takes no torque beside the speed (60B2, 6077); use the drive's own brake test"
     return ""
 
 

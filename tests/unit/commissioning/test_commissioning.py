@@ -10,7 +10,7 @@ import pytest
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
-from gantryctl.operation import StateStore
+from gantryctl.operation import AxisSession, StateStore
 from gantryctl.operation.commissioned import check_record, load_record, record_path
 from gantryctl.wiring import can as can_wiring
 
@@ -64,6 +64,33 @@ def test_a_sound_drive_passes_every_quick_step(tmp_path: Path) -> None:
 def test_the_brake_is_proven_where_the_controller_keeps_it_closed(tmp_path: Path) -> None:
     work, store = commissioning(tmp_path, with_values(MACHINE, {"brake.owner": "object_60FE"}))
     assert do(work, "brake") == {"brake": Outcome.PASSED}
+    kept = store.load_retained()
+    assert kept is not None
+    assert (kept.brake_tests, kept.brake_failed) == (1, "")
+    assert kept.brake_tested_at
+    store.__exit__(None, None, None)
+
+
+def test_a_weak_brake_fails_and_holds_the_machine(tmp_path: Path, quirky) -> None:
+    """40 N m of friction instead of 400; 65 are asked for."""
+    quirky(spoil=lambda node: node.motor.change_plant("brake_torque", 40.0))
+    machine = with_values(MACHINE, {"brake.owner": "object_60FE", "can.commissioning_required": False})
+    work, store = commissioning(tmp_path, machine)
+    result = work.do(work.left("brake")[0])
+    assert result is not None
+    assert result.outcome is Outcome.FAILED
+    with pytest.raises(CommandRefused, match="BRK-08"):
+        AxisSession(machine, store)
+    store.__exit__(None, None, None)
+
+
+def test_a_drive_without_a_torque_preload_cannot_be_tested_here(tmp_path: Path, quirky) -> None:
+    quirky("sparse")
+    work, store = commissioning(tmp_path, with_values(MACHINE, {"brake.owner": "object_60FE"}))
+    result = work.do(work.left("brake")[0])
+    assert result is not None
+    assert result.outcome is Outcome.NOT_TESTABLE
+    assert "60B2" in result.proof
     store.__exit__(None, None, None)
 
 

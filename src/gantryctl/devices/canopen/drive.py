@@ -141,8 +141,8 @@ class CanopenDrive:
 
     @property
     def torque_preload(self) -> bool:
-        """60B2 is mapped."""
-        return self.process.torque_offset
+        """60B2 is mapped, and 6077: what cannot be read proves nothing."""
+        return self.process.torque_offset and self.process.torque_known
 
     def identity(self) -> DriveIdentity:
         """Name, serial number and resolution."""

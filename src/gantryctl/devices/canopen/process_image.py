@@ -51,6 +51,7 @@ class ProcessImage:
         self._unwrap = Unwrap(settings.increments_per_turn * turns)
         mapped = mapping.signals
         self.torque_offset = m.TORQUE_OFFSET in mapped
+        self.torque_known = m.TORQUE in mapped
         self._has_inputs = m.INPUTS in mapped
         self._has_velocity = m.VELOCITY in mapped
         self._raw: dict[Signal, int] = {}

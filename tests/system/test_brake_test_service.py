@@ -1,0 +1,112 @@
+"""The brake test of the service with real processes: two steps, one person or two, and what ends it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gantryctl.service.journal import read_journal
+from service_process import Page, Service, add_users
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    root = tmp_path_factory.mktemp("brake")
+    add_users(root)
+    with Service(root) as made:
+        yield made
+
+
+def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "gantryctl", *arguments],
+        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+def begin(page: Page) -> None:
+    page.do("take", over=False)
+    page.do("arm", action="brake_test")
+    page.until(lambda tags: tags["armed_action"] == "brake_test" and tags["armed_left_s"] > 0.0)
+    assert page.tags["armed_by"] == "physicist"
+    page.do("brake_test")
+
+
+def test_a_physicist_tests_the_brake_at_the_page(service: Service) -> None:
+    with service.page("physicist") as page:
+        assert page.look()["brake_test_available"]
+        assert page.refused("brake_test") == "SEC-07"
+        begin(page)
+        tags = page.until(lambda tags: tags["brake_test_phase"] == "plus_held")
+        assert tags["power_phase"] == "testing"
+        assert not tags["brake_open_cmd"]
+        page.until(lambda tags: tags["brake_test_phase"] == "idle" and tags["brake_test_result"] == "passed")
+        # 95 % of the level are asked for.
+        assert page.tags["brake_test_plus_nm"] == pytest.approx(page.tags["brake_test_level_nm"], rel=0.05)
+        assert page.tags["brake_tested_at"]
+        assert not page.tags["brake_test_overdue"]
+        page.until(lambda tags: tags["journal_committed"] == tags["journal_sequence"])
+    rows = [row.values for row in read_journal(service.directory)]
+    assert [row["text"] for row in rows if row["user"] == "physicist" and row["kind"] == "command"][-2:] == [
+        "arm brake_test: done", "brake_test: done",
+    ]  # fmt: skip
+    assert any(row["kind"] == "brake_test" and "passed" in row["text"] for row in rows)
+
+
+@pytest.mark.parametrize("how", ["stop", "closed", "gateway"])
+def test_it_ends_when_somebody_stops_it_or_its_page_is_gone(service: Service, how: str) -> None:
+    with service.page("physicist") as page:
+        begin(page)
+        page.until(lambda tags: tags["brake_test_phase"] == "plus_held")
+        if how == "stop":
+            with service.page("viewer") as other:
+                other.do("stop")
+        elif how == "gateway":
+            os.kill(service.child("gateway"), signal.SIGKILL)
+    shown: dict[str, object] = {"brake_test_phase": ""}
+    while shown["brake_test_phase"] != "idle":
+        shown = json.loads(command(service, "status", "--service", "--json").stdout)
+    assert shown["brake_test_result"] == "aborted"
+    assert shown["power_phase"] == "off"
+    assert not shown["brake_open"]
+
+
+def test_the_command_line_tests_resets_and_shows_what_the_service_knows(service: Service) -> None:
+    done = command(service, "brake-test", "--service", "--yes", "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["result"] == "passed"
+    assert json.loads(command(service, "retain", "show", "--service", "--json").stdout)["brake_tests"] >= 1
+    with service.page("viewer") as page:
+        page.do("quick_stop")  # with power off it stops nothing
+    assert command(service, "attach").returncode == 0
+    assert command(service, "reset").stdout == "nothing to reset\n"
+    assert json.loads(command(service, "alarms", "--json").stdout) == []
+    assert command(service, "detach").returncode == 0
+
+
+def test_two_people(tmp_path: Path) -> None:
+    add_users(tmp_path)
+    with (
+        Service(tmp_path, "--second-person") as service,
+        service.page("service") as second,
+        service.page("physicist") as first,
+    ):
+        assert second.look()["second_person"]
+        second.do("take", over=False)
+        second.do("arm", action="brake_test")
+        assert second.refused("brake_test") == "SEC-10"
+        first.until(lambda tags: tags["authority_user"] == "service")  # it sees the new epoch
+        first.do("arm", action="brake_test")
+        assert first.refused("brake_test") == "SEC-07"
+        second.do("brake_test")
+        second.until(lambda tags: tags["brake_test_result"] == "passed")
