@@ -588,7 +588,7 @@ export const PHRASES: Record<string, string> = {
   "the way there would pass {angle:g} deg, outside the travel; stop first": "途中将经过行程之外的 {angle}°；请先停止",
   "not testable here: {why}": "不能在此测试：{why}",
   "[brake] owner = \"{owner}\": the drive works the brake itself and opens it whenever it is enabled; use the drive's own brake test": "[brake] owner = {owner}：制动器由驱动器控制，使能时即松开；请使用驱动器自身的制动器测试",
-  "the drive takes no torque beside the speed (object 60B2); use the drive's own brake test": "驱动器除速度外不接受转矩（对象 60B2）；请使用驱动器自身的制动器测试",
+  "the drive takes no torque beside the speed (60B2, 6077); use the drive's own brake test": "驱动器除速度外不接受转矩（60B2、6077）；请使用驱动器自身的制动器测试",
   "passed: {text}": "通过：{text}",
   "failed: {text}": "未通过：{text}",
   "aborted: {text}": "中止：{text}",

@@ -232,7 +232,7 @@ def remote_status(machine: Machine, as_json: bool) -> int:
 @click.command()
 @config_option
 def attach(config_file: Path | None) -> int:
-    """From now on move, jog and status of this machine go to its running service."""
+    """From now on commands for this machine go to its running service, if they can: see --service."""
     machine = machine_of(config_file)
     with ServiceLink(directory_of(machine)) as link:
         running = link.tags["config_hash"]

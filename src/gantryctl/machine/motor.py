@@ -82,7 +82,7 @@ class Brake(Table):
         "Torque the drive must build against the closed brake before it opens.",
     )
     test_torque_nm: float = number(
-        65.0,
+        70.0,
         0.1,
         5000.0,
         "N m",

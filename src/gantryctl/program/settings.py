@@ -153,7 +153,7 @@ class PowerSettings:
     brake_close_time_s: float = 0.150
     brake_feedback_time_s: float = 0.300
     power_up_time_s: float = 2.0
-    test_torque_nm: float = 65.0
+    test_torque_nm: float = 70.0
     """What the closed brake must bear both ways in a brake test, motor side."""
     untestable: str = ""
     """Why the brake cannot be tested by the controller, or nothing."""

@@ -15,19 +15,19 @@ from gantryctl.program import BrakeTestOutcome, BrakeTestResult
 from gantryctl.runtime import Retained
 
 MACHINE = default_machine()
-WEAK = {"plant.brake.torque_share": 0.1}  # 40 N m of 400, and 65 are asked for
+WEAK = {"plant.brake.torque_share": 0.1}  # 40 N m of 400, and 70 are asked for
 NOW = datetime(2026, 11, 20, 12, 0, 0, tzinfo=UTC)
 
 
 def test_a_sound_brake_passes_and_that_is_retained() -> None:
     answer = done("brake-test")
-    assert "hust_gantry: brake test passed: held +65.0 and -65.0 N m for 2 s each" in answer.out
+    assert "hust_gantry: brake test passed: held +70.0 and -70.0 N m for 2 s each" in answer.out
     assert "after 100 more power-ups" in answer.out
     kept = done("retain", "show", "--json").json
     assert (kept["brake_tests"], kept["brake_tests_failed"], kept["brake_failed"]) == (1, 0, "")
     # The drive regulates the torque to 5 % of what is asked for before it counts as held.
-    assert kept["brake_plus_nm"] == pytest.approx(65.0, rel=0.05)
-    assert kept["brake_minus_nm"] == pytest.approx(-65.0, rel=0.05)
+    assert kept["brake_plus_nm"] == pytest.approx(70.0, rel=0.05)
+    assert kept["brake_minus_nm"] == pytest.approx(-70.0, rel=0.05)
     tested = datetime.strptime(kept["brake_tested_at"], TIME_FORMAT).replace(tzinfo=UTC)
     assert abs(datetime.now(UTC) - tested) < timedelta(minutes=5)
 
