@@ -285,6 +285,24 @@ def test_too_many_requests_are_refused_for_their_own_address_and_stop_is_not(ser
         page.do("stop")  # over the connection that is open, from the address that has to wait
 
 
+def ended(service: Service, after: int) -> int:
+    """Connections of the operator that the journal saw end after this event."""
+    rows = read_journal(service.directory, after)
+    return sum((row.values["user"], row.values["text"]) == ("operator", "disconnected") for row in rows)
+
+
+def test_connections_that_never_read_are_ended_and_others_see_everything(service: Service) -> None:
+    with service.page("viewer") as lively:
+        after = read_journal(service.directory, newest=True)[-1].seq
+        stuck = [service.page("operator") for _ in range(8)]  # nobody reads: their buffers fill up
+        frames = [lively.look()["frame"]]
+        lively.until(lambda tags: frames.append(tags["frame"]) or ended(service, after) == len(stuck))  # type: ignore[func-returns-value]
+        missed = frames[-1] - frames[0] - len(frames)
+        assert missed < 0.2 * len(frames)  # of a busy machine, not of a connection that waits for others
+        for page in stuck:
+            page.socket.socket.close()
+
+
 def flood(page: Page) -> None:
     for _ in range(100_000):
         page.socket.send('{"type":"stop","seq":1,"frame":1}')

@@ -194,33 +194,38 @@ def anchor(directory: Path) -> Anchor:
     return Anchor(newest[0].seq, newest[0].hash, newest[0].values["utc"])
 
 
-def verify(directory: Path, anchors: Sequence[Anchor] = ()) -> Verdict:
+def verify(directory: Path, anchors: Sequence[Anchor] = (), newest: int = 0) -> Verdict:
     """Look at every row and its hash, whether the end is there, and whether what was taken out was written down.
 
     Args:
         anchors: events that must be in it as they were. Those from before its first row are not looked for.
+        newest: only so many, for a first look; 0 for all.
 
     Raises:
         DeviceError: there is none.
     """
     try:
         with _reading(directory) as rows:
-            return _verified(rows, {each.seq: each for each in anchors})
+            return _verified(rows, {each.seq: each for each in anchors}, newest)
     except file.Damaged as fault:
         return Verdict(0, str(fault))
 
 
-def _verified(rows: _Rows, anchors: dict[int, Anchor]) -> Verdict:
+def _verified(rows: _Rows, anchors: dict[int, Anchor], newest: int) -> Verdict:
     base, base_hash = next(iter(rows("SELECT seq, hash FROM base", ())), (0, file.START))
-    count, last, found = base, base_hash, 0
     written_down, said = base == 0, json.dumps({"base": base, "hash": base_hash})
+    if newest:
+        before = "SELECT seq, hash FROM events WHERE seq = (SELECT seq FROM head) - ?"
+        base, base_hash = next(iter(rows(before, (newest,))), (base, base_hash))
+        written_down = True
+    count, last, found = base, base_hash, 0
 
     def verdict(wrong: str) -> Verdict:
         return Verdict(count - base, wrong, base + 1, found)
 
     if base in anchors and anchors[base].hash != base_hash:
         return verdict(f"event {base} is another one than on {anchors[base].utc}")
-    for row in rows("SELECT * FROM events ORDER BY seq", ()):
+    for row in rows("SELECT * FROM events WHERE seq > ? ORDER BY seq", (base,)):
         count += 1
         if row[0] != count:
             return verdict(f"row {count} is missing")

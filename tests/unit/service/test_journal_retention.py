@@ -128,6 +128,17 @@ def test_the_anchor_of_the_last_event_taken_out_still_counts(tmp_path: Path) -> 
     assert verify(tmp_path, [Anchor(7, "x", "before")]) == (61, "", 41, 0)  # not there any more: not judged
 
 
+def test_a_first_look_at_the_newest_sees_what_is_wrong_with_them(tmp_path: Path) -> None:
+    filled(tmp_path).close()
+    assert verify(tmp_path, newest=10) == (10, "", 91, 0)
+    assert verify(tmp_path, newest=1000) == (100, "", 1, 0)
+    for row, wrong in ((90, ""), (95, "row 95 was changed, or one before it was taken out or put in")):
+        with sqlite3.connect(tmp_path / FILE) as db:
+            db.execute("UPDATE events SET text = 'changed' WHERE seq = ?", (row,))
+        db.close()
+        assert verify(tmp_path, newest=10).wrong == wrong
+
+
 class Bench:
     """The journal's thread on a disk of which a test says how much is free and how slow it is."""
 
