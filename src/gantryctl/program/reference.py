@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.program.alarm_rows import Definition
+from gantryctl.program.alarm_rows_zh import ALARMS_ZH
 from gantryctl.program.alarm_table import ALARMS
 from gantryctl.program.alarms import describe_reaction
 
@@ -55,6 +56,7 @@ def reference_page() -> str:
 
 def _entry(row: Definition) -> str:
     message = row.message.replace("|", "\\|")
+    words = ALARMS_ZH[row.code]
     return (
         f"## {row.code} {row.title}\n\n"
         f"- Severity: {row.severity.value}\n"
@@ -62,6 +64,7 @@ def _entry(row: Definition) -> str:
         f"- Cause: {row.cause}\n"
         f"- Reaction: {describe_reaction(row)}\n"
         f"- What to do: {row.to_do}\n"
+        f"- 中文：{words.title}。`{words.message}` 原因：{words.cause} 处理方法：{words.to_do}\n"
     )
 
 
