@@ -96,6 +96,8 @@ class DriveFeedback(NamedTuple):
     pos_ring_rad: float = 0.0
     """Second, load-side encoder at the gantry, zeroed at 0 deg; 0 without one, NaN where it gives no reading."""
     link: LinkFlag = LinkFlag.NONE
+    changed: str = ""
+    """A parameter of the drive that is not what it was set to any more: which, want, have."""
 
 
 class DriveIdentity(NamedTuple):

@@ -13,9 +13,10 @@ from gantryctl.accuracy.procedure import chord_procedure, evaluate
 from gantryctl.accuracy.run import run_procedure
 from gantryctl.accuracy.statistics import accuracy_a
 from gantryctl.drive_sim import Requests
-from gantryctl.errors import AlarmStop
+from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore, Stop
+from gantryctl.program import AxisState
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.wiring import SimulatedCanDrive
 
@@ -150,6 +151,32 @@ def test_a_quick_stop_that_is_not_obeyed_takes_the_torque_off() -> None:
     assert abs(moved_deg(run) - asked[0]) < 2.1
     run.session.close("stopped", stopped.value)
     assert not run.node.motor.brake_open
+
+
+def test_a_parameter_changed_behind_our_back_stops_the_axis_and_keeps_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """D9: the axis comes to rest on its ramp with power on, and moves no more before a reset finds the drive right."""
+    monkeypatch.setattr("gantryctl.devices.canopen.read_back.ROUND_S", 0.5)
+    run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)
+    run.session.power_up()
+    run.after(2.0, lambda: run.ask({"cmd": "write", "index": 0x605E, "value": 0}))
+    with pytest.raises(AlarmStop, match=r"^DRV-09 .*605E:00 .*want 2, have 0.*jog-release ramp"):
+        run.session.move(60.0, 3.0)
+    axis = run.session.axis
+    assert moved_deg(run) < 10.0
+    assert axis.state is AxisState.STANDSTILL
+    with pytest.raises(CommandRefused, match="DRV-09"):
+        run.session.move(1.0)
+    assert axis.reset() is None  # accepted, and said again: the cause is still there
+    run.session.engine.run_for(0.1)
+    assert axis.alarms.blocking() is not None
+    run.ask({"cmd": "write", "index": 0x605E, "value": 2})
+    run.session.engine.run_for(1.0)
+    assert axis.reset() is None
+    run.session.engine.run_for(0.1)
+    assert axis.alarms.blocking() is None
+    run.session.close("done")
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
 from gantryctl.ports import Drive
-from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase
+from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase, Reaction
 from gantryctl.runtime import AlarmEntry, Engine, HeldOperator, keeps_time
 from gantryctl.units import deg
 from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, in_virtual_time
@@ -220,6 +220,9 @@ class AxisRun:
         first = self.axis.alarms.first_out
         late = self.engine.overrun_stop
         if first is None and late is None:
+            blocking = self.axis.alarms.blocking()
+            if blocking is not None and blocking.reaction is Reaction.HLT:
+                raise AlarmStop(blocking.text)
             return
         self._follow(self._off, REST_S, watch=False)
         raise AlarmStop(late or (first.text if first is not None else ""))

@@ -52,6 +52,12 @@ BUS: Final = (
         "Read the drive's own display, remove the cause, then reset.",
     ),
     Definition(
+        Code.DRV_09, "Drive parameter changed", _STOP, Reaction.HLT,
+        "A parameter of the drive is not what it was set to: {measured}",
+        "Somebody changed it while the drive was run, by a service tool or at the drive itself.",
+        "Find out who. Switch power off and reset: the drive is set up anew. No motion before.", blocks_motion=True,
+    ),
+    Definition(
         Code.DRV_11, "Drive restarted", _STOP, _TO,
         "The drive has restarted by itself",
         "Its supply failed, or somebody reset it. It has forgotten what the controller told it.",

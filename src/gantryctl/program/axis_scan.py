@@ -177,6 +177,8 @@ class AxisScan:
         """Take the strongest reaction that waits; what it stops ends with the first alarm as its error."""
         reaction, self.alarms.pending = self.alarms.pending, Reaction.W
         first = self.alarms.first_out
+        if reaction is Reaction.HLT and (blocking := self.alarms.blocking()) is not None:
+            self.motion.stop_by(Refusal(blocking.code, blocking.measured))
         if first is None or reaction < Reaction.QUICK_STOP:
             return
         self._error = True

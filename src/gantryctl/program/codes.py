@@ -86,6 +86,7 @@ class Code(StrEnum):
     DRV_04 = "DRV-04"
     DRV_05 = "DRV-05"
     DRV_07 = "DRV-07"
+    DRV_09 = "DRV-09"
     DRV_11 = "DRV-11"
     INT_03 = "INT-03"
     INT_05 = "INT-05"

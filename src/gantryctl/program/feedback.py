@@ -87,10 +87,12 @@ class Feedback:
         """Take this scan's reading; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
-            encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link,
+            encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link, changed,
         ) = drive  # fmt: skip
         if link:
             self._link(link, age)
+        if changed:
+            self._alarms.raise_(Code.DRV_09, measured=changed)
         step = counts - self.counts
         vel = self.vel_rad_s
         allowed = self._jump_base + (vel if vel >= 0.0 else -vel) * self._jump_per_speed

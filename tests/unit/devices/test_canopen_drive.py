@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import can
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gantryctl.drive_sim.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
@@ -220,6 +223,64 @@ def test_a_telegram_of_the_wrong_length_is_never_decoded() -> None:
     assert bench.drive.read().pos_act_counts == pytest.approx(before, abs=50)
     assert bench.drive.counters().wrong_length[0] == 2
     bench.drive.close()
+
+
+def quick_round(monkeypatch: pytest.MonkeyPatch, *quirks: str) -> Bench:
+    """A drive whose parameters are all read again in half a second."""
+    monkeypatch.setattr("gantryctl.devices.canopen.read_back.ROUND_S", 0.5)
+    return Bench(*quirks).open().enable()
+
+
+@pytest.mark.parametrize("quirk", ["plain", "sparse", "odd-1005", "dangerous-defaults"])
+def test_parameters_are_read_again_while_the_axis_moves(monkeypatch: pytest.MonkeyPatch, quirk: str) -> None:
+    bench = quick_round(monkeypatch, quirk)
+    bench.ramp_to(0.6)
+    assert bench.run(1.0, ENABLE, 0.6).changed == ""
+    back = bench.drive.read_back
+    assert back.answered >= 2 * len(bench.drive.opened.kept)
+    assert back.unanswered == 0
+    counters = bench.drive.counters()
+    assert counters.missed == (0, 0)
+    assert counters.strange == 0
+    bench.drive.close()
+
+
+def test_a_parameter_that_is_changed_behind_our_back_is_told_until_it_is_right_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench = quick_round(monkeypatch)
+    bench.ask("write", index=0x6007, value=0)
+    bench.ask("write", index=0x6085, value=17)
+    changed = bench.run(1.0).changed
+    assert changed.startswith(("6007:00 Abort connection option code: want 1, have 0", "6085:00"))
+    assert len(bench.drive.read_back.differs) == 2
+    bench.ask("write", index=0x6007, value=1)
+    assert "have 17" in bench.run(1.0).changed
+    bench.drive.close()
+
+
+def test_a_parameter_that_is_not_answered_any_more_holds_nothing_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = quick_round(monkeypatch)
+    bench.inject("silence")
+    bench.run(0.3)
+    assert bench.drive.read_back.unanswered > 3
+    assert (
+        bench.drive.read_back.line == ""
+    )  # what is not known is not wrong; the heartbeat has an alarm of its own
+
+
+@given(data=st.binary(max_size=8))
+def test_no_answer_to_a_request_breaks_a_scan(data: bytes) -> None:
+    bench = _asked()
+    bench.drive.read_back._answer(data)
+    assert isinstance(bench.drive.read_back.line, str)
+
+
+@cache
+def _asked() -> Bench:
+    bench = Bench().open()
+    bench.drive.read_back.scan(1_000_000)
+    return bench
 
 
 def test_a_drive_that_stops_following_is_told() -> None:

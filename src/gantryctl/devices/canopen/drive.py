@@ -25,6 +25,7 @@ from gantryctl.devices.canopen.matrix import Verdict
 from gantryctl.devices.canopen.node import NmtCommand, NmtState, RemoteNode
 from gantryctl.devices.canopen.opening import open_node
 from gantryctl.devices.canopen.process_image import ProcessImage
+from gantryctl.devices.canopen.read_back import ReadBack
 from gantryctl.devices.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
@@ -68,6 +69,7 @@ class CanopenDrive:
     Attributes:
         node: NMT, SDO, emergency messages.
         opened: identity, matrix, mapping; after `open`.
+        read_back: the same parameters, read again while it runs.
         commanded: the program has written: heartbeats are sent, and the drive watches us.
         silent_process_data, silent_heartbeat: for the proof that the drive stops a silent controller's axis.
     """
@@ -85,6 +87,7 @@ class CanopenDrive:
         self._followed = False
         self._enabling = 0
         self._synced_s = 0.0
+        self._passed = 1
 
     # --- before the first scan ---------------------------------------------------------------------------------
 
@@ -97,6 +100,7 @@ class CanopenDrive:
         try:
             self.opened = open_node(self.node, self.settings)
             self.process = ProcessImage(self.node, self.settings, self.opened.units, self.opened.mapping)
+            self.read_back = ReadBack(self.node, self.opened.kept, self.settings.period_s)
             self.node.forget_boots()
             self.node.emergencies.code = self.opened.error_code
             self._heartbeats = any(
@@ -175,13 +179,14 @@ class CanopenDrive:
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
             self.process.send(word, vel, torque, self._brake.released)
+            self.read_back.scan(self._passed)
         self._due = True
 
     def _exchange(self, answer_s: float) -> None:
         """SYNC out, process data in."""
         self._due = False
         node, process = self.node, self.process
-        periods = self._periods()
+        periods = self._passed = self._periods()
         node.heartbeat_age += periods
         node.drain()
         self.scan += periods
@@ -225,6 +230,7 @@ class CanopenDrive:
             process.age,
             inputs,
             link=flags,
+            changed=self.read_back.line,
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:

@@ -113,7 +113,7 @@ def interpolation(period_us: int) -> tuple[int, int]:
 
 def read_matrix(sdo: SdoClient, wanted: Iterable[Wanted]) -> tuple[Row, ...]:
     """Compare the drive with what it must be; nothing is written."""
-    rows = [_compare(parameter, sdo.optional(parameter.obj, parameter.sub)) for parameter in wanted]
+    rows = [compare(parameter, sdo.optional(parameter.obj, parameter.sub)) for parameter in wanted]
     return (*rows, *_watched(rows))
 
 
@@ -161,7 +161,8 @@ def _equal(wanted: Wanted, have: int) -> bool:
     return abs(have - wanted.value) <= wanted.tolerance
 
 
-def _compare(wanted: Wanted, have: int | None) -> Row:
+def compare(wanted: Wanted, have: int | None) -> Row:
+    """One parameter; `have` is None where the drive gives none."""
     known = STANDARD.get((wanted.obj, wanted.sub))
     name = known.name if known is not None else "SI unit velocity"
     if have is None:

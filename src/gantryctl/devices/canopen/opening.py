@@ -10,6 +10,8 @@ from gantryctl.devices.canopen.mapping import Mapping, configure
 from gantryctl.devices.canopen.matrix import (
     CSV,
     Row,
+    Verdict,
+    Wanted,
     read_matrix,
     refusals,
     wanted_parameters,
@@ -35,6 +37,8 @@ class Opened(NamedTuple):
     refusals: tuple[str, ...]
     mapping: Mapping
     error_code: int
+    kept: tuple[Wanted, ...]
+    """Parameters that are as they must be, and must stay so."""
 
 
 def rated_torque_nm(node: RemoteNode, settings: CanopenSettings) -> float:
@@ -75,7 +79,8 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> Opened:
     rows = read_matrix(node.sdo, wanted)
     error = node.sdo.optional(0x603F) or 0
     node.nmt(NmtCommand.START)
-    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error)
+    kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is Verdict.OK)
+    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept)
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:

@@ -75,7 +75,7 @@ class SdoClient:
 
     def __init__(self, link: Link, node: int, other: Callable[[Frame], None], timeout_s: float) -> None:
         self._link, self._other = link, other
-        self._request_id, self._response_id = _REQUEST + node, _RESPONSE + node
+        self.request_id, self.response_id = _REQUEST + node, _RESPONSE + node
         self.timeout_s = timeout_s
 
     # --- values ------------------------------------------------------------------------------------------------
@@ -186,13 +186,13 @@ class SdoClient:
             expect: command of an answer that names its object; None for segments, which name none.
         """
         head = struct.pack("<HB", index, sub)
-        self._link.send(self._request_id, request)
+        self._link.send(self.request_id, request)
         end = self._link.now_s() + self.timeout_s
         while (left := end - self._link.now_s()) > 0.0:
             frame = self._link.receive(left)
             if frame is None:
                 break
-            if frame.can_id != self._response_id or len(frame.data) < 8:
+            if frame.can_id != self.response_id or len(frame.data) < 8:
                 self._other(frame)
             elif frame.data[0] == _ABORT:
                 if frame.data[1:4] == head:
@@ -202,5 +202,5 @@ class SdoClient:
         raise SdoError(index, sub, _TIMED_OUT)
 
     def _abort(self, index: int, sub: int, code: int) -> None:
-        self._link.send(self._request_id, struct.pack("<BHBI", _ABORT, index, sub, code))
+        self._link.send(self.request_id, struct.pack("<BHBI", _ABORT, index, sub, code))
         raise SdoError(index, sub, code)
