@@ -52,7 +52,7 @@ BUS: Final = (
         "Read the drive's own display, remove the cause, then reset.",
     ),
     Definition(
-        Code.DRV_09, "Drive parameter changed", _STOP, Reaction.HLT,
+        Code.DRV_09, "Drive parameter changed", Severity.WARNING, Reaction.HLT,
         "A parameter of the drive is not what it was set to: {measured}",
         "Somebody changed it while the drive was run, by a service tool or at the drive itself.",
         "Find out who. Switch power off and reset: the drive is set up anew. No motion before.", blocks_motion=True,
