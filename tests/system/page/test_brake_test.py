@@ -115,12 +115,14 @@ def test_what_is_armed_is_gone_after_ten_seconds(
 
 @pytest.fixture
 def worn(tmp_path: Path) -> Iterator[Service]:
-    """A machine whose brake holds a tenth of its torque, and where two persons are needed."""
+    """A machine whose brake holds a tenth of its torque, and is to be tested before every power-up by two persons."""
     add_users(tmp_path)
     Users(tmp_path).add("colleague", Role.SERVICE, PASSWORD)
     text = (configs_folder() / "hust_gantry.toml").read_text(encoding="utf-8")
     file = tmp_path / "worn.toml"
-    file.write_text(text.replace("torque_share = 1.0 ", "torque_share = 0.1 "), encoding="utf-8")
+    text = text.replace("torque_share = 1.0 ", "torque_share = 0.1 ")
+    text = text.replace("test_interval_power_ups = 100 ", "test_interval_power_ups = 1 ")
+    file.write_text(text, encoding="utf-8")
     with Service(tmp_path, "--config", str(file), "--second-person") as service:
         yield service
 
@@ -154,3 +156,22 @@ def test_a_worn_brake_is_found_and_two_persons_unlock_it(browser: Browser, worn:
         key(second, "1 · Arm reset").click()
         key(first, "2 · Execute reset").click()
         expect(first.get_by_role("table", name="Active alarms").locator("tbody")).to_have_text("none")
+        overdue_is_slow(first)
+
+
+def overdue_is_slow(page: Page) -> None:
+    """After a power-up without a test: abnormal on the page, and nothing fast is offered."""
+    page.locator("#tab-operation").click()
+    key(page, "Power on").click()
+    page.get_by_text("Power: on").wait_for()
+    expect(page.locator("[data-tag=brake_test_due_at]")).to_contain_text("OVERDUE")
+    page.locator("#tab-settings").click()
+    setting = page.locator("form.setting").filter(has=page.locator("#speed_setting_deg_s"))
+    setting.get_by_role("textbox").fill("0.3")
+    setting.get_by_role("button", name="Set").click()
+    expect(page.locator("output[data-tag=speed_setting_deg_s]")).to_contain_text("0.300")
+    page.locator("#tab-operation").click()
+    page.get_by_label("Target").fill("2")
+    move = page.get_by_role("button", name="Move to 2.00°")
+    expect(move).to_have_attribute("title", "Brake test overdue: 1 °/s at most until one has passed.")
+    expect(move).to_be_disabled()
