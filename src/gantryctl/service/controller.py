@@ -136,9 +136,9 @@ class Controller:
         if on is not self._powered:
             self._powered = on
             self._switched(on)
-        late = self.engine.overrun_stop
-        if late is not None and self.operator.rules.blocked_by != late:
-            self.operator.rules.blocked_by = late
+        late, rules = self.engine.overrun_stop, self.operator.rules
+        if late is not None and late not in rules.held:
+            rules.held = f"{rules.held}; {late}" if rules.held else late
             self.events.put("alarm", late)
         moving = axis.state in (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
         if moving is not self._moving:
@@ -185,8 +185,17 @@ class Controller:
             increment_rad=levels.increment_rad,
             travelled_rad=self._retained.travelled_rad + self._way_rad,
         )
-        if self.operator.rules.blocked_by and not record.error_stop:
+        if not self.operator.rules.blocked_by:
+            return record
+        if not record.error_stop:
             record = replace(record, error_stop=self._retained.error_stop)
+        if not self._power_ups:  # nobody has said that the angle is right: the next start must ask again
+            kept = self._retained
+            record = replace(
+                record,
+                rest_position_counts=kept.rest_position_counts,
+                zero_offset_counts=kept.zero_offset_counts,
+            )
         return record
 
     def _keep(self, record: Retained) -> None:
@@ -256,11 +265,11 @@ class Controller:
         words, rules = self.memory.words, self.operator.rules
         if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and service:
             self.events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
-        if not rules.blocked_by:
+        if rules.lock:
+            raise Refused(rules.lock.partition(" ")[0], rules.lock)
+        if not rules.held:
             return ""
-        if rules.blocked_by.startswith(_NOT_BY_RESET):
-            raise Refused(rules.blocked_by.partition(" ")[0], rules.blocked_by)
-        said, rules.blocked_by = rules.blocked_by, ""
+        said, rules.held = rules.held, ""
         self._retained = replace(self._retained, error_stop="")
         self.engine.overrun_stop = None
         self.events.put("command", f"acknowledged: {said}", who)
@@ -292,7 +301,6 @@ class _LastRead:
 
 
 _TRAVEL_STEP_RAD: Final = rad(0.001)
-_NOT_BY_RESET: Final = ("ENC-08", "ENC-10", "ENC-11", "CFG-")
 _JOURNAL_LOCKED: Final = 4
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import secrets
 import time
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused
-from gantryctl.machine import Machine, config_hash
+from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
 from gantryctl.operation.absolute import RestVerdict, evaluate, refusal, unwrapped
 from gantryctl.operation.brake import restore_failure
@@ -53,9 +52,13 @@ def open_service(
     zero = retained.zero_offset_counts
     zero_counts = counts if zero is None else zero + counts - unwrapped(scale, counts, zero)
     rules = rules_of(machine, time.monotonic(), retained.speed_rad_s, retained.increment_rad)
-    rules.blocked_by = refusal(reading) or _bus_refusal(machine, store, drive)
-    if retained.error_stop and not rules.blocked_by:
-        rules.blocked_by = f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset"
+    moved = reading.verdict is RestVerdict.MOVED  # a reset acknowledges it, and nothing else of the encoder
+    wrong = refusal(reading) or ""
+    rules.lock = ("" if moved else wrong) or _bus_refusal(machine, store, drive)
+    held = [wrong] if moved else []
+    if retained.error_stop:
+        held.append(f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset")
+    rules.held = "; ".join(held)
     for ring in memory.commands:
         ring.clear()  # what was sent to a controller that is gone
     events = EventLog(memory.events[Source.CONTROLLER])
@@ -80,8 +83,6 @@ def open_service(
     assert isinstance(engine.program, GantryProgram)
     operator.attach(engine.program)
     restore_failure(engine.program.axis, retained)
-    if reading.verdict is RestVerdict.MOVED:  # a reset acknowledges it
-        retained = replace(retained, rest_position_counts=int(counts), config_hash=config_hash(machine))
     return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)
 
 

@@ -38,7 +38,8 @@ class Rules:
     Attributes:
         limits: lowest and highest value of every tag that can be set.
         start_s: monotonic time of status frame 0.
-        blocked_by: why power cannot be switched on, or "".
+        lock: why power cannot be switched on, and no reset changes it: encoder or drive are not what they were; or "".
+        held: why power cannot be switched on until a reset, or "".
         untestable: why the brake cannot be tested here, or "".
         locked: whether a reset now meets something locked.
         journal_keeps: whether the journal is able to keep events.
@@ -51,11 +52,17 @@ class Rules:
     increment_rad: float
     cap_rad_s: float
     start_s: float
-    blocked_by: str = ""
+    lock: str = ""
+    held: str = ""
     untestable: str = ""
     locked: Callable[[], bool] = field(default=lambda: False)
     journal_keeps: Callable[[], bool] = field(default=lambda: True)
     acknowledge: Callable[[int, Identity], None] = field(default=lambda _id, _who: None)
+
+    @property
+    def blocked_by(self) -> str:
+        """Why power cannot be switched on, or ""."""
+        return self.lock or self.held
 
     @staticmethod
     def rad(angle_deg: float) -> float:

@@ -1,0 +1,185 @@
+"""The controller process without a process: its machine opened, scanned in virtual time, and closed again."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gantryctl.machine import default_machine
+from gantryctl.operation import StateStore
+from gantryctl.runtime import Engine, Retained, VirtualClock
+from gantryctl.service.controller import Controller
+from gantryctl.service.memory import SharedMemory, Source
+from gantryctl.service.messages import Identity, to_record
+from gantryctl.service.roles import Role
+from gantryctl.units import deg
+
+MACHINE = default_machine()
+TURN_COUNTS = 2048 * MACHINE.encoder.counts_per_turn  # fine counts of a motor turn
+LATE = "SYS-03 STOP · the scan was 31 ms late"
+ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
+
+
+class Desk:
+    """A controller in service, and a person who commands it. `scans` goes on in time."""
+
+    def __init__(self, store: StateStore, memory: SharedMemory) -> None:
+        self.memory = memory
+        self.controller = made = Controller(MACHINE, store, memory)
+        self.engine, self.operator, self.axis = made.engine, made.operator, made.axis
+        self.engine.clock = VirtualClock()
+        self.operator.now = lambda: self.engine.time_s
+        self.rules = self.operator.rules
+        self.rules.start_s, self.rules.journal_keeps = 0.0, lambda: True
+        self.seq = 0
+
+    def scans(self, count: int) -> None:
+        self.engine.run_until(self.after, count * self.engine.period_s)
+
+    def after(self, _: Engine) -> bool:
+        self.operator.settle()
+        self.controller._watch()
+        if self.engine.scan % 500 == 0 and self.operator.authority.holder is not None:
+            self.send("alive")
+        return False
+
+    def send(self, kind: str, **values: object) -> None:
+        self.seq += 1
+        raw = {"type": kind, "seq": self.seq, "frame": self.operator.frame(), **values}
+        if kind != "alive":
+            raw["epoch"] = self.operator.authority.epoch
+        assert self.memory.commands[Source.WEB].put(to_record(ALICE, raw))
+
+    def ask(self, kind: str, **values: object) -> str:
+        """The code of the reply, empty when it was done."""
+        self.send(kind, **values)
+        self.scans(3)
+        replies = self.memory.replies[Source.WEB]
+        while (record := replies.take()) is not None:
+            reply = json.loads(record)[1]
+            if reply["seq"] == self.seq:
+                return str(reply["code"])
+        raise AssertionError(f"no reply to {kind}")
+
+    def moving(self) -> None:
+        """Power on, on the way to 90 deg, faster than 2 deg/s."""
+        assert self.ask("take", over=False) == ""
+        assert self.ask("power", on=True) == ""
+        self.scans(4000)
+        assert self.ask("set", tag="speed_setting_deg_s", value=6.0) == ""
+        assert self.ask("move", target_deg=90.0) == ""
+        self.scans(8000)
+        assert deg(self.axis.feedback.vel_rad_s) > 2.0
+
+
+@pytest.fixture(autouse=True)
+def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+
+
+@contextmanager
+def opened() -> Iterator[Desk]:
+    """The machine as the last run left it."""
+    memory = SharedMemory.create()
+    try:
+        with StateStore(MACHINE) as store:
+            yield Desk(store, memory)
+    finally:
+        memory.close()
+
+
+def texts(memory: SharedMemory) -> list[str]:
+    """Events of the controller so far."""
+    records = memory.events[Source.CONTROLLER].peek(1000)
+    return [json.loads(record)["text"] for record in records if record is not None]
+
+
+def delivered() -> None:
+    """A run that leaves the machine in order."""
+    with opened() as desk:
+        desk.scans(10)
+        desk.controller._close(None)
+
+
+def retained(change: Callable[[Retained], Retained] = lambda kept: kept) -> Retained:
+    """What is on the disk, changed first."""
+    with StateStore(MACHINE) as store:
+        kept = store.load_retained()
+        assert kept is not None
+        store.store_retained(change(kept))
+        return change(kept)
+
+
+def lost_turns(kept: Retained) -> Retained:
+    assert kept.rest_position_counts is not None
+    return replace(kept, rest_position_counts=kept.rest_position_counts + 3 * TURN_COUNTS)
+
+
+def moved_while_off(kept: Retained) -> Retained:
+    """By 0.1 deg: more than the 0.05 deg that gears settle, less than the 1 deg that is ambiguous."""
+    assert kept.rest_position_counts is not None
+    return replace(
+        kept, rest_position_counts=kept.rest_position_counts + int(0.1 / 360.0 * 1144 * TURN_COUNTS)
+    )
+
+
+# --- what keeps the power off ---------------------------------------------------------------------
+
+
+def test_no_reset_opens_an_encoder_that_lost_turns_also_when_a_scan_was_late() -> None:
+    delivered()
+    retained(lost_turns)
+    with opened() as desk:
+        desk.scans(3)
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("reset") == "ENC-08"
+        desk.engine.overrun_stop = LATE
+        desk.scans(3)
+        assert desk.ask("reset") == "ENC-08"
+        assert desk.rules.blocked_by.startswith("ENC-08")
+        assert desk.ask("power", on=True) == "PWR-04"
+
+
+def test_a_late_scan_is_acknowledged_by_a_reset_together_with_what_was_held_before() -> None:
+    delivered()
+    retained(moved_while_off)
+    with opened() as desk:
+        desk.engine.overrun_stop = LATE
+        desk.scans(3)
+        assert desk.rules.blocked_by.startswith("ENC-09")
+        assert LATE in desk.rules.blocked_by
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("power", on=True) == "PWR-04"
+        assert desk.ask("reset") == ""
+        assert desk.rules.blocked_by == ""
+        assert desk.ask("power", on=True) == ""
+
+
+@pytest.mark.parametrize(("change", "code"), [(lost_turns, "ENC-08"), (moved_while_off, "ENC-09")])
+def test_a_service_that_is_started_anew_asks_again(change: Callable[[Retained], Retained], code: str) -> None:
+    """What nobody has acknowledged is not forgotten by ending the service."""
+    delivered()
+    before = retained(change)
+    for _ in range(2):
+        with opened() as desk:
+            desk.scans(3)
+            assert desk.rules.blocked_by.startswith(code)
+            desk.controller._close(None)
+    assert retained().rest_position_counts == before.rest_position_counts
+
+
+def test_a_motion_while_off_that_was_acknowledged_is_forgotten() -> None:
+    delivered()
+    retained(moved_while_off)
+    with opened() as desk:
+        desk.scans(3)
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("reset") == ""
+        desk.controller._close(None)
+    with opened() as desk:
+        assert desk.rules.blocked_by == ""
