@@ -108,15 +108,13 @@ class Strike(threading.Thread):
 def slice_of_motion(link: ServiceLink, strike: Strike | None) -> int:
     """Overruns in a slice in which the axis moves to and fro; the strike comes one second after the begin."""
     before, begin_s = link.tags["scan_overruns"], time.monotonic()
-    while (passed_s := time.monotonic() - begin_s) < SLICE_S:
+    while (passed_s := time.monotonic() - begin_s) < SLICE_S or (strike is not None and strike.is_alive()):
         link.alive()
         link.look()
         if link.tags["at_rest"]:
             link.ask("move", target_deg=1.0 if link.tags["pos_act_deg"] < 0.5 else 0.0)
         if strike is not None and passed_s > 1.0 and strike.ident is None:
             strike.start()
-    if strike is not None:
-        strike.join()
     return int(link.tags["scan_overruns"] - before)
 
 

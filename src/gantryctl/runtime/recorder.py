@@ -19,6 +19,7 @@ from gantryctl.trace.files import (
     LIVE_SUFFIX,
     STREAM_END,
     arrow_schema,
+    head_of,
     record_batch,
     whole_part,
     write_parquet,
@@ -104,6 +105,11 @@ class ArrowRecorder:
             ) from None
         except OSError as fault:
             raise DeviceError(f"{self.live_path}: cannot be made: {fault.strerror or fault}") from fault
+
+    @classmethod
+    def finish(cls, live: Path) -> None:
+        """Close a live file that was left; DeviceError when it cannot be read or its closed file not be written."""
+        cls(live, *head_of(live), resume=True).close()
 
     def _open(self, resume: bool) -> Any:
         """The live file, ready for the next block."""

@@ -185,6 +185,8 @@ def main(arguments: list[str]) -> int:
     traces = TraceWriter(memory, directory / "traces", free_bytes, keeping)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")
     writer.start()
+    traces.drain(at_once=True)  # now it is known which recording goes on
+    traces.finish_left()
     while writer.is_alive():
         traces.drain()
         memory.words[Word.JOURNAL_STATE] = events.state
@@ -192,6 +194,7 @@ def main(arguments: list[str]) -> int:
         writer.join(_PAUSE_S)
     traces.drain(at_once=True)
     traces.close()
+    traces.join()
     events.close()
     return 0
 

@@ -63,6 +63,21 @@ def whole_part(path: Path) -> tuple[int, float]:
     return end, last_s
 
 
+def head_of(path: Path) -> tuple[tuple[str, ...], Metadata]:
+    """Columns and metadata of a live file.
+
+    Raises:
+        DeviceError: it cannot be read.
+    """
+    import pyarrow as pa
+
+    try:
+        with pa.OSFile(str(path), "rb") as source, pa.ipc.open_stream(source) as stream:
+            return tuple(stream.schema.names), json.loads(stream.schema.metadata[METADATA_KEY])
+    except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as fault:
+        raise DeviceError(f"{path}: not a recording, or cut off at its head: {fault}") from fault
+
+
 def write_parquet(path: Path, schema: Any, batches: Iterable[Any]) -> None:
     """Write the batches as a Parquet file that is there whole or not at all.
 

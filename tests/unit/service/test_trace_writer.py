@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gantryctl.service.memory import SharedMemory
+from gantryctl.service.keeping import MB, Keeping
+from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.trace_ring import RingRecorder
 from gantryctl.service.trace_writer import TraceWriter
 from gantryctl.service.view import publish_json
@@ -42,6 +43,7 @@ class Bench:
             self.made += 1
 
     def kept(self) -> list[float]:
+        self.writer.join()
         (file,) = self.directory.iterdir()
         return read_trace(file)["x_rad"].tolist()
 
@@ -54,7 +56,7 @@ def killed(_: int) -> None:
     raise Killed
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(
     st.lists(st.tuples(st.integers(0, 2500), st.sampled_from(["idle", "written", "cut"])), max_size=6),
     st.integers(1, 60),
@@ -94,6 +96,7 @@ def test_a_recorder_killed_after_it_closed_the_file_writes_it_no_second_time(
         broken.setattr(bench.memory.rows, "advance", killed)
         with pytest.raises(Killed):
             bench.writer.drain(at_once=True)
+    bench.writer.join()
     bench.start()
     bench.writer.drain(at_once=True)
     assert bench.kept() == [k / 7 for k in range(100)]
@@ -109,8 +112,54 @@ def test_rows_that_found_no_place_are_counted_and_seen_as_a_gap(tmp_path: Path) 
     bench.rows(10)
     bench.controller.stop()
     bench.writer.drain(at_once=True)
+    bench.writer.join()
     (file,) = tmp_path.iterdir()
     ((begin_s, end_s),) = read_trace(file).gaps()
     assert (end_s - begin_s) / PERIOD_S == pytest.approx(501)
     assert np.isclose(begin_s, (bench.memory.rows.slots - 1) * PERIOD_S)
+    bench.memory.close()
+
+
+def test_what_a_power_cut_has_left_is_closed_at_the_next_start_and_what_goes_on_is_not(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(tmp_path)
+    bench.rows(50)
+    bench.writer.drain(at_once=True)
+    bench.controller.number += 1000  # the next start of the service
+    bench.start()
+    bench.rows(20)
+    bench.writer.drain(at_once=True)
+    bench.writer.finish_left()
+    bench.writer.join()
+    left, going_on = sorted(tmp_path.iterdir())
+    assert (left.suffix, going_on.suffix) == (".parquet", ".arrows")
+    assert read_trace(left)["x_rad"].tolist() == [k / 7 for k in range(50)]
+    assert len(read_trace(going_on)) == 20
+    bench.memory.close()
+
+
+def test_the_oldest_recordings_go_when_all_need_more_than_the_quota(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    for day in range(1, 6):
+        (tmp_path / f"service-2026010{day}T000000000.parquet").write_bytes(bytes(300 * 1024))
+    (tmp_path / "somebody-elses.parquet").write_bytes(bytes(MB))
+    TraceWriter(bench.memory, tmp_path, lambda: PLENTY, Keeping(traces_mb=1)).drain(at_once=True)
+    kept = sorted(file.name for file in tmp_path.iterdir())
+    assert kept == ["service-20260103T000000000.parquet", "service-20260104T000000000.parquet",
+                    "service-20260105T000000000.parquet", "somebody-elses.parquet"]  # fmt: skip
+    bench.memory.close()
+
+
+def test_a_recording_that_needs_the_whole_quota_alone_is_left(tmp_path: Path) -> None:
+    bench = Bench(tmp_path)
+    bench.writer = TraceWriter(bench.memory, tmp_path, lambda: PLENTY, Keeping(traces_mb=0))
+    bench.rows(10)
+    bench.writer.drain(at_once=True)
+    assert not bench.memory.words[Word.RECORDING_STOPPED]
+    bench.rows(10)
+    bench.writer.drain(at_once=True)
+    assert bench.memory.words[Word.RECORDING_STOPPED]
+    (live,) = tmp_path.iterdir()
+    assert len(read_trace(live)) == 10
     bench.memory.close()
