@@ -35,7 +35,8 @@ class Bench:
 
     def __init__(self, *, second_person: bool = False) -> None:
         self.commands, self.replies = (ring(512), ring(64)), (ring(512), ring(64))
-        self.events = EventLog(ring(4096))
+        self.event_ring = ring(4096)
+        self.events = EventLog(self.event_ring)
         rules = rules_of(MACHINE, 0.0, None, None)
         self.operator = ServiceOperator(
             self.commands,

@@ -255,6 +255,24 @@ def test_a_journal_that_cannot_keep_events_forbids_new_motion_but_no_stop() -> N
     bench.do(who, "power", on=False)
 
 
+def test_events_that_pile_up_in_memory_forbid_new_motion_before_the_first_one_is_lost() -> None:
+    """As when a commit takes minutes: the journal's writer stands, nothing else does."""
+    bench = Bench()
+    who = bench.who()
+    bench.powered(who)
+    bench.do(who, "move", target_deg=20.0)
+    while bench.events.room:
+        bench.events.put("service", "piling up")
+    bench.scans(2000)
+    assert bench.axis.state is AxisState.DISCRETE_MOTION  # what moves goes on
+    assert bench.refused(who, "move", target_deg=1.0) == "JRN-02"
+    bench.do(who, "stop")
+    bench.until(AxisState.STANDSTILL)
+    assert bench.events.lost == 0
+    assert bench.event_ring.clear() > 0  # the writer goes on
+    bench.do(who, "move", target_deg=1.0)
+
+
 def test_remote_screens_are_slow_without_the_enabling_switch() -> None:
     bench = Bench()
     who = bench.who(place="remote")
