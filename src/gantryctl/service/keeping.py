@@ -11,6 +11,8 @@ from typing import Final, NamedTuple
 from gantryctl.errors import UsageError
 
 MB: Final = 2**20
+ENOUGH: Final = 1.1
+"""There is room again when there is so much more than the reserve: nothing comes and goes at the edge of it."""
 
 
 class Keeping(NamedTuple):
@@ -29,6 +31,10 @@ class Keeping(NamedTuple):
     traces_mb: int = 5000
     reserve_mb: int = 64
     event_reserve_mb: int = 16
+
+    def shortage(self, free_mb: float) -> int:
+        """0 for room enough, 1 for none for recordings, 2 for none for new motion either."""
+        return (free_mb < self.reserve_mb) + (free_mb < self.event_reserve_mb)
 
     def checked(self) -> Keeping:
         """The same; UsageError for sizes that contradict each other."""

@@ -19,7 +19,7 @@ from typing import Final
 
 from gantryctl.errors import DeviceError
 from gantryctl.service.journal import DAMAGED, Journal, JournalFault
-from gantryctl.service.keeping import MB, Keeping, free_of
+from gantryctl.service.keeping import ENOUGH, MB, Keeping, free_of
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.trace_writer import TraceWriter
@@ -109,7 +109,8 @@ class EventWriter:
     def _say_how_it_goes(self) -> None:
         """What the disk does to the journal is in the journal, as soon as it can be."""
         free_mb, limits = self._free() / MB, self._keeping
-        disk = (free_mb < limits.reserve_mb) + (free_mb < limits.event_reserve_mb)
+        short, nearly = limits.shortage(free_mb), limits.shortage(free_mb / ENOUGH)
+        disk = max(short, min(nearly, self._disk))
         if disk != self._disk:
             self._own(_DISK[disk].format(free_mb, limits.reserve_mb, limits.event_reserve_mb))
             self._disk = disk

@@ -16,7 +16,7 @@ from typing import Any, Final
 from gantryctl.errors import DeviceError, GantryctlError
 from gantryctl.runtime import ArrowRecorder
 from gantryctl.runtime.recorder import FLUSH_ROWS
-from gantryctl.service.keeping import MB, Keeping
+from gantryctl.service.keeping import ENOUGH, MB, Keeping
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.trace.files import LIVE_SUFFIX
 
@@ -70,8 +70,10 @@ class TraceWriter:
     def _look_at_disk(self) -> None:
         """Leave the recording under way when room is short; go on with it when there is room again."""
         self._keep_quota()
-        short = self._free() < self._keeping.reserve_mb * MB or self._size() > self._keeping.traces_mb * MB
-        self._memory.words[Word.RECORDING_STOPPED] = short
+        words = self._memory.words
+        free_mb = self._free() / MB / (ENOUGH if words[Word.RECORDING_STOPPED] else 1.0)
+        short = self._keeping.shortage(free_mb) > 0 or self._size() > self._keeping.traces_mb * MB
+        words[Word.RECORDING_STOPPED] = short
         if short and self._file is not None:
             self._writing(lambda file: file.leave())
             self._file = None
