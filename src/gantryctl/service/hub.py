@@ -15,6 +15,7 @@ from collections import deque
 from importlib.metadata import version
 from typing import Any, Final
 
+from gantryctl.service.bucket import Bucket
 from gantryctl.service.events import EventLog
 from gantryctl.service.lease import LEASE_S, RENEW_S
 from gantryctl.service.memory import SharedMemory, Source
@@ -27,6 +28,9 @@ STALE_S: Final = 0.5
 ANSWER_S: Final = 1.0
 """A controller that does not answer for so long is silent."""
 COMMANDS_PER_S: Final = 20.0
+"""Of a connection; stop, quick stop and release each have as many of their own."""
+_SIGNS_PER_S: Final = 50.0
+"""Signs of life of each kind; what is more is dropped. A key renews 33 times a second."""
 _QUICK_S: Final = 0.002
 _OUT_MAX: Final = 200
 _FLOOD: Final = 200.0
@@ -53,8 +57,8 @@ class Client:
         self._replies: deque[str] = deque()
         self._asked: dict[int, float] = {}
         self._sent_frame = self._sent_slow = -1
-        self._tokens, self._free = COMMANDS_PER_S, _FLOOD
-        self._filled_s = self.used_s
+        self._all, self._commands = Bucket(_FLOOD), Bucket(COMMANDS_PER_S)
+        self._free = {kind: Bucket(_SIGNS_PER_S if kind in SILENT else COMMANDS_PER_S) for kind in FREE}
 
     def take(self, text: str | bytes) -> None:
         """One message of this connection: refused here, or handed to the controller.
@@ -62,15 +66,16 @@ class Client:
         Raises:
             Flooded: the connection is to be closed.
         """
-        self._refill()
-        if self._free < 1.0:
+        if not self._all.take():
             raise Flooded
-        self._free -= 1.0
         seq = 0
         try:
             message = parse(text)
             seq = message.seq
-            self._check(message.kind)
+            if not self._free.get(message.kind, self._commands).take():
+                if message.kind in SILENT:
+                    return
+                raise Refused("SEC-06", f"more than {COMMANDS_PER_S:g} commands in a second")
             if not may(self.who.role, action_of(message)):
                 raise Refused("SEC-01", f"the role {self.who.role} may not do this")
             raw: dict[str, Any] = {"type": message.kind, "seq": seq, "frame": message.frame, **message.values}
@@ -114,18 +119,6 @@ class Client:
             self._sent_slow = self._hub.slow_version
             texts.append(self._hub.status_text(whole=whole))
         return texts
-
-    def _check(self, kind: str) -> None:
-        if kind not in FREE:
-            if self._tokens < 1.0:
-                raise Refused("SEC-06", f"more than {COMMANDS_PER_S:g} commands in a second")
-            self._tokens -= 1.0
-
-    def _refill(self) -> None:
-        now_s = time.monotonic()
-        passed_s, self._filled_s = now_s - self._filled_s, now_s
-        self._tokens = min(COMMANDS_PER_S, self._tokens + passed_s * COMMANDS_PER_S)
-        self._free = min(_FLOOD, self._free + passed_s * _FLOOD)
 
 
 class Hub:

@@ -8,22 +8,15 @@ from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from gantryctl.service.events import EventLog, printable
-from gantryctl.service.messages import SILENT, Identity, Message, Refused, checked, from_record
+from gantryctl.service.messages import SILENT, Identity, Refused, checked, from_record
 from gantryctl.service.ring import Ring
+from gantryctl.service.waiting import Queue, Waiting
 
-_PER_SCAN: Final = 64
+_PER_SCAN: Final = 32
 """Records looked at in one scan."""
 _CLIENTS: Final = 1024
 _FIRST: Final = ("stop", "quick_stop", "release")
 _KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
-
-
-class Waiting(NamedTuple):
-    """A message with its sender, and the source that its reply goes to."""
-
-    source: int
-    who: Identity
-    message: Message
 
 
 class Gone(NamedTuple):
@@ -38,7 +31,7 @@ class Inbox:
     """The scan's end of the command and reply rings.
 
     Attributes:
-        first: stops and releases that wait; always carried out, whatever their age.
+        first: stops and releases of this scan, by kind; always carried out, whatever their age.
         others: commands that wait.
         gone: connections that have ended.
         time_s: nominal time of the present scan, as in the first column of a recording.
@@ -46,15 +39,16 @@ class Inbox:
 
     def __init__(self, commands: Sequence[Ring], replies: Sequence[Ring], events: EventLog) -> None:
         self.events = events
-        self.first: deque[Waiting] = deque()
-        self.others: deque[Waiting] = deque()
+        self.first: dict[str, list[Waiting]] = {}
+        self.others = Queue()
         self.gone: deque[Gone] = deque()
         self.time_s = 0.0
         self._commands, self._replies = commands, replies
         self._last_seq: OrderedDict[str, int] = OrderedDict()
 
-    def receive(self, epoch: int) -> None:
-        """Once a scan: sort what has come."""
+    def receive(self, epoch: int, holder: str) -> None:
+        """Once a scan: sort what has come; `holder` is the client that has control."""
+        self.first.clear()
         for source, ring in enumerate(self._commands):
             if not len(ring):
                 continue
@@ -62,9 +56,9 @@ class Inbox:
             ring.advance(len(records))
             for record in records:
                 if record is not None:
-                    self._sort(source, record, epoch)
+                    self._sort(source, record, epoch, holder)
 
-    def _sort(self, source: int, record: bytes, epoch: int) -> None:
+    def _sort(self, source: int, record: bytes, epoch: int, holder: str) -> None:
         try:
             who, raw = from_record(record)
         except (ValueError, KeyError, TypeError):
@@ -79,7 +73,15 @@ class Inbox:
             self._reply(source, who, raw.get("seq"), refused, 0, epoch)
             return
         waiting = Waiting(source, who, message)
-        (self.first if message.kind in _FIRST else self.others).append(waiting)
+        if message.kind in _FIRST:
+            self.first.setdefault(message.kind, []).append(waiting)
+        elif message.kind in SILENT and who.client != holder:
+            if message.kind == "renew":
+                refused = Refused("SEC-09", "the lease has ended: release and press again")
+                self._reply(source, who, message.seq, refused, 0, epoch)
+        elif not self.others.append(waiting):
+            refused = Refused("SEC-06", "the controller takes no commands now")
+            self._reply(source, who, message.seq, refused, 0, epoch)
 
     def check_sequence(self, waiting: Waiting) -> None:
         """Each number of a connection once, and rising; raises Refused."""
@@ -92,20 +94,30 @@ class Inbox:
             self._last_seq.popitem(last=False)
 
     def answer(self, waiting: Waiting, refused: Refused | None, epoch: int) -> None:
-        """One reply and one event for a command; nothing for those that are silent when all is well.
-
-        The event has the time of the scan that carried it out: journal and recording belong together.
-        """
-        message, number = waiting.message, 0
-        silent = message.kind in SILENT
-        if not silent:
-            outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
-            values = {name: value for name, value in message.values.items() if name != "lease"}
-            asked = " ".join([message.kind, *(str(value) for value in values.values())])
-            kind = _KINDS.get(message.kind, "command")
-            number = self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, time_s=self.time_s)
+        """One reply and one event for a command; nothing for those that are silent when all is well."""
+        silent = waiting.message.kind in SILENT
+        number = 0 if silent else self._event(waiting, refused)
         if refused is not None or not silent:
-            self._reply(waiting.source, waiting.who, message.seq, refused, number, epoch)
+            self._reply(waiting.source, waiting.who, waiting.message.seq, refused, number, epoch)
+
+    def answer_all(self, together: Sequence[Waiting], epoch: int) -> None:
+        """A reply for each of the stops of one scan, and one event for each user: a flood does not fill the journal."""
+        of_user: dict[str, list[Waiting]] = {}
+        for each in together:
+            of_user.setdefault(each.who.user, []).append(each)
+        for same in of_user.values():
+            number = self._event(same[0], None, **({"count": len(same)} if len(same) > 1 else {}))
+            for each in same:
+                self._reply(each.source, each.who, each.message.seq, None, number, epoch)
+
+    def _event(self, waiting: Waiting, refused: Refused | None, **more: int) -> int:
+        """Its number. It has the time of the scan that carried it out: journal and recording belong together."""
+        message = waiting.message
+        outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
+        values = {name: value for name, value in message.values.items() if name != "lease"}
+        asked = " ".join([message.kind, *(str(value) for value in values.values())])
+        kind = _KINDS.get(message.kind, "command")
+        return self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, **more, time_s=self.time_s)
 
     def _reply(
         self, source: int, who: Identity, seq: Any, refused: Refused | None, number: int, epoch: int

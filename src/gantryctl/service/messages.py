@@ -121,7 +121,7 @@ FIELDS: Final[dict[str, dict[str, Check]]] = {
 WITHOUT_EPOCH: Final = frozenset({"alive", "stop", "quick_stop", "release"})
 """Stopping and letting go are never too late."""
 FREE: Final = frozenset({"alive", "renew", "release", "stop", "quick_stop"})
-"""Not counted by the rate limit."""
+"""Not counted with the commands by the rate limit: each has a limit of its own."""
 SILENT: Final = frozenset({"alive", "renew"})
 """No reply when all is well, and no event in the journal."""
 

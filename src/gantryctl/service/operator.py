@@ -16,13 +16,14 @@ from gantryctl.program.power_phases import RISING
 from gantryctl.service.arming import Arming
 from gantryctl.service.authority import Authority
 from gantryctl.service.events import EventLog
-from gantryctl.service.inbox import Gone, Inbox, Waiting
+from gantryctl.service.inbox import Gone, Inbox
 from gantryctl.service.lease import HoldToRun
 from gantryctl.service.memory import Source
 from gantryctl.service.messages import ARMABLE, Identity, Refused
 from gantryctl.service.ring import Ring
 from gantryctl.service.roles import Action, may
 from gantryctl.service.rules import Rules
+from gantryctl.service.waiting import Waiting
 
 _PER_SCAN: Final = 8
 """Commands judged in one scan at most: refusing takes time too."""
@@ -93,18 +94,19 @@ class ServiceOperator:
         """The levels of this scan."""
         now_s, inbox = self.now(), self._inbox
         inbox.time_s = time_s
-        inbox.receive(self.authority.epoch)
+        holder = self.authority.holder
+        inbox.receive(self.authority.epoch, "" if holder is None else holder.client)
         while inbox.gone:
             self._gone(inbox.gone.popleft())
         self._watch(now_s)
-        while inbox.first:
-            self._stop_now(inbox.first.popleft())
+        for together in inbox.first.values():
+            self._stop_now(together)
         if self._gap:
             self._gap = False
         else:
             for _ in range(_PER_SCAN):
                 if inbox.others and self._acting is None:
-                    self._carry_out(inbox.others.popleft(), now_s)
+                    self._carry_out(inbox.others.take(), now_s)
         if self._acting is None or self._acting.message.kind != "increment":
             self._keys()
         self._refusals = self.program.axis.refusal_count
@@ -183,13 +185,15 @@ class ServiceOperator:
 
     # --- stopping: always ---------------------------------------------------------------------------
 
-    def _stop_now(self, waiting: Waiting) -> None:
-        who, message = waiting.who, waiting.message
-        if message.kind == "release":
-            self.hold.release(message.values["lease"], who.client)
+    def _stop_now(self, together: Sequence[Waiting]) -> None:
+        """All stops of one kind in this scan are one stop; every release counts."""
+        kind = together[0].message.kind
+        if kind == "release":
+            for each in together:
+                self.hold.release(each.message.values["lease"], each.who.client)
         else:
-            self.stop(quick=message.kind == "quick_stop")
-        self._answer(waiting, None)
+            self.stop(quick=kind == "quick_stop")
+        self._inbox.answer_all(together, self.authority.epoch)
 
     def stop(self, *, quick: bool = False) -> None:
         """Stop on the jog-release ramp, or by a quick stop; everything sent before is of the past."""
