@@ -77,11 +77,11 @@ class Inbox:
             self.first.setdefault(message.kind, []).append(waiting)
         elif message.kind in SILENT and who.client != holder:
             if message.kind == "renew":
-                refused = Refused("SEC-09", "the lease has ended: release and press again")
-                self._reply(source, who, message.seq, refused, 0, epoch)
+                dead = Refused("SEC-09", "the lease has ended: release and press again")
+                self._reply(source, who, message.seq, dead, 0, epoch)
         elif not self.others.append(waiting):
-            refused = Refused("SEC-06", "the controller takes no commands now")
-            self._reply(source, who, message.seq, refused, 0, epoch)
+            full = Refused("SEC-06", "the controller takes no commands now")
+            self._reply(source, who, message.seq, full, 0, epoch)
 
     def check_sequence(self, waiting: Waiting) -> None:
         """Each number of a connection once, and rising; raises Refused."""

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from gantryctl.service.bucket import Bucket
-from gantryctl.service.hub import Flooded, Hub
+from gantryctl.service.hub import Client, Flooded, Hub
 from gantryctl.service.memory import SharedMemory, Source
 from gantryctl.service.roles import Role
 from gantryctl.service.waiting import OF_CLIENT, OF_SOURCE
@@ -114,6 +114,11 @@ def hub() -> Iterator[Hub]:
     memory.close()
 
 
+def flood(client: Client) -> None:
+    for n in range(100_000):
+        client.take(f'{{"type":"alive","seq":{n},"frame":1}}')
+
+
 def test_a_connection_sends_so_many_of_each_kind_and_what_is_more_does_not_reach_the_scan(hub: Hub) -> None:
     client = hub.connect("eve", Role.VIEWER, "loopback")
     before = hub._commands.written
@@ -129,8 +134,7 @@ def test_a_connection_sends_so_many_of_each_kind_and_what_is_more_does_not_reach
     assert hub._commands.written == before + alive + stops + 1
     assert any("SEC-06" in text for text in client.outgoing())
     with pytest.raises(Flooded):
-        for n in range(100_000):
-            client.take(f'{{"type":"alive","seq":{n},"frame":1}}')
+        flood(client)
 
 
 def test_a_bucket_gives_its_rate() -> None:
