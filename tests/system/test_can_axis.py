@@ -16,6 +16,7 @@ from gantryctl.drive_sim import Requests
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore, Stop
+from gantryctl.operation.bus import set_up_anew
 from gantryctl.program import AxisState
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.wiring import SimulatedCanDrive
@@ -176,6 +177,28 @@ def test_a_parameter_changed_behind_our_back_stops_the_axis_and_keeps_it(
     assert axis.reset() is None
     run.session.engine.run_for(0.1)
     assert axis.alarms.blocking() is None
+    run.session.close("done")
+
+
+def test_after_a_restart_of_the_drive_a_reset_is_enough() -> None:
+    """DRV-11 in motion; then set up anew, reset by service (the angle was doubted), and the next move goes on."""
+    run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)
+    run.session.power_up()
+    run.after(2.0, lambda: run.ask({"cmd": "event", "event": "reset"}))
+    with pytest.raises(AlarmStop, match="DRV-11"):
+        run.session.move(60.0, 3.0)
+    run.session.power_down()
+    engine, axis = run.session.engine, run.session.axis
+    stood = moved_deg(run)
+    assert set_up_anew(engine)
+    assert not set_up_anew(engine)
+    assert axis.reset(service=True) is None
+    engine.run_for(1.0)
+    assert axis.state is AxisState.DISABLED
+    assert axis.alarms.first_out is None
+    assert moved_deg(run) == pytest.approx(stood, abs=0.02)
+    assert run.session.move(stood + 2.0).done
+    assert moved_deg(run) == pytest.approx(stood + 2.0, abs=0.02)
     run.session.close("done")
 
 

@@ -9,6 +9,7 @@ from gantryctl.operation.commissioned import check_record, load_record, record_p
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import is_simulated
 from gantryctl.ports import Drive
+from gantryctl.runtime import Engine
 
 
 def judge_bus(machine: Machine, store: StateStore | None, drive: Drive, commissioning: bool = False) -> None:
@@ -28,6 +29,22 @@ def judge_bus(machine: Machine, store: StateStore | None, drive: Drive, commissi
     required = machine.can.commissioning_required and not is_simulated(machine) and not commissioning
     if required and store is not None:
         check_record(machine, load_record(record_path(store.directory, machine)), drive.opened.identity.key)
+
+
+def set_up_anew(engine: Engine) -> bool:
+    """A drive on a bus that was lost, or changed behind our back, is set up again: power off, between two scans.
+
+    Returns:
+        Whether there was anything to do.
+
+    Raises:
+        DeviceError: it cannot be; the alarms come again.
+    """
+    drive = engine.drive
+    if not isinstance(drive, CanopenDrive) or not drive.lost:
+        return False
+    engine.between_scans(drive.set_up_anew)
+    return True
 
 
 def leave_bus(drive: Drive) -> None:

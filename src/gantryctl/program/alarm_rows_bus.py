@@ -11,7 +11,7 @@ _STOP: Final = Severity.STOP
 _QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
 
 _CABLE: Final = (
-    "Check bus cable, terminators and load. Start the controller again: it sets the drive up anew."
+    "Check bus cable, terminators and load. Reset with power off, or start again: it sets the drive up anew."
 )
 
 BUS: Final = (
@@ -61,6 +61,6 @@ BUS: Final = (
         Code.DRV_11, "Drive restarted", _STOP, _TO,
         "The drive has restarted by itself",
         "Its supply failed, or somebody reset it. It has forgotten what the controller told it.",
-        "Look for the cause. Start the controller again: it sets the drive up anew.",
+        "Look for the cause. Reset with power off, or start again: it sets the drive up anew.",
     ),
 )  # fmt: skip

@@ -191,6 +191,7 @@ class AxisScan:
         """Forget the alarms; the axis stays as it is: Reset never enables."""
         if self.recovery.service:
             self.feedback.accept_position()
+            self.power.rebase()
         self.alarms.clear()
         self.monitors.reset()
         self._error = False

@@ -70,6 +70,7 @@ class Recovery:
         if self._feedback.state not in _FAULTS:
             self._abandon_reset(None)
             return True
+        self._power.fault_reset = True  # also for a fault that shows only when a lost drive is heard again
         self._count += self._feedback.periods
         if self._count > self._reset_scans:
             self._abandon_reset(refusal(Code.CTL_14, measured="the drive keeps its fault: read its display"))

@@ -117,6 +117,13 @@ class Engine:
         """Scan until `condition(engine)` holds after a scan; False when `timeout_s` is over before."""
         return self._run(self.scan + self._scans(timeout_s), condition)
 
+    def between_scans(self, work: Callable[[], None]) -> None:
+        """Do something that takes its time, with power off: the scan after it is on time whenever it comes."""
+        try:
+            work()
+        finally:
+            self.clock.start()
+
     def close(self) -> None:
         """Leave the drive without torque, then finish the recording; may be called twice."""
         try:

@@ -26,6 +26,7 @@ from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation import StateStore
+from gantryctl.operation.bus import set_up_anew
 from gantryctl.operation.ending import RunEnd, retained_after
 from gantryctl.operation.virtual import ReadDrive, is_simulated, keep_machine
 from gantryctl.program import AxisState, PowerPhase
@@ -35,7 +36,7 @@ from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.messages import Identity, Refused
-from gantryctl.service.opening import open_service
+from gantryctl.service.opening import BUS, bus_refusal, open_service
 from gantryctl.service.publisher import Publisher
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
 from gantryctl.service.view import Picture, publish_json
@@ -77,7 +78,7 @@ class Controller:
         rules.locked = self._locked
         rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
         self.operator.on_reset = self._reset
-        self._powered = self._moving = False
+        self._powered = self._moving = self._reset_asked = False
         self._power_ups = self._moves = self._lost_rows = 0
         self._way_rad, self._last_pos = 0.0, math.nan
         self._end_s = math.inf
@@ -113,6 +114,9 @@ class Controller:
     def _after(self, _: Engine) -> bool:
         """After every scan; True ends the run."""
         self.operator.settle()
+        if self._reset_asked:
+            self._reset_asked = False
+            self._set_up_anew()
         self._watch()
         self._publisher.scan()
         if not self.operator.shutdown:
@@ -263,6 +267,7 @@ class Controller:
     def _reset(self, who: Identity, service: bool) -> str:
         """What a reset acknowledges beside the program's alarms."""
         words, rules = self.memory.words, self.operator.rules
+        self._reset_asked = True
         if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and service:
             self.events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
         if rules.lock:
@@ -274,6 +279,21 @@ class Controller:
         self.engine.overrun_stop = None
         self.events.put("command", f"acknowledged: {said}", who)
         return said
+
+    def _set_up_anew(self) -> None:
+        """A reset of a lost drive: with power off it is set up again before the program looks at it."""
+        if self.axis.power.phase is not PowerPhase.OFF:
+            return
+        try:
+            if not set_up_anew(self.engine):
+                return
+        except GantryctlError as fault:
+            self.events.put("service", f"the drive could not be set up again: {fault}")
+            return
+        self.events.put("service", "the drive was set up again")
+        rules = self.operator.rules
+        if not rules.lock or rules.lock.startswith(BUS):  # what is wrong with the encoder stays
+            rules.lock = bus_refusal(self.machine, self._store, self._drive)
 
 
 def _drive_lock(machine: Machine) -> contextlib.AbstractContextManager[object]:

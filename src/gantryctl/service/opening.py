@@ -54,7 +54,7 @@ def open_service(
     rules = rules_of(machine, time.monotonic(), retained.speed_rad_s, retained.increment_rad)
     moved = reading.verdict is RestVerdict.MOVED  # a reset acknowledges it, and nothing else of the encoder
     wrong = refusal(reading) or ""
-    rules.lock = ("" if moved else wrong) or _bus_refusal(machine, store, drive)
+    rules.lock = ("" if moved else wrong) or bus_refusal(machine, store, drive)
     held = [wrong] if moved else []
     if retained.error_stop:
         held.append(f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset")
@@ -86,14 +86,14 @@ def open_service(
     return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)
 
 
-def _bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
+def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
     """Why a drive on a bus may not be enabled, or ""."""
     if isinstance(drive, CanopenDrive):
         try:
             judge_bus(machine, store, drive)
         except CommandRefused as reason:
-            return f"{_BUS} {' '.join(str(reason).split())}"
+            return f"{BUS} {' '.join(str(reason).split())}"
     return ""
 
 
-_BUS: Final = "CFG-CAN"
+BUS: Final = "CFG-CAN"

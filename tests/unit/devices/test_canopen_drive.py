@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
 
 import can
@@ -162,6 +163,20 @@ def test_a_node_that_leaves_operational_is_noticed() -> None:
     assert any(flags & LinkFlag.NOT_OPERATIONAL for flags in seen)
 
 
+@pytest.mark.parametrize("state", ["PRE_OPERATIONAL", "STOPPED"])
+def test_a_turning_drive_that_leaves_operational_is_stopped_by_its_own_watch(state: str) -> None:
+    """It takes no process data any more: the controller falls silent, and the drive sees that."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    begun = bench.load_deg
+    bench.event("nmt", state=state)
+    bench.run(1.0, ENABLE, 1.0)
+    # 1 deg/s for its heartbeat (50 ms), ours (50 ms) and its time-out (150 ms), the ramp of 5.4 deg/s2, some swing
+    assert bench.load_deg - begun < 1.0 * 0.26 + 1.0 / (2.0 * 5.4) + 0.05
+    assert bench.virtual.axis.state.name == "FAULT"
+    assert not bench.virtual.motor.brake_open
+
+
 def test_missing_and_doubled_telegrams_are_counted_and_bridged() -> None:
     bench = Bench().open().enable()
     bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=1)
@@ -303,6 +318,79 @@ def test_another_master_is_noticed() -> None:
     bench = Bench().open().enable()
     bench.event("frame", can_id=0x202, data="0F00E8030000")
     assert bench.scan().link & LinkFlag.OTHER_MASTER
+
+
+# --- back again ---------------------------------------------------------------------------------------------------
+
+
+def lose_by_restart(bench: Bench) -> None:
+    bench.event("reset")
+    bench.run(1.0, ENABLE, 0.6)
+
+
+def lose_by_silence(bench: Bench) -> None:
+    bench.inject("silence")
+    bench.run(1.0, ENABLE, 0.6)
+    bench.inject("silence", False)
+
+
+def lose_by_nmt(bench: Bench) -> None:
+    bench.event("nmt", state="PRE_OPERATIONAL")
+    bench.run(1.0, ENABLE, 0.6)
+
+
+LOSSES = pytest.mark.parametrize("lose", [lose_by_restart, lose_by_silence, lose_by_nmt])
+
+
+@LOSSES
+def test_a_lost_drive_is_set_up_anew_within_the_run_and_nothing_moves(lose: Callable[[Bench], None]) -> None:
+    bench = Bench().open().enable()
+    bench.ramp_to(0.6)
+    begun, begun_deg = bench.drive.read().pos_act_counts, bench.load_deg
+    lose(bench)
+    assert bench.drive.lost
+    assert not bench.virtual.motor.brake_open
+    bench.run(2.0, DriveRequest.DISABLE)
+    stood, stood_counts = bench.load_deg, bench.virtual.motor.counts
+    way_counts = (stood - begun_deg) * bench.drive.identity().counts_per_turn * bench.ratio / 360.0
+    bench.drive.set_up_anew()
+    assert not bench.drive.lost
+    assert bench.drive.refusals == ()
+    seen = bench.drive.read()
+    assert (seen.link, seen.age_scans) == (LinkFlag.NONE, 0)
+    # load and motor are not wound up by more than some hundredths of a degree
+    assert seen.pos_act_counts - begun == pytest.approx(way_counts, abs=0.05 / 360.0 * 1144.0 * 524288.0)
+    bench.run(0.5, DriveRequest.FAULT_RESET)
+    assert bench.run(0.2, DriveRequest.DISABLE).state is DriveState.SWITCH_ON_DISABLED
+    # The load swings on against the braked motor, which gives way by less than a thousandth of a turn.
+    moved = bench.virtual.motor.counts - stood_counts
+    assert abs(moved) < 1e-3 * bench.virtual.hardware.fine_counts_per_turn
+    assert not bench.virtual.motor.brake_open
+    bench.enable()
+    bench.ramp_to(0.6)
+    assert bench.load_deg > stood + 0.1
+    bench.drive.close()
+
+
+def test_a_drive_that_stays_silent_stays_lost() -> None:
+    bench = Bench().open().enable()
+    bench.inject("silence")
+    bench.run(1.0)
+    with pytest.raises(DeviceError, match="no answer"):
+        bench.drive.set_up_anew()
+    assert bench.drive.lost
+    bench.inject("silence", False)
+    assert bench.run(0.4).state is DriveState.UNKNOWN
+    assert not bench.virtual.motor.brake_open
+
+
+def test_another_drive_on_the_bus_is_not_taken() -> None:
+    bench = Bench().open().enable()
+    lose_by_restart(bench)
+    bench.ask("write", index=0x1018, sub=4, value=77)
+    with pytest.raises(DeviceError, match="another drive"):
+        bench.drive.set_up_anew()
+    assert bench.run(0.4).state is DriveState.UNKNOWN
 
 
 # --- silence ------------------------------------------------------------------------------------------------------

@@ -23,7 +23,7 @@ from gantryctl.devices.canopen.counters import BusCounters, bus_counters
 from gantryctl.devices.canopen.link import Link
 from gantryctl.devices.canopen.matrix import Verdict
 from gantryctl.devices.canopen.node import NmtCommand, NmtState, RemoteNode
-from gantryctl.devices.canopen.opening import open_node
+from gantryctl.devices.canopen.opening import Opened, open_node
 from gantryctl.devices.canopen.process_image import ProcessImage
 from gantryctl.devices.canopen.read_back import ReadBack
 from gantryctl.devices.canopen.settings import CanopenSettings, drive_identity
@@ -80,12 +80,8 @@ class CanopenDrive:
         self.silent_process_data = self.silent_heartbeat = False
         self.scan = 0
         self._heartbeat_due = 0
-        self._brake = BrakeWork(settings)
-        self._controlword = DISABLE_VOLTAGE
         self.commanded = self._due = self._closed = False
         self._flags = LinkFlag.NONE
-        self._followed = False
-        self._enabling = 0
         self._synced_s = 0.0
         self._passed = 1
 
@@ -98,20 +94,48 @@ class CanopenDrive:
             DeviceError: it cannot be set up; the link is closed then.
         """
         try:
-            self.opened = open_node(self.node, self.settings)
-            self.process = ProcessImage(self.node, self.settings, self.opened.units, self.opened.mapping)
-            self.read_back = ReadBack(self.node, self.opened.kept, self.settings.period_s)
-            self.node.forget_boots()
-            self.node.emergencies.code = self.opened.error_code
-            self._heartbeats = any(
-                row.place == "1017:00" and row.verdict is Verdict.OK for row in self.opened.rows
-            )
-            self._first_answer()
+            self._set_up(open_node(self.node, self.settings), None)
         except BaseException:
             self._closed = True
             self.link.close()
             raise
         return self
+
+    def _set_up(self, opened: Opened, before: ProcessImage | None) -> None:
+        """Begin with what was found and written: nothing of an earlier connection counts any more."""
+        settings, node = self.settings, self.node
+        self.opened = opened
+        self.process = ProcessImage(node, settings, opened.units, opened.mapping, before)
+        self.read_back = ReadBack(node, opened.kept, settings.period_s)
+        self._brake, self._controlword = BrakeWork(settings), DISABLE_VOLTAGE
+        self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
+        self._flags, self._enabling = LinkFlag.NONE, 0
+        node.state = None
+        node.forget_boots()
+        node.emergencies.code = opened.error_code
+        self._heartbeats = any(row.place == "1017:00" and row.verdict is Verdict.OK for row in opened.rows)
+        self._first_answer()
+
+    @property
+    def lost(self) -> bool:
+        """The drive has to be set up anew before it may be enabled: its connection was lost, or a parameter changed."""
+        return bool(self._flags & _LATCHED) or bool(self.read_back.differs)
+
+    def set_up_anew(self) -> None:
+        """Set a lost drive up again on the same bus: power off, standing, between two scans. Nothing moves.
+
+        Raises:
+            DeviceError: it does not answer, is enabled, or is another drive; it stays lost then.
+        """
+        node = self.node
+        node.drain()
+        self._take_the_watch_off()
+        key = node.identity().key
+        if key != self.opened.identity.key:
+            raise DeviceError(
+                f"node {node.node} is now {key}, it was {self.opened.identity.key}: another drive"
+            )
+        self._set_up(open_node(node, self.settings), self.process)
 
     def _first_answer(self) -> None:
         self._due = True
@@ -191,7 +215,9 @@ class CanopenDrive:
         node.drain()
         self.scan += periods
         node.scan = self.scan
-        if self.commanded and not self.silent_heartbeat and self.scan >= self._heartbeat_due:
+        # A drive that left OPERATIONAL takes no command; where it turns, our silence makes its own watch stop it.
+        speaks = self.commanded and not self.silent_heartbeat and not self._flags & LinkFlag.NOT_OPERATIONAL
+        if speaks and self.scan >= self._heartbeat_due:
             node.heartbeat()
             self._heartbeat_due = self.scan + self.settings.heartbeat_scans
         if self.silent_process_data:
@@ -284,12 +310,16 @@ class CanopenDrive:
             if self.commanded:
                 self._come_to_rest()
             with suppress(DeviceError):
-                self.node.enter_pre_operational()
-                if self.node.sdo.optional(0x1016, 1):
-                    self.node.sdo.set(0x1016, 1, 0)
+                self._take_the_watch_off()
         finally:
             self._closed = True
             self.link.close()
+
+    def _take_the_watch_off(self) -> None:
+        """No process data, and no heartbeat of ours expected: silence is no fault any more."""
+        self.node.enter_pre_operational()
+        if self.node.sdo.optional(0x1016, 1):
+            self.node.sdo.set(0x1016, 1, 0)
 
     def _come_to_rest(self) -> None:
         """Scans of our own until nothing turns; a drive that does not answer is not waited for."""

@@ -31,6 +31,7 @@ class ProcessImage:
         settings: range of the encoder, bits of the inputs.
         units: conversions.
         mapping: what is in which telegram.
+        before: that of an earlier set-up of this drive: the position goes on from where it was.
 
     Attributes:
         watches: one per TPDO.
@@ -39,7 +40,12 @@ class ProcessImage:
     """
 
     def __init__(
-        self, node: RemoteNode, settings: CanopenSettings, units: BusUnits, mapping: Mapping
+        self,
+        node: RemoteNode,
+        settings: CanopenSettings,
+        units: BusUnits,
+        mapping: Mapping,
+        before: ProcessImage | None = None,
     ) -> None:
         self._node, self._units, self._bits = node, units, settings.inputs
         self._period_s = settings.period_s
@@ -48,7 +54,9 @@ class ProcessImage:
         self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
         self._fields = tuple(_fields(pdo) for pdo in mapping.tpdos)
         turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
-        self._unwrap = Unwrap(settings.increments_per_turn * turns)
+        self._unwrap: Unwrap = (
+            Unwrap(settings.increments_per_turn * turns) if before is None else before._unwrap
+        )
         mapped = mapping.signals
         self.torque_offset = m.TORQUE_OFFSET in mapped
         self.torque_known = m.TORQUE in mapped
