@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.machine import default_machine, to_toml, with_values
 from gantryctl.service.journal import read_journal
 from service_process import Page, Service, add_users
 
@@ -31,6 +32,14 @@ def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[st
         [sys.executable, "-m", "gantryctl", *arguments],
         env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
         stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+
+
+def start(service: Service, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "gantryctl", *arguments],
+        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
 
 
@@ -94,13 +103,16 @@ def test_the_command_line_tests_resets_and_shows_what_the_service_knows(service:
     assert command(service, "detach").returncode == 0
 
 
-def test_two_people(tmp_path: Path) -> None:
-    add_users(tmp_path)
-    with (
-        Service(tmp_path, "--second-person") as service,
-        service.page("service") as second,
-        service.page("physicist") as first,
-    ):
+@pytest.fixture(scope="module")
+def for_two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    root = tmp_path_factory.mktemp("two")
+    add_users(root)
+    with Service(root, "--second-person") as made:
+        yield made
+
+
+def test_one_arms_and_another_one_executes(for_two: Service) -> None:
+    with for_two.page("service") as second, for_two.page("physicist") as first:
         assert second.look()["second_person"]
         second.do("take", over=False)
         second.do("arm", action="brake_test")
@@ -109,4 +121,49 @@ def test_two_people(tmp_path: Path) -> None:
         first.do("arm", action="brake_test")
         assert first.refused("brake_test") == "SEC-07"
         second.do("brake_test")
-        second.until(lambda tags: tags["brake_test_result"] == "passed")
+        second.do("stop")
+
+
+def test_the_console_waits_for_somebody_else_to_arm(for_two: Service) -> None:
+    with for_two.page("physicist") as first:
+        asking = start(for_two, "brake-test", "--service", "--yes", "--json")
+        first.until(lambda tags: tags["authority_local"])
+        first.do("arm", action="brake_test")
+        first.until(lambda _: asking.poll() is not None)
+        out, err = asking.communicate()
+    assert (asking.returncode, json.loads(out)["result"]) == (0, "passed")
+    assert "another user must arm it now" in err
+
+
+def test_the_console_arms_for_somebody_else(for_two: Service) -> None:
+    with for_two.page("service") as second:
+        second.do("take", over=False)
+        arming = start(for_two, "arm", "brake-test")
+        second.until(lambda tags: tags["armed_action"] == "brake_test")
+        second.do("brake_test")
+        second.until(lambda _: arming.poll() is not None)
+        assert "not armed any more" in arming.communicate()[0]
+        second.do("stop")
+
+
+def test_a_failed_brake_holds_the_machine_over_a_restart_until_service_resets(tmp_path: Path) -> None:
+    add_users(tmp_path)
+    weak = with_values(default_machine(), {"plant.brake.torque_share": 0.1})
+    config = tmp_path / "weak.toml"
+    config.write_text(to_toml(weak), encoding="utf-8")
+    with Service(tmp_path, "--config", str(config)) as service:
+        done = command(service, "brake-test", "--service", "--yes", "--config", str(config))
+        assert done.returncode == 1
+        assert "brake test failed" in done.stdout
+    with Service(tmp_path, "--config", str(config)) as service, service.page("service") as page:
+        assert page.look()["reset_locked"]
+        assert page.tags["brake_test_result"] == "failed"
+        page.do("take", over=False)
+        assert page.refused("power", on=True) == "PWR-04"
+        assert page.refused("reset") == "SEC-10"
+        page.do("arm", action="reset_locked")
+        page.do("reset")
+        page.until(lambda tags: not tags["reset_locked"])
+        page.do("power", on=True)
+        page.until(lambda tags: bool(tags["power"]))
+        assert not page.tags["alarms"]

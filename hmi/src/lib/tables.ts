@@ -194,7 +194,7 @@ export interface Tags {
   brake_test_level_nm: number | null;
   /** The axis may move this far under it. [deg] */
   brake_test_limit_deg: number | null;
-  /** How the last test ended; aborted ones show nothing. */
+  /** How the last test ended; none while one is under way. */
   brake_test_result: 'none' | 'passed' | 'failed' | 'aborted' | null;
   /** The last test in one sentence, with what was measured. */
   brake_test_text: string | null;
@@ -320,7 +320,7 @@ export const PHRASES: Record<string, string> = {
   "Heartbeat of the drive lost": "驱动器心跳丢失",
   "The drive's heartbeat is missing": "没有收到驱动器的心跳",
   "The drive is switched off, has crashed, or its cable is open.": "驱动器已关机、死机，或电缆断开。",
-  "Check bus cable, terminators and load. Start the controller again: it sets the drive up anew.": "检查总线电缆、终端电阻和负载。重新启动控制器：它会重新设置驱动器。",
+  "Check bus cable, terminators and load. Reset with power off, or start again: it sets the drive up anew.": "检查总线电缆、终端电阻和负载。断电后复位或重新启动：驱动器将被重新设置。",
   "Reading too old": "读数过旧",
   "The drive's reading is {measured:.0f} ms old, limit {limit:.0f} ms": "驱动器的读数已有 {measured} ms，限值 {limit} ms",
   "The drive's telegrams come late or not at all.": "驱动器的报文迟到或不来。",
@@ -346,7 +346,7 @@ export const PHRASES: Record<string, string> = {
   "Drive restarted": "驱动器重新启动",
   "The drive has restarted by itself": "驱动器自行重新启动",
   "Its supply failed, or somebody reset it. It has forgotten what the controller told it.": "其供电失效，或有人将其复位。它已忘记控制器的设置。",
-  "Look for the cause. Start the controller again: it sets the drive up anew.": "查找原因。重新启动控制器：它会重新设置驱动器。",
+  "Look for the cause. Reset with power off, or start again: it sets the drive up anew.": "查找原因。断电后复位或重新启动：驱动器将被重新设置。",
   "A value that is no number": "数值不是数",
   "{measured} is not a finite number": "{measured} 不是有限的数",
   "A reading or a computed command was not finite. It never reaches the drive.": "某个读数或计算出的指令不是有限的数。它绝不会到达驱动器。",

@@ -14,6 +14,7 @@ import click
 from gantryctl.cli.options import ATTACHED, config_option, machine_of, print_json
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
 from gantryctl.machine import Machine, short_hash
+from gantryctl.operation.brake import BrakeDue
 from gantryctl.operation.requests import check_direction, check_speed, check_target, way_note
 from gantryctl.operation.store import state_root
 from gantryctl.service.remote import ServiceLink
@@ -220,6 +221,7 @@ def remote_status(machine: Machine, as_json: bool) -> int:
         ("power", "on" if tags["power"] else tags["blocked_by"] or "off"),
         ("drive", str(tags["drive_state"]).replace("_", " ")),
         ("control", tags["authority_user"] or "free"),
+        ("brake test", brake_words(tags)),
         ("alarms", "; ".join(row["text"] for row in tags["alarms"]) or "none"),
         ("scan", f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"),
         ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
@@ -227,6 +229,15 @@ def remote_status(machine: Machine, as_json: bool) -> int:
     ):
         click.echo(f"  {name:<18}{value}")
     return 0
+
+
+def brake_words(tags: dict[str, Any]) -> str:
+    """The last brake test and the next one, for people."""
+    if not tags["brake_test_available"]:
+        return f"not testable here: {tags['brake_test_blocked']}"
+    due = BrakeDue(tags["brake_test_due_at"], tags["brake_test_cycles_left"], tags["brake_test_overdue"])
+    last = f"{tags['brake_test_text']}; " if tags["brake_test_text"] else ""
+    return f"{last}{due.words}"
 
 
 @click.command()

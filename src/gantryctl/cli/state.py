@@ -50,6 +50,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
         ("last alarm", found.last_alarm or "-"),
         ("power-ups, moves", f"{found.power_ups}, {found.moves}"),
         ("travelled", f"{found.travelled_deg:.1f} deg"),
+        ("brake test", found.brake_test),
         ("state kept in", found.directory),
         *(("note", note) for note in found.notes),
     ]
@@ -120,9 +121,9 @@ def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, tak
         from gantryctl.cli.remote_state import remote_reset
 
         return remote_reset(machine, yes=yes, take_over=take_over, as_json=as_json)
-    from gantryctl.operation import locked_code, reset_machine
+    from gantryctl.operation import locked_code, read_retained, reset_machine
 
-    locked = locked_code(machine)
+    locked = locked_code(read_retained(machine))
     if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
         return 2
     said = reset_machine(machine)

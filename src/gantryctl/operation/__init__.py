@@ -1,5 +1,6 @@
 """One machine in operation: its state between runs, and one run of its axis."""
 
+from gantryctl.operation.brake import locked_code
 from gantryctl.operation.bus import bus_lines
 from gantryctl.operation.motions import Motion, Snapshot, Stop
 from gantryctl.operation.notices import all_codes, explain
@@ -8,7 +9,6 @@ from gantryctl.operation.requests import way_note
 from gantryctl.operation.session import AxisSession
 from gantryctl.operation.state import (
     encoder_report,
-    locked_code,
     machine_status,
     read_retained,
     reset_machine,

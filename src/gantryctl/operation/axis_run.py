@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.errors import AlarmStop, CommandRefused
@@ -22,7 +21,7 @@ from gantryctl.operation.absolute import (
     refusal,
     unwrapped,
 )
-from gantryctl.operation.brake import brake_due, restore_failure
+from gantryctl.operation.brake import judge_due, restore_failure
 from gantryctl.operation.bus import judge_bus, leave_bus
 from gantryctl.operation.ending import RunEnd, retained_after
 from gantryctl.operation.motions import Snapshot, Stop, state_words
@@ -122,10 +121,7 @@ class AxisRun:
         assert isinstance(self.engine.program, AxisProgram)
         self.axis = self.engine.program.axis
         restore_failure(self.axis, self._retained)
-        untestable = self.axis.settings.power.untestable
-        now = datetime.now(UTC)
-        self.brake_due = brake_due(machine, untestable, self._retained, self._retained.power_ups, now)
-        self.axis.motion.brake_overdue = self.brake_due.overdue
+        self.brake_due = judge_due(machine, self.axis, self._retained, self._retained.power_ups)
 
     def _refuse(self, reason: str | None) -> None:
         held = self._retained.error_stop

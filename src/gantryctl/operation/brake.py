@@ -9,9 +9,12 @@ from typing import Final, NamedTuple
 
 from gantryctl.machine import Machine
 from gantryctl.operation.virtual import is_simulated
-from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult, Code
+from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.runtime import Retained
+from gantryctl.wiring import untestable
 
+LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
+"""Codes that only service may reset, also when they are of an earlier run."""
 TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%SZ"
 
 
@@ -32,22 +35,32 @@ class BrakeDue(NamedTuple):
     def words(self) -> str:
         """For people."""
         if self.power_ups_left is None:
-            return "never: not testable here"
+            return "not testable here"
         if self.overdue:
             return "overdue: nothing moves faster than 1 deg/s"
         cycles = f"after {self.power_ups_left} more power-ups"
-        return f"{self.at}, or {cycles}" if self.at else cycles
+        return f"due {self.at}, or {cycles}" if self.at else f"due {cycles}"
 
 
-def brake_due(
-    machine: Machine, untestable: str, retained: Retained, power_ups: int, now: datetime
-) -> BrakeDue:
+def brake_words(machine: Machine, retained: Retained, now: datetime) -> str:
+    """The last test and the next one, for people; of a machine that is not running."""
+    if retained.brake_failed:
+        return f"failed {retained.brake_tested_at}: {retained.brake_failed}"
+    due = brake_due(machine, untestable(machine), retained, retained.power_ups, now)
+    last = f"passed {retained.brake_tested_at}; " if retained.brake_tested_at else ""
+    return f"{last}{due.words}"
+
+
+def brake_due(machine: Machine, reason: str, retained: Retained, power_ups: int, now: datetime) -> BrakeDue:
     """When the next test is due, by what is retained and the power-ups so far.
 
     A simulated machine is delivered with a sound brake: without a test yet its power-ups count from the first. A
     real one that was never tested is overdue; commissioning tests it.
+
+    Args:
+        reason: why it cannot be tested here, or "".
     """
-    if untestable:
+    if reason:
         return BrakeDue("", None, overdue=False)
     brake = machine.brake
     left = brake.test_interval_power_ups - (power_ups - retained.brake_tested_power_ups)
@@ -57,6 +70,22 @@ def brake_due(
         return BrakeDue("", max(0, left), overdue)
     due = tested + timedelta(days=brake.test_interval_days)
     return BrakeDue(due.strftime(TIME_FORMAT), max(0, left), left <= 0 or now >= due)
+
+
+def judge_due(machine: Machine, axis: Axis, retained: Retained, power_ups: int) -> BrakeDue:
+    """When the next test is due as of now; the axis is told whether it is overdue."""
+    due = brake_due(machine, axis.settings.power.untestable, retained, power_ups, datetime.now(UTC))
+    axis.motion.brake_overdue = due.overdue
+    return due
+
+
+def locked_code(retained: Retained | None) -> str:
+    """Code of what only service may reset of what is retained, or ""."""
+    if retained is None:
+        return ""
+    if retained.error_stop in LOCKED:
+        return retained.error_stop
+    return str(Code.BRK_08) if retained.brake_failed else ""
 
 
 def _time(text: str) -> datetime | None:

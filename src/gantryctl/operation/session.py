@@ -8,7 +8,7 @@ from typing import Any, Final
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.operation.axis_run import REST_S, AxisRun
-from gantryctl.operation.brake import after_test, brake_due
+from gantryctl.operation.brake import after_test, judge_due
 from gantryctl.operation.motions import Motion, Stop
 from gantryctl.operation.requests import check_direction, check_speed, check_target
 from gantryctl.program import BrakeTestResult
@@ -83,12 +83,11 @@ class AxisSession(AxisRun):
         self._command(brake_test=False)
         self._raise_refusal(refusals)
         self._follow(lambda: not self.axis.power.testing, _TEST_S)
-        result, now = self.axis.power.brake_test_result, datetime.now(UTC)
+        result = self.axis.power.brake_test_result
         assert result is not None
         power_ups = self._retained.power_ups + self._power_ups
-        self._retained = after_test(self._retained, result, power_ups, now)
-        untestable = self.axis.settings.power.untestable
-        self.brake_due = brake_due(self.machine, untestable, self._retained, power_ups, now)
+        self._retained = after_test(self._retained, result, power_ups, datetime.now(UTC))
+        self.brake_due = judge_due(self.machine, self.axis, self._retained, power_ups)
         self._raise_alarm()
         return result
 

@@ -12,9 +12,9 @@ from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.operation.absolute import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
+from gantryctl.operation.brake import brake_words
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, looked_at, new_machine
-from gantryctl.program import ALARMS
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 from gantryctl.wiring import lead_deg
@@ -58,6 +58,7 @@ class MachineStatus:
     power_ups: int
     moves: int
     travelled_deg: float
+    brake_test: str
     directory: str
     notes: tuple[str, ...] = ()
 
@@ -111,6 +112,7 @@ def _status(
         power_ups=retained.power_ups,
         moves=retained.moves,
         travelled_deg=deg(retained.travelled_rad),
+        brake_test=brake_words(machine, retained, datetime.now(UTC)),
         directory=str(store.directory),
         notes=notes,
     )
@@ -142,17 +144,6 @@ def retained_rows(retained: Retained) -> list[tuple[str, str]]:
             text = str(value)
         rows.append((name.replace("_", " "), text))
     return rows
-
-
-def locked_code(machine: Machine) -> str:
-    """Code of what only service may reset of what is retained, or ""."""
-    retained = read_retained(machine)
-    if retained is None:
-        return ""
-    codes = [str(code) for code, row in ALARMS.items() if row.lock]
-    if retained.error_stop in codes:
-        return retained.error_stop
-    return "BRK-08" if retained.brake_failed else ""
 
 
 def reset_machine(machine: Machine) -> str:

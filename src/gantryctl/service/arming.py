@@ -71,3 +71,8 @@ class Arming:
         """A connection has ended, and what it armed with it."""
         if self._armed is not None and self._armed.who.client == client:
             self._armed = None
+
+    def gone_all(self, *, local: bool) -> None:
+        """All connections of a source have ended."""
+        if self._armed is not None and self._armed.who.local is local:
+            self._armed = None

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.machine import Machine
-from gantryctl.operation.brake import after_test, brake_due
+from gantryctl.operation.brake import BrakeDue, after_test, judge_due
 from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult
 from gantryctl.runtime import Retained
 from gantryctl.service.events import EventLog
@@ -32,6 +32,7 @@ class BrakeWatch:
         self._judged_s = -math.inf
         self._retained = retained
         self.changed = 0
+        self.due = BrakeDue("", None, overdue=False)
         self.judge(retained, retained.power_ups)
 
     @property
@@ -42,8 +43,10 @@ class BrakeWatch:
     def judge(self, retained: Retained, power_ups: int) -> None:
         """Whether the test is due, by date and power-ups."""
         self._retained = retained
-        self.due = brake_due(self._machine, self._untestable, retained, power_ups, datetime.now(UTC))
-        self._axis.motion.brake_overdue = self.due.overdue
+        before = self.due.overdue
+        self.due = judge_due(self._machine, self._axis, retained, power_ups)
+        if self.due.overdue and not before:
+            self._events.put("brake_test", f"brake test {self.due.words}")
         self.changed += 1
 
     def scan(self, retained: Retained, power_ups: int, time_s: float) -> Retained:
@@ -52,9 +55,9 @@ class BrakeWatch:
         result = power.brake_test_result
         if power.brake_tests != self._tests and result is not None:
             self._tests = power.brake_tests
-            self._write(result)
             retained = after_test(retained, result, power_ups, datetime.now(UTC))
             self.judge(retained, power_ups)
+            self._write(result)
         elif time_s - self._judged_s >= JUDGE_S:
             self._judged_s = time_s
             self.judge(retained, power_ups)
@@ -67,8 +70,10 @@ class BrakeWatch:
             "plus_nm": _rounded(result.plus_nm),
             "minus_nm": _rounded(result.minus_nm),
             "moved_deg": _rounded(deg(result.moved_rad)),
+            "due_at": self.due.at,
         }
-        self._events.put("brake_test", f"brake test {result.outcome.name.lower()}: {result.text}", **values)
+        text = f"brake test {result.outcome.name.lower()}: {result.text}; {self.due.words}"
+        self._events.put("brake_test", text, **values)
 
     def fast(self) -> dict[str, float]:
         """The 20 Hz tags."""
@@ -85,7 +90,7 @@ class BrakeWatch:
         """Those that are sent on change. The last test may be one of an earlier start."""
         law, kept = self._axis.power.brake_test, self._retained
         word = kept.brake_test_text.partition(":")[0]
-        known = word.upper() in BrakeTestOutcome.__members__
+        known = word.upper() in BrakeTestOutcome.__members__ and not self._axis.power.testing
         return {
             "brake_test_available": not self._untestable,
             "brake_test_blocked": self._untestable,

@@ -13,7 +13,6 @@ import math
 import os
 import signal
 import sys
-import tempfile
 import threading
 import time
 from dataclasses import replace
@@ -23,20 +22,20 @@ from typing import Final
 
 from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
-from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation import StateStore
+from gantryctl.operation.brake import LOCKED
 from gantryctl.operation.bus import set_up_anew
 from gantryctl.operation.ending import RunEnd, retained_after
-from gantryctl.operation.virtual import ReadDrive, is_simulated, keep_machine
+from gantryctl.operation.virtual import ReadDrive, keep_machine
 from gantryctl.program import AxisState, PowerPhase
-from gantryctl.runtime import Engine, Retained, StateLock
+from gantryctl.runtime import Engine, Retained
 from gantryctl.service.alarm_view import AlarmView
 from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.messages import Identity, Refused
-from gantryctl.service.opening import BUS, bus_refusal, open_service
+from gantryctl.service.opening import BUS, LastRead, bus_refusal, drive_lock, open_service
 from gantryctl.service.publisher import Publisher
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
 from gantryctl.service.view import Picture, publish_json
@@ -182,7 +181,7 @@ class Controller:
         end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
         levels = self.operator.levels
         on_bus = isinstance(self._drive, CanopenDrive)
-        seen: ReadDrive = _LastRead(self.engine) if on_bus else self._drive
+        seen: ReadDrive = LastRead(self.engine) if on_bus else self._drive
         record = replace(
             retained_after(self.machine, self._retained, self.axis, seen, end),
             speed_rad_s=levels.speed_rad_s,
@@ -260,9 +259,14 @@ class Controller:
         log = self.axis.alarms
         return (
             self.memory.words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED
+            or self._held_by_locked()
             or not self.axis.feedback.position_valid
             or any(alarm.definition.lock for alarm in log.active.values())
         )
+
+    def _held_by_locked(self) -> bool:
+        """A locked alarm of an earlier run that nobody has acknowledged."""
+        return bool(self.operator.rules.held) and self._retained.error_stop in LOCKED
 
     def _reset(self, who: Identity, service: bool) -> str:
         """What a reset acknowledges beside the program's alarms."""
@@ -274,6 +278,9 @@ class Controller:
             raise Refused(rules.lock.partition(" ")[0], rules.lock)
         if not rules.held:
             return ""
+        if self._held_by_locked() and not service:
+            code = self._retained.error_stop
+            raise Refused("CTL-14", f"{code} ({rules.held}) may be reset by the service role only")
         said, rules.held = rules.held, ""
         self._retained = replace(self._retained, error_stop="")
         self.engine.overrun_stop = None
@@ -296,30 +303,6 @@ class Controller:
             rules.lock = bus_refusal(self.machine, self._store, self._drive)
 
 
-def _drive_lock(machine: Machine) -> contextlib.AbstractContextManager[object]:
-    """A drive on a real bus has one controller, whatever the machine files are called."""
-    if is_simulated(machine):
-        return contextlib.nullcontext()
-    can = machine.can
-    name = "".join(c if c.isalnum() else "-" for c in f"{can.interface}-{can.channel}-{can.node}")
-    return StateLock(Path(tempfile.gettempdir()) / f"gantryctl-drive-{name}")
-
-
-class _LastRead:
-    """What the last scan has read: a drive on a bus is read once a scan and no more."""
-
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-
-    def identity(self) -> DriveIdentity:
-        """Encoder."""
-        return self._engine.drive.identity()
-
-    def read(self) -> DriveFeedback:
-        """The reading of the last scan."""
-        return self._engine.image.drive
-
-
 _TRAVEL_STEP_RAD: Final = rad(0.001)
 _JOURNAL_LOCKED: Final = 4
 
@@ -332,7 +315,7 @@ def main(arguments: list[str]) -> int:
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
-    with StateStore(machine) as store, _drive_lock(machine):
+    with StateStore(machine) as store, drive_lock(machine):
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())

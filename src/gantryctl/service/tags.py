@@ -165,7 +165,7 @@ _BRAKE: Final = (
     _out("brake_test_moved_deg", "deg", "float", "20 Hz", "Farthest way during the test under way or the last one."),
     _out("brake_test_level_nm", "N m", "float", "on change", "Torque that the closed brake must hold, both ways."),
     _out("brake_test_limit_deg", "deg", "float", "on change", "The axis may move this far under it."),
-    _out("brake_test_result", "", "enum", "on change", "How the last test ended; aborted ones show nothing.",
+    _out("brake_test_result", "", "enum", "on change", "How the last test ended; none while one is under way.",
          _labels(BrakeTestOutcome)),
     _out("brake_test_text", "", "text", "on change", "The last test in one sentence, with what was measured."),
     _out("brake_test_plus_nm", "N m", "float", "on change",

@@ -60,6 +60,7 @@ def test_overdue_by_power_ups_only_slow_motion_is_left(tmp_path: Path) -> None:
         done("move", target, "--config", config, "--no-trace")
     assert "BRK-12 · the brake test is overdue" in refused("move", "1", "--config", config)
     assert "BRK-12" in refused("jog", "+", "--speed", "1.1", "--for", "1", "--config", config)
+    assert "overdue: nothing moves faster than 1 deg/s" in done("status", "--config", config).out
     done("move", "0.2", "--speed", "1", "--config", config)
     done("brake-test", "--config", config)
     done("move", "1", "--config", config)

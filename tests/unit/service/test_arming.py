@@ -64,6 +64,13 @@ def test_it_dies_with_the_connection_that_armed_it_and_with_no_other() -> None:
     assert not allowed(arming, TEST, ANNA)
 
 
+@pytest.mark.parametrize("local", [False, True])
+def test_it_dies_with_the_gateway_when_it_came_from_there(local: bool) -> None:
+    arming = armed()
+    arming.gone_all(local=local)
+    assert allowed(arming, TEST, ANNA) is local
+
+
 def test_arming_something_else_takes_its_place() -> None:
     arming = armed()
     arming.arm(LOCKED, ANNA, 7, 101.0)

@@ -23,6 +23,7 @@ MACHINE = default_machine()
 TURN_COUNTS = 2048 * MACHINE.encoder.counts_per_turn  # fine counts of a motor turn
 LATE = "SYS-03 STOP · the scan was 31 ms late"
 ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
+SERVICE = Identity("c2", "serena", Role.SERVICE, "loopback")
 
 
 class Desk:
@@ -44,20 +45,21 @@ class Desk:
     def after(self, _: Engine) -> bool:
         self.operator.settle()
         self.controller._watch()
-        if self.engine.scan % 500 == 0 and self.operator.authority.holder is not None:
-            self.send("alive")
+        holder = self.operator.authority.holder
+        if self.engine.scan % 500 == 0 and holder is not None:
+            self.send("alive", holder)
         return False
 
-    def send(self, kind: str, **values: object) -> None:
+    def send(self, kind: str, who: Identity = ALICE, **values: object) -> None:
         self.seq += 1
         raw = {"type": kind, "seq": self.seq, "frame": self.operator.frame(), **values}
         if kind != "alive":
             raw["epoch"] = self.operator.authority.epoch
-        assert self.memory.commands[Source.WEB].put(to_record(ALICE, raw))
+        assert self.memory.commands[Source.WEB].put(to_record(who, raw))
 
-    def ask(self, kind: str, **values: object) -> str:
+    def ask(self, kind: str, who: Identity = ALICE, **values: object) -> str:
         """The code of the reply, empty when it was done."""
-        self.send(kind, **values)
+        self.send(kind, who, **values)
         self.scans(3)
         replies = self.memory.replies[Source.WEB]
         while (record := replies.take()) is not None:
@@ -183,3 +185,65 @@ def test_a_motion_while_off_that_was_acknowledged_is_forgotten() -> None:
         desk.controller._close(None)
     with opened() as desk:
         assert desk.rules.blocked_by == ""
+
+
+# --- the brake ------------------------------------------------------------------------------------
+
+
+def brake_slipped(kept: Retained) -> Retained:
+    return replace(kept, error_stop="BRK-04")
+
+
+def test_a_locked_alarm_of_an_earlier_run_is_reset_by_service_only_and_in_two_steps() -> None:
+    delivered()
+    retained(brake_slipped)
+    with opened() as desk:
+        desk.scans(3)
+        assert desk.rules.locked()
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("reset") == "CTL-14"
+        assert desk.ask("power", on=True) == "PWR-04"
+        assert desk.ask("take", SERVICE, over=True) == ""
+        assert desk.ask("reset", SERVICE) == "SEC-10"
+        assert desk.ask("arm", SERVICE, action="reset_locked") == ""
+        assert desk.ask("reset", SERVICE) == ""
+        assert not desk.rules.locked()
+        assert desk.ask("power", SERVICE, on=True) == ""
+
+
+def test_a_brake_test_is_kept_and_clears_the_due_date_and_is_in_the_journal() -> None:
+    delivered()
+    retained(lambda kept: replace(kept, brake_tested_at="2020-01-01T00:00:00Z"))
+    with opened() as desk:
+        desk.scans(3)
+        assert desk.controller.brake.slow()["brake_test_overdue"]
+        assert desk.axis.motion.brake_overdue
+        assert desk.ask("take", SERVICE, over=False) == ""
+        assert desk.ask("arm", SERVICE, action="brake_test") == ""
+        assert desk.ask("brake_test", SERVICE) == ""
+        assert desk.controller.brake.slow()["brake_test_result"] == "none"  # it is under way
+        desk.scans(7000)
+        shown = desk.controller.brake.slow()
+        assert shown["brake_test_result"] == "passed"
+        assert not shown["brake_test_overdue"]
+        assert not desk.axis.motion.brake_overdue
+        said = texts(desk.memory)
+        assert any(text.startswith("brake test overdue") for text in said)
+        assert any(text.startswith("brake test passed") and "due 2" in text for text in said)
+        desk.controller._close(None)
+    assert retained().brake_tests == 1
+
+
+def test_a_failed_brake_still_holds_after_a_start_and_is_not_counted_twice() -> None:
+    delivered()
+    retained(lambda kept: replace(kept, brake_failed="+40.0 N m reached", brake_test_text="failed: weak"))
+    for _ in range(2):
+        with opened() as desk:
+            desk.scans(3)
+            assert desk.controller.brake.slow()["brake_test_result"] == "failed"
+            assert desk.ask("take", over=False) == ""
+            assert desk.ask("power", on=True) == "PWR-04"
+            desk.controller._close(None)
+    kept = retained()
+    assert kept.brake_failed == "+40.0 N m reached"
+    assert len([alarm for alarm in kept.alarms if alarm.code == "BRK-08"]) == 0
