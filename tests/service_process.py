@@ -142,8 +142,11 @@ class Service:
         with opener.open(asked, timeout=PATIENCE_S):
             return str(next(iter(jar)).value)
 
-    def page(self, user: str, source: str = "127.0.0.1") -> Page:
-        """A page with a session of its own, from an address of this machine."""
+    def page(self, user: str, source: str = "127.0.0.1", queue: int | None = 16) -> Page:
+        """A page with a session of its own, from an address of this machine.
+
+        Who does not read for ten seconds is ended, unless `queue`, the messages that wait, has no limit.
+        """
         cookie = self.log_in(user)
         host, port = self.address.split(":")
         return Page(
@@ -152,6 +155,7 @@ class Service:
                 origin=f"http://{self.address}",  # type: ignore[arg-type]
                 additional_headers={"Cookie": f"gantryctl_session={cookie}"},
                 sock=socket.create_connection((host, int(port)), PATIENCE_S, (source, 0)),
+                max_queue=queue,
             )
         )
 

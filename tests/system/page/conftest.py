@@ -51,7 +51,7 @@ def browser(playwright: Playwright, page_service: Service, proxy: Proxy) -> Iter
 @pytest.fixture
 def watcher(page_service: Service) -> Iterator[Watcher]:
     """Somebody who looks on past the proxy, and leaves the axis at rest and free."""
-    with page_service.page("viewer") as made:
+    with page_service.page("viewer", queue=None) as made:
         yield made
         made.do("stop")
         made.until(lambda tags: tags["at_rest"] and not tags["authority_user"])
