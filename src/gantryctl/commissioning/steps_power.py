@@ -14,6 +14,7 @@ from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake import after_test
+from gantryctl.operation.silence import silence_path, store_silence
 from gantryctl.program import BrakeTestLaw, BrakeTestOutcome, BrakeTestResult
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
 from gantryctl.wiring import untestable
@@ -54,6 +55,11 @@ def silence(c: Context) -> StepResult:
         if not ok:
             wrong.append(what)
     proof = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
+    if not wrong:
+        with by_hand(c.machine, c.store, _STAND_DEG) as hand:
+            kept = store_silence(silence_path(c.store.directory, c.machine), hand.drive)
+        if kept.mark is None:
+            proof += "; this drive takes no mark: a boot-up between two runs is not noticed"
     figures = {key: value for key, value in figures.items() if math.isfinite(value)}
     to_do = (
         f"the drive does not stop a silent controller's axis ({', '.join(wrong)}): 6007, 605E, 1016, 1400:05"

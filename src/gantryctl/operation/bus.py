@@ -6,6 +6,7 @@ from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine
 from gantryctl.operation.commissioned import check_record, load_record, record_path
+from gantryctl.operation.silence import check_silence, silence_path
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import is_simulated
 from gantryctl.ports import Drive
@@ -19,7 +20,7 @@ def judge_bus(machine: Machine, store: StateStore | None, drive: Drive, commissi
         commissioning: the record is what is being made.
 
     Raises:
-        CommandRefused: with the list of parameters, or what the record lacks.
+        CommandRefused: with the list of parameters, or what the record lacks, or that the drive has restarted.
     """
     if not isinstance(drive, CanopenDrive):
         return
@@ -29,6 +30,7 @@ def judge_bus(machine: Machine, store: StateStore | None, drive: Drive, commissi
     required = machine.can.commissioning_required and not is_simulated(machine) and not commissioning
     if required and store is not None:
         check_record(machine, load_record(record_path(store.directory, machine)), drive.opened.identity.key)
+        check_silence(silence_path(store.directory, machine), drive)
 
 
 def set_up_anew(engine: Engine) -> bool:

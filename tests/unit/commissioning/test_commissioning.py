@@ -8,11 +8,16 @@ from pathlib import Path
 import pytest
 
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
+from gantryctl.devices.canopen import CanopenDrive
+from gantryctl.devices.canopen.parameters import save
+from gantryctl.drive_sim.abort import Abort, SdoAbort
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore
 from gantryctl.operation.commissioned import check_record, load_record, record_path
+from gantryctl.operation.silence import check_silence, silence_path, store_silence
 from gantryctl.wiring import can as can_wiring
+from gantryctl.wiring import canopen_settings, virtual_node
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
 QUICK = [step.key for step in STEPS if step.key not in ("turn", "accuracy", "bands", "stops")]
@@ -128,6 +133,69 @@ def test_a_drive_that_nothing_stops_fails_its_silence(tmp_path: Path, quirky) ->
     quirky(spoil=deaf_watch)
     work, store = commissioning(tmp_path)
     assert do(work, "silence") == {"silence": Outcome.FAILED}
+    store.__exit__(None, None, None)
+
+
+def test_silence_is_proven_again_after_a_boot_up_of_the_drive(tmp_path: Path) -> None:
+    """A later run of the same drive is believed; one after a boot-up, of another drive, or without any proof is not."""
+    link, node = virtual_node(MACHINE)
+
+    def run(again: bool = True) -> CanopenDrive:
+        drive = CanopenDrive(link, canopen_settings(MACHINE)).open()
+        if again:  # as `close`, but the bus stays for the next one
+            drive._take_the_watch_off()
+        return drive
+
+    path = silence_path(tmp_path, MACHINE)
+    with pytest.raises(CommandRefused, match="nobody has proven"):
+        check_silence(path, run())
+    assert store_silence(path, run()).mark is not None
+    for _ in range(3):
+        check_silence(path, run())
+    node.boot()
+    with pytest.raises(CommandRefused, match=r"restarted since .*commission --only silence"):
+        check_silence(path, run())
+    store_silence(path, run())
+    check_silence(path, run())
+    path.write_text(path.read_text(encoding="utf-8").replace("000007FF", "000007FE"), encoding="utf-8")
+    with pytest.raises(CommandRefused, match="nobody has proven that this drive"):
+        check_silence(path, run())
+    path.write_text("{", encoding="utf-8")
+    with pytest.raises(CommandRefused, match="nobody has proven"):
+        check_silence(path, run(again=False))
+    link.close()
+
+
+def test_stored_parameters_do_not_carry_the_mark_over_a_boot_up(tmp_path: Path) -> None:
+    link, node = virtual_node(MACHINE)
+    drive = CanopenDrive(link, canopen_settings(MACHINE)).open()
+    path = silence_path(tmp_path, MACHINE)
+    store_silence(path, drive)
+    drive._take_the_watch_off()
+    save(drive.node)
+    node.boot()
+    with pytest.raises(CommandRefused, match="restarted since"):
+        check_silence(path, CanopenDrive(link, canopen_settings(MACHINE)).open())
+    link.close()
+
+
+def test_a_drive_that_takes_no_mark_is_believed_and_said_so(tmp_path: Path) -> None:
+    link, node = virtual_node(MACHINE)
+
+    def refuse(_value: int) -> None:
+        raise SdoAbort(Abort.STATE)
+
+    node.od.checks[0x1403, 1] = refuse
+    drive = CanopenDrive(link, canopen_settings(MACHINE)).open()
+    assert store_silence(silence_path(tmp_path, MACHINE), drive).mark is None
+    check_silence(silence_path(tmp_path, MACHINE), drive)
+    drive.close()
+
+
+def test_a_passed_silence_step_is_kept(tmp_path: Path) -> None:
+    work, store = commissioning(tmp_path)
+    assert do(work, "silence") == {"silence": Outcome.PASSED}
+    assert '"mark": ' in silence_path(store.directory, MACHINE).read_text(encoding="utf-8")
     store.__exit__(None, None, None)
 
 

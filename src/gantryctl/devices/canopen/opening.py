@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.devices.canopen.cia402 import decode_statusword
 from gantryctl.devices.canopen.mapping import Mapping, configure
+from gantryctl.devices.canopen.mark import read_mark
 from gantryctl.devices.canopen.matrix import (
     CSV,
     Row,
@@ -39,6 +40,8 @@ class Opened(NamedTuple):
     error_code: int
     kept: tuple[Wanted, ...]
     """Parameters that are as they must be, and must stay so."""
+    mark: int | None
+    """What was left in the drive; gone after a boot-up."""
 
 
 def rated_torque_nm(node: RemoteNode, settings: CanopenSettings) -> float:
@@ -79,8 +82,9 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> Opened:
     rows = read_matrix(node.sdo, wanted)
     error = node.sdo.optional(0x603F) or 0
     node.nmt(NmtCommand.START)
+    mark = read_mark(node.sdo)
     kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is Verdict.OK)
-    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept)
+    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, mark)
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:

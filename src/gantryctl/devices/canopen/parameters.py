@@ -7,6 +7,7 @@ from typing import Any, Final, NamedTuple
 from gantryctl.canopen_od import DataType, DeviceDescription, decode
 from gantryctl.canopen_od.standard import STANDARD
 from gantryctl.devices.canopen.cia402 import decode_statusword
+from gantryctl.devices.canopen.mark import write_mark
 from gantryctl.devices.canopen.node import RemoteNode
 from gantryctl.devices.canopen.sdo import SdoClient, SdoError
 from gantryctl.errors import CommandRefused, DeviceError
@@ -162,6 +163,7 @@ def save(node: RemoteNode) -> float:
         CommandRefused: the drive has torque. DeviceError: it does not store.
     """
     _refuse_energised(node)
+    write_mark(node.sdo, node.node, None)  # stored, it would outlive the boot-ups that it is to tell
     before, timeout = node.link.now_s(), node.sdo.timeout_s
     node.sdo.timeout_s = _SAVE_S
     try:

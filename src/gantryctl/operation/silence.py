@@ -1,0 +1,74 @@
+"""That a drive stops the axis of a silent controller: proven when commissioning, and after each boot-up of it."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+from pathlib import Path
+from typing import NamedTuple
+
+from gantryctl.devices.canopen import CanopenDrive
+from gantryctl.devices.canopen.mark import MARKS, write_mark
+from gantryctl.errors import CommandRefused, StateError
+from gantryctl.machine import Machine
+from gantryctl.operation.state import now_text
+
+
+class SilenceProof(NamedTuple):
+    """The last proof that was passed.
+
+    Attributes:
+        drive: vendor, product and serial number of 1018.
+        mark: what was left in the drive, and is gone after a boot-up; None where it takes no mark.
+    """
+
+    drive: str
+    mark: int | None
+    date: str
+
+
+def silence_path(directory: Path, machine: Machine) -> Path:
+    """Beside the commissioning record."""
+    return directory / f"{machine.name}.silence.json"
+
+
+def store_silence(path: Path, drive: CanopenDrive) -> SilenceProof:
+    """Keep that the proof was passed just now, and leave a mark in the drive.
+
+    Raises:
+        StateError: it cannot be written.
+    """
+    mark = random.SystemRandom().choice(MARKS)
+    marked = write_mark(drive.node.sdo, drive.settings.node, mark)
+    proof = SilenceProof(drive.opened.identity.key, mark if marked else None, now_text())
+    draft = path.with_suffix(".new")
+    try:
+        draft.write_text(json.dumps(proof._asdict()) + "\n", encoding="utf-8")
+        os.replace(draft, path)
+    except OSError as fault:
+        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+    return proof
+
+
+def check_silence(path: Path, drive: CanopenDrive) -> None:
+    """Whether the proof still speaks of this drive as it is now.
+
+    Raises:
+        CommandRefused: it was never passed with this drive, or the drive has restarted since.
+    """
+    again = "`gantryctl commission --only silence` proves it at standstill, in some seconds"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        proof = SilenceProof(str(data["drive"]), data["mark"], str(data["date"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        proof = SilenceProof("", None, "")
+    if proof.drive != drive.opened.identity.key:
+        raise CommandRefused(
+            f"nobody has proven that this drive stops the axis when its controller falls silent · {again}"
+        )
+    if proof.mark is not None and proof.mark != drive.opened.mark:
+        raise CommandRefused(
+            f"the drive has restarted since it was proven on {proof.date} that it stops the axis when its controller "
+            f"falls silent · {again}"
+        )
