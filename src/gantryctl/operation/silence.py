@@ -57,7 +57,7 @@ def check_silence(path: Path, drive: CanopenDrive) -> None:
     Raises:
         CommandRefused: it was never passed with this drive, or the drive has restarted since.
     """
-    again = "`gantryctl commission --only silence` proves it at standstill, in some seconds"
+    again = "`gantryctl commission --only silence --config FILE` proves it in some seconds, at standstill"
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         proof = SilenceProof(str(data["drive"]), data["mark"], str(data["date"]))
