@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -19,6 +20,8 @@ from gantryctl.operation.requests import check_direction, check_speed, check_tar
 from gantryctl.operation.store import state_root
 from gantryctl.service.remote import ServiceLink
 
+_SAME_DEG: Final = 0.01
+"""An axis that has moved by more is not where it was when the person was asked."""
 _WITHOUT: Final = ("program_name", "out", "fresh", "real_time", "no_trace", "seed")
 """Options that only make sense without the service; seed may be anything, it is not used."""
 
@@ -38,8 +41,33 @@ def refuse_local_options(run: dict[str, Any]) -> None:
             )
 
 
+def look_first(machine: Machine, *, take_over: bool) -> dict[str, Any]:
+    """The tags of the running service before anything is asked of it, for the question to the person.
+
+    Raises:
+        CommandRefused: control would not be had.
+    """
+    with ServiceLink(directory_of(machine)) as link:
+        _check_service(machine, link.tags, take_over)
+        return link.tags
+
+
+def _check_service(machine: Machine, tags: dict[str, Any], take_over: bool) -> None:
+    """Whether it is this machine, and whether its control can be had."""
+    if tags["config_hash"] != short_hash(machine):
+        raise CommandRefused(
+            f"the service runs {tags['machine']} with configuration {tags['config_hash']}, this command has "
+            f"{short_hash(machine)}: name the service's machine file with --config"
+        )
+    holder = tags["authority_user"]
+    if holder and not take_over:
+        raise CommandRefused(f"SEC-07 · {holder} has control; --take-over takes it, and stops what moves")
+
+
 class RemoteAxis:
     """The axis of the running service, under one's own control; a context manager.
+
+    Control is lost after 2 s of silence: questions to the person come before, see `look_first`.
 
     Whoever has control keeps it unless `take_over`. What was switched on here is switched off at the end.
 
@@ -56,17 +84,7 @@ class RemoteAxis:
     def __enter__(self) -> RemoteAxis:
         self.link.__enter__()
         try:
-            tags = self.link.tags
-            if tags["config_hash"] != short_hash(self.machine):
-                raise CommandRefused(
-                    f"the service runs {tags['machine']} with configuration {tags['config_hash']}, this command has "
-                    f"{short_hash(self.machine)}: name the service's machine file with --config"
-                )
-            holder = tags["authority_user"]
-            if holder and not self._take_over:
-                raise CommandRefused(
-                    f"SEC-07 · {holder} has control; --take-over takes it, and stops what moves"
-                )
+            _check_service(self.machine, self.link.tags, self._take_over)
             self.link.ask("take", over=True)
         except BaseException:
             self.link.__exit__()
@@ -78,6 +96,22 @@ class RemoteAxis:
             with suppress(GantryctlError):
                 self.link.ask("power", on=False)
         self.link.__exit__()
+
+    def come_to_rest(self) -> None:
+        """What moves without a holder of control is left alone, or stopped with `take_over`.
+
+        Raises:
+            CommandRefused: it moves.
+        """
+        tags = self.link.tags
+        if tags["at_rest"]:
+            return
+        if not self._take_over:
+            raise CommandRefused(
+                f"the axis moves to {tags['target_deg']:.2f} deg; --take-over stops it, or wait"
+            )
+        self.link.ask("stop")
+        self.wait(lambda now: bool(now["at_rest"]))
 
     def power_up(self) -> None:
         """Power on, unless it is on; AlarmStop when it does not come."""
@@ -151,20 +185,28 @@ def remote_move(
     as_json: bool,
 ) -> int:
     """Move the axis of the service; the exit code."""
-    with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
-        tags = axis.link.tags
+    wanted = machine.speed.setting_max_deg_s if speed is None else speed
+    check_speed(machine, wanted)
+    start = math.nan
+    if not yes:
+        tags = look_first(machine, take_over=take_over)
         start = tags["pos_act_deg"]
-        target, wanted = end(start), machine.speed.setting_max_deg_s if speed is None else speed
-        check_speed(machine, wanted)
-        check_target(machine, start, target)
-        if not as_json:
-            note = way_note(machine, start, target)
-            click.echo(
-                f"{tags['machine']} ({tags['drive_kind']}): from {start:.3f} to {target:.3f} deg, way "
-                f"{abs(target - start):.3f} deg at {wanted:g} deg/s" + (f"; {note}" if note else "")
-            )
-        if not yes and not click.confirm("Move?", err=True):
+        click.echo(_way(machine, tags, end(start), wanted), err=as_json)
+        if not click.confirm("Move?", err=True):
             return 2
+    with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
+        axis.come_to_rest()
+        now = axis.link.tags["pos_act_deg"]
+        if yes:
+            start = now
+            way = _way(machine, axis.link.tags, end(start), wanted)
+            if not as_json:
+                click.echo(way)
+        elif abs(now - start) > _SAME_DEG:
+            raise CommandRefused(
+                f"the gantry stood at {start:.3f} deg when you were asked, now at {now:.3f} deg: look, then ask again"
+            )
+        target = end(start)
         axis.power_up()
         before = tags["speed_setting_deg_s"], tags["override_percent"]
         axis.set("speed_setting_deg_s", wanted)
@@ -184,8 +226,9 @@ def remote_jog(
 ) -> int:
     """Hold a key of the service for a time; the exit code."""
     with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
-        tags = axis.link.tags
-        start, wanted = tags["pos_act_deg"], machine.speed.setting_min_deg_s if speed is None else speed
+        axis.come_to_rest()
+        start = axis.link.tags["pos_act_deg"]
+        wanted = machine.speed.setting_min_deg_s if speed is None else speed
         check_speed(machine, wanted)
         check_direction(machine, start, forward)
         axis.power_up()
@@ -195,6 +238,17 @@ def remote_jog(
         done = axis.follow()
         axis.finish()
         return _say(axis, start, done, as_json)
+
+
+def _way(machine: Machine, tags: dict[str, Any], target: float, speed: float) -> str:
+    """What a move would do; CommandRefused for one that cannot be."""
+    start = tags["pos_act_deg"]
+    check_target(machine, start, target)
+    note = way_note(machine, start, target)
+    return (
+        f"{tags['machine']} ({tags['drive_kind']}): from {start:.3f} to {target:.3f} deg, way "
+        f"{abs(target - start):.3f} deg at {speed:g} deg/s" + (f"; {note}" if note else "")
+    )
 
 
 def _say(axis: RemoteAxis, start: float, done: bool, as_json: bool) -> int:

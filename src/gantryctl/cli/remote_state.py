@@ -10,7 +10,7 @@ import click
 
 from gantryctl.cli.brake_test import print_result
 from gantryctl.cli.options import print_json
-from gantryctl.cli.remote import RemoteAxis, directory_of
+from gantryctl.cli.remote import RemoteAxis, directory_of, look_first
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine
 from gantryctl.operation.brake import BrakeDue
@@ -27,14 +27,15 @@ _SHOWS_S: Final = 0.5
 
 def remote_brake_test(machine: Machine, *, yes: bool, take_over: bool, as_json: bool) -> int:
     """Test the brake of the service's axis; the exit code."""
+    tags = look_first(machine, take_over=take_over)
+    if not tags["brake_test_available"]:
+        raise CommandRefused(f"not testable here: {tags['brake_test_blocked']}")
+    level = tags["brake_test_level_nm"]
+    question = f"{tags['machine']}: +-{level:.1f} N m against the closed brake. Test?"
+    if not yes and not click.confirm(question, err=True):
+        return 2
     with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
-        tags = axis.link.tags
-        if not tags["brake_test_available"]:
-            raise CommandRefused(f"not testable here: {tags['brake_test_blocked']}")
-        level = tags["brake_test_level_nm"]
-        question = f"{tags['machine']}: +-{level:.1f} N m against the closed brake. Test?"
-        if not yes and not click.confirm(question, err=True):
-            return 2
+        axis.come_to_rest()
         _arm(axis, "brake_test")
         begun = axis.link.ask("brake_test")["journal"]
         axis.wait(lambda now: now["journal_sequence"] >= begun and now["brake_test_phase"] == "idle")
@@ -117,14 +118,17 @@ def remote_arm(machine: Machine, action: str) -> int:
 
 def remote_reset(machine: Machine, *, yes: bool, take_over: bool, as_json: bool) -> int:
     """Reset the alarms of the service's axis; the exit code."""
+    tags = look_first(machine, take_over=take_over)
+    locked = tags["reset_locked"]
+    if locked and not yes:
+        what = ", ".join(_holding(tags)) or "the position or the journal"
+        if not click.confirm(f"{what}: locked. Has the cause been removed?", err=True):
+            return 2
     with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
-        tags = axis.link.tags
-        before = [row["code"] for row in tags["alarms"]]
-        before += [tags["blocked_by"].partition(" ")[0]] if tags["blocked_by"] else []
-        if tags["reset_locked"]:
-            what = ", ".join(before) or "the position or the journal"
-            if not yes and not click.confirm(f"{what}: locked. Has the cause been removed?", err=True):
-                return 2
+        if axis.link.tags["reset_locked"] and not locked:
+            raise CommandRefused("something locked has come since you looked: look, then ask again")
+        before = _holding(axis.link.tags)
+        if locked:
             _arm(axis, "reset_locked")
         asked = axis.link.ask("reset")["journal"]
         _until(axis.link, lambda now: now["journal_sequence"] >= asked and now["alarm_count"] == 0)
@@ -139,6 +143,12 @@ def remote_reset(machine: Machine, *, yes: bool, take_over: bool, as_json: bool)
     else:
         click.echo(said)
     return 0
+
+
+def _holding(tags: dict[str, Any]) -> list[str]:
+    """Codes of what holds the axis."""
+    blocked = [tags["blocked_by"].partition(" ")[0]] if tags["blocked_by"] else []
+    return [row["code"] for row in tags["alarms"]] + blocked
 
 
 def service_alarms(machine: Machine) -> tuple[list[AlarmEntry], str]:

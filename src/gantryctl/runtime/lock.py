@@ -11,6 +11,7 @@ from typing import Final
 from gantryctl.errors import StateError
 
 _FILE: Final = "lock"
+_NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)  # the file is cut to nothing: it must be ours
 _LOCKED_BYTE: Final = 1 << 20  # Windows locks bytes, also against reading: one far behind the process number
 
 
@@ -30,7 +31,7 @@ class StateLock:
         path = self.directory / _FILE
         try:
             self.directory.mkdir(parents=True, exist_ok=True)
-            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+            handle = os.open(path, os.O_RDWR | os.O_CREAT | _NO_LINK, 0o644)
         except OSError as fault:
             raise StateError(f"state directory {self.directory}: {fault.strerror or fault}") from fault
         try:

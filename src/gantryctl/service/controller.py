@@ -35,7 +35,7 @@ from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.messages import Identity, Refused
-from gantryctl.service.opening import BUS, LastRead, bus_refusal, drive_lock, open_service
+from gantryctl.service.opening import BUS, LastRead, bus_refusal, open_service
 from gantryctl.service.publisher import Publisher
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
 from gantryctl.service.view import Picture, publish_json
@@ -315,7 +315,7 @@ def main(arguments: list[str]) -> int:
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
-    with StateStore(machine) as store, drive_lock(machine):
+    with StateStore(machine) as store:
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())

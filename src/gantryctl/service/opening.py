@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import secrets
-import tempfile
 import time
-from pathlib import Path
 from typing import Final, NamedTuple
 
 from gantryctl.devices.canopen import CanopenDrive
@@ -17,10 +14,10 @@ from gantryctl.operation import StateStore
 from gantryctl.operation.absolute import RestVerdict, evaluate, refusal, unwrapped
 from gantryctl.operation.brake import restore_failure
 from gantryctl.operation.bus import judge_bus
-from gantryctl.operation.virtual import encoder_scale, is_simulated, open_machine
+from gantryctl.operation.virtual import encoder_scale, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import GantryProgram
-from gantryctl.runtime import Engine, Retained, StateLock
+from gantryctl.runtime import Engine, Retained
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Source
 from gantryctl.service.operator import ServiceOperator
@@ -98,15 +95,6 @@ def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
         except CommandRefused as reason:
             return f"{BUS} {' '.join(str(reason).split())}"
     return ""
-
-
-def drive_lock(machine: Machine) -> contextlib.AbstractContextManager[object]:
-    """A drive on a real bus has one controller, whatever the machine files are called."""
-    if is_simulated(machine):
-        return contextlib.nullcontext()
-    can = machine.can
-    name = "".join(c if c.isalnum() else "-" for c in f"{can.interface}-{can.channel}-{can.node}")
-    return StateLock(Path(tempfile.gettempdir()) / f"gantryctl-drive-{name}")
 
 
 class LastRead:

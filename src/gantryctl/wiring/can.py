@@ -19,6 +19,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
 from gantryctl.units import rad
 from gantryctl.wiring.can_bus import ECHOING, open_bus
+from gantryctl.wiring.drive_lock import DriveLock
 from gantryctl.wiring.drive_sim import drive_hardware
 from gantryctl.wiring.plant import total_ratio
 
@@ -123,14 +124,19 @@ class SideChannelDrive(CanopenDrive):
 
 
 def can_link(machine: Machine) -> BusLink:
-    """The bus of the machine file.
+    """The bus of the machine file, with its drive for this process alone until the link is closed.
 
     Raises:
-        DeviceError, UsageError: it cannot be opened.
+        DeviceError, UsageError: it cannot be opened, or another process has the drive.
     """
     c = machine.can
-    bus = open_bus(c.interface, c.channel or None, c.bitrate)
-    return BusLink(bus, echoes=c.interface in ECHOING, stepped=c.stepped)
+    lock = DriveLock(f"{c.interface} {c.channel}, node {c.node}".replace(" ,", ","))
+    try:
+        bus = open_bus(c.interface, c.channel or None, c.bitrate)
+    except BaseException:
+        lock.release()
+        raise
+    return BusLink(bus, echoes=c.interface in ECHOING, stepped=c.stepped, when_closed=lock.release)
 
 
 def virtual_node(

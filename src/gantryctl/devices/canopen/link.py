@@ -70,6 +70,7 @@ class BusLink:
         echoes: the interface delivers our own frames back (udp_multicast does).
         advance: lets the time of a drive in this process go on; without it time is the computer's.
         stepped: the drive's time goes on by SYNC (a drive in this process is so by itself).
+        when_closed: called once, after the bus was left.
 
     Attributes:
         refused, malformed, foreign: frames that the bus did not take, that could not be read, that are of no concern
@@ -84,8 +85,9 @@ class BusLink:
         echoes: bool = False,
         advance: Callable[[float], None] | None = None,
         stepped: bool = False,
+        when_closed: Callable[[], None] = lambda: None,
     ) -> None:
-        self._bus = bus
+        self._bus, self._when_closed = bus, when_closed
         self.stepped = stepped or advance is not None
         self._advance = advance
         self._virtual_s = 0.0
@@ -191,3 +193,4 @@ class BusLink:
         if self._open:
             self._open = False
             self._bus.shutdown()
+            self._when_closed()
