@@ -25,6 +25,9 @@ from gantryctl.service.rules import rules_of
 from gantryctl.service.trace_ring import RingRecorder
 from gantryctl.wiring import build_engine
 
+BUS: Final = "CFG-CAN"
+"""Beginning of a refusal that comes from the bus."""
+
 
 class Opened(NamedTuple):
     """Everything of one machine in service."""
@@ -110,6 +113,3 @@ class LastRead:
     def read(self) -> DriveFeedback:
         """The reading of the last scan."""
         return self._engine.image.drive
-
-
-BUS: Final = "CFG-CAN"
