@@ -242,6 +242,7 @@ export const en = {
   journal_open: 'Events not yet on disk',
   recording: 'Recording',
   rows_lost: 'Rows lost',
+  events_lost: 'Events lost',
   machine: 'Machine',
   version: 'Version',
   list_recordings: 'List recordings',

@@ -235,6 +235,7 @@ export const zh: Record<Key, string> = {
   journal_open: '尚未写入磁盘的事件',
   recording: '正在记录',
   rows_lost: '丢失行数',
+  events_lost: '丢失事件数',
   machine: '机器',
   version: '版本',
   list_recordings: '列出记录',

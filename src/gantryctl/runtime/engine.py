@@ -157,7 +157,7 @@ class Engine:
                 raise DeviceError(text) from failure
             if isinstance(failure, GantryctlError):
                 raise
-            raise AlarmStop(_failure_text(failure, scan, time_s)) from failure
+            raise AlarmStop(failure_text(failure, scan, time_s)) from failure
 
     def _virtual(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         """Scans in virtual time: the same as `_timed` without the clock, for speed."""
@@ -254,8 +254,8 @@ class Engine:
         return None
 
 
-def _failure_text(failure: Exception | SystemExit, scan: int, time_s: float) -> str:
-    """The alarm for something in a scan that should never raise, with the line it came from."""
+def failure_text(failure: Exception | SystemExit, scan: int, time_s: float) -> str:
+    """The alarm SYS-09 for something in a scan that should never raise, with the line it came from."""
     frames = traceback.extract_tb(failure.__traceback__)
     place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}"
     return (

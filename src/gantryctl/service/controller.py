@@ -15,6 +15,7 @@ import signal
 import sys
 import threading
 import time
+from collections import deque
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +30,7 @@ from gantryctl.operation.bus import set_up_anew
 from gantryctl.operation.ending import RunEnd, retained_after
 from gantryctl.operation.virtual import ReadDrive, keep_machine
 from gantryctl.program import AxisState, PowerPhase
-from gantryctl.runtime import Engine, Retained
+from gantryctl.runtime import Engine, Retained, failure_text
 from gantryctl.service.alarm_view import AlarmView
 from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.events import EventLog
@@ -48,6 +49,7 @@ END_S: Final = 20.0
 SECOND_PERSON: Final = "--second-person"
 _DAY_S: Final = 86400.0
 _STOP_S: Final = 5.0
+_STOP_TRIES: Final = 20
 
 
 class Controller:
@@ -82,6 +84,7 @@ class Controller:
         self._way_rad, self._last_pos = 0.0, math.nan
         self._end_s = math.inf
         self._keeper: threading.Thread | None = None
+        self._keeping_faults: deque[str] = deque()
 
     # --- the run ----------------------------------------------------------------------------------
 
@@ -97,14 +100,26 @@ class Controller:
         try:
             while not self.engine.run_until(self._after, _DAY_S):
                 pass
-        except AlarmStop as stopped:
-            failure = stopped
-            self.events.put("alarm", str(stopped))
-            with contextlib.suppress(GantryctlError):
-                self.engine.run_for(_STOP_S)
+        except GantryctlError as raised:
+            failure = self._stopped_by(raised)
         finally:
             self._close(failure)
         return 0 if failure is None else AlarmStop.exit_code
+
+    def _stopped_by(self, raised: GantryctlError) -> AlarmStop:
+        """Something raised in a scan, and the engine stops the axis: bring it to rest, whatever it was."""
+        engine = self.engine
+        if isinstance(raised, AlarmStop):
+            failure = raised
+        else:
+            failure = AlarmStop(failure_text(raised, engine.scan, engine.time_s))
+        self.events.put("alarm", str(failure))
+        end_s = engine.time_s + _STOP_S
+        for _ in range(_STOP_TRIES):
+            with contextlib.suppress(GantryctlError):  # a drive that was silent for a moment may answer again
+                engine.run_for(max(0.0, end_s - engine.time_s))
+                break
+        return failure
 
     def end(self) -> None:
         """Come to rest, brake closed, torque off, then leave `run`."""
@@ -127,6 +142,7 @@ class Controller:
 
     def _watch(self) -> None:
         """Power up and down, motions: counters, recording, state on the disk."""
+        self._say_keeping_faults()
         axis = self.axis
         power_ups = self._retained.power_ups + self._power_ups
         before, self._retained = (
@@ -202,11 +218,15 @@ class Controller:
         return record
 
     def _keep(self, record: Retained) -> None:
-        """Write the state; a disk that fails is an event, never an exception in the scan process."""
+        """Write the state, beside the scan; what the disk did is said by the scan, the only writer of events."""
         try:
             keep_machine(self.machine, self._store, self._drive, record)
         except GantryctlError as fault:
-            self.events.put("service", f"the state was not kept: {fault}")
+            self._keeping_faults.append(str(fault))
+
+    def _say_keeping_faults(self) -> None:
+        while self._keeping_faults:
+            self.events.put("service", f"the state was not kept: {self._keeping_faults.popleft()}")
 
     def _close(self, failure: AlarmStop | None) -> None:
         """Torque off, brake closed, state kept, and said so."""
@@ -218,9 +238,11 @@ class Controller:
             result = "shut down" if failure is None else f"stopped by an alarm: {failure}"
             self._keep(self._state(result, failure))
             self._recorder.stop()
-            self.memory.words[Word.CONTROLLER_CLEAN] = 1
-            angle = math.degrees(self.axis.pos_act_rad)
-            self.events.put("service", f"controller ended at {angle:.3f} deg, brake closed, torque off")
+            self._say_keeping_faults()
+            brake = "open" if self.engine.image.drive.brake_open else "closed"
+            where = f" at {math.degrees(self.axis.pos_act_rad):.3f} deg" if failure is None else ""
+            self.events.put("service", f"controller ended{where}, brake {brake}, torque off")
+            self.memory.words[Word.CONTROLLER_CLEAN] = failure is None
 
     # --- odds and ends ----------------------------------------------------------------------------
 
@@ -229,8 +251,8 @@ class Controller:
         before, age_ms = Picture(self.memory).fast()
         if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
             text = (
-                f"SYS-05 INFO · the previous run of the controller ended {age_ms * 1e-3:.1f} s ago at "
-                f"{before['pos_act_deg']} deg with {before['vel_act_deg_s']} deg/s"
+                f"SYS-05 INFO · the previous run of the controller was not shut down; {age_ms * 1e-3:.1f} s ago it "
+                f"was at {before['pos_act_deg']} deg with {before['vel_act_deg_s']} deg/s"
             )
             self.events.put("alarm", text)
         self.memory.words[Word.CONTROLLER_CLEAN] = 0

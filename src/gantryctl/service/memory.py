@@ -50,7 +50,7 @@ class Word(IntEnum):
     JOURNAL_STATE = 4
     """Number of a label of `journal_state`."""
     CONTROLLER_CLEAN = 5
-    """1 when the last controller ended at rest with the brake closed."""
+    """1 when the last controller was shut down, and ended at rest with the brake closed."""
     GATEWAY_NS = 6
     """CLOCK_MONOTONIC when the gateway was last alive."""
     RECORDING_STOPPED = 7

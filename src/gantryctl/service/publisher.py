@@ -241,6 +241,7 @@ class Publisher:
             "scan_overruns": found.overruns,
             "scan_skipped": found.skipped,
             "trace_rows_lost": self._recorder.lost,
+            "events_lost": self._operator.events.lost,
         }
 
 

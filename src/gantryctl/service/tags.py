@@ -123,6 +123,7 @@ _HEALTH: Final = (
          ("ok", "slow", "full", "failed", "locked")),
     _out("recording", "", "bool", "20 Hz", "A trace is being recorded."),
     _out("trace_rows_lost", "", "int", "1 Hz", "Rows that found no place in the trace ring."),
+    _out("events_lost", "", "int", "1 Hz", "Events of the controller that found no place in the event ring."),
 )  # fmt: skip
 
 _AUTHORITY: Final = (

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from gantryctl.errors import AlarmStop, DeviceError, UsageError
+from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.machine import default_machine
 from gantryctl.operation import StateStore
 from gantryctl.runtime import Engine, Retained, VirtualClock
 from gantryctl.service.controller import Controller
-from gantryctl.service.memory import SharedMemory, Source
+from gantryctl.service.memory import SharedMemory, Source, Word
 from gantryctl.service.messages import Identity, to_record
 from gantryctl.service.roles import Role
 from gantryctl.units import deg
@@ -247,3 +251,56 @@ def test_a_failed_brake_still_holds_after_a_start_and_is_not_counted_twice() -> 
     kept = retained()
     assert kept.brake_failed == "+40.0 N m reached"
     assert len([alarm for alarm in kept.alarms if alarm.code == "BRK-08"]) == 0
+
+
+# --- what a scan must not do ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("raised", [UsageError("a ring"), DeviceError("a disk"), RuntimeError("a program")])
+def test_whatever_a_scan_raises_the_axis_comes_to_rest_and_it_is_remembered(raised: Exception) -> None:
+    delivered()
+    with opened() as desk:
+        desk.moving()
+        desk.memory.words[Word.CONTROLLER_CLEAN] = 0
+        usual = desk.engine.drive.write
+
+        def write(output: OutputImage) -> None:
+            desk.engine.drive.write = usual  # type: ignore[method-assign]
+            raise raised
+
+        desk.engine.drive.write = write  # type: ignore[method-assign]
+        assert desk.controller.run() == AlarmStop.exit_code
+        drive = desk.engine.image.drive
+        # StopProgram's own limit of rest, 0.5 rad/s at the motor
+        assert abs(drive.vel_act_rad_s) < 0.5
+        assert not drive.brake_open
+        assert desk.engine.output.request is DriveRequest.DISABLE
+        assert desk.memory.words[Word.CONTROLLER_CLEAN] == 0
+        assert any(text.startswith("SYS-09 STOP") and str(raised) in text for text in texts(desk.memory))
+    assert retained().error_stop == "SYS-09"
+    with opened() as desk:
+        assert desk.rules.blocked_by.startswith("SYS-09")
+
+
+def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk has a thread of its own; the event ring has one writer, the scan."""
+    delivered()
+    with opened() as desk:
+        writers = set()
+        put = desk.operator.events.put
+
+        def watched(*arguments: Any, **values: Any) -> int:
+            writers.add(threading.current_thread())
+            return put(*arguments, **values)
+
+        def fails(*_: object) -> None:
+            raise DeviceError("no space left")
+
+        monkeypatch.setattr(desk.operator.events, "put", watched)
+        monkeypatch.setattr("gantryctl.service.controller.keep_machine", fails)
+        desk.controller._start_keeping("power off")
+        assert desk.controller._keeper is not None
+        desk.controller._keeper.join()
+        desk.scans(2)
+        assert texts(desk.memory)[-1] == "the state was not kept: no space left"
+        assert writers == {threading.main_thread()}
