@@ -143,6 +143,8 @@ class OperatorCommand(NamedTuple):
     """Speed override 0..1."""
     lease: int = 0
     """Hold-to-run: any new value renews the 250 ms lease; an unchanged value lets it run out."""
+    remote: bool = False
+    """Whoever commands sits at a remote screen: moves need the enabling switch as motion by hand does."""
 
 
 class InputImage(NamedTuple):

@@ -34,10 +34,11 @@ export function motion(): [boolean, Key][] {
   ];
 }
 
-/** Faster than is allowed without the enabling switch, and without a brake test in time. */
+/** Faster than is allowed without the enabling switch, and without a brake test in time. The speed setting counts,
+ *  as in the service; the override can be raised at any moment. */
 function fast(): boolean {
-  const { speed_setting_deg_s: speed, speed_cap_deg_s: cap, override_percent: override } = link.tags;
-  return speed != null && cap != null && (speed * (override ?? 100)) / 100 > cap + 1e-9;
+  const { speed_setting_deg_s: speed, speed_cap_deg_s: cap } = link.tags;
+  return speed != null && cap != null && speed > cap + 1e-9;
 }
 
 function capped(): boolean {

@@ -150,6 +150,8 @@ export interface Tags {
   recording: boolean | null;
   /** Rows that found no place in the trace ring. */
   trace_rows_lost: number | null;
+  /** Events of the controller that found no place in the event ring. */
+  events_lost: number | null;
   /** Who has control; empty when nobody. */
   authority_user: string | null;
   /** Client id of the holder; `welcome.client` is one's own. */
@@ -478,6 +480,9 @@ export const PHRASES: Record<string, string> = {
   "hold-to-run was not renewed for {measured:.0f} ms, limit {limit:.0f} ms": "按住运行 {measured} ms 未续期，限值 {limit} ms",
   "The key's signal was lost: window left, connection slow or gone.": "按键信号丢失：离开窗口、连接缓慢或中断。",
   "Release the key and press it again.": "松开按键后重新按下。",
+  "Hold-to-run too long": "按住运行过久",
+  "the key was held for {measured:.0f} s, limit {limit:.0f} s": "按键已按住 {measured} s，限值 {limit} s",
+  "A page that is stuck can go on renewing by itself: nobody is believed to hold a key for longer.": "卡住的页面会自行不断续期：按住更久不再被相信。",
   "No mode chosen": "未选择模式",
   "no motion mode is chosen": "没有选择运动模式",
   "After a start the mode is none and nothing moves.": "启动后模式为“无”，不会有任何运动。",
@@ -498,8 +503,8 @@ export const PHRASES: Record<string, string> = {
   "The axis is outside its travel or at a limit switch.": "轴在行程之外或在限位开关处。",
   "Move back inward.": "向内移动。",
   "Enabling switch": "使能开关",
-  "the enabling switch is off: motion by hand up to {limit:.2f} deg/s only, asked for {measured:.2f} deg/s": "使能开关断开：手动运动最高 {limit} °/s，要求 {measured} °/s",
-  "Faster motion by hand needs the enabling switch.": "更快的手动运动需要使能开关。",
+  "the enabling switch is off: up to {limit:.2f} deg/s only, asked for {measured:.2f} deg/s": "使能开关断开：最高 {limit} °/s，要求 {measured} °/s",
+  "Faster motion by hand or from a remote screen needs the enabling switch, from the start to the end.": "更快的手动运动或远程屏幕的运动自始至终需要使能开关。",
   "Press the enabling switch or lower the speed.": "按下使能开关或降低速度。",
   "Power is off": "动力未接通",
   "power is off": "动力未接通",

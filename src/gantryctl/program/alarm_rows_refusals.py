@@ -36,6 +36,12 @@ REFUSALS: Final = (
         "Release the key and press it again.",
     ),
     Definition(
+        Code.CTL_21, "Hold-to-run too long", _INFO, Reaction.HLT,
+        "the key was held for {measured:.0f} s, limit {limit:.0f} s",
+        "A page that is stuck can go on renewing by itself: nobody is believed to hold a key for longer.",
+        "Release the key and press it again.",
+    ),
+    Definition(
         Code.CTL_16, "No mode chosen", _REF, Reaction.REF,
         "no motion mode is chosen",
         "After a start the mode is none and nothing moves.",
@@ -67,8 +73,8 @@ REFUSALS: Final = (
     ),
     Definition(
         Code.INT_05, "Enabling switch", _REF, Reaction.HLT,
-        "the enabling switch is off: motion by hand up to {limit:.2f} deg/s only, asked for {measured:.2f} deg/s",
-        "Faster motion by hand needs the enabling switch.",
+        "the enabling switch is off: up to {limit:.2f} deg/s only, asked for {measured:.2f} deg/s",
+        "Faster motion by hand or from a remote screen needs the enabling switch, from the start to the end.",
         "Press the enabling switch or lower the speed.",
     ),
     Definition(

@@ -15,6 +15,7 @@ from gantryctl.program.codes import Code
 from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.program.power_phases import PowerPhase
 from gantryctl.program.states import AxisState
+from gantryctl.program.virtual_axis import OVERRIDE_MIN
 from gantryctl.units import deg
 
 TRACE_COLUMNS: Final = (
@@ -162,11 +163,17 @@ class Axis(AxisScan):
         return reason
 
     def set_override(self, override: float) -> Refusal | None:
-        """Speed override 0..1 for this motion and all later ones; 0 stops, and it goes on when raised."""
+        """Speed override 0..1 for this motion and all later ones; 0 stops, and it goes on when raised.
+
+        Raised from 0 it is judged like a new motion: when that would be refused, so is the override.
+        """
         if not 0.0 <= override <= 1.0:
             return refusal(Code.CTL_01, name="override", allowed="within 0 and 1", measured=override)
         if override == self.virtual.override:
             return None
+        refused = self.motion.check_resume() if override >= OVERRIDE_MIN else None
+        if refused is not None:
+            return refused
         return self.virtual.set_override(override, self.scan)
 
     def set_acceleration(self, acc_rad_s2: float) -> Refusal | None:
@@ -258,6 +265,12 @@ class Axis(AxisScan):
     def holding_torque_nm(self) -> float:
         """Learned torque that holds the load at standstill, motor side: for retained memory."""
         return self.power.holding_torque_nm
+
+    @property
+    def paused(self) -> bool:
+        """A motion is under way or waits for the brake, and override 0 holds it back."""
+        motion, virtual = self.motion, self.virtual
+        return virtual.paused or (motion.waiting is not None and virtual.override < OVERRIDE_MIN)
 
     @property
     def switching_off(self) -> bool:

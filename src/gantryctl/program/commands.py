@@ -216,6 +216,18 @@ class MotionCommands:
 
     # --- checks: None, or why not -----------------------------------------------------------------
 
+    def check_resume(self) -> Refusal | None:
+        """Whether the motion that override 0 holds back may go on: it is judged as a new one."""
+        command = self.current
+        if command is None or not self._virtual.paused:
+            return None
+        here = self._virtual.pos_ref_rad
+        return (
+            self.check_speed(command.speed_rad_s)
+            or self._check_state()
+            or check_way(here, command.target_rad, self._settings.travel, self._interlocks)
+        )
+
     def check_speed(self, speed_rad_s: float) -> Refusal | None:
         """Above 0, at most the highest setting, and slow while the brake test is overdue; None when it is."""
         refused = check_speed(speed_rad_s, self._settings.speed.setting_max_rad_s)

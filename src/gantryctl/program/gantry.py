@@ -7,6 +7,7 @@ from gantryctl.program.alarms import Refusal, refusal
 from gantryctl.program.axis import Axis
 from gantryctl.program.blocks import BrakeTest, Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
 from gantryctl.program.codes import Code
+from gantryctl.program.command import MotionCommand
 from gantryctl.program.program import AxisProgram
 from gantryctl.units import deg
 
@@ -17,6 +18,8 @@ class GantryProgram(AxisProgram):
     - *Continuous*: moves while exactly one direction key is TRUE and the hold-to-run lease lives.
     - *Incremental*: one rising edge of a key is one increment from the set-point position.
     - `move` works in any mode, at standstill or taking over from another move; halt, stop, quick stop always.
+    - Without the *enabling switch* nothing by hand, and nothing from a remote screen, is faster than the cap: judged at
+      the start and in every scan.
 
     After a start the mode is NONE and nothing moves. A command that is refused changes nothing and shows in
     `refusal`, with `refusal_count` one higher.
@@ -49,7 +52,7 @@ class GantryProgram(AxisProgram):
         self._lease_scans = axis.settings.scans(axis.settings.monitors.lease_s)
         self._last = OperatorCommand()
         self._lease_age = self._lease_scans
-        self._move_gate = self._keys_dead = False
+        self._move_gate = self._keys_dead = self._remote = False
         self._speed = 0.0
 
     @property
@@ -88,6 +91,8 @@ class GantryProgram(AxisProgram):
             self._by_increment(op)
         if changed or self.brake_test.attention:
             self.brake_test(execute=op.brake_test)
+        if not self.axis.feedback.inputs.enabling_switch:
+            self._keep_the_cap()
 
     # --- edges ------------------------------------------------------------------------------------
 
@@ -96,12 +101,15 @@ class GantryProgram(AxisProgram):
         if op.lease != last.lease:
             self._lease_age = 0
         self.override(override=op.override)
+        self._remote = op.remote or (self._remote and self._under_way() is not None)
         if op.quick_stop and not last.quick_stop:
             self.axis.quick_stop()
         if op.mode is not last.mode and op.mode is not self.mode:
             self._choose_mode(op)
         if op.move and not last.move:
-            self._move_gate = self._allowed(self._check_setting(op) or self._check_not_jogging())
+            self._move_gate = self._allowed(
+                self._check_setting(op) or self._check_remote(op) or self._check_not_jogging()
+            )
         elif not op.move:
             self._move_gate = False
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
@@ -154,6 +162,19 @@ class GantryProgram(AxisProgram):
             velocity_rad_s=op.speed_rad_s,
         )
 
+    def _keep_the_cap(self) -> None:
+        """The enabling switch is off: increments, and moves from a remote screen, that are too fast end."""
+        command = self._under_way()
+        if command is None or self._switch_allows(command.speed_rad_s):
+            return
+        if command is self.inch.command or (self._remote and command is not self.jog.command):
+            limit = deg(self._without_switch)
+            self.axis.stop_by(Code.INT_05, measured=deg(command.speed_rad_s), limit=limit)
+
+    def _under_way(self) -> MotionCommand | None:
+        motion = self.axis.motion
+        return motion.current or motion.waiting
+
     # --- checks: None, or why not -----------------------------------------------------------------
 
     def _allowed(self, reason: Refusal | None) -> bool:
@@ -168,11 +189,20 @@ class GantryProgram(AxisProgram):
         wrong = self._check_setting(op)
         if wrong is not None:
             return wrong
-        if not self._switch_allows(op.speed_rad_s):
-            return refusal(Code.INT_05, measured=deg(op.speed_rad_s), limit=deg(self._without_switch))
+        slow = self._check_switch(op)
+        if slow is not None:
+            return slow
         if self.mode is Mode.CONTINUOUS and self._lease_age >= self._lease_scans:
             return refusal(Code.CTL_15, **self._lease_values())
         return None
+
+    def _check_remote(self, op: OperatorCommand) -> Refusal | None:
+        return self._check_switch(op) if op.remote else None
+
+    def _check_switch(self, op: OperatorCommand) -> Refusal | None:
+        if self._switch_allows(op.speed_rad_s):
+            return None
+        return refusal(Code.INT_05, measured=deg(op.speed_rad_s), limit=deg(self._without_switch))
 
     def _check_setting(self, op: OperatorCommand) -> Refusal | None:
         if self._speed_min <= op.speed_rad_s <= self._speed_max:
@@ -187,6 +217,7 @@ class GantryProgram(AxisProgram):
         return None
 
     def _switch_allows(self, speed_rad_s: float) -> bool:
+        """The speed setting counts, not the override: that can be raised at any moment."""
         return speed_rad_s <= self._without_switch or self.axis.feedback.inputs.enabling_switch
 
     def _lease_values(self) -> dict[str, object]:

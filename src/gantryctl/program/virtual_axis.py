@@ -14,8 +14,8 @@ from gantryctl.units import deg
 
 # Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry.
 _LIMIT_TOLERANCE_RAD: Final = 1e-9
-# An override below this stops the motion: slower, a degree would take hours.
-_OVERRIDE_MIN: Final = 0.001
+OVERRIDE_MIN: Final = 0.001
+"""An override below this stops the motion: slower, a degree would take hours."""
 
 
 class VirtualAxis:
@@ -87,7 +87,7 @@ class VirtualAxis:
         if isinstance(plan, Refusal):
             return plan
         self._target, self._speed = target_rad, speed_rad_s
-        self.paused = self.override < _OVERRIDE_MIN
+        self.paused = self.override < OVERRIDE_MIN
         self._take(plan, scan)
         return None
 
@@ -140,7 +140,7 @@ class VirtualAxis:
         start = self._set_point()
         speed = speed_rad_s * self.override
         try:
-            if self.override < _OVERRIDE_MIN:
+            if self.override < OVERRIDE_MIN:
                 plan = plan_stop(start, self._ramps.normal(speed_rad_s))
             else:
                 plan = plan_move(start, target_rad, self._ramps.normal(speed))

@@ -1,4 +1,7 @@
-"""Hold-to-run: a key is held as long as its lease is renewed in time. A lease that has ended is dead for ever."""
+"""Hold-to-run: a key is held as long as its lease is renewed in time, and not for ever: a page may be stuck.
+
+A lease that has ended is dead for ever.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ from typing import Final
 
 LEASE_S: Final = 0.250
 RENEW_S: Final = 0.030
+HELD_S: Final = 30.0
+"""Nobody is believed to hold a key for longer."""
 _REMEMBERED: Final = 10_000
 
 
@@ -17,6 +22,8 @@ class HoldToRun:
         forward, reverse: the key levels for the program.
         count: rises with every renewal: the program's own lease.
         client: whose lease it is, or "".
+        ended: why the last lease has ended, in words.
+        too_long: it was because the key was held for too long.
     """
 
     def __init__(self, lease_s: float = LEASE_S) -> None:
@@ -25,7 +32,9 @@ class HoldToRun:
         self.count = 0
         self.client = ""
         self._lease = ""
-        self._renewed_s = 0.0
+        self.ended = ""
+        self.too_long = False
+        self._renewed_s = self._began_s = 0.0
         self._used: OrderedDict[str, None] = OrderedDict()
 
     @property
@@ -46,6 +55,7 @@ class HoldToRun:
             self.end()
             return "another key is held: both are released"
         self._lease, self.client, self._renewed_s = lease, client, now_s
+        self._began_s, self.ended, self.too_long = now_s, "", False
         self.forward, self.reverse = forward, not forward
         self.count += 1
         return None
@@ -54,7 +64,7 @@ class HoldToRun:
         """The key is still held; None, or why it is not any more."""
         self.check(now_s)
         if not self._lease or lease != self._lease or client != self.client:
-            return "the lease has ended: release and press again"
+            return f"{self.ended or 'the lease has ended'}: release and press again"
         self._renewed_s = now_s
         self.count += 1
         return None
@@ -69,10 +79,16 @@ class HoldToRun:
 
     def check(self, now_s: float) -> bool:
         """Once a scan: whether the lease has just run out."""
-        if self._lease and not now_s - self._renewed_s < self.lease_s:
-            self.end()
-            return True
-        return False
+        if not self._lease:
+            return False
+        if not now_s - self._renewed_s < self.lease_s:
+            self.ended = "the lease ran out"
+        elif not now_s - self._began_s < HELD_S:
+            self.ended, self.too_long = f"the key was held for {HELD_S:g} s, the longest time", True
+        else:
+            return False
+        self.end()
+        return True
 
     def end(self) -> None:
         """No key is held any more."""

@@ -9,7 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl.image import Mode, OperatorCommand
-from gantryctl.program import PowerPhase
+from gantryctl.program import Code, PowerPhase
+from gantryctl.service.lease import HELD_S
 from gantryctl.service.messages import ARMABLE, Identity, Refused
 from gantryctl.service.operator_state import OperatorState
 from gantryctl.service.roles import Action, may
@@ -51,12 +52,13 @@ class ServiceOperator(OperatorState):
         if self._stop_scans:
             self._hold_stop()
         if self.hold.alive and self.hold.check(now_s):
-            self.events.put(
-                "command", "hold-to-run: the lease ran out, the axis stops", self.authority.holder
-            )
+            holder = self.authority.holder
+            self.events.put("command", f"hold-to-run: {self.hold.ended}, the axis stops", holder)
+            if self.hold.too_long:
+                self.program.axis.stop_by(Code.CTL_21, measured=HELD_S, limit=HELD_S)
         if self.authority.silent(now_s) and self.authority.holder is not None:
             self._free(self.authority.holder.client, "was silent for 2 s")
-        if self.testing and self.authority.epoch != self._test_epoch and not self.levels.stop:
+        if self.testing and not self._test_ended and self.authority.epoch != self._test_epoch:
             self.stop()  # whoever began the brake test has lost control, or somebody reset
         first_out = self.program.axis.alarms.first_out is not None
         if first_out:
@@ -94,6 +96,8 @@ class ServiceOperator(OperatorState):
             self._set(mode=self.program.mode)
         elif kind == "power":
             self._set(power=False)
+        elif kind == "set":
+            self._set(override=axis.virtual.override)
         self._answer(acting, Refused(str(reason.code), reason.text))
 
     # --- everything else --------------------------------------------------------------------------
@@ -136,9 +140,7 @@ class ServiceOperator(OperatorState):
             case "take":
                 self._take(who, values["over"], now_s)
             case "give":
-                if self.hold.client == who.client:
-                    self.hold.end()
-                self.authority.give(who.client)
+                self._give(who.client)
             case "renew":
                 self._lease(self.hold.renew(values["lease"], who.client, now_s))
             case "jog":
@@ -147,6 +149,7 @@ class ServiceOperator(OperatorState):
                 return False
             case "set":
                 self.rules.apply(self, values["tag"], float(values["value"]))
+                return bool(values["tag"] != "override_percent")  # which may let a motion go on
             case "arm":
                 action = ARMABLE[values["action"]]
                 self.arming.arm(action, who, self.authority.epoch, now_s)
@@ -176,7 +179,7 @@ class ServiceOperator(OperatorState):
                 self._set(halt=True)
             case "brake_test":
                 self.arming.use()
-                self._test_epoch = self.authority.epoch
+                self._test_epoch, self._test_ended = self.authority.epoch, False
                 self._set(brake_test=True)
             case "reset":
                 self._reset(who)
@@ -203,6 +206,7 @@ class ServiceOperator(OperatorState):
         refused = self.authority.take(who, over, self.at_rest, now_s)
         if refused is not None:
             raise Refused(*refused)
+        self._set(remote=who.place == "remote")
 
     def _power(self, on: bool) -> bool:
         if on and self.levels.power and self.program.axis.power.phase is not PowerPhase.OFF:

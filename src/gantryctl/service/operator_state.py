@@ -64,6 +64,7 @@ class OperatorState:
         self._gap = False
         self._stop_scans = 0
         self._test_epoch = 0
+        self._test_ended = True
 
     def attach(self, program: GantryProgram) -> None:
         """The program that the levels go to."""
@@ -98,9 +99,17 @@ class OperatorState:
 
     def _free(self, client: str, why: str) -> None:
         holder = self.authority.holder
-        if self.authority.give(client):
-            self.hold.end()
+        if self._give(client):
             self.events.put("authority", f"control is free: the holder {why}", holder)
+
+    def _give(self, client: str) -> bool:
+        """Control is free: keys are let go, and what stands still at override 0 does not wait for the next holder."""
+        if not self.authority.give(client):
+            return False
+        self.hold.end()
+        if self.program.axis.paused:
+            self._begin_stop()
+        return True
 
     def _stop_now(self, together: Sequence[Waiting]) -> None:
         """All stops of one kind in this scan are one stop; every release counts."""
@@ -116,7 +125,11 @@ class OperatorState:
         """Stop on the jog-release ramp, or by a quick stop; everything sent before is of the past."""
         self.hold.end()
         self.authority.new_epoch()
+        self._begin_stop(quick=quick)
+
+    def _begin_stop(self, *, quick: bool = False) -> None:
         axis = self.program.axis
+        self._test_ended = True
         if quick:
             self._set(quick_stop=True)
             self._stop_scans = 1
@@ -142,7 +155,7 @@ class OperatorState:
         """Come to rest, then power off."""
         self.hold.end()
         self._inbox.others.clear()
-        if self.testing and not self.levels.stop:
+        if self.testing and not self._test_ended:
             self.stop()
         if self.levels.power and not self.levels.stop and not self._stop_scans:
             if self.at_rest:

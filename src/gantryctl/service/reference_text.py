@@ -45,7 +45,7 @@ SEC-04. Unknown types and keys, strings for numbers, nan and inf are refused as 
 |---|---|---|
 | `alive` | - | at least twice a second from whoever has control: silence of 2 s gives it back. No reply |
 | `take` | `over`: bool | control authority; `over` takes it from somebody else, at standstill only |
-| `give` | - | gives it back; a jog stops, a move goes on |
+| `give` | - | gives it back; a jog stops, a move goes on, one that stands still at override 0 ends. So it is when the holder is silent or gone |
 | `power` | `on`: bool | on needs control, off does not |
 | `mode` | `mode`: none, continuous, incremental | at standstill |
 | `jog` | `lease`: 16 hex digits, random, new at every press; `direction`: forward, reverse | continuous mode: begins hold-to-run |
@@ -58,7 +58,7 @@ SEC-04. Unknown types and keys, strings for numbers, nan and inf are refused as 
 | `quick_stop` | - | quick stop, ErrorStop. Accepted from everyone, always |
 | `reset` | - | resets alarms whose cause is gone; never enables. Locked ones (`reset_locked` is true) need the service role, and `arm` first |
 | `acknowledge` | `id` of the alarm row | marks it as seen. Needs no control |
-| `set` | `tag`, `value` | one of the tags with direction `both`, but `mode` |
+| `set` | `tag`, `value` | one of the tags with direction `both`, but `mode`. An override raised from 0 while a motion stands still is refused as that motion would be |
 | `arm` | `action`: brake_test, reset_locked | the first of two steps, see below. Needs no control |
 | `brake_test` | - | power must be off; needs `arm`; refused where `brake_test_available` is false |
 
@@ -72,7 +72,14 @@ that was sent before is carried out after.
 1. Press: make a random lease, send `jog`. 2. Every 30 ms send `renew` with that lease, a new `seq`, and the newest
 `frame` and `epoch`. 3. Send `release` on pointerup, pointercancel, lostpointercapture, blur, visibilitychange, pagehide and key up, and
 stop renewing. The lease is 250 ms, checked in the scan. A lease that ended once (released, late, stopped, refused,
-disconnected) is dead for ever: to go on, the person presses again. `lease_left_ms` shows what is left.
+disconnected) is dead for ever: to go on, the person presses again. `lease_left_ms` shows what is left. No key is held for longer
+than 30 s (CTL-21): a page that is stuck may go on renewing.
+
+### Enabling switch
+
+Above `speed_cap_deg_s` keys and increments need the enabling switch, and moves too when they were begun from a remote screen or
+a remote screen has control. It is looked at when they begin and in every scan: let go, the axis stops on the jog-release ramp
+(INT-05), power stays on. The speed setting counts, not the override.
 
 ### Arm, then execute
 

@@ -50,7 +50,6 @@ class Rules:
     lease_s: float
     speed_rad_s: float
     increment_rad: float
-    cap_rad_s: float
     start_s: float
     lock: str = ""
     held: str = ""
@@ -94,7 +93,8 @@ class Rules:
         if needs_control and not operator.authority.holds(who):
             held = operator.authority.holder
             raise Refused("SEC-07", f"{held.user} has control" if held else "take control first")
-        if action in _NEW_MOTION and not power_off and message.kind not in ("renew", "arm"):
+        begins = action in _NEW_MOTION and not power_off and message.kind not in ("renew", "arm")
+        if begins or (action is Action.OVERRIDE and operator.program.axis.paused):
             self._check_motion(operator, who, message)
         if message.kind == "reset" and self.locked() and may(who.role, Action.RESET_LOCKED):
             operator.check_armed(Action.RESET_LOCKED, who)
@@ -114,21 +114,12 @@ class Rules:
         if wanted is not None and mode is not wanted and mode is not Mode.NONE:
             words = f"{message.kind} needs the mode {wanted.name.lower()}, it is {mode.name.lower()}"
             raise Refused(str(Code.CTL_16), words)
-        if message.kind == "move" and who.place == "remote":
-            self._check_remote(operator)
 
     def _check_brake_test(self, operator: ServiceOperator, who: Identity) -> None:
         """A brake test where the brake can be kept closed, and armed."""
         if self.untestable:
             raise Refused(str(Code.CTL_14), self.untestable)
         operator.check_armed(Action.BRAKE_TEST, who)
-
-    def _check_remote(self, operator: ServiceOperator) -> None:
-        """A remote screen moves faster than the cap only with the enabling switch."""
-        speed = operator.levels.speed_rad_s
-        if speed > self.cap_rad_s and not operator.program.axis.feedback.inputs.enabling_switch:
-            reason = refusal(Code.INT_05, measured=deg(speed), limit=deg(self.cap_rad_s))
-            raise Refused(str(reason.code), reason.text)
 
     def apply(self, operator: ServiceOperator, tag: str, value: float) -> None:
         """Change one setting; refused outside its limits, never clamped."""
@@ -172,6 +163,5 @@ def rules_of(
         lease_s=machine.monitors.lease_ms * 1e-3,
         speed_rad_s=rad(min(max(kept, low), high)),
         increment_rad=rad(step if 0.001 <= step <= travel else 1.0),
-        cap_rad_s=rad(1.0),
         start_s=start_s,
     )

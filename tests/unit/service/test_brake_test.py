@@ -217,3 +217,23 @@ def test_without_a_passed_test_the_failed_brake_stays_failed() -> None:
     bench.do(bench.who(Role.VIEWER), "stop")
     assert outcome(bench) is BrakeTestOutcome.ABORTED
     assert Code.BRK_08 in bench.axis.alarms.active
+
+
+@pytest.mark.parametrize("how", ["stop", "give", "shutdown"])
+def test_a_test_that_ends_begins_one_epoch_and_no_more(how: str) -> None:
+    """What others send while the torque is taken back is not of the past."""
+    bench = Bench()
+    begun(bench)
+    reach(bench, BrakeTestPhase.PLUS_HELD)
+    epoch = bench.epoch
+    if how == "shutdown":
+        bench.operator.shutdown = True
+    else:
+        bench.do(bench.who(Role.PHYSICIST), how)
+    bench.scans(3)
+    after = bench.epoch
+    # giving control is a change of control, and the test that it ends a stop
+    assert after - epoch == (2 if how == "give" else 1)
+    assert outcome(bench) is BrakeTestOutcome.ABORTED
+    # while it is shut down nobody is heard: the holder loses control as one that is silent
+    assert bench.epoch - after == (1 if how == "shutdown" else 0)
