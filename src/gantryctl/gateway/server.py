@@ -3,88 +3,112 @@
 from __future__ import annotations
 
 import asyncio
+import resource
 import socket
-from typing import Any, ClassVar
+from typing import Any, Final
 
+import h11
 import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
+from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, HEADER_S, Settings, is_loopback
+from gantryctl.gateway.door import WAITING, Door, Place
+from gantryctl.gateway.settings import HEADER_S, Settings
 from gantryctl.service.messages import MESSAGE_MAX
+
+HANDLES: Final = 4096
+"""Open files: places, WebSockets, files, and some."""
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP with a time limit for the first request and a limit of connections for each address."""
+    """HTTP with a time limit for every request, from its first byte to the last one of its body.
 
-    _of_address: ClassVar[dict[str, int]] = {}
-    """Connections of each address: one table for all."""
+    Args:
+        place: given back when the connection ends or becomes a WebSocket, which has limits of its own.
+    """
+
+    def __init__(self, *, place: Place, **uvicorns: Any) -> None:
+        super().__init__(**uvicorns)
+        self._place = place
+        self._patience: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """A new connection; closed when it asks for nothing in time."""
         super().connection_made(transport)
-        peer: Any = transport.get_extra_info("peername")
-        self._address = str(peer[0]) if peer else ""
-        self._counted = True
-        table = self._of_address
-        table[self._address] = table.get(self._address, 0) + 1
-        most = CONNECTIONS if is_loopback(self._address) else CONNECTIONS_REMOTE
-        self._patience: asyncio.TimerHandle | None = None
-        if table[self._address] > most:
-            transport.close()
-            return
-        self._patience = self.loop.call_later(HEADER_S, self._too_late)
+        self._watch()
+
+    def data_received(self, data: bytes) -> None:
+        """The time of a next request begins with its first byte."""
+        if self.cycle is not None and self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]:
+            self._rest()
+        super().data_received(data)
 
     def handle_events(self) -> None:
-        """The time limit ends with the first whole request."""
+        """Whatever has come: is the request whole now?"""
         super().handle_events()
-        if self._asked and self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+        self._watch()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """From here on it is a WebSocket, which has limits of its own."""
-        if self._patience is not None:
-            self._patience.cancel()
-        self._leave()
+        """From here on it is a WebSocket."""
+        self._rest()
+        self._place.leave()
         super().handle_websocket_upgrade(event)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The connection has ended."""
-        if self._patience is not None:
-            self._patience.cancel()
-        self._leave()
+        self._rest()
+        self._place.leave()
         super().connection_lost(exc)
 
-    def _leave(self) -> None:
-        if self._counted:
-            self._counted = False
-            self._of_address[self._address] -= 1
-            if not self._of_address[self._address]:
-                del self._of_address[self._address]
+    def _watch(self) -> None:
+        """The time runs while something is missing."""
+        if self.transport.is_closing() or self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
+            self._rest()
+        elif self._patience is None:
+            self._patience = self.loop.call_later(HEADER_S, self.transport.abort)
 
-    def _too_late(self) -> None:
-        if not self._asked and not self.transport.is_closing():
-            self.transport.close()
+    def _rest(self) -> None:
+        if self._patience is not None:
+            self._patience.cancel()
+            self._patience = None
 
-    @property
-    def _asked(self) -> bool:
-        """A whole request has come."""
-        found: Any = self.cycle
-        return found is not None
+
+class QuietWebSocket(WebSocketsSansIOProtocol):
+    """A WebSocket that may be refused with an HTTP status without a line in the log for each."""
+
+    async def send(self, message: Any) -> None:
+        """Refused with a whole answer: the handshake is complete."""
+        await super().send(message)
+        if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
+            self.handshake_complete = True
 
 
 def run_server(app: Any, settings: Settings) -> None:
     """Serve on the listening socket that the supervisor has made, until told to end."""
+    raise_handles()
     listener = socket.socket(fileno=settings.listener)
+    asyncio.run(make_server(app, settings).serve(sockets=[listener]))
+
+
+def raise_handles() -> None:
+    """As many open files as the system allows, if that is enough for all places."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = HANDLES if hard == resource.RLIM_INFINITY else min(HANDLES, hard)
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+
+
+def make_server(app: Any, settings: Settings) -> Door:
+    """The server with all its limits."""
     config = uvicorn.Config(
         app,
         http=PatientProtocol,
-        ws="websockets-sansio",
+        ws=QuietWebSocket,
         ws_max_size=MESSAGE_MAX,
         ws_ping_interval=5.0,
         ws_ping_timeout=5.0,
         ws_per_message_deflate=False,
-        limit_concurrency=4 * CONNECTIONS,
+        limit_concurrency=WAITING,
         timeout_keep_alive=5,
         timeout_graceful_shutdown=2,
         h11_max_incomplete_event_size=16 * 1024,
@@ -96,4 +120,4 @@ def run_server(app: Any, settings: Settings) -> None:
         log_level="warning",
         lifespan="on",
     )
-    asyncio.run(uvicorn.Server(config).serve(sockets=[listener]))
+    return Door(config)

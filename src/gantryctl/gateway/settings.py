@@ -74,5 +74,16 @@ def is_loopback(host: str) -> bool:
         return host == "localhost"
 
 
+def neighbourhood(address: str) -> str:
+    """What limits count: an IPv4 address; of IPv6 the network of 64 bits, which one customer has to himself."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if isinstance(found, ipaddress.IPv4Address):
+        return str(found)
+    return str(found.ipv4_mapped or ipaddress.ip_network((found, 64), strict=False))
+
+
 def _bracketed(host: str) -> str:
     return f"[{host}]" if ":" in host else host
