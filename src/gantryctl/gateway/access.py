@@ -12,16 +12,14 @@ from starlette.responses import JSONResponse, Response
 
 from gantryctl.errors import StateError
 from gantryctl.gateway.guard import address_of, error
-from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions
-from gantryctl.gateway.settings import Settings, is_loopback
+from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions, worth_writing
+from gantryctl.gateway.settings import Settings, is_loopback, neighbourhood
 from gantryctl.service.hub import Hub
 from gantryctl.service.messages import Identity
 from gantryctl.service.roles import MAY, Action, Role, may
 from gantryctl.service.users import PASSWORD_MAX, User, Users
 
 COOKIE: Final = "gantryctl_session"
-_FAILURES_WRITTEN: Final = 5
-"""Wrong passwords of one account and address that go into the journal one by one; then every tenth."""
 
 
 class Access:
@@ -67,21 +65,26 @@ class Access:
 
     async def log_in(self, request: Request, name: str, password: str) -> Response:
         """Check name and password; a cookie, or why not."""
-        address = address_of(request.scope)
-        account = name[:64]
-        wait_s = self.locks.wait_s(account, address)
-        if wait_s > 0.0:
-            return error(429, "SEC-01", "too many wrong passwords: wait", retry_after=str(math.ceil(wait_s)))
-        user = await self._check(name, password)
+        address, account = address_of(request.scope), name[:64]
+        pair = (account, neighbourhood(address))
+        async with self._checking:  # what waited here has been guessed after the failures before it
+            wait_s = self.locks.wait_s(*pair)
+            if wait_s > 0.0:
+                wait = str(math.ceil(wait_s))
+                return error(429, "SEC-01", "too many wrong passwords: wait", retry_after=wait)
+            try:
+                user = await self._check(name, password)
+            except StateError:
+                return error(503, "SEC-01", "nobody can log in: users.json cannot be read")
+            count = 0 if user is not None else self.locks.failed(*pair)
         if user is None:
-            count = self.locks.failed(account, address)
-            if count <= _FAILURES_WRITTEN or count % 10 == 0:
+            if worth_writing(count):
                 who = Identity("", account, Role.VIEWER, self.place(request))
                 self.hub.events.put(
                     "login", f"refused: wrong name or password, {count} times", who, address=address
                 )
             return error(401, "SEC-01", "wrong name or password")
-        self.locks.passed(account, address)
+        self.locks.passed(*pair)
         session = self.sessions.open(user)
         who = Identity("", user.name, user.role, self.place(request))
         self.hub.events.put("login", "logged in", who, address=address)
@@ -95,11 +98,7 @@ class Access:
     async def _check(self, name: str, password: str) -> User | None:
         if len(password) > PASSWORD_MAX:
             return None
-        async with self._checking:
-            try:
-                return await asyncio.to_thread(self.users.check, name, password)
-            except StateError:
-                return None
+        return await asyncio.to_thread(self.users.check, name, password)
 
     def log_out(self, request: Request) -> Response:
         """End the session of a request."""

@@ -13,7 +13,7 @@ from starlette.datastructures import MutableHeaders
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gantryctl.gateway.settings import BODY_MAX, REQUESTS_PER_S, REQUESTS_RESERVE, Settings
+from gantryctl.gateway.settings import BODY_MAX, REQUESTS_PER_S, REQUESTS_RESERVE, Settings, neighbourhood
 
 CSP: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -86,7 +86,7 @@ class Guard:
         headers = dict(scope["headers"])
         if headers.get(b"host", b"").decode("latin-1").lower() not in self._hosts:
             return error(403, "SEC-04", "this host name is not served here")
-        wait_s = self._limit.wait_s(address_of(scope))
+        wait_s = self._limit.wait_s(neighbourhood(address_of(scope)))
         if wait_s > 0.0:
             return error(429, "SEC-06", "too many requests", retry_after=str(math.ceil(wait_s)))
         length = headers.get(b"content-length", b"0")

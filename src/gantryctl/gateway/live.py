@@ -11,7 +11,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from gantryctl.gateway.access import Access
 from gantryctl.gateway.guard import address_of, deny, error
 from gantryctl.gateway.sessions import Session
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, is_loopback
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, is_loopback, neighbourhood
 from gantryctl.service.hub import Client, Flooded, Hub
 from gantryctl.service.messages import Identity
 
@@ -39,8 +39,8 @@ class Live:
         if session is None:
             await deny(socket.scope, socket.receive, socket.send, error(401, "SEC-01", "log in first"))
             return
-        address = address_of(socket.scope)
-        most = CONNECTIONS if is_loopback(address) else CONNECTIONS_REMOTE
+        most = CONNECTIONS if is_loopback(address_of(socket.scope)) else CONNECTIONS_REMOTE
+        address = neighbourhood(address_of(socket.scope))
         if self._of_address.get(address, 0) >= most or len(self._hub) >= CONNECTIONS:
             await deny(
                 socket.scope, socket.receive, socket.send, error(429, "SEC-06", "too many connections")

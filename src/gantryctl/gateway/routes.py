@@ -31,7 +31,8 @@ _LOG_IN: Final = {401: "not logged in", 403: "the role may not do it", 429: "too
 ROUTES: Final = (
     RouteEntry(
         "POST", "/login", "login", None, "Log in; the answer sets the session cookie.",
-        {200: "logged in", 400: "not understood", 401: "wrong name or password", 403: "foreign page", 429: "locked"},
+        {200: "logged in", 400: "not understood", 401: "wrong name or password", 403: "foreign page", 429: "locked",
+         503: "users.json is damaged"},
     ),
     RouteEntry("POST", "/logout", "logout", Action.VIEW, "End the session.", {204: "done", 401: "not logged in"}),
     RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "nobody"}),

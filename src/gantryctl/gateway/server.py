@@ -39,7 +39,8 @@ class PatientProtocol(H11Protocol):
 
     def data_received(self, data: bytes) -> None:
         """The time of a next request begins with its first byte."""
-        if self.cycle is not None and self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]:
+        asked: Any = self.cycle  # None before the first request
+        if asked is not None and self.conn.their_state is h11.IDLE and not self.conn.trailing_data[0]:
             self._rest()
         super().data_received(data)
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
+from gantryctl.errors import StateError
 from gantryctl.service.roles import Role
 from gantryctl.service.users import User, Users
 
@@ -16,6 +17,7 @@ IDLE_S: Final = 15 * 60.0
 WHOLE_S: Final = 8 * 3600.0
 FAILURES: Final = 5
 LOCK_MAX_S: Final = 15 * 60.0
+_WRITTEN: Final = 5
 _SESSIONS: Final = 256
 _REMEMBERED: Final = 10_000
 
@@ -85,14 +87,18 @@ class Sessions:
         self._sessions.pop(session.token, None)
 
     def _user(self, name: str) -> User | None:
-        """The user as the file says now; the file is read when it has changed."""
+        """The user as the file says now; the file is read when it has changed. A damaged one knows nobody."""
         try:
             found = self._users.path.stat()
             stamp = (found.st_mtime_ns, found.st_ino)
         except OSError:
             stamp = None
         if stamp != self._stamp:
-            self._known, self._stamp = self._users.all(), stamp
+            self._stamp = stamp
+            try:
+                self._known = self._users.all()
+            except StateError:
+                self._known = {}
         return self._known.get(name)
 
 
@@ -121,3 +127,8 @@ class LockOut:
     def passed(self, account: str, address: str) -> None:
         """A right one."""
         self._failures.pop((account, address), None)
+
+
+def worth_writing(count: int) -> bool:
+    """Whether this failure of a pair goes into the journal: the first five, then every tenth."""
+    return count <= _WRITTEN or count % 10 == 0

@@ -8,7 +8,7 @@ import resource
 import socket
 import ssl
 from collections.abc import Awaitable, Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -75,10 +75,8 @@ async def until_closed(port: int, *texts: bytes) -> bytes:
         writer.write(text)
         if text.endswith(b"\r\n\r\n"):
             answer += await reader.readuntil(b"hello")
-    try:
+    with suppress(ConnectionError):  # ended without ceremony
         answer += await reader.read()
-    except ConnectionError:
-        pass  # ended without ceremony
     writer.close()
     return answer
 
