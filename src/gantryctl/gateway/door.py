@@ -46,15 +46,19 @@ class Places:
 
 
 class Place:
-    """One connection's place, given back once."""
+    """One connection's place, given back once.
+
+    Attributes:
+        mine: it was not given back yet.
+    """
 
     def __init__(self, taken: Counter[str], key: str) -> None:
-        self._taken, self._key, self._mine = taken, key, True
+        self._taken, self._key, self.mine = taken, key, True
 
     def leave(self) -> None:
         """Somebody else may have it."""
-        if self._mine:
-            self._mine = False
+        if self.mine:
+            self.mine = False
             self._taken[self._key] -= 1
             if not self._taken[self._key]:
                 del self._taken[self._key]

@@ -62,8 +62,9 @@ class PatientProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def _watch(self) -> None:
-        """The time runs while something is missing."""
-        if self.transport.is_closing() or self.conn.their_state not in (h11.IDLE, h11.SEND_BODY):
+        """The time runs while something is missing, and not for a WebSocket."""
+        missing = self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
+        if not missing or not self._place.mine or self.transport.is_closing():
             self._rest()
         elif self._patience is None:
             self._patience = self.loop.call_later(HEADER_S, self.transport.abort)

@@ -18,6 +18,7 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
+from websockets.asyncio.client import connect
 
 from certificates import certificate
 from gantryctl.gateway import door, server
@@ -41,6 +42,11 @@ async def hello(request: Request) -> PlainTextResponse:
     return PlainTextResponse("hello")
 
 
+async def echo(web: WebSocket) -> None:
+    await web.accept()
+    await web.send_text(await web.receive_text())
+
+
 async def refuse(web: WebSocket) -> None:
     await deny(web.scope, web.receive, web.send, error(401, "SEC-01", "log in first"))
 
@@ -54,7 +60,11 @@ def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None) -> Non
             files = [None, None] if tls is None else [str(tls / name) for name in ("cert.pem", "key.pem")]
             settings = Settings("127.0.0.1", port, listener.fileno(), *files, (), Path(), Path())
             app = Starlette(
-                routes=[Route("/", hello, methods=["GET", "POST"]), WebSocketRoute("/ws", refuse)]
+                routes=[
+                    Route("/", hello, methods=["GET", "POST"]),
+                    WebSocketRoute("/ws", refuse),
+                    WebSocketRoute("/echo", echo),
+                ]
             )
             made = server.make_server(app, settings)
             serving = asyncio.create_task(made.serve(sockets=[listener]))
@@ -173,6 +183,18 @@ def test_a_refused_websocket_leaves_nothing_in_the_log(capsys: pytest.CaptureFix
 
     run(check)
     assert capsys.readouterr().err == ""
+
+
+def test_a_websocket_has_no_such_limit_and_leaves_its_place_to_others() -> None:
+    async def check(port: int) -> None:
+        made = [await connect(f"ws://127.0.0.1:{port}/echo") for _ in range(CONNECTIONS + 1)]
+        await asyncio.sleep(0.5)  # 0.3 s for a request
+        for each in made:
+            await each.send("hello")
+            assert await each.recv() == "hello"
+            await each.close()
+
+    run(check)
 
 
 def test_an_address_has_its_places_and_no_more() -> None:
