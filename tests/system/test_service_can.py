@@ -57,3 +57,20 @@ def test_the_drive_stops_the_axis_of_a_killed_controller(
     evidence("service_killed_on_bus", {"runs": found})
     for run in found:
         assert 0.0 < run["travelled_deg"] <= run["limit_deg"], run
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
+def test_after_a_restart_of_the_drive_a_reset_of_the_service_is_enough(tmp_path: Path) -> None:
+    """DRV-11 in motion: torque off; a reset with power off sets the drive up anew, and the next move goes on."""
+    command = [*OWN_NETWORK, sys.executable, str(TESTS / "lost_on_bus.py"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    assert seen["axis_state_lost"] == "error_stop"
+    assert not seen["position_valid_lost"]
+    assert not seen["power_after_reset"]
+    assert abs(seen["moved_by_reset_deg"]) < 0.1  # the load swings on the brake
+    assert seen["shown_after_reset_deg"] == pytest.approx(seen["load_after_reset_deg"], abs=0.1)
+    assert seen["shown_at_end_deg"] == pytest.approx(seen["shown_after_reset_deg"] + 1.0, abs=0.01)
+    assert seen["load_at_end_deg"] == pytest.approx(seen["shown_at_end_deg"], abs=0.05)

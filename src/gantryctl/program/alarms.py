@@ -123,6 +123,12 @@ class AlarmLog:
         elif reaction >= Reaction.QUICK_STOP:
             self.first_out = alarm
 
+    def complete(self, code: Code, /, **values: object) -> None:
+        """Say of an active alarm what was not known yet when it was raised."""
+        alarm = self.active.get(code)
+        if alarm is not None:
+            alarm.measured = ALARMS[code].message.format(**values)
+
     def note(self, code: Code, /, **values: object) -> Refusal:
         """Put something worth knowing into the history; nothing is latched."""
         row = ALARMS[code]

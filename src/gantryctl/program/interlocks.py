@@ -25,7 +25,7 @@ class Interlocks:
     """
 
     __slots__ = (
-        "_alarms", "_feedback", "_inputs", "_overload_warning", "_was_minus", "_was_plus", "minus_open",
+        "_alarms", "_feedback", "_inputs", "_overload_warning", "_told", "_was_minus", "_was_plus", "minus_open",
         "plus_open",
     )  # fmt: skip
 
@@ -34,6 +34,7 @@ class Interlocks:
         self._alarms = alarms
         self._overload_warning = settings.monitors.overload_warning
         self._inputs: DigitalInputs | None = None
+        self._told = False
         self._was_plus = self._was_minus = True
         self.plus_open = self.minus_open = True
 
@@ -45,6 +46,8 @@ class Interlocks:
             self._look_at(inputs, pos_rad, powered)
         if feedback.state in _FAULTS:
             self._fault()
+        elif self._told:
+            self._told = False
         if feedback.warning:
             self._alarms.raise_(Code.DRV_02)
         if not feedback.overload < self._overload_warning:
@@ -74,3 +77,6 @@ class Interlocks:
         code = self._feedback.error_code
         text = f"error {code} (hexadecimal {code:04X})" if code else "without an error code"
         self._alarms.raise_(Code.DRV_01, measured=text)
+        if code and not self._told:  # some drives tell it some scans later
+            self._alarms.complete(Code.DRV_01, measured=text)
+        self._told = code != 0

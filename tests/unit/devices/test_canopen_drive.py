@@ -314,6 +314,19 @@ def test_a_fault_is_named_by_its_emergency_message(quirk: str) -> None:
     assert bench.run(0.2, DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED
 
 
+def test_a_fault_without_an_emergency_message_is_named_by_603f() -> None:
+    bench = Bench().open().enable()
+    bench.drive.node.listen(0x082, lambda data: None)  # its emergency messages are lost
+    bench.event("fault", code=0x7305)
+    codes = [bench.scan().error_code for _ in range(5)]
+    assert codes[0] == 0
+    assert codes[-1] == 0x7305
+    assert bench.run(0.2, DriveRequest.FAULT_RESET).error_code == 0
+    bench.event("fault", code=0x3210)
+    assert bench.run(0.05).error_code == 0x3210
+    bench.drive.close()
+
+
 def test_another_master_is_noticed() -> None:
     bench = Bench().open().enable()
     bench.event("frame", can_id=0x202, data="0F00E8030000")
@@ -349,6 +362,9 @@ def test_a_lost_drive_is_set_up_anew_within_the_run_and_nothing_moves(lose: Call
     begun, begun_deg = bench.drive.read().pos_act_counts, bench.load_deg
     lose(bench)
     assert bench.drive.lost
+    assert (
+        bench.drive.read().changed == ""
+    )  # a drive that restarted has forgotten them all: one cause, one alarm
     assert not bench.virtual.motor.brake_open
     bench.run(2.0, DriveRequest.DISABLE)
     stood, stood_counts = bench.load_deg, bench.virtual.motor.counts

@@ -213,3 +213,16 @@ def test_nothing_moves_after_reset_without_a_new_command():
     before = rig.ref_deg
     rig.run(1.0)
     assert rig.ref_deg == before, "move is still TRUE, but has no edge"
+
+
+def test_an_error_code_that_comes_later_is_told_in_the_same_alarm():
+    rig = moving_rig()
+    code = 0
+    rig.spoil = lambda drive: drive._replace(state=DriveState.FAULT, error_code=code)
+    rig.step()
+    assert rig.first.code == "DRV-01"
+    assert "without an error code" in rig.first.text
+    code = 0x7305
+    rig.step()
+    assert "hexadecimal 7305" in rig.first.text
+    assert rig.codes.count("DRV-01") == 1

@@ -52,6 +52,7 @@ _TORQUE_TAKEN: Final = (
     DriveState.OPERATION_ENABLED,
     DriveState.QUICK_STOP_ACTIVE,
 )
+_IN_FAULT: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _ENERGISED: Final = (
     DriveState.OPERATION_ENABLED,
     DriveState.QUICK_STOP_ACTIVE,
@@ -203,7 +204,8 @@ class CanopenDrive:
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
             self.process.send(word, vel, torque, self._brake.released)
-            self.read_back.scan(self._passed)
+            unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
+            self.read_back.scan(self._passed, unknown)
         self._due = True
 
     def _exchange(self, answer_s: float) -> None:
@@ -241,7 +243,7 @@ class CanopenDrive:
         state = DriveState.UNKNOWN if flags & _LOST else self._shown(decode_statusword(status), status)
         inputs, brake = process.inputs()
         brake_open = self._brake.is_open(state, brake)
-        in_fault = state in (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+        code = process.error_code or self.node.emergencies.code or self.read_back.error_code
         return DriveFeedback(
             state,
             process.position,
@@ -251,12 +253,12 @@ class CanopenDrive:
             bool(status & INTERNAL_LIMIT) and state in _ENERGISED,
             0.0,
             EncoderFlag.NONE,
-            (process.error_code or self.node.emergencies.code) if in_fault else 0,
+            code if state in _IN_FAULT else 0,
             bool(status & WARNING),
             process.age,
             inputs,
             link=flags,
-            changed=self.read_back.line,
+            changed="" if flags & _LOST else self.read_back.line,
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:

@@ -13,6 +13,7 @@ from gantryctl.devices.canopen.node import RemoteNode
 
 ROUND_S: Final = 60.0
 """Every parameter is read once in this time."""
+_ERROR_CODE: Final = Wanted(0x603F, 0, 0, "why the drive is in fault")
 _ABORT: Final = 0x80
 _UPLOAD: Final = 0x40
 _EXPEDITED: Final = 0x02
@@ -27,6 +28,7 @@ class ReadBack:
         period_s: scan period.
 
     Attributes:
+        error_code: 603F, asked for when a fault comes without an emergency message; 0 else.
         differs: what is not as it was written any more, a line for each, by object.
         answered, unanswered: requests so far.
     """
@@ -39,6 +41,8 @@ class ReadBack:
         self._asked: Wanted | None = None
         self.differs: dict[tuple[int, int], str] = {}
         self.answered = self.unanswered = 0
+        self.error_code = 0
+        self._unknown_fault = False
         node.listen(node.sdo.response_id, self._answer)
 
     @property
@@ -46,16 +50,27 @@ class ReadBack:
         """The first difference, or ""."""
         return next(iter(self.differs.values()), "")
 
-    def scan(self, periods: int) -> None:
-        """After the process data of a scan, which is so many periods after the one before."""
+    def scan(self, periods: int, unknown_fault: bool = False) -> None:
+        """After the process data of a scan, which is so many periods after the one before.
+
+        Args:
+            unknown_fault: the drive is in fault, and no emergency message has said why.
+        """
         self._left -= periods
-        if self._left > 0 or not self._wanted:
-            return
-        self._left = self._every
+        if unknown_fault and not self._unknown_fault:
+            self._ask(_ERROR_CODE)
+        elif self._left <= 0 and self._wanted:
+            self._left = self._every
+            self._ask(self._wanted[self._next])
+            self._next = (self._next + 1) % len(self._wanted)
+        self._unknown_fault = unknown_fault
+        if not unknown_fault:
+            self.error_code = 0
+
+    def _ask(self, wanted: Wanted) -> None:
         self.unanswered += self._asked is not None
-        self._asked = self._wanted[self._next]
-        self._next = (self._next + 1) % len(self._wanted)
-        request = struct.pack("<BHB4x", _UPLOAD, self._asked.obj, self._asked.sub)
+        self._asked = wanted
+        request = struct.pack("<BHB4x", _UPLOAD, wanted.obj, wanted.sub)
         self._node.link.send(self._node.sdo.request_id, request)
 
     def _answer(self, data: bytes) -> None:
@@ -71,6 +86,9 @@ class ReadBack:
             have = _number(asked, data[4 : 4 + size])
         self._asked = None
         self.answered += 1
+        if asked is _ERROR_CODE:
+            self.error_code = have or 0
+            return
         row = compare(asked, have)
         if row.verdict is Verdict.OK:
             self.differs.pop((asked.obj, asked.sub), None)
