@@ -122,7 +122,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
         root = Path(folder)
         add_users(root)
-        with Service(root) as service, service.page("viewer") as watcher:
+        with Service(root) as service, service.page("viewer", queue=None) as watcher:
             proxy = Proxy(int(service.address.rsplit(":", 1)[1]))
             with launch(playwright, service, proxy) as browser:
                 page = browser.new_context(viewport=SIZE, locale="en-GB").new_page()
