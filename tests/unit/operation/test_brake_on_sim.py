@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import pytest
 
 from gantryctl.machine import default_machine
@@ -16,17 +19,19 @@ HOLDING_NM = 14.0
 """16 kN m of eccentric moment over 1144, where it is largest."""
 
 
-def with_brake_of(brake_torque_nm: float) -> Engine:
+def with_brake_of(
+    brake_torque_nm: float, angle_deg: float = ANGLE_DEG, holding_nm: float = HOLDING_NM
+) -> Engine:
     """The gantry after a brake test with a brake that bears so much, and 3 s more."""
     plant = plant_params(MACHINE)
     plant.brake_torque = brake_torque_nm
     sim = gantry_sim(MACHINE, plant)
-    sim.static_start(rad(ANGLE_DEG), False)
+    sim.static_start(rad(angle_deg), False)
     engine = build_engine(
         MACHINE,
         drive=drive_around(MACHINE, sim),
         zero_counts=float(delivered_zero_counts(MACHINE)),
-        holding_torque_nm=HOLDING_NM,
+        holding_torque_nm=holding_nm,
     )
     assert isinstance(engine.operator, HeldOperator)
     engine.run_for(0.1)
@@ -54,3 +59,47 @@ def test_the_load_is_always_held(brake_torque_nm: float, phase: PowerPhase) -> N
     assert engine.truth is not None
     # A brake that slips at rest is caught by the motor within 0.15 deg; wind-up of the gear is some 0.01.
     assert deg(engine.truth.truth()[0]) == pytest.approx(ANGLE_DEG, abs=0.15)
+
+
+TORQUES_NM = (0.5, 10.0, 20.0, 30.0, 40.0, 45.0, 50.0, 55.0, 60.0, 65.0, 70.0, 80.0, 100.0, 200.0, 400.0)
+ANGLES_DEG = (-120.0, 0.0, 90.0)
+MOMENT_NM = 16000.0 / 1144.0
+"""Eccentric moment of the reference load, at the motor; restoring at 0 deg."""
+
+
+@pytest.mark.slow
+def test_what_passes_bears_thirteen_tenths_of_the_check_moment(
+    evidence: Callable[[str, dict[str, object]], None],
+) -> None:
+    """Every brake from nothing to the catalogue's, at three angles, with the load's torque learned before."""
+    needed_nm = 1.3 * MACHINE.plant.load.eccentric_check_moment_nm / MACHINE.axis.ratio
+    rows = []
+    for angle in ANGLES_DEG:
+        for torque in TORQUES_NM:
+            engine = with_brake_of(torque, angle, MOMENT_NM * math.sin(rad(angle)))
+            power = engine.program.axis.power  # type: ignore[attr-defined]
+            assert engine.truth is not None
+            moved = abs(deg(engine.truth.truth()[0]) - angle)
+            rows.append(
+                {
+                    "angle_deg": angle, "brake_nm": torque, "load_moved_deg": round(moved, 5),
+                    "result": power.brake_test_result.outcome.name.lower(), "ends": power.phase.name.lower(),
+                }
+            )  # fmt: skip
+            assert moved < 0.15  # M-B: a brake that slips at rest is caught by the motor
+    passed = [row["brake_nm"] for row in rows if row["result"] == "passed"]
+    failed = [row["brake_nm"] for row in rows if row["result"] == "failed"]
+    assert len(passed) + len(failed) == len(rows)
+    assert min(passed) >= needed_nm
+    assert max(failed) < MACHINE.brake.test_torque_nm
+    evidence(
+        "brake_test",
+        {
+            "test_torque_nm": MACHINE.brake.test_torque_nm,
+            "needed_nm": round(needed_nm, 2),
+            "weakest_that_passed_nm": min(passed),
+            "strongest_that_failed_nm": max(failed),
+            "farthest_load_moved_deg": max(row["load_moved_deg"] for row in rows),
+            "rows": rows,
+        },
+    )

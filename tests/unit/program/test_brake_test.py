@@ -9,7 +9,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from gantryctl.image import DigitalInputs, DriveRequest
-from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
+from gantryctl.program import AxisState, BrakeTestLaw, BrakeTestOutcome, BrakeTestPhase, PowerPhase
 from gantryctl.program.brake_test import HELD_S
 from gantryctl.units import deg, rad
 from unit.program.rig import RATIO, Rig, settings
@@ -224,6 +224,22 @@ def test_stop_ends_it_in_every_phase_with_torque_off_and_no_verdict(phase):
     rig.begin()  # and another one may begin
     rig.finish()
     assert rig.result.outcome is PASSED
+
+
+@pytest.mark.parametrize("reading", [math.nan, math.inf, -math.inf])
+def test_the_law_alone_goes_back_to_the_preload_on_a_reading_that_is_no_number(reading):
+    """Commissioning has no monitor beside it."""
+    law = BrakeTestLaw(LEVEL_NM, rad(0.02), 385.0, 0.001)
+    law.prepare(HOLDING_NM)
+    law.begin()
+    for _ in range(1000):
+        torque = law.scan(HOLDING_NM + law.on_brake_nm, 0.0)
+    assert law.phase is BrakeTestPhase.PLUS_HELD
+    while law.running:
+        torque = law.scan(reading, 0.0)
+        assert math.isfinite(torque)
+    assert law.outcome is ABORTED
+    assert torque == pytest.approx(HOLDING_NM, abs=1.0)
 
 
 CAUSES = ["INT-03", "DRV-01", "PWR-01", "INT-06", "DRV-04", "CTL-02"]
