@@ -63,19 +63,24 @@ class Publisher:
         self._statistics: dict[str, Any] = {}
         self._before: deque[tuple[list[int], list[int]]] = deque(maxlen=round(RECENT_S / SLOW_S))
         self._shown: tuple[object, ...] = ()
+        self._scan = self._scan_before = engine.scan
 
     def scan(self) -> None:
         """After a scan: fast tags every 10 ms, the rest every 50 ms when it changed, statistics every second."""
-        scan = self._engine.scan
+        self._scan_before, self._scan = self._scan, self._engine.scan
         self._alarms.scan()
-        if scan % self._fast_scans == 0:
+        if self._due(self._fast_scans):
             publish_fast(self._memory.fast, self.fast())
-        if scan % self._frame_scans == 0:
+        if self._due(self._frame_scans):
             self._learn()
-            self._publish_slow(scan % self._slow_scans == 0)
-        elif scan % self._frame_scans == 1 and self._alarms.changed:
+            self._publish_slow(self._due(self._slow_scans))
+        elif self._due(self._frame_scans, 1) and self._alarms.changed:
             self._alarms.changed = False
             publish_json(self._memory.alarms, self._alarms.rows())
+
+    def _due(self, scans: int, offset: int = 0) -> bool:
+        """Every so many scans, also where their numbers leave some out."""
+        return (self._scan - offset) // scans != (self._scan_before - offset) // scans
 
     def _learn(self) -> None:
         axis, virtual = self._axis, self._axis.virtual
