@@ -230,6 +230,7 @@ def test_the_command_line_goes_to_the_service_when_it_is_told_to(service: Servic
     shown = command(service, "status", "--json")
     assert json.loads(shown.stdout)["machine"] == "hust_gantry"
     assert command(service, "jog", "-", "--for", "0.2").returncode == 0
+    assert "30 s at most" in command(service, "jog", "-", "--for", "31").stderr
     assert command(service, "detach").returncode == 0
 
 

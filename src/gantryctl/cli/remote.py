@@ -18,6 +18,7 @@ from gantryctl.machine import Machine, short_hash
 from gantryctl.operation.brake import BrakeDue
 from gantryctl.operation.requests import check_direction, check_speed, check_target, way_note
 from gantryctl.operation.store import state_root
+from gantryctl.service.lease import HELD_S
 from gantryctl.service.remote import ServiceLink
 
 _SAME_DEG: Final = 0.01
@@ -226,6 +227,10 @@ def remote_jog(
     machine: Machine, forward: bool, speed: float | None, seconds: float, *, take_over: bool, as_json: bool
 ) -> int:
     """Hold a key of the service for a time; the exit code."""
+    if seconds > HELD_S:
+        raise UsageError(
+            f"--for {seconds:g} s: the service lets a key be held for {HELD_S:g} s at most; ask again then"
+        )
     with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
         axis.come_to_rest()
         start = axis.link.tags["pos_act_deg"]
