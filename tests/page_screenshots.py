@@ -114,6 +114,8 @@ def brake_test(page: Page, watcher: Watcher, album: Album) -> None:
     watcher.until(lambda tags: tags["brake_test_phase"] == "minus_held")
     album.take(page, "brake_test")
     watcher.until(lambda tags: tags["brake_test_result"] == "passed" and tags["power_phase"] == "off")
+    page.get_by_text("passed").wait_for()
+    page.get_by_text("Power: off").wait_for()
 
 
 def main() -> int:
