@@ -68,7 +68,12 @@ def run_service(
         listener.fileno() if listener is not None else -1,
         None if opcua is None else opcua_command(opcua, root, store.directory),
         lambda text: click.echo(text, err=True),
-        Options(keeping, lambda: certificate_files(page, store.directory if opcua else None), second_person),
+        Options(
+            keeping,
+            lambda: certificate_files(page, store.directory if opcua else None),
+            second_person,
+            Users(root),
+        ),
     )
 
     def ready() -> None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
+import os
+import signal
 import time
 from collections.abc import AsyncIterator
 
@@ -33,7 +36,9 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
     @contextlib.asynccontextmanager
     async def running(_: Starlette) -> AsyncIterator[None]:
         hub.look()
-        tasks = [asyncio.create_task(hub.run()), asyncio.create_task(_beat(memory))]
+        tasks = [asyncio.create_task(work) for work in (hub.run(), _beat(memory))]
+        for task in tasks:
+            task.add_done_callback(_end_with)
         yield
         for client in hub.clients():
             hub.leave(client)
@@ -56,6 +61,13 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
         lifespan=running,
     )
     return Guard(app, settings)
+
+
+def _end_with(task: asyncio.Task[None]) -> None:
+    """A gateway that shows old pictures is worse than none: the supervisor starts it again."""
+    if not task.cancelled():
+        logging.getLogger("uvicorn.error").error("the gateway ends: %r", task.exception())
+        os.kill(os.getpid(), signal.SIGTERM)
 
 
 async def _beat(memory: SharedMemory) -> None:

@@ -2,7 +2,7 @@
 
 JSON lines, the messages of the WebSocket. The first line from the client is `{"watch": true}` or `{"watch": false}`:
 with status frames or without. A peer that runs as the service's own user or as root has the service role; anyone else
-whom the file's group lets in is an operator.
+of the group `gantry` is an operator. Without that group nobody else gets in.
 """
 
 from __future__ import annotations
@@ -65,9 +65,10 @@ class LocalServer:
             made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             with PeerName(self._directory) as address:
                 made.bind(address)
-            path.chmod(0o660)
-            with contextlib.suppress(KeyError, PermissionError):
+            path.chmod(0o600)
+            with contextlib.suppress(KeyError, PermissionError):  # no such group, or we are not in it
                 os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
+                path.chmod(0o660)
         except OSError as fault:
             raise StateError(f"{path}: {fault.strerror or fault}") from fault
         self._server = await asyncio.start_unix_server(self._serve, sock=made, limit=MESSAGE_MAX)

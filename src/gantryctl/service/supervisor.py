@@ -6,7 +6,6 @@ The controller ends first when the service ends, so that the axis is at rest whi
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import secrets
 import signal
 import sys
@@ -19,76 +18,22 @@ from typing import Final, NamedTuple
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine, config_hash
 from gantryctl.service.certificates import CertificateWatch
+from gantryctl.service.child import Child
 from gantryctl.service.hub import Hub
 from gantryctl.service.keeping import Keeping
 from gantryctl.service.local import LocalServer
 from gantryctl.service.memory import SharedMemory, Source, Word
+from gantryctl.service.notify import notify
+from gantryctl.service.user_watch import UserWatch
+from gantryctl.service.users import Users
 
 READY_S: Final = 20.0
-_PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
-"""Before a process is started again; from the beginning once it has run for a while."""
-_CALM_S: Final = 10.0
 _CONTROLLER_END_S: Final = 25.0
 _END_S: Final = 8.0
 _CERTIFICATES_S: Final = 3600.0
-
-
-class Child:
-    """One process that is kept running.
-
-    Args:
-        handles: open files that it inherits.
-        critical: the service ends when it cannot be kept running.
-    """
-
-    def __init__(
-        self, name: str, command: Sequence[str], handles: Sequence[int], *, critical: bool = False
-    ) -> None:
-        self.name, self._command, self._handles = name, list(command), tuple(handles)
-        self.critical = critical
-        self.process: asyncio.subprocess.Process | None = None
-        self.starts = 0
-        self._ending = asyncio.Event()
-
-    async def keep(self, said: Callable[[str], None]) -> None:
-        """Run it until it is to end. Returns when a critical one fails too often."""
-        tries = 0
-        while not self._ending.is_set():
-            began_s = time.monotonic()
-            self.process = await asyncio.create_subprocess_exec(
-                *self._command,
-                pass_fds=self._handles,
-                start_new_session=True,  # Ctrl-C is for the supervisor only
-            )
-            self.starts += 1
-            code = await self.process.wait()
-            if self._ending.is_set():
-                return
-            tries = 0 if time.monotonic() - began_s > _CALM_S else tries + 1
-            if self.critical and tries > len(_PAUSES_S):
-                said(f"{self.name} ended {tries} times (code {code}): the service ends")
-                return
-            pause_s = _PAUSES_S[min(tries, len(_PAUSES_S)) - 1] if tries else 0.0
-            said(f"SYS-06 {self.name} ended with code {code}; started again in {pause_s:g} s")
-            await asyncio.sleep(pause_s)
-
-    def leave(self) -> None:
-        """Do not start it again."""
-        self._ending.set()
-
-    async def end(self, patience_s: float) -> None:
-        """Tell it to end, and end it when it does not."""
-        self.leave()
-        if self.process is None or self.process.returncode is not None:
-            return
-        with contextlib.suppress(ProcessLookupError):
-            self.process.terminate()
-        try:
-            await asyncio.wait_for(self.process.wait(), patience_s)
-        except TimeoutError:
-            with contextlib.suppress(ProcessLookupError):
-                self.process.kill()
-            await self.process.wait()
+_LOOK_S: Final = 1.0
+_HELD_UP_S: Final = 3.0
+"""Whoever looks so late was held up, and so were the others: nobody is judged by it."""
 
 
 class Options(NamedTuple):
@@ -98,11 +43,13 @@ class Options(NamedTuple):
         keeping: how much the recorder keeps.
         certificates: the files whose end is watched, as they are now.
         second_person: what one user arms, another one executes.
+        users: whose changes are written down.
     """
 
     keeping: Keeping
     certificates: Callable[[], list[Path]]
     second_person: bool
+    users: Users
 
 
 class Supervisor:
@@ -147,14 +94,21 @@ class Supervisor:
             str(directory),
             options.keeping.to_json(),
         ]
-        self.recorder = Child("recorder", recorder, [handle])
+        self.recorder = Child(
+            "recorder", recorder, [handle], beat_ns=lambda: self.memory.words[Word.RECORDER_NS]
+        )
         self.gateway: Child | None = None
         if gateway is not None:
-            self.gateway = Child("gateway", [*run, *gateway, str(handle)], [handle, listener])
+            self.gateway = Child(
+                "gateway",
+                [*run, *gateway, str(handle)],
+                [handle, listener],
+                beat_ns=lambda: self.memory.words[Word.GATEWAY_NS],
+            )
         self.opcua: Child | None = None
         if opcua is not None:
             self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle])
-        self._directory, self._say, self._certificates = directory, say, options.certificates
+        self._directory, self._say, self._options = directory, say, options
         self.hub: Hub
 
     async def run(self, ready: Callable[[], None]) -> int:
@@ -170,24 +124,24 @@ class Supervisor:
         self.hub = Hub(self.memory, Source.LOCAL)
         server = LocalServer(self._directory, self.hub)
         keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
-        looking = asyncio.create_task(self.hub.run())
-        watching = asyncio.create_task(self._watch_certificates())
-        until_end = asyncio.create_task(ended.wait())
+        own = [asyncio.create_task(work) for work in (self.hub.run(), self._watch(), ended.wait())]
         try:
             await self._until_ready(keepers[self.controller], ended)
             await server.start()
             if not ended.is_set():
                 ready()
-            await asyncio.wait({until_end, keepers[self.controller]}, return_when=asyncio.FIRST_COMPLETED)
+                notify("READY")
+            await asyncio.wait({*own, keepers[self.controller]}, return_when=asyncio.FIRST_COMPLETED)
+            for task in own:
+                if task.done() and (fault := task.exception()) is not None:
+                    raise DeviceError(f"the first process of the service failed: {fault!r}")
             return 0 if ended.is_set() else DeviceError.exit_code
         finally:
-            until_end.cancel()
+            notify("STOPPING")
             await self._end()
             server.close()
-            looking.cancel()
-            watching.cancel()
-            for keeper in keepers.values():
-                keeper.cancel()
+            for task in (*own, *keepers.values()):
+                task.cancel()
 
     def _children(self) -> list[Child]:
         return [
@@ -198,13 +152,26 @@ class Supervisor:
         self._say(text)
         self.hub.events.put("service", text)
 
-    async def _watch_certificates(self) -> None:
-        watch = CertificateWatch()
+    async def _watch(self) -> None:
+        """Once a second: processes that hang, users that were changed, certificates that end; a word to systemd."""
+        certificates, users = CertificateWatch(), UserWatch(self._options.users)
+        before_s = certificates_s = time.monotonic() - _CERTIFICATES_S
         while True:
-            for text in watch.due(self._certificates(), datetime.now(UTC)):
-                self._say(text)
-                self.hub.events.put("alarm", text)
-            await asyncio.sleep(_CERTIFICATES_S)
+            now_s = time.monotonic()
+            if now_s - before_s < _HELD_UP_S:
+                for child in self._children():
+                    child.end_hung(self._tell, time.monotonic_ns())
+            before_s = now_s
+            for text in users.changes():
+                self.hub.events.put("user", text)
+            if now_s - certificates_s >= _CERTIFICATES_S:
+                certificates_s = now_s
+                for text in certificates.due(self._options.certificates(), datetime.now(UTC)):
+                    self._say(text)
+                    self.hub.events.put("alarm", text)
+            if self.hub.fresh:
+                notify("WATCHDOG")
+            await asyncio.sleep(_LOOK_S)
 
     async def _until_ready(self, keeper: asyncio.Task[None], ended: asyncio.Event) -> None:
         until_s = time.monotonic() + READY_S

@@ -1,0 +1,103 @@
+"""One process of the service that is kept running: started again when it ends, ended when it hangs."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Callable, Sequence
+from typing import Final
+
+_PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
+"""Before a process is started again; from the beginning once it has run for a while."""
+_CALM_S: Final = 10.0
+HANG_S: Final = 10.0
+"""A process that gives signs of life and then none for so long hangs."""
+START_S: Final = 60.0
+"""The same before the first one."""
+
+
+class Child:
+    """One process that is kept running.
+
+    Args:
+        handles: open files that it inherits.
+        critical: the service ends when it cannot be kept running.
+        beat_ns: when it last gave a sign of life, on CLOCK_MONOTONIC; None when it gives none.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        command: Sequence[str],
+        handles: Sequence[int],
+        *,
+        critical: bool = False,
+        beat_ns: Callable[[], int] | None = None,
+    ) -> None:
+        self.name, self._command, self._handles = name, list(command), tuple(handles)
+        self.critical, self._beat_ns = critical, beat_ns
+        self.process: asyncio.subprocess.Process | None = None
+        self.starts = 0
+        self._began_ns = 0
+        self._ending = asyncio.Event()
+
+    async def keep(self, said: Callable[[str], None]) -> None:
+        """Run it until it is to end. Returns when a critical one fails too often."""
+        tries = 0
+        while not self._ending.is_set():
+            self._began_ns = time.monotonic_ns()
+            how = await self._run()
+            if self._ending.is_set():
+                return
+            ran_s = (time.monotonic_ns() - self._began_ns) * 1e-9
+            tries = 0 if ran_s > _CALM_S else tries + 1
+            if self.critical and tries > len(_PAUSES_S):
+                said(f"{self.name} {how}, {tries} times: the service ends")
+                return
+            pause_s = _PAUSES_S[min(tries, len(_PAUSES_S)) - 1] if tries else 0.0
+            said(f"SYS-06 {self.name} {how}; started again in {pause_s:g} s")
+            await asyncio.sleep(pause_s)
+
+    async def _run(self) -> str:
+        """Start it and wait; how it ended."""
+        try:
+            self.process = await asyncio.create_subprocess_exec(
+                *self._command,
+                pass_fds=self._handles,
+                start_new_session=True,  # Ctrl-C is for the supervisor only
+            )
+        except OSError as fault:  # no memory, handles or processes now: perhaps later
+            return f"could not be started: {fault.strerror or fault}"
+        self.starts += 1
+        return f"ended with code {await self.process.wait()}"
+
+    def end_hung(self, said: Callable[[str], None], now_ns: int) -> None:
+        """End it when it has given no sign of life for too long; `keep` starts it again."""
+        if self._beat_ns is None or self.process is None or self.process.returncode is not None:
+            return
+        beat_ns = self._beat_ns()
+        lively = beat_ns > self._began_ns
+        silent_s = (now_ns - (beat_ns if lively else self._began_ns)) * 1e-9
+        if silent_s > (HANG_S if lively else START_S):
+            said(f"SYS-06 {self.name} has given no sign of life for {silent_s:.0f} s: it is ended")
+            with contextlib.suppress(ProcessLookupError):
+                self.process.kill()
+
+    def leave(self) -> None:
+        """Do not start it again."""
+        self._ending.set()
+
+    async def end(self, patience_s: float) -> None:
+        """Tell it to end, and end it when it does not."""
+        self.leave()
+        if self.process is None or self.process.returncode is not None:
+            return
+        with contextlib.suppress(ProcessLookupError):
+            self.process.terminate()
+        try:
+            await asyncio.wait_for(self.process.wait(), patience_s)
+        except TimeoutError:
+            with contextlib.suppress(ProcessLookupError):
+                self.process.kill()
+            await self.process.wait()
