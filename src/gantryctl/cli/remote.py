@@ -210,6 +210,7 @@ def remote_move(
         target = end(start)
         axis.power_up()
         tags = axis.link.tags
+        tags = axis.link.tags
         before = tags["speed_setting_deg_s"], tags["override_percent"]
         axis.set("speed_setting_deg_s", wanted)
         axis.set("override_percent", override * 100.0)
