@@ -19,10 +19,11 @@ from gantryctl.devices.canopen.cia402 import (
     decode_statusword,
     next_controlword,
 )
+from gantryctl.devices.canopen.connection import LATCHED, LOST, connection_flags
 from gantryctl.devices.canopen.counters import BusCounters, bus_counters
 from gantryctl.devices.canopen.link import Link
 from gantryctl.devices.canopen.matrix import Verdict
-from gantryctl.devices.canopen.node import NmtCommand, NmtState, RemoteNode
+from gantryctl.devices.canopen.node import NmtCommand, RemoteNode
 from gantryctl.devices.canopen.opening import Opened, open_node
 from gantryctl.devices.canopen.process_image import ProcessImage
 from gantryctl.devices.canopen.read_back import ReadBack
@@ -44,9 +45,6 @@ _CLOSE_S: Final = 3.0
 _OBEYED_SCANS: Final = 3
 """From a controlword until the statusword must show it: it acts at the next SYNC and shows at the one after."""
 _REST_RAD_S: Final = 0.02
-_LATCHED: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEAT_LOST
-_LOST: Final = _LATCHED | LinkFlag.BUS_DOWN
-"""With one of these nothing that the drive said last is believed."""
 _TORQUE_TAKEN: Final = (
     DriveState.SWITCHED_ON,  # a drive opens its brake against the preload before it shows Operation enabled
     DriveState.OPERATION_ENABLED,
@@ -114,13 +112,14 @@ class CanopenDrive:
         node.state = None
         node.forget_boots()
         node.emergencies.code = opened.error_code
-        self._heartbeats = any(row.place == "1017:00" and row.verdict is Verdict.OK for row in opened.rows)
+        watched = any(row.place == "1017:00" and row.verdict is Verdict.OK for row in opened.rows)
+        self._heartbeat_timeout = settings.timeout_scans if watched else None
         self._first_answer()
 
     @property
     def lost(self) -> bool:
         """The drive has to be set up anew before it may be enabled: its connection was lost, or a parameter changed."""
-        return bool(self._flags & _LATCHED) or bool(self.read_back.differs)
+        return bool(self._flags & LATCHED) or bool(self.read_back.differs)
 
     def set_up_anew(self) -> None:
         """Set a lost drive up again on the same bus: power off, standing, between two scans. Nothing moves.
@@ -195,7 +194,7 @@ class CanopenDrive:
             self.commanded = True  # from the first heartbeat on the drive watches us
             self.node.forget_boots()
         state = self._last.state
-        request = DriveRequest.DISABLE if self.refusals or self._flags & _LOST else output.request
+        request = DriveRequest.DISABLE if self.refusals or self._flags & LOST else output.request
         word = next_controlword(state, request, self._controlword)
         self._controlword = word = self._brake.word(word, state, request, output.brake_open)
         self._enabling = self._enabling + 1 if word == ENABLE_OPERATION else 0
@@ -240,7 +239,7 @@ class CanopenDrive:
         process = self.process
         flags = self._flags = self._link_flags()
         status = process.statusword
-        state = DriveState.UNKNOWN if flags & _LOST else self._shown(decode_statusword(status), status)
+        state = DriveState.UNKNOWN if flags & LOST else self._shown(decode_statusword(status), status)
         inputs, brake = process.inputs()
         brake_open = self._brake.is_open(state, brake)
         code = process.error_code or self.node.emergencies.code or self.read_back.error_code
@@ -258,7 +257,7 @@ class CanopenDrive:
             process.age,
             inputs,
             link=flags,
-            changed="" if flags & _LOST else self.read_back.line,
+            changed="" if flags & LOST else self.read_back.line,
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:
@@ -272,30 +271,17 @@ class CanopenDrive:
         return state
 
     def _link_flags(self) -> LinkFlag:
-        """What is wrong with the connection; what cannot mend itself stays until the drive is opened again."""
-        node = self.node
-        flags = self._flags & _LATCHED
-        if self.link.down:
-            flags |= LinkFlag.BUS_DOWN
-        if not self.commanded:
-            return flags
-        if node.boots:
-            flags |= LinkFlag.RESTARTED
-        if node.heartbeat_age > self.settings.timeout_scans and self._heartbeats:
-            flags |= LinkFlag.HEARTBEAT_LOST
-        if node.state not in (None, NmtState.BOOT_UP, NmtState.OPERATIONAL) and node.heartbeat_age == 0:
-            flags |= LinkFlag.NOT_OPERATIONAL
-        if node.others:
-            flags |= LinkFlag.OTHER_MASTER
-        ignores = (
-            self._enabling > _OBEYED_SCANS
-            and self._followed
-            and not self.process.statusword & FOLLOWS_COMMAND
+        flags = connection_flags(
+            self.node, self._flags, commanded=self.commanded, timeout_scans=self._heartbeat_timeout
         )
-        if ignores and self.settings.follows_bit:
-            state = decode_statusword(self.process.statusword)
-            flags |= LinkFlag.IGNORES_COMMAND if state is DriveState.OPERATION_ENABLED else LinkFlag.NONE
-        return flags
+        return flags | LinkFlag.IGNORES_COMMAND if self.commanded and self._ignores_command() else flags
+
+    def _ignores_command(self) -> bool:
+        """Enabled for long enough, and bit 12 is gone."""
+        status = self.process.statusword
+        late = self._enabling > _OBEYED_SCANS and self._followed and self.settings.follows_bit
+        enabled = decode_statusword(status) is DriveState.OPERATION_ENABLED
+        return late and enabled and not status & FOLLOWS_COMMAND
 
     def counters(self) -> BusCounters:
         """How well the bus works."""
