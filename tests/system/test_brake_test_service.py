@@ -8,11 +8,9 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from gantryctl.machine import default_machine, to_toml, with_values
 from gantryctl.service.journal import read_journal
 from service_process import Page, Service, add_users
 
@@ -144,26 +142,3 @@ def test_the_console_arms_for_somebody_else(for_two: Service) -> None:
         second.until(lambda _: arming.poll() is not None)
         assert "not armed any more" in arming.communicate()[0]
         second.do("stop")
-
-
-def test_a_failed_brake_holds_the_machine_over_a_restart_until_service_resets(tmp_path: Path) -> None:
-    add_users(tmp_path)
-    weak = with_values(default_machine(), {"plant.brake.torque_share": 0.1})
-    config = tmp_path / "weak.toml"
-    config.write_text(to_toml(weak), encoding="utf-8")
-    with Service(tmp_path, "--config", str(config)) as service:
-        done = command(service, "brake-test", "--service", "--yes", "--config", str(config))
-        assert done.returncode == 1
-        assert "brake test failed" in done.stdout
-    with Service(tmp_path, "--config", str(config)) as service, service.page("service") as page:
-        assert page.look()["reset_locked"]
-        assert page.tags["brake_test_result"] == "failed"
-        page.do("take", over=False)
-        assert page.refused("power", on=True) == "PWR-04"
-        assert page.refused("reset") == "SEC-10"
-        page.do("arm", action="reset_locked")
-        page.do("reset")
-        page.until(lambda tags: not tags["reset_locked"])
-        page.do("power", on=True)
-        page.until(lambda tags: bool(tags["power"]))
-        assert not page.tags["alarms"]

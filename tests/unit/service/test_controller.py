@@ -14,7 +14,7 @@ import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
 from gantryctl.image import DriveRequest, OutputImage
-from gantryctl.machine import default_machine
+from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import StateStore
 from gantryctl.runtime import Engine, Retained, VirtualClock
 from gantryctl.service.controller import Controller
@@ -33,9 +33,9 @@ SERVICE = Identity("c2", "serena", Role.SERVICE, "loopback")
 class Desk:
     """A controller in service, and a person who commands it. `scans` goes on in time."""
 
-    def __init__(self, store: StateStore, memory: SharedMemory) -> None:
+    def __init__(self, machine: Machine, store: StateStore, memory: SharedMemory) -> None:
         self.memory = memory
-        self.controller = made = Controller(MACHINE, store, memory)
+        self.controller = made = Controller(machine, store, memory)
         self.engine, self.operator, self.axis = made.engine, made.operator, made.axis
         self.engine.clock = VirtualClock()
         self.operator.now = lambda: self.engine.time_s
@@ -89,12 +89,12 @@ def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @contextmanager
-def opened() -> Iterator[Desk]:
+def opened(machine: Machine = MACHINE) -> Iterator[Desk]:
     """The machine as the last run left it."""
     memory = SharedMemory.create()
     try:
-        with StateStore(MACHINE) as store:
-            yield Desk(store, memory)
+        with StateStore(machine) as store:
+            yield Desk(machine, store, memory)
     finally:
         memory.close()
 
@@ -304,3 +304,28 @@ def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.Mon
         desk.scans(2)
         assert texts(desk.memory)[-1] == "the state was not kept: no space left"
         assert writers == {threading.main_thread()}
+
+
+def test_a_brake_that_fails_holds_the_machine_over_a_start_until_service_resets() -> None:
+    weak = with_values(MACHINE, {"plant.brake.torque_share": 0.1})
+    with opened(weak) as desk:
+        desk.scans(3)
+        assert desk.ask("take", SERVICE, over=False) == ""
+        assert desk.ask("arm", SERVICE, action="brake_test") == ""
+        assert desk.ask("brake_test", SERVICE) == ""
+        desk.scans(7000)
+        assert desk.ask("power", SERVICE, on=True) == "PWR-04"
+        desk.controller._close(None)
+    assert [alarm.code for alarm in retained().alarms] == ["BRK-08"]
+    with opened(weak) as desk:
+        desk.scans(3)
+        assert desk.ask("take", SERVICE, over=False) == ""
+        assert desk.ask("power", SERVICE, on=True) == "PWR-04"
+        assert desk.ask("reset", SERVICE) == "SEC-10"
+        assert desk.ask("arm", SERVICE, action="reset_locked") == ""
+        assert desk.ask("reset", SERVICE) == ""
+        assert desk.ask("power", SERVICE, on=True) == ""
+        desk.scans(2000)
+        assert desk.axis.power.status
+        desk.controller._close(None)
+    assert retained().brake_failed == ""
