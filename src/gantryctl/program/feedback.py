@@ -42,7 +42,8 @@ class Feedback:
 
     __slots__ = (
         "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max",
-        "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_old_scans", "_period_s",
+        "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_late_age", "_late_scan",
+        "_old_scans", "_period_s",
         "_ratio", "_stale_scans", "age_scans", "brake_open", "counts", "encoder_alarm", "error_code",
         "inputs", "overload", "periods", "pos_ring_rad", "position_valid", "state", "torque_limited",
         "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
@@ -77,6 +78,7 @@ class Feedback:
         self.error_code = 0
         self.warning = False
         self.age_scans = 0
+        self._late_scan, self._late_age = -10, 0
         self._doubt = False
         self.inputs = DigitalInputs()
         self.pos_ring_rad = 0.0
@@ -136,8 +138,12 @@ class Feedback:
             self._raise(Code.ENC_05)
         if encoder & EncoderFlag.WARNING:
             self._alarms.raise_(Code.ENC_06)
-        missed = max(age, self.age_scans)
         self.age_scans = age
+        scan = self._alarms.scan
+        if age:
+            self._late_scan, self._late_age = scan, age
+        # The first telegram after missing ones may still be an old one: two readings are judged by their age.
+        missed = self._late_age if scan - self._late_scan <= 1 + self.periods else 0
         self._doubt = self.encoder_alarm or age > 0
         if age >= self._old_scans:
             period_ms = self._period_s * 1e3

@@ -198,6 +198,40 @@ def test_one_old_reading_is_nothing():
     assert not rig.codes
 
 
+def after_late_telegrams(jump_scan, jump_deg):
+    """Three telegrams are missing, the fourth is still an old one; so many scans later the position jumps."""
+    rig = moving_rig(config=settings(period_s=0.004))
+    state = {"scan": 0, "old": rig.drive.read()}
+
+    def spoil(drive):
+        state["scan"] += 1
+        if state["scan"] <= 3:
+            return state["old"]._replace(age_scans=state["scan"])
+        if state["scan"] == 4:
+            return state["old"]
+        return (
+            drive
+            if state["scan"] < jump_scan
+            else drive._replace(pos_act_counts=drive.pos_act_counts + counts(jump_deg))
+        )
+
+    rig.spoil = spoil
+    return rig
+
+
+def test_a_telegram_that_is_older_than_it_looks_is_no_jump():
+    rig = after_late_telegrams(10_000, 0.0)
+    rig.run(0.5)
+    assert "ENC-01" not in rig.codes
+    assert rig.first is None
+
+
+def test_a_jump_soon_after_late_telegrams_is_caught():
+    rig = after_late_telegrams(8, 0.05)
+    rig.run(9 * 0.004)
+    assert rig.first.code == "ENC-01"
+
+
 # --- numbers that are none ------------------------------------------------------------------------
 
 
