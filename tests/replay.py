@@ -20,7 +20,7 @@ from gantryctl.runtime import VirtualClock
 from gantryctl.service.controller import Controller
 from gantryctl.service.journal import Entry
 from gantryctl.service.memory import SharedMemory, Source
-from gantryctl.service.messages import WITHOUT_EPOCH, Identity, to_record
+from gantryctl.service.messages import FIELDS, WITHOUT_EPOCH, Identity, to_record
 from gantryctl.service.roles import Role
 
 ALIVE_S = 0.5
@@ -34,7 +34,9 @@ def carried_out(entries: Sequence[Entry]) -> list[tuple[float, Identity, str, di
         row, values = entry.values, json.loads(entry.values["detail"])
         if "time_s" in values and row["text"].endswith(": done"):
             who = Identity(row["client"], row["user"], Role(row["role"]), row["place"])
-            found.append((float(values.pop("time_s")), who, row["text"].split()[0].rstrip(":"), values))
+            kind = row["text"].split()[0].rstrip(":")
+            asked = {name: value for name, value in values.items() if name in FIELDS[kind]}
+            found.append((float(values["time_s"]), who, kind, asked))
     return found
 
 

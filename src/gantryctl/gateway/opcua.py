@@ -19,17 +19,14 @@ from asyncua import Server, ua
 from asyncua.crypto.cert_gen import setup_self_signed_certificate
 from asyncua.crypto.permission_rules import USER_TYPES, PermissionRuleset, User, UserRole
 from asyncua.crypto.validator import CertificateValidator, CertificateValidatorOptions
-from asyncua.server.user_managers import UserManager
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
-from gantryctl.errors import StateError
+from gantryctl.gateway.opcua_people import People
 from gantryctl.gateway.opcua_trust import TrustList
-from gantryctl.gateway.sessions import LockOut
 from gantryctl.program import AxisState
 from gantryctl.service.events import EventLog
 from gantryctl.service.hub import STALE_S
 from gantryctl.service.memory import SharedMemory, Source
-from gantryctl.service.messages import Identity
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.tags import TAGS, Tag
 from gantryctl.service.users import Users
@@ -39,7 +36,7 @@ NAMESPACE: Final = "urn:gantryctl:axis"
 APPLICATION: Final = "urn:gantryctl:server"
 PERIOD_S: Final = 0.2
 TRUST_TURNS: Final = 10
-"""The trust list is looked at every so many periods."""
+"""Trust list and users are looked at every so many periods."""
 POLICIES: Final = (
     ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
     ua.SecurityPolicyType.Aes128Sha256RsaOaep_SignAndEncrypt,
@@ -70,31 +67,6 @@ class Settings(NamedTuple):
     port: int
     root: str
     directory: str
-
-
-class People(UserManager):  # type: ignore[misc]
-    """The users of the service, with the same lock-out; everybody may look."""
-
-    def __init__(self, users: Users, events: EventLog) -> None:
-        self._users, self._events, self._locks = users, events, LockOut()
-
-    def get_user(
-        self, iserver: Any, username: str | None = None, password: str | None = None, certificate: Any = None
-    ) -> User | None:
-        """The user of a session, or None. OPC UA knows no address here: the lock-out is by account."""
-        name = username or ""
-        if not name or password is None or self._locks.wait_s(name, "opcua") > 0.0:
-            return None
-        try:
-            found = self._users.check(name, password)
-        except StateError:
-            return None
-        if found is None:
-            self._locks.failed(name, "opcua")
-            return None
-        self._locks.passed(name, "opcua")
-        self._events.put("login", "OPC UA session", Identity("", found.name, found.role, "opcua"))
-        return User(role=UserRole.User, name=found.name)
 
 
 class LookOnly(PermissionRuleset):  # type: ignore[misc]
@@ -250,6 +222,7 @@ async def serve(settings: Settings, memory: SharedMemory) -> None:
             turn += 1
             if turn % TRUST_TURNS == 0:
                 await trust.refresh()
+                await server.iserver.user_manager.end_sessions(server)
             await asyncio.sleep(PERIOD_S)
 
 

@@ -115,7 +115,9 @@ class Inbox:
         message = waiting.message
         outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
         values = {name: value for name, value in message.values.items() if name != "lease"}
-        asked = " ".join([message.kind, *(str(value) for value in values.values())])
+        words = [str(value) for name, value in values.items() if name != "before"]
+        words += [f"(before: {values['before']:g})"] if "before" in values else []
+        asked = " ".join([message.kind, *words])
         kind = _KINDS.get(message.kind, "command")
         return self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, **more, time_s=self.time_s)
 

@@ -148,6 +148,7 @@ class ServiceOperator(OperatorState):
                 self._lease(self.hold.begin(values["lease"], who.client, forward, now_s))
                 return False
             case "set":
+                values["before"] = round(self.rules.present(self, values["tag"]), 6)  # for the journal
                 self.rules.apply(self, values["tag"], float(values["value"]))
                 return bool(values["tag"] != "override_percent")  # which may let a motion go on
             case "arm":

@@ -121,6 +121,17 @@ class Rules:
             raise Refused(str(Code.CTL_14), self.untestable)
         operator.check_armed(Action.BRAKE_TEST, who)
 
+    @staticmethod
+    def present(operator: ServiceOperator, tag: str) -> float:
+        """One setting as it is, in the unit of its tag."""
+        levels, virtual = operator.levels, operator.program.axis.virtual
+        return {
+            "speed_setting_deg_s": deg(levels.speed_rad_s),
+            "increment_deg": deg(levels.increment_rad),
+            "override_percent": levels.override * 100.0,
+            "acc_setting_deg_s2": deg(virtual.acc_setting_rad_s2),
+        }[tag]
+
     def apply(self, operator: ServiceOperator, tag: str, value: float) -> None:
         """Change one setting; refused outside its limits, never clamped."""
         low, high = self.limits[tag]

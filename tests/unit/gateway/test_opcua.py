@@ -6,7 +6,7 @@ import asyncio
 import json
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -38,8 +38,8 @@ CLIENT = "urn:example:client"
 
 
 class Bench:
-    def __init__(self, root: Path, port: int, space: Any, trust: Any) -> None:
-        self.root, self.space, self.trust = root, space, trust
+    def __init__(self, root: Path, port: int, server: Any, space: Any, trust: Any, events: Ring) -> None:
+        self.root, self.server, self.space, self.trust, self.events = root, server, space, trust, events
         self.address = f"opc.tcp://127.0.0.1:{port}/gantryctl"
 
     async def client(self, user: str = "viewer", password: str = PASSWORD, key: str = "client") -> Client:
@@ -69,10 +69,11 @@ async def running(root: Path) -> AsyncIterator[Bench]:
     (trusted / "client.der").write_bytes((root / "client.der").read_bytes())
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
-    events = EventLog(Ring(memoryview(bytearray(192 + 64 * 1024)), 1024))
-    server, space, trust = await make_server(Settings("127.0.0.1", port, str(root), str(root)), events)
+    ring = Ring(memoryview(bytearray(192 + 64 * 1024)), 1024)
+    settings = Settings("127.0.0.1", port, str(root), str(root))
+    server, space, trust = await make_server(settings, EventLog(ring))
     async with server:
-        yield Bench(root, port, space, trust)
+        yield Bench(root, port, server, space, trust, ring)
 
 
 def run(root: Path, check: Callable[[Bench], Awaitable[None]]) -> None:
@@ -141,6 +142,47 @@ def test_nobody_else_gets_in(tmp_path: Path) -> None:
                 await client.connect()
         async with await bench.client():
             pass
+
+    run(tmp_path, check)
+
+
+def texts(events: Ring) -> list[str]:
+    """What was written for the journal."""
+    found = []
+    while (record := events.take()) is not None:
+        found.append(json.loads(record)["text"])
+    return found
+
+
+def test_wrong_passwords_are_in_the_journal(tmp_path: Path) -> None:
+    async def check(bench: Bench) -> None:
+        for _ in range(2):
+            client = await bench.client(password="wrong wrong wrong")
+            with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError, OSError)):
+                await client.connect()
+        assert texts(bench.events) == [f"refused: wrong name or password, {n} times" for n in (1, 2)]
+
+    run(tmp_path, check)
+
+
+@pytest.mark.parametrize("change", ["password", "damaged"])
+def test_a_session_ends_when_its_user_is_not_the_same_any_more(tmp_path: Path, change: str) -> None:
+    async def check(bench: Bench) -> None:
+        users = Users(tmp_path)
+        client = await bench.client()
+        await client.connect()
+        await bench.server.iserver.user_manager.end_sessions(bench.server)
+        assert await client.nodes.server_state.read_value() is not None  # nothing has changed yet
+        if change == "password":
+            users.set_password("viewer", PASSWORD + "!")
+        else:
+            users.path.write_text("{", encoding="utf-8")
+        await bench.server.iserver.user_manager.end_sessions(bench.server)
+        with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError, OSError)):
+            await client.nodes.server_state.read_value()
+        assert texts(bench.events) == ["OPC UA session", "OPC UA session ended: the user has changed"]
+        with suppress(ua.UaError, ConnectionError, asyncio.TimeoutError, OSError):
+            await client.disconnect()
 
     run(tmp_path, check)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 
 import pytest
@@ -66,6 +67,32 @@ def test_settings_need_their_role_and_stay_within_their_limits(role: Role, tag: 
         bench.do(who, "set", tag=tag, value=value)
     for value in (low - 0.01 * high, high * 1.001):
         assert bench.refused(who, "set", tag=tag, value=value) == "CTL-01"
+
+
+@pytest.mark.parametrize(
+    ("tag", "value"),
+    [
+        ("speed_setting_deg_s", 2.5),
+        ("increment_deg", 3.0),
+        ("override_percent", 40.0),
+        ("acc_setting_deg_s2", 0.3),
+    ],
+)
+def test_the_journal_has_a_setting_before_and_after(tag: str, value: float) -> None:
+    bench = Bench()
+    who = bench.who(Role.PHYSICIST)
+    bench.do(who, "take", over=False)
+    before = round(bench.operator.rules.present(bench.operator, tag), 6)
+    bench.do(who, "set", tag=tag, value=value)
+    bench.do(who, "set", tag=tag, value=value)
+    events = [
+        json.loads(record) for record in bench.event_ring.peek(100) if record and b'"setting"' in record
+    ]
+    found = [
+        (each["values"]["before"], each["values"]["value"]) for each in events if "tag" in each["values"]
+    ]
+    assert found == [(before, value), (value, value)]
+    assert events[-1]["text"] == f"set {tag} {value} (before: {value:g}): done"
 
 
 def test_a_lower_acceleration_makes_the_same_move_longer() -> None:
