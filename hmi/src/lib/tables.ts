@@ -196,8 +196,10 @@ export interface Tags {
   brake_test_level_nm: number | null;
   /** The axis may move this far under it. [deg] */
   brake_test_limit_deg: number | null;
-  /** How the last test ended; none while one is under way. */
+  /** How the last test ended; aborted ones show nothing. */
   brake_test_result: 'none' | 'passed' | 'failed' | 'aborted' | null;
+  /** Tests that have ended since the controller started. */
+  brake_tests: number | null;
   /** The last test in one sentence, with what was measured. */
   brake_test_text: string | null;
   /** Torque on the brake in the plus direction, mean while held; null when it was not held. [N m] */

@@ -37,9 +37,10 @@ def remote_brake_test(machine: Machine, *, yes: bool, take_over: bool, as_json: 
     with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
         axis.come_to_rest()
         _arm(axis, "brake_test")
+        before = axis.link.look()["brake_tests"]
         begun = axis.link.ask("brake_test")["journal"]
         axis.wait(lambda now: now["journal_sequence"] >= begun and now["brake_test_phase"] == "idle")
-        tags = _until(axis.link, lambda now: now["brake_test_result"] != "none")
+        tags = _until(axis.link, lambda now: now["brake_tests"] != before)
         axis.raise_alarm()
         axis.finish()
     return _report(machine.name, tags, as_json)

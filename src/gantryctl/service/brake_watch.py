@@ -90,13 +90,14 @@ class BrakeWatch:
         """Those that are sent on change. The last test may be one of an earlier start."""
         law, kept = self._axis.power.brake_test, self._retained
         word = kept.brake_test_text.partition(":")[0]
-        known = word.upper() in BrakeTestOutcome.__members__ and not self._axis.power.testing
+        known = word.upper() in BrakeTestOutcome.__members__
         return {
             "brake_test_available": not self._untestable,
             "brake_test_blocked": self._untestable,
             "brake_test_level_nm": law.level_nm,
             "brake_test_limit_deg": _rounded(deg(law.moved_max_rad)),
             "brake_test_result": word if known else BrakeTestOutcome.NONE.name.lower(),
+            "brake_tests": self._tests,
             "brake_test_text": kept.brake_test_text,
             "brake_test_plus_nm": None if kept.brake_plus_nm is None else _rounded(kept.brake_plus_nm),
             "brake_test_minus_nm": None if kept.brake_minus_nm is None else _rounded(kept.brake_minus_nm),

@@ -105,7 +105,6 @@ class Publisher:
             operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
             levels.override, self._axis.virtual.acc_setting_rad_s2, operator.rules.blocked_by,
             self._axis.refusal_count, self._armed(), operator.rules.locked(), self._brake.changed,
-            self._axis.power.testing,
         )  # fmt: skip
         if due or shown != self._shown:
             self._shown = shown

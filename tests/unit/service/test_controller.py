@@ -225,9 +225,10 @@ def test_a_brake_test_is_kept_and_clears_the_due_date_and_is_in_the_journal() ->
         assert desk.ask("take", SERVICE, over=False) == ""
         assert desk.ask("arm", SERVICE, action="brake_test") == ""
         assert desk.ask("brake_test", SERVICE) == ""
-        assert desk.controller.brake.slow()["brake_test_result"] == "none"  # it is under way
+        assert desk.controller.brake.slow()["brake_tests"] == 0  # it is under way
         desk.scans(7000)
         shown = desk.controller.brake.slow()
+        assert shown["brake_tests"] == 1
         assert shown["brake_test_result"] == "passed"
         assert not shown["brake_test_overdue"]
         assert not desk.axis.motion.brake_overdue
