@@ -5,9 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import sqlite3
+import stat
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
@@ -19,6 +22,7 @@ FIELDS: Final = (
     "boot", "source", "number", "utc", "monotonic_ns", "kind", "user", "role", "client", "place", "text", "detail"
 )  # fmt: skip
 START: Final = "0" * 64
+_RIGHTS: Final = 0o640
 _TAIL: Final = 10_000
 """Rows whose chain is looked at when a journal is opened; `verify` looks at all."""
 _SCHEMA: Final = """
@@ -81,7 +85,14 @@ def own_record(kind: str, text: str, **values: Any) -> bytes:
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection in autocommit."""
+    """A connection in autocommit, to a file that its owner writes, its group reads and nobody else sees.
+
+    SQLite gives the files beside it the same rights.
+    """
+    with suppress(OSError):  # SQLite says better what is wrong with the file
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, _RIGHTS)
+        with os.fdopen(handle):
+            os.fchmod(handle, stat.S_IMODE(os.fstat(handle).st_mode) & _RIGHTS)
     return sqlite3.connect(path, isolation_level=None, check_same_thread=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
 from pathlib import Path
 
@@ -201,3 +202,20 @@ def test_any_text_becomes_one_printable_line_that_fits(text: str, values: dict[s
 
 def test_control_characters_do_not_reach_a_log() -> None:
     assert printable("a\r\nb\x1b[31mc\u202ed") == "a\ufffd\ufffdb\ufffd[31mc\ufffdd"
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_nobody_but_owner_and_group_sees_the_journal(tmp_path: Path, there: bool) -> None:
+    file = tmp_path / "journal.sqlite"
+    if there:
+        file.touch()
+        file.chmod(0o644)
+    before = os.umask(0o022)
+    try:
+        journal = Journal(tmp_path)
+        journal.note("service", "one")
+        rights = {each.name: each.stat().st_mode & 0o777 for each in tmp_path.iterdir()}
+        journal.close()
+    finally:
+        os.umask(before)
+    assert rights == dict.fromkeys(("journal.sqlite", "journal.sqlite-wal", "journal.sqlite-shm"), 0o640)
