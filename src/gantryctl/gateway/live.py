@@ -11,7 +11,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from gantryctl.gateway.access import Access
 from gantryctl.gateway.guard import address_of, deny, error
 from gantryctl.gateway.sessions import Session
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, is_loopback, neighbourhood
+from gantryctl.gateway.settings import (
+    CONNECTIONS,
+    CONNECTIONS_OF_USER,
+    CONNECTIONS_REMOTE,
+    is_loopback,
+    neighbourhood,
+)
 from gantryctl.service.hub import Client, Flooded, Hub
 from gantryctl.service.messages import Identity
 
@@ -41,7 +47,9 @@ class Live:
             return
         most = CONNECTIONS if is_loopback(address_of(socket.scope)) else CONNECTIONS_REMOTE
         address = neighbourhood(address_of(socket.scope))
-        if self._of_address.get(address, 0) >= most or len(self._hub) >= CONNECTIONS:
+        own = sum(client.who.user == session.user for client in self._hub.clients())
+        many = self._of_address.get(address, 0) >= most or len(self._hub) >= CONNECTIONS
+        if many or own >= CONNECTIONS_OF_USER:
             await deny(
                 socket.scope, socket.receive, socket.send, error(429, "SEC-06", "too many connections")
             )

@@ -12,6 +12,8 @@ BODY_MAX: Final = 64 * 1024
 CONNECTIONS: Final = 64
 CONNECTIONS_REMOTE: Final = 8
 """Connections of one address; loopback is everybody on this machine and may have all."""
+CONNECTIONS_OF_USER: Final = 16
+"""WebSockets of one user, from wherever: nobody's flood is larger."""
 REQUESTS_PER_S: Final = 10.0
 REQUESTS_RESERVE: Final = 40.0
 HEADER_S: Final = 5.0

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import signal
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.websockets import WebSocket
 
 from gantryctl.gateway.access import COOKIE, Access
+from gantryctl.gateway.app import build_app
+from gantryctl.gateway.live import Live
 from gantryctl.gateway.sessions import FAILURES
-from gantryctl.gateway.settings import Settings
+from gantryctl.gateway.settings import CONNECTIONS_OF_USER, Settings
 from gantryctl.service.hub import Hub
 from gantryctl.service.memory import SharedMemory, Source
 from gantryctl.service.roles import Role
@@ -65,3 +71,70 @@ def test_a_damaged_file_of_users_lets_nobody_in_and_is_named(access: Access) -> 
     answer = asyncio.run(log_in())
     assert answer.status_code == 503
     assert b"users.json cannot be read" in bytes(answer.body)
+
+
+async def opened(access: Access, cookie: str) -> str:
+    """What a WebSocket of this session gets first."""
+    sent: list[Any] = []
+    ended = asyncio.Event()
+
+    async def receive() -> Any:
+        if sent:
+            await ended.wait()
+        return {"type": "websocket.connect" if not sent else "websocket.disconnect"}
+
+    async def send(message: Any) -> None:
+        sent.append(message)
+        ended.set()
+
+    headers = [(b"cookie", f"{COOKIE}={cookie}".encode()), (b"origin", b"http://127.0.0.1:1")]
+    scope = {"type": "websocket", "client": ("127.0.0.1", 1), "headers": headers}
+    await Live(access, access.hub).serve(WebSocket(scope, receive, send))
+    return str(sent[0]["type"])
+
+
+def test_one_user_has_so_many_connections_and_others_have_theirs(access: Access) -> None:
+    access.users.add("eve", Role.VIEWER, PASSWORD)
+
+    async def check() -> None:
+        users = access.users.all()
+        anna, eve = (access.sessions.open(users[name]).token for name in ("anna", "eve"))
+        for _ in range(CONNECTIONS_OF_USER - 1):
+            access.hub.connect("eve", Role.VIEWER, "loopback")
+        assert await opened(access, eve) == "websocket.accept"
+        access.hub.connect("eve", Role.VIEWER, "loopback")
+        assert await opened(access, eve) == "websocket.close"
+        assert await opened(access, anna) == "websocket.accept"
+
+    asyncio.run(check())
+
+
+def test_a_gateway_whose_pictures_end_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def fail(_: Hub) -> None:
+        raise ValueError("no picture")
+
+    killed: list[tuple[int, int]] = []
+    monkeypatch.setattr(Hub, "run", fail)
+    monkeypatch.setattr(os, "kill", lambda *what: killed.append(what))
+    memory = SharedMemory.create()
+    settings = Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path)
+
+    async def run() -> None:
+        app = build_app(settings, memory)
+        begun = asyncio.Event()
+
+        async def receive() -> Any:
+            if begun.is_set():
+                await asyncio.sleep(0.05)
+                return {"type": "lifespan.shutdown"}
+            begun.set()
+            return {"type": "lifespan.startup"}
+
+        async def send(_: Any) -> None:
+            pass
+
+        await app({"type": "lifespan", "state": {}}, receive, send)
+
+    asyncio.run(run())
+    memory.close()
+    assert killed == [(os.getpid(), signal.SIGTERM)]

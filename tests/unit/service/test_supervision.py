@@ -16,14 +16,18 @@ from types import SimpleNamespace
 
 import pytest
 
+from gantryctl.errors import DeviceError
+from gantryctl.machine import default_machine
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service import child as module
 from gantryctl.service.child import HANG_S, START_S, Child
 from gantryctl.service.hub import Hub
+from gantryctl.service.keeping import Keeping
 from gantryctl.service.local import LocalServer
 from gantryctl.service.memory import SharedMemory, Source
 from gantryctl.service.notify import notify
 from gantryctl.service.roles import Role
+from gantryctl.service.supervisor import Options, Supervisor
 from gantryctl.service.user_watch import UserWatch
 from gantryctl.service.users import Users
 
@@ -159,3 +163,22 @@ def test_only_the_group_gantry_gets_to_the_local_socket(
 
     assert asyncio.run(start()) == mode
     memory.close()
+
+
+def test_a_first_process_whose_local_socket_is_mute_ends_the_service_in_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def fail(_: Hub) -> None:
+        raise ValueError("no picture")
+
+    monkeypatch.setattr(Hub, "run", fail)
+    monkeypatch.setattr(Hub, "fresh", True)
+    options = Options(Keeping(), list, second_person=False, users=Users(tmp_path))
+    supervisor = Supervisor(default_machine(), tmp_path, tmp_path, None, -1, None, lambda _: None, options)
+    supervisor.controller = Child("controller", SLEEPER, [], critical=True)
+    supervisor.recorder = Child("recorder", SLEEPER, [])
+    with pytest.raises(DeviceError, match="no picture"):
+        asyncio.run(asyncio.wait_for(supervisor.run(lambda: None), PATIENCE_S))
+    for child in (supervisor.controller, supervisor.recorder):
+        assert child.process is not None
+        assert child.process.returncode == -signal.SIGTERM
