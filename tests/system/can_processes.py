@@ -80,12 +80,16 @@ class Bus:
         answer = self.ask("truth")
         return answer["time_s"], math.degrees(answer["pos_load_rad"]), math.degrees(answer["vel_load_rad_s"])
 
-    def wait_for_speed(self, speed_deg_s: float) -> None:
+    def wait_for_speed(self, speed_deg_s: float, master: subprocess.Popen[str]) -> None:
         for _ in range(3000):
             if abs(self.truth()[2]) >= speed_deg_s:
                 return
+            if master.poll() is not None:
+                break
             time.sleep(0.01)
-        raise SystemExit(f"{speed_deg_s} deg/s were never reached")
+        self.end()
+        master.kill()
+        raise SystemExit(f"{speed_deg_s} deg/s were never reached: {master.communicate()}")
 
     def end(self) -> None:
         self.drive.send_signal(signal.SIGINT)
@@ -111,7 +115,7 @@ def kill_master(folder: Path) -> dict[str, object]:
     """SIGKILL of the controller at 6 deg/s; ways by the drive's own account."""
     bus = Bus(folder, 10.0)
     master = bus.start("move", "150", "--json", "--no-trace")
-    bus.wait_for_speed(5.95)
+    bus.wait_for_speed(5.95, master)
     time.sleep(0.5)
     master.kill()
     begun_s, angle, speed = bus.truth()
@@ -135,7 +139,7 @@ def kill_drive(folder: Path) -> dict[str, object]:
     """SIGKILL of the drive in motion: what the controller says."""
     bus = Bus(folder, 10.0)
     master = bus.start("move", "60", "--json", "--no-trace")
-    bus.wait_for_speed(2.0)
+    bus.wait_for_speed(2.0, master)
     bus.drive.kill()
     out, err = master.communicate()
     return {"out": json.loads(out), "err": err}
@@ -151,10 +155,10 @@ def stall(folder: Path, *stalls_ms: str) -> dict[str, object]:
     for number, stall_ms in enumerate(stalls_ms):
         out = folder / str(number)
         master = bus.start("move", str(90 - 90 * (number % 2)), "--json", "--out", str(out))
-        bus.wait_for_speed(3.0)  # half of the ramp
+        bus.wait_for_speed(3.0, master)  # half of the ramp
         hold(master.pid, float(stall_ms))
         if master.poll() is None and float(stall_ms) <= LATE_MS:
-            bus.wait_for_speed(5.95)
+            bus.wait_for_speed(5.95, master)
             time.sleep(2.0)
             hold(master.pid, float(stall_ms))
         text, err = master.communicate()
