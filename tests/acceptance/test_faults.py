@@ -21,7 +21,8 @@ from gantryctl.wiring import gantry_sim, position_law, total_ratio
 
 ECCENTRIC_TIMES_5 = {
     "plant__load__eccentricity_m": 5.0 * 0.00815,
-    "plant__load__eccentric_check_moment_nm": 80e3,  # stops are proved with the moment there is
+    "plant__load__eccentric_check_moment_nm": 80e3,  # stops are proved with the moment there is,
+    "brake__test_torque_nm": 100.0,  # and so is the brake
 }
 
 

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from service_process import Service, add_users
+from service_process import Page, Service, add_users
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),
@@ -70,6 +70,14 @@ def wait(asked: Asked) -> None:
         pass
 
 
+def free(page: Page) -> None:
+    """Power off and control given back, and everybody has seen it."""
+    page.do("power", on=False)
+    page.until(lambda tags: tags["power_phase"] == "off")
+    page.do("give")
+    page.until(lambda tags: tags["authority_user"] == "")
+
+
 def test_a_person_may_think_before_the_answer(service: Service) -> None:
     asked = Asked(service, "move", "0.3")
     wait(asked)
@@ -103,8 +111,7 @@ def test_no_takes_nothing_from_anybody(service: Service) -> None:
         assert asked.result()[0] == 2
         assert page.tags["authority_user"] == "operator"
         page.until(lambda tags: tags["at_rest"] and abs(tags["pos_act_deg"] - 2.0) < 0.01)
-        page.do("power", on=False)
-        page.do("give")
+        free(page)
 
 
 def test_an_axis_that_has_moved_since_the_question_is_not_moved(service: Service) -> None:
@@ -114,8 +121,7 @@ def test_an_axis_that_has_moved_since_the_question_is_not_moved(service: Service
         page.power_up()
         page.do("move", target_deg=1.0)
         page.until(lambda tags: tags["at_rest"] and tags["in_position"])
-        page.do("power", on=False)
-        page.do("give")
+        free(page)
         asked.answer("y\n")
         page.until(lambda _: asked.ended())
         code, _, err = asked.result()
@@ -136,3 +142,5 @@ def test_what_moves_is_left_alone_by_a_command_that_is_not_told_to_stop_it(servi
         assert not page.tags["at_rest"]
         page.do("stop")
         page.until(lambda tags: tags["at_rest"])
+        page.do("take", over=False)
+        free(page)

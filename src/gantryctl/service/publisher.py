@@ -60,8 +60,8 @@ class Publisher:
         self._frame_scans = max(1, round(FRAME_S / engine.period_s))
         self._slow_scans = max(1, round(SLOW_S / engine.period_s))
         self._fixed = _fixed(machine) | {"real_time": real_time, "version": version}
-        self._statistics: dict[str, Any] = {}
         self._before: deque[tuple[list[int], list[int]]] = deque(maxlen=round(RECENT_S / SLOW_S))
+        self._statistics = self._timing()
         self._shown: tuple[object, ...] = ()
         self._scan = self._scan_before = engine.scan
 

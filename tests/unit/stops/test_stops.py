@@ -130,6 +130,11 @@ def test_a_quick_stop_that_cannot_be_is_refused_with_the_key_and_the_way_out(
 
 def test_a_motor_that_cannot_stop_the_load_at_all_is_said() -> None:
     # the eccentric moment of the check alone, with next to no reducer torque left for stopping
-    weak = changed(reducer__torque_momentary_nm=17600.0, plant__load__eccentric_check_moment_nm=220e3)
+    weak = changed(
+        reducer__torque_momentary_nm=17600.0,
+        plant__load__eccentric_check_moment_nm=220e3,
+        motor__torque_max_nm=500.0,  # enough to test a brake for such a load
+        brake__test_torque_nm=260.0,
+    )
     with pytest.raises(ConfigError, match="choose a larger motor or reducer"):
         find_quick_dec(weak)
