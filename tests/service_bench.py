@@ -18,6 +18,12 @@ from gantryctl.wiring import build_engine
 
 MACHINE = default_machine()
 EPOCH = 1000
+LEASE = "00000000000000aa"
+SPEED_DEG_S = 3.0
+# Jog-release ramp of the machine file: v / a plus the time that the jerk adds, and a scan or two.
+RAMP_S = SPEED_DEG_S / MACHINE.virtual_axis.jog_release_dec_deg_s2 + (
+    MACHINE.virtual_axis.jog_release_dec_deg_s2 / MACHINE.virtual_axis.jog_release_jerk_deg_s3
+)
 
 
 def ring(slots: int, slot: int = 1024) -> Ring:
@@ -129,3 +135,15 @@ class Bench:
         self.do(who, "power", on=True)
         self.until(AxisState.STANDSTILL)
         self.do(who, "mode", mode=mode.name.lower())
+
+    def hold(self, seconds: float) -> None:
+        """Renew every 30 ms."""
+        for _ in range(round(seconds / 0.030)):
+            self.send(self.who(), "renew", lease=LEASE)
+            self.scans(30)
+
+    def rest_after_s(self) -> float:
+        """Time until the axis stands."""
+        begin = self.engine.time_s
+        self.until(AxisState.STANDSTILL, 10.0)
+        return self.engine.time_s - begin

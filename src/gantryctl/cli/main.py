@@ -54,9 +54,9 @@ COMMANDS: Final = {
     "user": Entry("gantryctl.cli.user", "user", "Users of the page: add, list, remove, passwd."),
     "journal": Entry("gantryctl.cli.journal", "journal", "The service's journal: show, verify, export."),
     "attach": Entry(
-        "gantryctl.cli.remote", "attach", "Send the commands of a machine to its running service."
+        "gantryctl.cli.attach", "attach", "Send the commands of a machine to its running service."
     ),
-    "detach": Entry("gantryctl.cli.remote", "detach", "End that: commands run on their own."),
+    "detach": Entry("gantryctl.cli.attach", "detach", "End that: commands run on their own."),
     "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
     "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
     "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),

@@ -75,7 +75,8 @@ def move(
 
     yes, take_over = run.pop("yes"), run.pop("take_over")
     if to_service(run.pop("service"), run["config_file"]):
-        from gantryctl.cli.remote import refuse_local_options, remote_move
+        from gantryctl.cli.remote import refuse_local_options
+        from gantryctl.cli.remote_motion import remote_move
 
         refuse_local_options(run)
         return remote_move(
@@ -119,7 +120,8 @@ def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
     take_over = run.pop("take_over")
     run.pop("yes")  # a key that is held needs no question
     if to_service(run.pop("service"), run["config_file"]):
-        from gantryctl.cli.remote import refuse_local_options, remote_jog
+        from gantryctl.cli.remote import refuse_local_options
+        from gantryctl.cli.remote_motion import remote_jog
 
         refuse_local_options(run)
         machine = machine_of(run["config_file"])

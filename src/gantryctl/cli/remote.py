@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -10,19 +9,11 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final
 
-import click
-
-from gantryctl.cli.options import ATTACHED, config_option, machine_of, print_json
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
 from gantryctl.machine import Machine, short_hash
-from gantryctl.operation.brake import BrakeDue
-from gantryctl.operation.requests import check_direction, check_speed, check_target, way_note
 from gantryctl.operation.store import state_root
-from gantryctl.service.lease import HELD_S
 from gantryctl.service.remote import ServiceLink
 
-_SAME_DEG: Final = 0.01
-"""An axis that has moved by more is not where it was when the person was asked."""
 _WITHOUT: Final = ("program_name", "out", "fresh", "real_time", "no_trace", "seed")
 """Options that only make sense without the service; seed may be anything, it is not used."""
 
@@ -173,152 +164,3 @@ class RemoteAxis:
         first = next((row for row in self.link.tags["alarms"] if row["first_out"]), None)
         if first is not None:
             raise AlarmStop(first["text"])
-
-
-def remote_move(
-    machine: Machine,
-    end: Callable[[float], float],
-    speed: float | None,
-    override: float,
-    *,
-    yes: bool,
-    take_over: bool,
-    as_json: bool,
-) -> int:
-    """Move the axis of the service; the exit code."""
-    wanted = machine.speed.setting_max_deg_s if speed is None else speed
-    check_speed(machine, wanted)
-    start = math.nan
-    if not yes:
-        tags = look_first(machine, take_over=take_over)
-        start = tags["pos_act_deg"]
-        click.echo(_way(machine, tags, end(start), wanted), err=as_json)
-        if not click.confirm("Move?", err=True):
-            return 2
-    with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
-        axis.come_to_rest()
-        now = axis.link.tags["pos_act_deg"]
-        if yes:
-            start = now
-            way = _way(machine, axis.link.tags, end(start), wanted)
-            if not as_json:
-                click.echo(way)
-        elif abs(now - start) > _SAME_DEG:
-            raise CommandRefused(
-                f"the gantry stood at {start:.3f} deg when you were asked, now at {now:.3f} deg: look, then ask again"
-            )
-        target = end(start)
-        axis.power_up()
-        tags = axis.link.tags
-        tags = axis.link.tags
-        before = tags["speed_setting_deg_s"], tags["override_percent"]
-        axis.set("speed_setting_deg_s", wanted)
-        axis.set("override_percent", override * 100.0)
-        try:
-            axis.link.ask("move", target_deg=target)
-            done = axis.follow()
-        finally:
-            axis.set("speed_setting_deg_s", before[0])
-            axis.set("override_percent", before[1])
-        axis.finish()
-        return _say(axis, start, done, as_json)
-
-
-def remote_jog(
-    machine: Machine, forward: bool, speed: float | None, seconds: float, *, take_over: bool, as_json: bool
-) -> int:
-    """Hold a key of the service for a time; the exit code."""
-    if seconds > HELD_S:
-        raise UsageError(
-            f"--for {seconds:g} s: the service lets a key be held for {HELD_S:g} s at most; ask again then"
-        )
-    with RemoteAxis(machine, take_over=take_over) as axis, axis.stop_signals():
-        axis.come_to_rest()
-        start = axis.link.tags["pos_act_deg"]
-        wanted = machine.speed.setting_min_deg_s if speed is None else speed
-        check_speed(machine, wanted)
-        check_direction(machine, start, forward)
-        axis.power_up()
-        axis.link.ask("mode", mode="continuous")
-        axis.set("speed_setting_deg_s", wanted)
-        axis.link.hold(forward, seconds, lambda: axis.stops > 0)
-        done = axis.follow()
-        axis.finish()
-        return _say(axis, start, done, as_json)
-
-
-def _way(machine: Machine, tags: dict[str, Any], target: float, speed: float) -> str:
-    """What a move would do; CommandRefused for one that cannot be."""
-    start = tags["pos_act_deg"]
-    check_target(machine, start, target)
-    note = way_note(machine, start, target)
-    return (
-        f"{tags['machine']} ({tags['drive_kind']}): from {start:.3f} to {target:.3f} deg, way "
-        f"{abs(target - start):.3f} deg at {speed:g} deg/s" + (f"; {note}" if note else "")
-    )
-
-
-def _say(axis: RemoteAxis, start: float, done: bool, as_json: bool) -> int:
-    end, word = axis.link.tags["pos_act_deg"], "done" if done else "stopped by the operator"
-    if as_json:
-        code, name = int(not done), axis.machine.name
-        print_json({"exit_code": code, "machine": name, "result": word, "start_deg": start, "end_deg": end})
-    else:
-        click.echo(f"{word}: {start:.4f} -> {end:.4f} deg")
-    return int(not done)
-
-
-def remote_status(machine: Machine, as_json: bool) -> int:
-    """Where the axis of the service stands."""
-    with ServiceLink(directory_of(machine)) as link:
-        tags = link.tags
-    if as_json:
-        print_json(tags)
-        return 0
-    click.echo(f"{tags['machine']}: in service, {tags['axis_state'].replace('_', ' ')}")
-    for name, value in (
-        ("angle", f"{tags['pos_act_deg']:.4f} deg (motor encoder)"),
-        ("speed", f"{tags['vel_act_deg_s']:.3f} deg/s"),
-        ("power", "on" if tags["power"] else tags["blocked_by"] or "off"),
-        ("drive", str(tags["drive_state"]).replace("_", " ")),
-        ("control", tags["authority_user"] or "free"),
-        ("brake test", brake_words(tags)),
-        ("alarms", "; ".join(row["text"] for row in tags["alarms"]) or "none"),
-        ("scan", f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"),
-        ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
-        ("configuration", tags["config_hash"]),
-    ):
-        click.echo(f"  {name:<18}{value}")
-    return 0
-
-
-def brake_words(tags: dict[str, Any]) -> str:
-    """The last brake test and the next one, for people."""
-    if not tags["brake_test_available"]:
-        return f"not testable here: {tags['brake_test_blocked']}"
-    due = BrakeDue(tags["brake_test_due_at"], tags["brake_test_cycles_left"], tags["brake_test_overdue"])
-    last = f"{tags['brake_test_text']}; " if tags["brake_test_text"] else ""
-    return f"{last}{due.words}"
-
-
-@click.command()
-@config_option
-def attach(config_file: Path | None) -> int:
-    """From now on commands for this machine go to its running service, if they can: see --service."""
-    machine = machine_of(config_file)
-    with ServiceLink(directory_of(machine)) as link:
-        running = link.tags["config_hash"]
-    if running != short_hash(machine):
-        raise CommandRefused(f"the service runs configuration {running}, this is {short_hash(machine)}")
-    (directory_of(machine) / ATTACHED).touch()
-    click.echo(f"commands for {machine.name} go to its service; gantryctl detach ends that")
-    return 0
-
-
-@click.command()
-@config_option
-def detach(config_file: Path | None) -> int:
-    """Commands run on their own again."""
-    (directory_of(machine_of(config_file)) / ATTACHED).unlink(missing_ok=True)
-    click.echo("commands run on their own again")
-    return 0

@@ -1,4 +1,4 @@
-"""Brake test, reset, alarms and retained memory of the running service."""
+"""Status, brake test, reset, alarms and retained memory of the running service."""
 
 from __future__ import annotations
 
@@ -23,6 +23,39 @@ _OTHER_S: Final = 120.0
 _FRAME_S: Final = 0.05
 _SHOWS_S: Final = 0.5
 """What was done shows in the tags within this."""
+
+
+def remote_status(machine: Machine, as_json: bool) -> int:
+    """Where the axis of the service stands."""
+    with ServiceLink(directory_of(machine)) as link:
+        tags = link.tags
+    if as_json:
+        print_json(tags)
+        return 0
+    click.echo(f"{tags['machine']}: in service, {tags['axis_state'].replace('_', ' ')}")
+    for name, value in (
+        ("angle", f"{tags['pos_act_deg']:.4f} deg (motor encoder)"),
+        ("speed", f"{tags['vel_act_deg_s']:.3f} deg/s"),
+        ("power", "on" if tags["power"] else tags["blocked_by"] or "off"),
+        ("drive", str(tags["drive_state"]).replace("_", " ")),
+        ("control", tags["authority_user"] or "free"),
+        ("brake test", brake_words(tags)),
+        ("alarms", "; ".join(row["text"] for row in tags["alarms"]) or "none"),
+        ("scan", f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"),
+        ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
+        ("configuration", tags["config_hash"]),
+    ):
+        click.echo(f"  {name:<18}{value}")
+    return 0
+
+
+def brake_words(tags: dict[str, Any]) -> str:
+    """The last brake test and the next one, for people."""
+    if not tags["brake_test_available"]:
+        return f"not testable here: {tags['brake_test_blocked']}"
+    due = BrakeDue(tags["brake_test_due_at"], tags["brake_test_cycles_left"], tags["brake_test_overdue"])
+    last = f"{tags['brake_test_text']}; " if tags["brake_test_text"] else ""
+    return f"{last}{due.words}"
 
 
 def remote_brake_test(machine: Machine, *, yes: bool, take_over: bool, as_json: bool) -> int:

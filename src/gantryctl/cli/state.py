@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 def status(config_file: Path | None, as_json: bool, service: bool) -> int:
     """Where the axis stands, what holds it, and what the last command did."""
     if to_service(service, config_file):
-        from gantryctl.cli.remote import remote_status
+        from gantryctl.cli.remote_state import remote_status
 
         return remote_status(machine_of(config_file), as_json)
     from gantryctl.operation import machine_status

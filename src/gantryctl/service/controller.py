@@ -13,34 +13,29 @@ import math
 import os
 import signal
 import sys
-import threading
 import time
-from collections import deque
 from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
 
-from gantryctl.devices.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.brake import LOCKED
 from gantryctl.operation.bus import set_up_anew
-from gantryctl.operation.ending import RunEnd, retained_after
-from gantryctl.operation.virtual import ReadDrive, keep_machine
-from gantryctl.program import AxisState, PowerPhase
-from gantryctl.runtime import Engine, Retained, failure_text
+from gantryctl.program import PowerPhase
+from gantryctl.runtime import Engine, failure_text
 from gantryctl.service.alarm_view import AlarmView
 from gantryctl.service.brake_watch import BrakeWatch
 from gantryctl.service.events import EventLog
 from gantryctl.service.memory import SharedMemory, Word
 from gantryctl.service.messages import Identity, Refused
-from gantryctl.service.opening import BUS, LastRead, bus_refusal, open_service
+from gantryctl.service.opening import BUS, bus_refusal, open_service
 from gantryctl.service.publisher import Publisher
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
+from gantryctl.service.retaining import Retainer
 from gantryctl.service.view import Picture, publish_json
-from gantryctl.units import rad
 
 RECORDER_S: Final = 10.0
 """A recorder that is silent for longer keeps no events."""
@@ -69,22 +64,20 @@ class Controller:
         self.real_time = False
         opened = open_service(machine, store, memory, second_person=second_person)
         self.engine, self.operator, self._recorder = opened.engine, opened.operator, opened.recorder
-        self._drive, self._retained, self.notes = opened.drive, opened.retained, opened.notes
+        self._drive, self.notes = opened.drive, opened.notes
+        self.retainer = Retainer(machine, store, opened)
         self.axis = self.operator.program.axis
         self.events: EventLog = self.operator.events
         self.alarms = AlarmView(self.axis.alarms, self.events)
-        self.brake = BrakeWatch(machine, self.axis, self.events, self._retained)
+        self.brake = BrakeWatch(machine, self.axis, self.events, opened.retained)
         rules = self.operator.rules
         rules.untestable = self.brake.untestable
         rules.locked = self._locked
         rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
         self.operator.on_reset = self._reset
-        self._powered = self._moving = self._reset_asked = False
-        self._power_ups = self._moves = self._lost_rows = 0
-        self._way_rad, self._last_pos = 0.0, math.nan
+        self._powered = self._reset_asked = False
+        self._lost_rows = 0
         self._end_s = math.inf
-        self._keeper: threading.Thread | None = None
-        self._keeping_faults: deque[str] = deque()
 
     # --- the run ----------------------------------------------------------------------------------
 
@@ -142,16 +135,13 @@ class Controller:
 
     def _watch(self) -> None:
         """Power up and down, motions: counters, recording, state on the disk."""
+        retainer = self.retainer
         self._say_keeping_faults()
-        axis = self.axis
-        power_ups = self._retained.power_ups + self._power_ups
-        before, self._retained = (
-            self._retained,
-            self.brake.scan(self._retained, power_ups, self.engine.time_s),
-        )
-        if self._retained is not before:
-            self._start_keeping("brake test")
-        on = axis.power.phase is not PowerPhase.OFF
+        before = retainer.retained
+        retainer.retained = self.brake.scan(before, retainer.power_ups, self.engine.time_s)
+        if retainer.retained is not before:
+            retainer.start("brake test")
+        on = self.axis.power.phase is not PowerPhase.OFF
         if on is not self._powered:
             self._powered = on
             self._switched(on)
@@ -159,22 +149,13 @@ class Controller:
         if late is not None and late not in rules.held:
             rules.held = f"{rules.held}; {late}" if rules.held else late
             self.events.put("alarm", late)
-        moving = axis.state in (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
-        if moving is not self._moving:
-            self._moving = moving
-            self._moves += moving
-        pos = axis.pos_act_rad
-        if abs(pos - self._last_pos) > _TRAVEL_STEP_RAD:
-            self._way_rad += abs(pos - self._last_pos)
-            self._last_pos = pos
-        elif self._last_pos != self._last_pos:
-            self._last_pos = pos
+        retainer.scan()
 
     def _switched(self, on: bool) -> None:
         if on:
-            self._power_ups += 1
+            self.retainer.powered_up()
             self._recorder.number = int(time.time() * 1000)
-            self.brake.judge(self._retained, self._retained.power_ups + self._power_ups)
+            self.brake.judge(self.retainer.retained, self.retainer.power_ups)
             return
         self._recorder.stop()
         lost, self._lost_rows = self._recorder.lost - self._lost_rows, self._recorder.lost
@@ -182,61 +163,18 @@ class Controller:
             self.events.put(
                 "service", f"recording: {lost} rows are missing, the recorder was away for too long"
             )
-        self._start_keeping("power off")
-
-    def _start_keeping(self, why: str) -> None:
-        """Keep the state, beside the scan: the disk may take its time."""
-        if self._keeper is None or not self._keeper.is_alive():
-            self._keeper = threading.Thread(target=self._keep, args=(self._state(why),))
-            self._keeper.start()
-
-    # --- the state --------------------------------------------------------------------------------
-
-    def _state(self, result: str, alarm: AlarmStop | None = None) -> Retained:
-        """What the controller remembers of this run so far."""
-        end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
-        levels = self.operator.levels
-        on_bus = isinstance(self._drive, CanopenDrive)
-        seen: ReadDrive = LastRead(self.engine) if on_bus else self._drive
-        record = replace(
-            retained_after(self.machine, self._retained, self.axis, seen, end),
-            speed_rad_s=levels.speed_rad_s,
-            increment_rad=levels.increment_rad,
-            travelled_rad=self._retained.travelled_rad + self._way_rad,
-        )
-        if not self.operator.rules.blocked_by:
-            return record
-        if not record.error_stop:
-            record = replace(record, error_stop=self._retained.error_stop)
-        if not self._power_ups:  # nobody has said that the angle is right: the next start must ask again
-            kept = self._retained
-            record = replace(
-                record,
-                rest_position_counts=kept.rest_position_counts,
-                zero_offset_counts=kept.zero_offset_counts,
-            )
-        return record
-
-    def _keep(self, record: Retained) -> None:
-        """Write the state, beside the scan; what the disk did is said by the scan, the only writer of events."""
-        try:
-            keep_machine(self.machine, self._store, self._drive, record)
-        except GantryctlError as fault:
-            self._keeping_faults.append(str(fault))
+        self.retainer.start("power off")
 
     def _say_keeping_faults(self) -> None:
-        while self._keeping_faults:
-            self.events.put("service", f"the state was not kept: {self._keeping_faults.popleft()}")
+        while self.retainer.faults:
+            self.events.put("service", f"the state was not kept: {self.retainer.faults.popleft()}")
 
     def _close(self, failure: AlarmStop | None) -> None:
         """Torque off, brake closed, state kept, and said so."""
         try:
             self.engine.close()
         finally:
-            if self._keeper is not None:
-                self._keeper.join()
-            result = "shut down" if failure is None else f"stopped by an alarm: {failure}"
-            self._keep(self._state(result, failure))
+            self.retainer.finish(failure)
             self._recorder.stop()
             self._say_keeping_faults()
             brake = "open" if self.engine.image.drive.brake_open else "closed"
@@ -288,7 +226,7 @@ class Controller:
 
     def _held_by_locked(self) -> bool:
         """A locked alarm of an earlier run that nobody has acknowledged."""
-        return bool(self.operator.rules.held) and self._retained.error_stop in LOCKED
+        return bool(self.operator.rules.held) and self.retainer.retained.error_stop in LOCKED
 
     def _reset(self, who: Identity, service: bool) -> str:
         """What a reset acknowledges beside the program's alarms."""
@@ -301,10 +239,10 @@ class Controller:
         if not rules.held:
             return ""
         if self._held_by_locked() and not service:
-            code = self._retained.error_stop
+            code = self.retainer.retained.error_stop
             raise Refused("CTL-14", f"{code} ({rules.held}) may be reset by the service role only")
         said, rules.held = rules.held, ""
-        self._retained = replace(self._retained, error_stop="")
+        self.retainer.retained = replace(self.retainer.retained, error_stop="")
         self.engine.overrun_stop = None
         self.events.put("command", f"acknowledged: {said}", who)
         return said
@@ -325,7 +263,6 @@ class Controller:
             rules.lock = bus_refusal(self.machine, self._store, self._drive)
 
 
-_TRAVEL_STEP_RAD: Final = rad(0.001)
 _JOURNAL_LOCKED: Final = 4
 
 

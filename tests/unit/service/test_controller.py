@@ -298,10 +298,9 @@ def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.Mon
             raise DeviceError("no space left")
 
         monkeypatch.setattr(desk.operator.events, "put", watched)
-        monkeypatch.setattr("gantryctl.service.controller.keep_machine", fails)
-        desk.controller._start_keeping("power off")
-        assert desk.controller._keeper is not None
-        desk.controller._keeper.join()
+        monkeypatch.setattr("gantryctl.service.retaining.keep_machine", fails)
+        desk.controller.retainer.start("power off")
+        desk.controller.retainer.join()
         desk.scans(2)
         assert texts(desk.memory)[-1] == "the state was not kept: no space left"
         assert writers == {threading.main_thread()}
