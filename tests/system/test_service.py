@@ -292,6 +292,7 @@ def ended(service: Service, after: int) -> int:
     return sum((row.values["user"], row.values["text"]) == ("operator", "disconnected") for row in rows)
 
 
+@pytest.mark.slow
 def test_connections_that_never_read_are_ended_and_others_see_everything(service: Service) -> None:
     with service.page("viewer") as lively:
         after = read_journal(service.directory, newest=True)[-1].seq

@@ -55,6 +55,7 @@ def use_up_handles(service: Service, stack: ExitStack) -> None:
         stack.enter_context(socket.create_connection((host, int(port))))
 
 
+@pytest.mark.slow
 def test_a_gateway_without_memory_and_without_handles_disturbs_no_motion(tmp_path: Path) -> None:
     add_users(tmp_path)
     long_journal(tmp_path / "hust_gantry")

@@ -99,6 +99,7 @@ def test_it_is_offered_to_no_role_without_the_right(
     assert watcher.ask("arm", action="brake_test")["code"] == "SEC-01"  # a viewer, past the page
 
 
+@pytest.mark.slow
 def test_what_is_armed_is_gone_after_ten_seconds(
     context: BrowserContext, page_service: Service, watcher: Watcher
 ) -> None:
