@@ -9,76 +9,21 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from gantryctl.image import DigitalInputs, DriveRequest
-from gantryctl.program import AxisState, BrakeTestLaw, BrakeTestOutcome, BrakeTestPhase, PowerPhase
+from gantryctl.program import AxisState, BrakeTestLaw, BrakeTestPhase, PowerPhase
 from gantryctl.program.brake_test import HELD_S
 from gantryctl.units import deg, rad
+from unit.program.brake_rig import (
+    ABORTED,
+    FAILED,
+    HOLDING_NM,
+    LEVEL_NM,
+    LONGEST_S,
+    PASSED,
+    RUNNING,
+    TestRig,
+    weak,
+)
 from unit.program.rig import RATIO, Rig, settings
-
-LEVEL_NM = 65.0
-HOLDING_NM = 12.0
-LONGEST_S = 12.0
-PASSED, FAILED, ABORTED = BrakeTestOutcome.PASSED, BrakeTestOutcome.FAILED, BrakeTestOutcome.ABORTED
-TORQUE_PHASES = [
-    BrakeTestPhase.PLUS_RISING, BrakeTestPhase.PLUS_HELD, BrakeTestPhase.MINUS_RISING,
-    BrakeTestPhase.MINUS_HELD, BrakeTestPhase.RELIEVING,
-]  # fmt: skip
-RUNNING = [BrakeTestPhase.ENABLING, *TORQUE_PHASES]
-
-
-class TestRig(Rig):
-    """A rig that keeps what was said to the drive, and checks in every scan that the brake was not released."""
-
-    __test__ = False
-
-    def __init__(self, **arguments):
-        config = arguments.pop("config", None) or settings(
-            test_torque_nm=LEVEL_NM, holding_torque_nm=HOLDING_NM
-        )
-        super().__init__(config=config, **arguments)
-        self.torques = []
-
-    def step(self):
-        super().step()
-        self.torques.append(self.output.torque_ff_nm)
-        assert not self.output.brake_open, "the load is held by the brake at every instant"
-        assert self.output.vel_cmd_rad_s == 0.0
-
-    def begin(self):
-        self.run(0.05)
-        self.op(brake_test=True)
-        self.op(brake_test=False)
-        assert self.axis.power.testing
-
-    def to(self, phase):
-        self.until(lambda: self.axis.power.test_phase is phase, LONGEST_S)
-
-    def finish(self):
-        self.until(lambda: not self.axis.power.testing, LONGEST_S)
-        self.run(0.5)
-
-    @property
-    def result(self):
-        return self.axis.power.brake_test_result
-
-    def is_off(self):
-        return (
-            self.axis.power.phase is PowerPhase.OFF
-            and self.output.request is DriveRequest.DISABLE
-            and self.output.torque_ff_nm == 0.0
-        )
-
-
-def weak(rig, slips_at_nm):
-    """The brake slips above a torque: the speed loop of the drive takes back what it does not bear."""
-
-    def spoil(drive):
-        given = drive.torque_act_nm - HOLDING_NM
-        limit = math.copysign(min(abs(given), slips_at_nm), given)
-        if abs(given) > slips_at_nm:
-            rig.drive.pos_motor_rad += math.copysign(1e-4, given)
-        return drive._replace(torque_act_nm=HOLDING_NM + limit if drive.torque_act_nm else 0.0)
-
-    rig.spoil = spoil
 
 
 def test_a_sound_brake_passes_and_everything_is_off_afterwards():
