@@ -92,7 +92,7 @@ lock:
 
 # The operator page; what is built is committed.
 page: setup hmi/node_modules/.package-lock.json
-	.venv/bin/python tools/page_tables.py hmi/src/lib/tables.ts
+	.venv/bin/python tools/page_tables.py hmi/src/lib
 	cd hmi && npm run --silent format && npm run --silent check && npm run --silent build
 
 # What is committed is what the sources give, byte for byte.

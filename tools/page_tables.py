@@ -1,6 +1,6 @@
-"""Write the tables of the service as TypeScript: tags, enums, actions and roles, and its sentences in Chinese.
+"""Write the tables of the service as TypeScript: tags, enums, actions and roles; and its sentences in Chinese.
 
-    python tools/page_tables.py hmi/src/lib/tables.ts
+    python tools/page_tables.py hmi/src/lib      # tables.ts and phrases.ts
 
 The page is type-checked against it, so a tag that is renamed in Python breaks the build of the page.
 """
@@ -60,10 +60,14 @@ def _phrases() -> Iterator[str]:
     yield "};\n"
 
 
-def text() -> str:
-    """The whole file."""
-    return "\n".join([HEADER, *_tags(), *_roles(), *_phrases()])
+def texts() -> dict[str, str]:
+    """The files by name."""
+    return {
+        "tables.ts": "\n".join([HEADER, *_tags(), *_roles()]),
+        "phrases.ts": "\n".join([HEADER, *_phrases()]),
+    }
 
 
 if __name__ == "__main__":
-    Path(sys.argv[1]).write_text(text(), encoding="utf-8")
+    for name, text in texts().items():
+        (Path(sys.argv[1]) / name).write_text(text, encoding="utf-8")

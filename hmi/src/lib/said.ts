@@ -1,6 +1,6 @@
 // What the service says, in the language of the page. It says everything in English; Chinese comes from its own table.
 import { prefs } from './prefs.svelte';
-import { PHRASES } from './tables';
+import { PHRASES } from './phrases';
 
 const NUMBER = String.raw`[-+]?(?:\d+\.?\d*(?:e[-+]?\d+)?|nan|inf)`;
 const CODE = String.raw`[A-Z]{3}-\d+`;
