@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, Literal, TypeAlias, get_args, get_origin
+from typing import Any, Literal, TypeAlias, cast, get_args, get_origin
 
 import annotated_types
 from pydantic.fields import FieldInfo
@@ -156,9 +156,9 @@ def _bounds(metadata: list[Any]) -> dict[str, float]:
     for item in metadata:
         match item:
             case annotated_types.Ge():
-                found["low"] = item.ge  # type: ignore[assignment]
+                found["low"] = cast("float", item.ge)
             case annotated_types.Le():
-                found["high"] = item.le  # type: ignore[assignment]
+                found["high"] = cast("float", item.le)
             case annotated_types.MinLen():
                 found["least"] = item.min_length
             case annotated_types.MaxLen():

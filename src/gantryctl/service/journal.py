@@ -10,6 +10,7 @@ import json
 import sqlite3
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -256,24 +257,22 @@ def _end(rows: _Rows, anchors: dict[int, Anchor], count: int, last: str) -> str:
     )
 
 
-class _reading:  # noqa: N801  (used like a function)
-    """`with _reading(directory) as rows:` where `rows(query, values)` yields tuples."""
-
-    def __init__(self, directory: Path) -> None:
-        self._path = directory / file.FILE
-        if not self._path.is_file():
-            raise DeviceError(f"{self._path}: there is no journal yet")
-
-    def __enter__(self) -> _Rows:
+@contextmanager
+def _reading(directory: Path) -> Iterator[_Rows]:
+    """The journal as it is now: `rows(query, values)` yields tuples."""
+    path = directory / file.FILE
+    if not path.is_file():
+        raise DeviceError(f"{path}: there is no journal yet")
+    try:
+        db = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+    except sqlite3.Error as fault:
+        raise DeviceError(f"{path}: {fault}") from fault
+    with closing(db):
         try:
-            self._db = sqlite3.connect(f"{self._path.resolve().as_uri()}?mode=ro", uri=True)
-            self._db.execute("BEGIN")  # one picture, whatever is written meanwhile
+            db.execute("BEGIN")  # one picture, whatever is written meanwhile
         except sqlite3.Error as fault:
-            raise DeviceError(f"{self._path}: {fault}") from fault
-        return _Rows(self._db, self._path)
-
-    def __exit__(self, *_: object) -> None:
-        self._db.close()
+            raise DeviceError(f"{path}: {fault}") from fault
+        yield _Rows(db, path)
 
 
 class _Rows:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+
 from gantryctl.program.axis import Axis
 from gantryctl.program.blocks.base import Block
 from gantryctl.program.codes import Code
@@ -111,7 +113,7 @@ class ReadMotionState(Block):
         self.direction_negative = moving and vel < 0.0
 
 
-class _ReadValue(Block):
+class _ReadValue(Block, ABC):
     __slots__ = ("valid", "value")
 
     def __init__(self, axis: Axis) -> None:
@@ -125,8 +127,8 @@ class _ReadValue(Block):
         if enable:
             self.value = self._read()
 
-    def _read(self) -> float:
-        raise NotImplementedError
+    @abstractmethod
+    def _read(self) -> float: ...
 
 
 class ReadActualPosition(_ReadValue):
