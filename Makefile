@@ -101,7 +101,7 @@ page-check: hmi/node_modules/.package-lock.json
 	diff -r build/page src/gantryctl/gateway/page
 
 screenshots: setup
-	.venv/bin/python tests/page_screenshots.py docs/hmi
+	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi
 
 wheel: .venv/run.stamp
 	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .

@@ -1,6 +1,6 @@
 """Cost of one SYNC, RPDO and TPDO cycle at 100, 250 and 500 Hz, beside a bare python-can loop in the same run.
 
-    tests/private_network.sh .venv/bin/python benchmarks/can_cycle.py [--seconds N]
+    tests/support/private_network.sh .venv/bin/python benchmarks/can_cycle.py [--seconds N]
 
 The drive is `gantryctl drive sim` in a process of its own, in real time over UDP multicast; it is never enabled.
 """
@@ -19,13 +19,13 @@ from typing import NamedTuple
 
 import can
 
-from gantryctl.drive_sim import ControlClient
+from gantryctl.drives.canopen.bus.bus import open_bus
+from gantryctl.drives.virtual import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.image import SAFE_OUTPUT
 from gantryctl.machine import Machine, default_machine, to_toml, with_values
 from gantryctl.runtime import RealClock, keeps_time
 from gantryctl.wiring import canopen_drive
-from gantryctl.wiring.can_bus import open_bus
 
 PERIODS_MS = (10.0, 4.0, 2.0)
 LATE_PART = 0.25

@@ -17,7 +17,7 @@ import numpy as np
 from python_loop import rigid_job, rigid_job_inlined
 
 from gantryctl import _core
-from gantryctl.batch import ClosedLoop
+from gantryctl.engineering.batch import ClosedLoop
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.operation import AxisSession
@@ -151,8 +151,8 @@ def command_s(*arguments: str) -> float:
 
 _CHORD = """
 import resource, time
-from gantryctl.accuracy.procedure import chord_procedure
-from gantryctl.accuracy.run import run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
+from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.machine import default_machine
 start = time.perf_counter()
 readings = run_procedure([default_machine()], chord_procedure("A"))

@@ -32,11 +32,12 @@ sys.path.insert(
     0, str(Path(__file__).resolve().parents[1] / "tests")
 )  # the service and its page as tests start them
 from browser import CHROMIUM, FLAGS, SIZE, enter
-from gantryctl.service.publisher import RECENT_S
-from gantryctl.service.remote import ServiceLink
-from gantryctl.service.roles import Role
 from opcua_looker import looking, trusted_client
 from service_process import Service, add_users
+
+from gantryctl.service.clients.link import ServiceLink
+from gantryctl.service.controller.publisher import RECENT_S
+from gantryctl.service.protocol.roles import Role
 
 RATIO_MAX = 1.5
 GATEWAY_MAX_PERCENT = 5.0

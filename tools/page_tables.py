@@ -10,9 +10,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from gantryctl.service.chinese import phrases
-from gantryctl.service.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role
-from gantryctl.service.tags import ALARM_ROW, TAGS, Tag
+from gantryctl.service.protocol.chinese import phrases
+from gantryctl.service.protocol.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role
+from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
 HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
 NUMBERS = {"float": "number", "int": "number", "bool": "boolean", "text": "string", "rows": "AlarmRow[]"}
@@ -53,7 +53,7 @@ def _roles() -> Iterator[str]:
 
 
 def _phrases() -> Iterator[str]:
-    yield "/** Sentences of the service in Chinese: src/gantryctl/service/chinese.py says how they are written. */"
+    yield "/** Sentences of the service in Chinese, written in src/gantryctl/service/protocol/chinese.py. */"
     yield "export const PHRASES: Record<string, string> = {"
     for english, chinese in phrases().items():
         yield f"  {json.dumps(english)}: {json.dumps(chinese, ensure_ascii=False)},"

@@ -14,14 +14,14 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gantryctl.accuracy.job import run_accuracy
+    from gantryctl.engineering.accuracy.job import run_accuracy
+    from gantryctl.engineering.stops import stop_table
     from gantryctl.errors import GantryctlError
     from gantryctl.image import InputImage, Mode, OperatorCommand
     from gantryctl.machine import Machine, default_machine, load_machine, with_values
     from gantryctl.operation.scripting import move
     from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
     from gantryctl.runtime import Engine
-    from gantryctl.stops import stop_table
     from gantryctl.trace import Trace, read_trace
     from gantryctl.wiring import build_engine
 
@@ -42,8 +42,8 @@ _HOME = {
     "load_machine": "gantryctl.machine",
     "move": "gantryctl.operation.scripting",
     "read_trace": "gantryctl.trace",
-    "run_accuracy": "gantryctl.accuracy.job",
-    "stop_table": "gantryctl.stops",
+    "run_accuracy": "gantryctl.engineering.accuracy.job",
+    "stop_table": "gantryctl.engineering.stops",
     "with_values": "gantryctl.machine",
 }
 

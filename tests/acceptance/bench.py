@@ -13,12 +13,12 @@ from typing import Final
 
 import numpy as np
 
-from gantryctl.accuracy.procedure import Procedure, chord_procedure, evaluate
-from gantryctl.accuracy.report import SPEED_ERROR_LIMIT_DEG_S, SpeedRun
-from gantryctl.accuracy.run import Readings, run_procedure
-from gantryctl.accuracy.statistics import TableStatistics, statistics
-from gantryctl.accuracy.table import ErrorTable, FloatArray
-from gantryctl.batch import ClosedLoop
+from gantryctl.engineering.accuracy.procedure.on_batch import Readings, run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
+from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, SpeedRun
+from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
+from gantryctl.engineering.accuracy.table import ErrorTable, FloatArray
+from gantryctl.engineering.batch import ClosedLoop
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad

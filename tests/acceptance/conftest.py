@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from acceptance.bench import Bench, ChordRun
-from gantryctl.accuracy.job import AccuracyJob, accuracy_report
-from gantryctl.accuracy.report import AccuracyReport
+from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report
+from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.machine import default_machine
 
 

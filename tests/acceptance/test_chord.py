@@ -3,7 +3,7 @@
 import pytest
 
 from acceptance.bench import PLANT_TOLERANCE, Bench, ChordRun, chord_is_green, gantry, within
-from gantryctl.accuracy.report import AccuracyReport
+from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.machine import default_machine
 
 STICTION_DEG = 0.0002

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from acceptance.bench import SHORT, Bench, ChordRun, chord_is_green, chord_runs, gantry, speed_is_green
-from gantryctl.accuracy.job import AccuracyJob, accuracy_report, angle_errors_deg
-from gantryctl.accuracy.procedure import Role, chord_procedure
-from gantryctl.accuracy.report import AccuracyReport
-from gantryctl.accuracy.run import Readings, legs_of, lose_turns, run_procedure
-from gantryctl.accuracy.speed_test import speed_test
-from gantryctl.batch import ClosedLoop, run_legs
+from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report, angle_errors_deg
+from gantryctl.engineering.accuracy.procedure.on_batch import Readings, legs_of, lose_turns, run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import Role, chord_procedure
+from gantryctl.engineering.accuracy.report.report import AccuracyReport
+from gantryctl.engineering.accuracy.speed_test import speed_test
+from gantryctl.engineering.batch import ClosedLoop, run_legs
 from gantryctl.machine import default_machine
 from gantryctl.units import rad
 from gantryctl.wiring import gantry_sim, position_law, total_ratio

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from acceptance.bench import PLANT_TOLERANCE, SHORT, gantry, within
-from gantryctl.accuracy.job import AccuracyJob, ensemble_a
+from gantryctl.engineering.accuracy.job import AccuracyJob, ensemble_a
 from gantryctl.machine import Machine, default_machine
 
 MEDIAN_DEG, LOW_DEG, HIGH_DEG = 0.0108, 0.0077, 0.0146

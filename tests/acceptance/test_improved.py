@@ -8,14 +8,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gantryctl.accuracy.job import AccuracyJob, ensemble_a
-from gantryctl.batch import ClosedLoop
-from gantryctl.comparison import FIGURES, compare_report, ensemble, without_load_encoder
-from gantryctl.comparison.figures import chord_figures, move_figures
+from gantryctl.engineering.accuracy.job import AccuracyJob, ensemble_a
+from gantryctl.engineering.batch import ClosedLoop
+from gantryctl.engineering.comparison import FIGURES, compare_report, ensemble, without_load_encoder
+from gantryctl.engineering.comparison.figures import chord_figures, move_figures
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law
-from improved import improved_machine
+from support.improved import improved_machine
 
 A_WITH_ENCODER_DEG = 0.002
 A_WITHOUT_ENCODER_DEG = 0.0045

@@ -8,9 +8,9 @@ import pytest
 
 from acceptance.bench import SHORT, without_plant
 from gantryctl._core import PositionLaw
-from gantryctl.accuracy.noise import chord_result
-from gantryctl.accuracy.procedure import Procedure
-from gantryctl.accuracy.run import Readings, random_gear, run_procedure
+from gantryctl.engineering.accuracy.noise import chord_result
+from gantryctl.engineering.accuracy.procedure.on_batch import Readings, random_gear, run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.errors import ConfigError
 from gantryctl.machine import FieldSpec, Machine, default_machine, field_specs, with_values
 from gantryctl.wiring import axis_settings, motion_limits, plant_params, position_law

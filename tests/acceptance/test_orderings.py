@@ -5,7 +5,7 @@ import math
 import pytest
 
 from acceptance.bench import Bench, ChordRun, base_motion, gantry, within
-from gantryctl.accuracy.speed_test import run_speed
+from gantryctl.engineering.accuracy.speed_test import run_speed
 from gantryctl.machine import default_machine
 
 INSENSITIVE = 0.10

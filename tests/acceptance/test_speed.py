@@ -3,9 +3,9 @@
 import pytest
 
 from acceptance.bench import speed_is_green, within
-from gantryctl.accuracy.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport
-from gantryctl.accuracy.speed_test import run_speed
-from gantryctl.accuracy.table import Direction
+from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport
+from gantryctl.engineering.accuracy.speed_test import run_speed
+from gantryctl.engineering.accuracy.table import Direction
 from gantryctl.machine import default_machine
 
 FULL_SPEED_DEG_S = 6.0

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import pytest
 
 from conformance.drive_port import DISABLE, ENABLE, DriveBench, DriveConformance
-from gantryctl.drive_sim import Requests
+from gantryctl.drives.virtual import Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring import canopen_drive, total_ratio
-from gantryctl.wiring.can import SimulatedCanDrive
+from gantryctl.wiring.canopen import SimulatedCanDrive
 
 SYNC_S = 0.004
 

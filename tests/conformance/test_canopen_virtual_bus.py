@@ -11,10 +11,10 @@ import pytest
 
 from conformance.drive_port import DriveBench, DriveConformance
 from conformance.test_canopen_drive import SYNC_S, CanBench
-from gantryctl.drive_sim import BusLink, DriveLoop, DriveNode, Requests, running
+from gantryctl.drives.virtual import BusLink, DriveLoop, DriveNode, Requests, running
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring import canopen_drive, total_ratio
-from gantryctl.wiring.drive_sim import drive_hardware
+from gantryctl.wiring.virtual import drive_hardware
 
 CHANNELS = itertools.count()
 

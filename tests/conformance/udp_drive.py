@@ -1,6 +1,6 @@
 """The conformance suite over a CAN bus of UDP multicast: the drive is another process, stepped by SYNC.
 
-Runs inside `tests/private_network.sh`; `tests/system/test_can_processes.py` starts it.
+Runs inside `tests/support/private_network.sh`; `tests/system/test_can_processes.py` starts it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pytest
 
 from conformance.drive_port import DriveBench, DriveConformance
 from conformance.test_canopen_drive import SYNC_S, CanBench
-from gantryctl.drive_sim import ControlClient
+from gantryctl.drives.virtual import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import default_machine, to_toml, with_values
 from gantryctl.wiring import canopen_drive, total_ratio

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gantryctl import _core
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring.plant import gantry_sim, position_law
+from gantryctl.wiring.simulator import gantry_sim, position_law
 
 _SWITCHES = (
     "gear_error", "backlash", "hysteresis", "roller_friction", "motor_friction", "eccentric_moment", "base",

@@ -8,14 +8,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from gantryctl import _core
-from gantryctl.batch import ClosedLoop, Leg, run_legs
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.simulated import SimDrive
+from gantryctl.engineering.batch import ClosedLoop, Leg, run_legs
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
 from gantryctl.wiring import compensation, counts_per_turn, gantry_sim, motion_limits, position_law
-from improved import improved_machine
 from parity.test_engine_parity import COLUMNS, Rig, calm, powered
+from support.improved import improved_machine
 
 SWITCHES = (
     "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gantryctl import _core
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring.plant import gantry_sim, position_law
+from gantryctl.wiring.simulator import gantry_sim, position_law
 from parity.machines import compiled, leg_figures, machines, plans, scan_by_scan, standing
 
 SCANS = 60

@@ -10,7 +10,7 @@ from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
 from gantryctl import _core
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
 from gantryctl.runtime import Engine, HeldOperator, MemoryRecorder

@@ -15,7 +15,7 @@ import numpy as np
 
 from gantryctl import _core
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring.plant import drive_params, gantry_sim, plant_params, position_law
+from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params, position_law
 
 CYCLE_S: Final = 125e-6
 DEG: Final = math.pi / 180.0

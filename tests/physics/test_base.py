@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.plants import DEG, LOCKED, bare, follow, frequency_and_damping, machine, put, released, simulator
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gantryctl import _core
-from gantryctl.wiring.plant import gantry_sim
+from gantryctl.wiring.simulator import gantry_sim
 from physics.plants import (
     DEG,
     OFF,

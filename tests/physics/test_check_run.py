@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.independent_plant import IndependentPlant
 from physics.plants import CYCLE_S, DEG, machine, simulator
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl import _core
-from gantryctl.wiring.plant import drive_params, plant_params
+from gantryctl.wiring.simulator import drive_params, plant_params
 from physics.plants import (
     CYCLE_S,
     DEG,

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gantryctl import _core
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.plants import Arrays, bare, follow, machine, put, released, simulator
 
 RUN_S = 2.0

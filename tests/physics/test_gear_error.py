@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl import _core
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.independent_plant import IndependentPlant
 from physics.plants import CYCLE_S, DEG, bare, follow, machine, put, released
 

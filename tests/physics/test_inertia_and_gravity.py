@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ellipj, ellipk
 
-from gantryctl.wiring.plant import eccentric_moment_nm, plant_params
+from gantryctl.wiring.simulator import eccentric_moment_nm, plant_params
 from physics.plants import DEG, LOCKED, bare, follow, frequency_and_damping, machine, put, released, simulator
 
 # RK4 on polynomials up to the fourth degree is exact: what is left is the rounding of 1e4 additions.

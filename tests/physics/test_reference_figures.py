@@ -10,7 +10,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.plants import DEG, Arrays, controlled, machine, trapezoid
 
 RADIUS_UM = 2.366e6

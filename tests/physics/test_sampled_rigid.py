@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.plants import DEG, controlled, machine_with, ramp, simulator, trapezoid
 
 EXPECTED: dict[str, Any] = json.loads(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gantryctl.wiring.plant import gantry_sim
+from gantryctl.wiring.simulator import gantry_sim
 from physics.plants import OFF, SPEED, commanded, machine, put
 
 SMALLEST_NORMAL = float(np.finfo(float).tiny)

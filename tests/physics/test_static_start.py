@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from gantryctl import _core
-from gantryctl.wiring.plant import gantry_sim, plant_params
+from gantryctl.wiring.simulator import gantry_sim, plant_params
 from physics.independent_plant import IndependentPlant
 from physics.plants import DEG, OFF, commanded, controlled, hold, machine
 

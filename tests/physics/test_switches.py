@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gantryctl.wiring.plant import gantry_sim, plant_params
+from gantryctl.wiring.simulator import gantry_sim, plant_params
 from physics.plants import (
     OFF,
     QUICK_STOP,

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from gantryctl import _core
-from gantryctl.wiring.plant import plant_params
+from gantryctl.wiring.simulator import plant_params
 from physics.independent_plant import IndependentPlant
 from physics.plants import (
     LOCKED,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from gantryctl.image import DriveRequest, InputImage, OperatorCommand
 from gantryctl.program import Axis, GantryProgram
 from gantryctl.wiring import axis_settings
-from unit.devices.canopen_bench import Bench
+from unit.drives.canopen.canopen_bench import Bench
 
 # Of the drive, of this master, and some of neither.
 IDENTIFIERS = [

@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from command_line import cli, done, plant_truth
 from gantryctl.cli.main import cli as root
+from support.command_line import cli, done, plant_truth
 
 HERE = (
     "move", "jog", "stops", "speed-test", "accuracy", "status", "alarms", "explain", "reset", "encoder", "retain",

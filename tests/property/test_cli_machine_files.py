@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from command_line import Answer, cli
 from gantryctl.machine import default_machine_path, field_specs
 from gantryctl.machine.specs import table_models
+from support.command_line import Answer, cli
 
 RAW = tomllib.loads(default_machine_path().read_text(encoding="utf-8"))
 SPECS = field_specs()

@@ -5,10 +5,10 @@ from __future__ import annotations
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from gantryctl.service.authority import SILENCE_S, Authority
-from gantryctl.service.lease import LEASE_S, HoldToRun
-from gantryctl.service.messages import Identity
-from gantryctl.service.roles import Role
+from gantryctl.service.command.authority import SILENCE_S, Authority
+from gantryctl.service.command.lease import LEASE_S, HoldToRun
+from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.roles import Role
 
 LEASES = [f"{n:016x}" for n in range(6)]
 CLIENTS = ["a", "b"]

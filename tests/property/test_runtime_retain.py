@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gantryctl.errors import StateError
 from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
-from gantryctl.runtime.retain import decode, encode
+from gantryctl.runtime.retained_store import decode, encode
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 whole = st.integers(-(2**62), 2**62)

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from gantryctl.errors import UsageError
-from gantryctl.service.memory import SharedMemory
-from gantryctl.service.ring import Ring
-from gantryctl.service.seqlock import SequenceLock
+from gantryctl.service.memory.memory import SharedMemory
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.memory.seqlock import SequenceLock
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="anonymous memory files")
 SLOTS, SLOT = 5, 64
@@ -113,7 +113,7 @@ def test_a_writer_killed_in_the_middle_shows_nothing_and_the_next_one_repairs_it
 
 PUBLISHER = """
 import sys
-from gantryctl.service.memory import SharedMemory
+from gantryctl.service.memory.memory import SharedMemory
 memory = SharedMemory(int(sys.argv[1]))
 for n in range(20000):
     memory.fast.publish(bytes([n % 251]) * (100 + n % 900))
@@ -141,7 +141,7 @@ def test_a_reader_beside_a_writer_sees_whole_records_only() -> None:
 
 SENDER = """
 import sys
-from gantryctl.service.memory import SharedMemory
+from gantryctl.service.memory.memory import SharedMemory
 ring = SharedMemory(int(sys.argv[1])).commands[0]
 for n in range(20000):
     while not ring.put(b"%d" % n * (1 + n % 50)):

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from gantryctl.service.journal import read_journal
-from service_process import Page, Service, add_users
+from gantryctl.service.recorder.journal import read_journal
+from support.service_process import Page, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gantryctl.accuracy.engine_run import run_on_engine
-from gantryctl.accuracy.procedure import chord_procedure, evaluate
-from gantryctl.accuracy.run import run_procedure
-from gantryctl.accuracy.statistics import accuracy_a
-from gantryctl.drive_sim import Requests
+from gantryctl.drives.virtual import Requests
+from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
+from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore, Stop
@@ -158,7 +158,7 @@ def test_a_parameter_changed_behind_our_back_stops_the_axis_and_keeps_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """D9: the axis comes to rest on its ramp with power on, and moves no more before a reset finds the drive right."""
-    monkeypatch.setattr("gantryctl.devices.canopen.read_back.ROUND_S", 0.5)
+    monkeypatch.setattr("gantryctl.drives.canopen.setup.parameter_watch.ROUND_S", 0.5)
     run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)
     run.session.power_up()
     run.after(2.0, lambda: run.ask({"cmd": "write", "index": 0x605E, "value": 0}))

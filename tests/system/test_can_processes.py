@@ -18,7 +18,7 @@ import pytest
 from gantryctl.machine import default_machine
 
 TESTS = Path(__file__).parents[1]
-PRIVATE = [str(TESTS / "private_network.sh")]
+PRIVATE = [str(TESTS / "support" / "private_network.sh")]
 QUICK_DEC = default_machine().virtual_axis.quick_dec_deg_s2
 
 pytestmark = pytest.mark.slow

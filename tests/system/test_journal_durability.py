@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.service.events import EventLog
-from gantryctl.service.journal import Journal, read_journal, verify
-from gantryctl.service.keeping import Keeping
-from gantryctl.service.memory import SharedMemory, Word
-from power_cut import Disk, Step
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.recorder.journal import Journal, read_journal, verify
+from gantryctl.service.recorder.retention import Keeping
+from support.power_cut import Disk, Step
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="anonymous memory files")
 Evidence = Callable[[str, dict[str, object]], None]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from service_process import PASSWORD, Service, add_users
+from support.service_process import PASSWORD, Service, add_users
 
 CLIENT = Path(__file__).parents[1] / "opcua_client"
 NODE = Path(sys.executable).with_name("node")

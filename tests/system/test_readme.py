@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import pytest
 
-from command_line import cli, done
+from support.command_line import cli, done
 
 ROOT = Path(__file__).parents[2]
 PAGES = {

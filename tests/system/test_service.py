@@ -19,9 +19,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from gantryctl.service.journal import read_journal, verify
+from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.trace import read_trace
-from service_process import PASSWORD, Page, Service, add_users
+from support.service_process import PASSWORD, Page, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 LEASE = "0123456789abcdef"

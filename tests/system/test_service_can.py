@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parents[1]
+WITH_HELPERS = {**os.environ, "PYTHONPATH": str(TESTS)}
 # Multicast stays on the loopback of a network namespace of its own.
 OWN_NETWORK = [
     "unshare",
@@ -41,14 +42,18 @@ def test_the_drive_stops_the_axis_of_a_killed_controller(
     for number, speed_deg_s in enumerate((1.0, 3.0, 3.0, 3.0, 6.0)):
         root = tmp_path / str(number)
         root.mkdir()
-        command = [*OWN_NETWORK, sys.executable, str(TESTS / "killed_on_bus.py")]
+        command = [*OWN_NETWORK, sys.executable, str(TESTS / "support" / "killed_on_bus.py")]
         for attempt in range(
             3
         ):  # a computer that is late stops the axis before it is killed: not what is measured
             place = root / str(attempt)
             place.mkdir()
             done = subprocess.run(
-                [*command, str(place), str(speed_deg_s)], capture_output=True, text=True, check=False
+                [*command, str(place), str(speed_deg_s)],
+                capture_output=True,
+                text=True,
+                check=False,
+                env=WITH_HELPERS,
             )
             if done.returncode == 0:
                 break
@@ -63,8 +68,8 @@ def test_the_drive_stops_the_axis_of_a_killed_controller(
 @pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
 def test_after_a_restart_of_the_drive_a_reset_of_the_service_is_enough(tmp_path: Path) -> None:
     """DRV-11 in motion: torque off; a reset with power off sets the drive up anew, and the next move goes on."""
-    command = [*OWN_NETWORK, sys.executable, str(TESTS / "lost_on_bus.py"), str(tmp_path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    command = [*OWN_NETWORK, sys.executable, str(TESTS / "support" / "lost_on_bus.py"), str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=WITH_HELPERS)
     assert done.returncode == 0, done.stderr
     seen = json.loads(done.stdout)
     assert seen["axis_state_lost"] == "error_stop"

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.service.journal import read_journal, verify
-from gantryctl.service.journal_file import FILE
-from gantryctl.service.keeping import MB, Keeping
-from gantryctl.service.memory import Source
+from gantryctl.service.memory.memory import Source
+from gantryctl.service.recorder.journal import read_journal, verify
+from gantryctl.service.recorder.journal_file import FILE
+from gantryctl.service.recorder.retention import MB, Keeping
 from gantryctl.trace import read_trace
-from service_process import Page, Service, add_users, on_own_disk
+from support.service_process import Page, Service, add_users, on_own_disk
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 DISK_MB = 120

@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 
 from gantryctl.machine import default_machine
-from gantryctl.service.journal import read_journal, verify
-from gantryctl.service.remote import ServiceLink
+from gantryctl.service.clients.link import ServiceLink
+from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.trace import Trace, read_trace
-from replay import Replay
-from service_process import Page, Service, add_users
+from support.replay import Replay
+from support.service_process import Page, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 SLICE_S = 8.0

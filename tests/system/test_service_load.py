@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.service.journal import read_journal, verify
-from service_process import Service, add_users
+from gantryctl.service.recorder.journal import read_journal, verify
+from support.service_process import Service, add_users
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),

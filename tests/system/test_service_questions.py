@@ -12,7 +12,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from service_process import Page, Service, add_users
+from support.service_process import Page, Service, add_users
 
 pytestmark = [
     pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux"),

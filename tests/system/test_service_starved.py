@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from gantryctl.service.journal import Journal
-from gantryctl.service.remote import ServiceLink
+from gantryctl.service.clients.link import ServiceLink
+from gantryctl.service.recorder.journal import Journal
 from gantryctl.trace import read_trace
-from service_process import Service, add_users
+from support.service_process import Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")
 EVENTS = 10_000

@@ -1,6 +1,6 @@
 // Written by tools/page_tables.py; do not edit, a test compares.
 
-/** Sentences of the service in Chinese: src/gantryctl/service/chinese.py says how they are written. */
+/** Sentences of the service in Chinese, written in src/gantryctl/service/protocol/chinese.py. */
 export const PHRASES: Record<string, string> = {
   "Position jumped": "位置跳变",
   "Position jumped {measured:.4f} deg in one scan, limit {limit:.4f} deg": "一个扫描周期内位置跳变 {measured}°，限值 {limit}°",

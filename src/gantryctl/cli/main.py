@@ -26,62 +26,78 @@ class Entry(NamedTuple):
 
 
 COMMANDS: Final = {
-    "move": Entry("gantryctl.cli.move", "move", "Move to an angle, or by an angle."),
-    "jog": Entry("gantryctl.cli.move", "jog", "Hold-to-run motion in one direction for a time."),
-    "stops": Entry("gantryctl.cli.stops", "stops", "What every stop costs: angle, time, torques, brake."),
+    "move": Entry("gantryctl.cli.axis.move", "move", "Move to an angle, or by an angle."),
+    "jog": Entry("gantryctl.cli.axis.move", "jog", "Hold-to-run motion in one direction for a time."),
+    "stops": Entry(
+        "gantryctl.cli.engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."
+    ),
     "speed-test": Entry(
-        "gantryctl.cli.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
+        "gantryctl.cli.engineering.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
     ),
     "accuracy": Entry(
-        "gantryctl.cli.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
+        "gantryctl.cli.engineering.accuracy",
+        "accuracy",
+        "The chord test: run, report, statistics of a table.",
     ),
-    "size": Entry("gantryctl.cli.size", "size", "Size motors for a requirement sheet; limits that follow."),
+    "size": Entry(
+        "gantryctl.cli.engineering.size", "size", "Size motors for a requirement sheet; limits that follow."
+    ),
     "analyse": Entry(
-        "gantryctl.cli.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
+        "gantryctl.cli.engineering.analyse",
+        "analyse",
+        "Linear analysis: margins, modes, worst case, measured response.",
     ),
     "tune": Entry(
-        "gantryctl.cli.tune", "tune", "Tune the loops: a proposal by the paper's procedure or by margins."
+        "gantryctl.cli.engineering.tune",
+        "tune",
+        "Tune the loops: a proposal by the paper's procedure or by margins.",
     ),
     "identify": Entry(
-        "gantryctl.cli.identify",
+        "gantryctl.cli.engineering.identify",
         "identify",
         "Measure friction, moment, stiffness and gear map of this machine.",
     ),
     "compare": Entry(
-        "gantryctl.cli.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
+        "gantryctl.cli.engineering.compare",
+        "compare",
+        "Two ways of control on one plant: the paper's and a better one.",
     ),
-    "serve": Entry("gantryctl.cli.serve", "serve", "Run the controller with its operator page."),
-    "user": Entry("gantryctl.cli.user", "user", "Users of the page: add, list, remove, passwd."),
-    "journal": Entry("gantryctl.cli.journal", "journal", "The service's journal: show, verify, export."),
+    "serve": Entry("gantryctl.cli.service.serve", "serve", "Run the controller with its operator page."),
+    "user": Entry("gantryctl.cli.service.user", "user", "Users of the page: add, list, remove, passwd."),
+    "journal": Entry(
+        "gantryctl.cli.service.journal", "journal", "The service's journal: show, verify, export."
+    ),
     "attach": Entry(
-        "gantryctl.cli.attach", "attach", "Send the commands of a machine to its running service."
+        "gantryctl.cli.axis.attach", "attach", "Send the commands of a machine to its running service."
     ),
-    "detach": Entry("gantryctl.cli.attach", "detach", "End that: commands run on their own."),
-    "status": Entry("gantryctl.cli.state", "status", "Where the axis stands and whether it may move."),
-    "alarms": Entry("gantryctl.cli.state", "alarms", "Alarms of the past, newest first."),
-    "explain": Entry("gantryctl.cli.state", "explain", "What an alarm code means and what to do."),
+    "detach": Entry("gantryctl.cli.axis.attach", "detach", "End that: commands run on their own."),
+    "status": Entry("gantryctl.cli.axis.state", "status", "Where the axis stands and whether it may move."),
+    "alarms": Entry("gantryctl.cli.axis.state", "alarms", "Alarms of the past, newest first."),
+    "explain": Entry("gantryctl.cli.axis.state", "explain", "What an alarm code means and what to do."),
     "reset": Entry(
-        "gantryctl.cli.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."
+        "gantryctl.cli.axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."
     ),
     "brake-test": Entry(
-        "gantryctl.cli.brake_test", "brake_test", "Test torque against the closed brake, both ways."
+        "gantryctl.cli.axis.brake_test", "brake_test", "Test torque against the closed brake, both ways."
     ),
-    "arm": Entry("gantryctl.cli.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."),
-    "encoder": Entry("gantryctl.cli.encoder", "encoder", "The absolute reference: show, set-zero."),
-    "retain": Entry("gantryctl.cli.state", "retain", "The controller's retained memory: show."),
+    "arm": Entry(
+        "gantryctl.cli.axis.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."
+    ),
+    "encoder": Entry("gantryctl.cli.axis.encoder", "encoder", "The absolute reference: show, set-zero."),
+    "retain": Entry("gantryctl.cli.axis.state", "retain", "The controller's retained memory: show."),
     "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),
     "trace": Entry("gantryctl.cli.trace", "trace", "Recordings: show, plot, export."),
-    "can": Entry("gantryctl.cli.can", "can", "The CAN bus: who is on it."),
+    "can": Entry("gantryctl.cli.drive.can", "can", "The CAN bus: who is on it."),
     "drive": Entry(
-        "gantryctl.cli.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."
+        "gantryctl.cli.drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."
     ),
     "commission": Entry(
-        "gantryctl.cli.commission",
+        "gantryctl.cli.drive.commission",
         "commission",
         "Commission a CAN machine, step by step, each with its proof.",
     ),
-    "eds": Entry("gantryctl.cli.eds", "eds", "EDS and DCF files of drives: check."),
-    "sim": Entry("gantryctl.cli.state", "sim", "The simulated machine: reset."),
+    "eds": Entry("gantryctl.cli.drive.eds", "eds", "EDS and DCF files of drives: check."),
+    "sim": Entry("gantryctl.cli.axis.state", "sim", "The simulated machine: reset."),
     "completion": Entry("gantryctl.cli.completion", "completion", "Shell completion for bash, zsh or fish."),
 }
 

@@ -112,7 +112,7 @@ def proven_machine(config_file: Path | None) -> Machine:
     Raises:
         ConfigError: fields, rules, or a quick stop that motor or reducer cannot give.
     """
-    from gantryctl.stops import check_quick_stop
+    from gantryctl.engineering.stops import check_quick_stop
 
     machine = machine_of(config_file)
     check_quick_stop(machine)

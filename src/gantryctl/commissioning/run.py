@@ -14,7 +14,7 @@ from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
-from gantryctl.operation.commissioned import (
+from gantryctl.operation.proofs import (
     CommissioningRecord,
     proven_hash,
     record_path,

@@ -8,12 +8,12 @@ from typing import Final
 from gantryctl.commissioning.context import Context, failed, judged, passed
 from gantryctl.commissioning.hand import by_hand
 from gantryctl.commissioning.results import StepResult
-from gantryctl.devices.canopen import CanopenDrive, LookedAtDrive, NodeIdentity
-from gantryctl.devices.canopen.parameters import backup
+from gantryctl.drives.canopen import CanopenDrive, LookedAtDrive, NodeIdentity
+from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
-from gantryctl.operation.absolute import evaluate, refusal
-from gantryctl.operation.commissioned import load_record, record_path
+from gantryctl.operation.home_reference import evaluate, refusal
+from gantryctl.operation.proofs import load_record, record_path
 from gantryctl.operation.virtual import encoder_scale, is_simulated, looked_at
 from gantryctl.runtime import Retained
 from gantryctl.wiring import can_link, canopen_settings, virtual_node

@@ -13,7 +13,7 @@ from gantryctl.commissioning.hand import Hand, by_hand
 from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
-from gantryctl.operation.brake import after_test
+from gantryctl.operation.brake_policy import after_test
 from gantryctl.operation.silence import silence_path, store_silence
 from gantryctl.program import BrakeTestLaw, BrakeTestOutcome, BrakeTestResult
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad

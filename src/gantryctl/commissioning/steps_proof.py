@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.accuracy.engine_run import run_on_engine
-from gantryctl.accuracy.procedure import chord_procedure, evaluate
-from gantryctl.accuracy.statistics import accuracy_a
 from gantryctl.commissioning.context import Context, failed, judged
 from gantryctl.commissioning.results import Outcome, StepResult
+from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.operation.virtual import is_simulated
 
 _RESERVE: Final = 2.0

@@ -9,7 +9,7 @@ import sys
 from gantryctl.gateway.app import build_app
 from gantryctl.gateway.server import run_server
 from gantryctl.gateway.settings import Settings
-from gantryctl.service.memory import SharedMemory
+from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.realtime import die_with_parent
 
 

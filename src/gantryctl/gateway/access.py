@@ -14,10 +14,10 @@ from gantryctl.errors import StateError
 from gantryctl.gateway.guard import address_of, error
 from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions, worth_writing
 from gantryctl.gateway.settings import Settings, is_loopback, neighbourhood
-from gantryctl.service.hub import Hub
-from gantryctl.service.messages import Identity
-from gantryctl.service.roles import MAY, Action, Role, may
-from gantryctl.service.users import PASSWORD_MAX, User, Users
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.roles import MAY, Action, Role, may
+from gantryctl.service.supervisor.users import PASSWORD_MAX, User, Users
 
 COOKIE: Final = "gantryctl_session"
 

@@ -19,12 +19,12 @@ from starlette.types import ASGIApp
 from gantryctl.gateway.access import Access
 from gantryctl.gateway.guard import Guard, error
 from gantryctl.gateway.live import Live
-from gantryctl.gateway.page import Page
 from gantryctl.gateway.rest import Rest
 from gantryctl.gateway.routes import API
 from gantryctl.gateway.settings import Settings
-from gantryctl.service.hub import Hub
-from gantryctl.service.memory import SharedMemory, Source, Word
+from gantryctl.gateway.static import Page
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
 
 
 def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None) -> ASGIApp:

@@ -18,8 +18,8 @@ from gantryctl.gateway.settings import (
     is_loopback,
     neighbourhood,
 )
-from gantryctl.service.hub import Client, Flooded, Hub
-from gantryctl.service.messages import Identity
+from gantryctl.service.clients.hub import Client, Flooded, Hub
+from gantryctl.service.protocol.messages import Identity
 
 SESSION_ENDED, TOO_SLOW, TOO_MANY, NOT_UNDERSTOOD = 4401, 4408, 4429, 1008
 _STUCK_S: Final = 5.0

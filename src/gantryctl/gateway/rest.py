@@ -16,11 +16,11 @@ from gantryctl.gateway.access import Access, person
 from gantryctl.gateway.guard import error
 from gantryctl.gateway.routes import API, ROUTES, openapi
 from gantryctl.gateway.traces import Traces
-from gantryctl.service.hub import Hub
-from gantryctl.service.journal import read_journal
-from gantryctl.service.messages import Identity
-from gantryctl.service.roles import Action
-from gantryctl.service.tags import TAGS
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.roles import Action
+from gantryctl.service.protocol.tags import TAGS
+from gantryctl.service.recorder.journal import read_journal
 
 JOURNAL_MAX = 10_000
 Handler = Callable[[Request], Awaitable[Response]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version
 from typing import Any, Final, NamedTuple
 
-from gantryctl.service.roles import Action
+from gantryctl.service.protocol.roles import Action
 
 
 class RouteEntry(NamedTuple):

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from gantryctl.errors import StateError
-from gantryctl.service.roles import Role
-from gantryctl.service.users import User, Users
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import User, Users
 
 IDLE_S: Final = 15 * 60.0
 WHOLE_S: Final = 8 * 3600.0

@@ -15,7 +15,6 @@ from gantryctl.machine.calibration import (
     identity_hash,
     load_calibration,
 )
-from gantryctl.machine.consistency import RULES
 from gantryctl.machine.derived import Derived, derived
 from gantryctl.machine.effective import (
     Difference,
@@ -36,9 +35,10 @@ from gantryctl.machine.loading import (
     parse_machine,
     with_values,
 )
-from gantryctl.machine.model import Machine
 from gantryctl.machine.problems import show_value
+from gantryctl.machine.rules.lines import RULES
 from gantryctl.machine.specs import FieldSpec, field_specs
+from gantryctl.machine.tables.model import Machine
 from gantryctl.machine.writing import to_toml
 
 __all__ = [

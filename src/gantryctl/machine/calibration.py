@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Final
 from pydantic import Field, ValidationError
 
 from gantryctl.errors import ConfigError
-from gantryctl.machine.fields import Table
 from gantryctl.machine.reading import parse_toml, printable, read_text
+from gantryctl.machine.tables.fields import Table
 
 if TYPE_CHECKING:
-    from gantryctl.machine.model import Machine
+    from gantryctl.machine.tables.model import Machine
 
 MAP_HARMONICS: Final = 16
 REVERSAL_HARMONICS: Final = 12

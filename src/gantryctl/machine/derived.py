@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from gantryctl.machine.model import Machine
+from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad, rad_s_from_r_min
 
 G_M_S2 = 9.81

@@ -6,9 +6,9 @@ import hashlib
 import json
 from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
-from gantryctl.machine.fields import Table
-from gantryctl.machine.model import Machine
 from gantryctl.machine.specs import Value, field_specs, value_at
+from gantryctl.machine.tables.fields import Table
+from gantryctl.machine.tables.model import Machine
 
 Origin: TypeAlias = Literal["file", "default"]
 

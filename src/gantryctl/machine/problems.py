@@ -9,10 +9,10 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any, Final, TypeAlias
 
-from gantryctl.machine.fields import Table
-from gantryctl.machine.model import Machine
 from gantryctl.machine.reading import Data, printable
 from gantryctl.machine.specs import FieldSpec, field_specs, table_models
+from gantryctl.machine.tables.fields import Table
+from gantryctl.machine.tables.model import Machine
 
 Location: TypeAlias = tuple[int | str, ...]
 

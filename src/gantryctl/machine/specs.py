@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeAlias, cast, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-from gantryctl.machine.fields import SOURCE, UNIT, Table
-from gantryctl.machine.model import Machine
+from gantryctl.machine.tables.fields import SOURCE, UNIT, Table
+from gantryctl.machine.tables.model import Machine
 
 Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers"]
 Value: TypeAlias = "float | int | bool | str | tuple[float, ...]"

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.model import Machine
 from gantryctl.machine.problems import show_value
 from gantryctl.machine.specs import Value, field_specs, value_at
+from gantryctl.machine.tables.model import Machine
 
 
 def to_toml(machine: Machine) -> str:

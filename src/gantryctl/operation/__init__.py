@@ -1,6 +1,6 @@
 """One machine in operation: its state between runs, and one run of its axis."""
 
-from gantryctl.operation.brake import locked_code
+from gantryctl.operation.brake_policy import locked_code
 from gantryctl.operation.bus import bus_lines
 from gantryctl.operation.motions import Motion, Snapshot, Stop
 from gantryctl.operation.notices import all_codes, explain

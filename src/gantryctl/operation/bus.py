@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from gantryctl.devices.canopen import CanopenDrive
+from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine
-from gantryctl.operation.commissioned import check_record, load_record, record_path
+from gantryctl.operation.proofs import check_record, load_record, record_path
 from gantryctl.operation.silence import check_silence, silence_path
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import is_simulated

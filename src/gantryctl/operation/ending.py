@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from gantryctl.errors import AlarmStop
 from gantryctl.machine import Machine, config_hash
-from gantryctl.operation.brake import still_failed
+from gantryctl.operation.brake_policy import still_failed
 from gantryctl.operation.state import now_text
 from gantryctl.operation.virtual import ReadDrive
 from gantryctl.program import Axis, Code

@@ -10,7 +10,7 @@ from typing import Final
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine
 from gantryctl.program import Code
-from gantryctl.program.alarms import refusal
+from gantryctl.program.alarms.log import refusal
 
 _ABSURD_DEG: Final = 1e6
 """From here on a target is answered with the range, not with the way that is left."""

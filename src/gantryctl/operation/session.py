@@ -7,12 +7,12 @@ from typing import Any, Final
 
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.image import Mode
-from gantryctl.operation.axis_run import REST_S, AxisRun
-from gantryctl.operation.brake import after_test, judge_due
+from gantryctl.operation.brake_policy import after_test, judge_due
 from gantryctl.operation.motions import Motion, Stop
 from gantryctl.operation.requests import check_direction, check_speed, check_target
+from gantryctl.operation.run import REST_S, AxisRun
 from gantryctl.program import BrakeTestResult
-from gantryctl.program.command_checks import check_overdue
+from gantryctl.program.axis.command_checks import check_overdue
 from gantryctl.units import deg, rad
 
 _TEST_S: Final = 30.0  # the brake test has time limits of its own; this is only a net below them

@@ -8,8 +8,8 @@ import random
 from pathlib import Path
 from typing import NamedTuple
 
-from gantryctl.devices.canopen import CanopenDrive
-from gantryctl.devices.canopen.mark import MARKS, write_mark
+from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.drives.canopen.setup.mark import MARKS, write_mark
 from gantryctl.errors import CommandRefused, StateError
 from gantryctl.machine import Machine
 from gantryctl.operation.state import now_text

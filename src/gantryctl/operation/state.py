@@ -7,12 +7,12 @@ from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from gantryctl.devices.canopen import CanopenDrive
+from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
-from gantryctl.operation.absolute import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
-from gantryctl.operation.brake import brake_words
+from gantryctl.operation.brake_policy import brake_words
+from gantryctl.operation.home_reference import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, looked_at, new_machine
 from gantryctl.runtime import AlarmEntry, Retained

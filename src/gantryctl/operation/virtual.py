@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import StateError, UsageError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash
-from gantryctl.operation.absolute import EncoderScale
+from gantryctl.operation.home_reference import EncoderScale
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.runtime import Retained

@@ -3,15 +3,16 @@
 Errors are values inside the scan: a bad input gives a refusal or an alarm, never an exception.
 """
 
-from gantryctl.program.alarm_rows import Definition
-from gantryctl.program.alarm_table import ALARMS
-from gantryctl.program.alarms import Alarm, AlarmLog, Refusal, all_codes, explain
-from gantryctl.program.axis import Axis
-from gantryctl.program.brake_test import BrakeTestLaw, BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
-from gantryctl.program.codes import Code, Reaction, Severity
-from gantryctl.program.command import CommandStatus, MotionCommand
+from gantryctl.program.alarms.codes import Code, Reaction, Severity
+from gantryctl.program.alarms.definition import Definition
+from gantryctl.program.alarms.encoder_and_control import ALARMS
+from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, all_codes, explain
+from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.command import CommandStatus, MotionCommand
+from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
 from gantryctl.program.gantry import GantryProgram
-from gantryctl.program.power_phases import PowerPhase, Proof
+from gantryctl.program.power.brake_test import BrakeTestLaw, BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
+from gantryctl.program.power.phases import PowerPhase, Proof
 from gantryctl.program.program import AxisProgram
 from gantryctl.program.settings import (
     AxisSettings,
@@ -25,7 +26,6 @@ from gantryctl.program.settings import (
     TravelSettings,
     scans,
 )
-from gantryctl.program.states import AxisEvents, AxisState, next_state
 
 __all__ = [
     "ALARMS",

@@ -7,8 +7,8 @@ from collections import deque
 from typing import Final
 
 from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag, LinkFlag
-from gantryctl.program.alarms import AlarmLog
-from gantryctl.program.codes import Code, Reaction
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from gantryctl.image import InputImage, Mode, OperatorCommand
-from gantryctl.program.alarms import Refusal, refusal
-from gantryctl.program.axis import Axis
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.command import MotionCommand
 from gantryctl.program.blocks import BrakeTest, Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
-from gantryctl.program.codes import Code
-from gantryctl.program.command import MotionCommand
 from gantryctl.program.program import AxisProgram
 from gantryctl.units import deg
 

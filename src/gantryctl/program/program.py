@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gantryctl.image import InputImage, OutputImage
-from gantryctl.program.axis import Axis
+from gantryctl.program.axis.axis import Axis
 
 
 class AxisProgram:

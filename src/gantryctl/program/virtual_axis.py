@@ -7,8 +7,8 @@ from typing import Final
 from gantryctl._core import Segments
 from gantryctl.errors import CommandRefused
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move, plan_stop, stop_point
-from gantryctl.program.alarms import Refusal, refusal
-from gantryctl.program.codes import Code
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.settings import AxisSettings, RampSettings
 from gantryctl.units import deg
 

@@ -7,8 +7,8 @@ from gantryctl.runtime.operators import HeldOperator, ScriptedOperator
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
 from gantryctl.runtime.priority import keeps_time
 from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
-from gantryctl.runtime.retain import RetainedMemory
 from gantryctl.runtime.retained import AlarmEntry, Retained
+from gantryctl.runtime.retained_store import RetainedMemory
 from gantryctl.runtime.statistics import Histogram, ScanStatistics
 
 __all__ = [

@@ -1,6 +1,6 @@
 """Machine file to engine: the only place that chooses concrete parts."""
 
-from gantryctl.wiring.can import (
+from gantryctl.wiring.canopen import (
     SIMULATED,
     SimulatedCanDrive,
     can_link,
@@ -13,7 +13,8 @@ from gantryctl.wiring.can import (
 from gantryctl.wiring.compensation import check_calibration, compensation, lead_deg
 from gantryctl.wiring.drives import delivered_zero_counts, drive_around, drive_of, ideal_drive, sim_drive
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
-from gantryctl.wiring.plant import (
+from gantryctl.wiring.program import axis_settings, untestable
+from gantryctl.wiring.simulator import (
     counts_per_turn,
     drive_params,
     eccentric_moment_nm,
@@ -25,7 +26,6 @@ from gantryctl.wiring.plant import (
     ramps_deg,
     total_ratio,
 )
-from gantryctl.wiring.settings import axis_settings, untestable
 
 __all__ = [
     "SIMULATED",

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from gantryctl import _core
-from gantryctl.devices.ideal import IdealDrive
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.ideal import IdealDrive
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.machine import Machine
 from gantryctl.ports import Drive
 from gantryctl.units import rad
-from gantryctl.wiring.can import canopen_drive
+from gantryctl.wiring.canopen import canopen_drive
 from gantryctl.wiring.compensation import lead_deg
-from gantryctl.wiring.plant import counts_per_turn, fine_counts_per_turn, gantry_sim, total_ratio
+from gantryctl.wiring.simulator import counts_per_turn, fine_counts_per_turn, gantry_sim, total_ratio
 
 
 def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:

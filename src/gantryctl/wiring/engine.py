@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gantryctl.devices.canopen import CanopenDrive
+from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.machine import Machine
 from gantryctl.ports import Clock, Drive, Operator, Recorder, Truth
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.runtime import Engine, HeldOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
-from gantryctl.wiring.can import in_virtual_time
+from gantryctl.wiring.canopen import in_virtual_time
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.drives import delivered_zero_counts, drive_of
-from gantryctl.wiring.settings import axis_settings
+from gantryctl.wiring.program import axis_settings
 
 ProgramFactory = Callable[[Axis], AxisProgram]
 RecorderFactory = Callable[[tuple[str, ...]], Recorder]

@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Playwright, sync_playwright
 
-from browser import CHROMIUM, SIZE, Proxy, launch
-from service_process import Page as Watcher
-from service_process import Service, add_users
+from support.browser import CHROMIUM, SIZE, Proxy, launch
+from support.service_process import Page as Watcher
+from support.service_process import Service, add_users
 
 
 @pytest.fixture(scope="package")

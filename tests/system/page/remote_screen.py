@@ -16,14 +16,14 @@ from pathlib import Path
 
 from playwright.sync_api import BrowserContext, Error, Page, Playwright, expect, sync_playwright
 
-from browser import CHROMIUM, FLAGS, SIZE
-from service_process import PASSWORD, Service, add_users
+from support.browser import CHROMIUM, FLAGS, SIZE
+from support.service_process import PASSWORD, Service, add_users
 
 HOST, NAME = "198.51.100.7", "gantry.example"
 
 
 RELEASED = """
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.simulated import SimDrive
 made = SimDrive.__init__
 def released(self, *args, **kwargs):
     made(self, *args, **kwargs)

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, expect
 
-from browser import SIZE, address, enter, ready_to_jog
-from service_process import PASSWORD, Service
-from service_process import Page as Watcher
+from support.browser import SIZE, address, enter, ready_to_jog
+from support.service_process import PASSWORD, Service
+from support.service_process import Page as Watcher
 
 AREAS = ["display", "operation", "settings", "alarms", "diagnosis"]
 

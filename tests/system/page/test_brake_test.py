@@ -9,12 +9,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Locator, Page, expect
 
-from browser import SIZE, enter
 from gantryctl.machine import configs_folder
-from gantryctl.service.roles import Role
-from gantryctl.service.users import Users
-from service_process import PASSWORD, Service, add_users
-from service_process import Page as Watcher
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import Users
+from support.browser import SIZE, enter
+from support.service_process import PASSWORD, Service, add_users
+from support.service_process import Page as Watcher
 
 TEST_MS = 30_000
 """A test takes 7 s, more on a computer that runs other tests beside it."""

@@ -8,11 +8,11 @@ from string import Formatter
 
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
-from browser import address
 from gantryctl.program import ALARMS
-from gantryctl.program.alarm_table import Definition
-from service_process import Page as Watcher
-from service_process import Service
+from gantryctl.program.alarms.encoder_and_control import Definition
+from support.browser import address
+from support.service_process import Page as Watcher
+from support.service_process import Service
 
 WORDS = {"name": "speed", "allowed": "within 0.6 and 6 deg/s", "side": "plus", "command": "closed"}
 MEASURED = {

@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import BrowserContext, Page, expect
 
-from browser import FOREIGN, address, enter
-from gantryctl.service.journal import read_journal
-from service_process import PASSWORD, Service
-from service_process import Page as Watcher
+from gantryctl.service.recorder.journal import read_journal
+from support.browser import FOREIGN, address, enter
+from support.service_process import PASSWORD, Service
+from support.service_process import Page as Watcher
 
 
 class _Site(BaseHTTPRequestHandler):

@@ -8,9 +8,9 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, BrowserContext, Page
 
-from browser import SIZE, Proxy, enter, farthest_deg, look_on, press, ready_to_jog, until_moving
-from service_process import Page as Watcher
-from service_process import Service
+from support.browser import SIZE, Proxy, enter, farthest_deg, look_on, press, ready_to_jog, until_moving
+from support.service_process import Page as Watcher
+from support.service_process import Service
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 SEQUENCES = 100

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import BrowserContext, Page, Playwright, expect
 
-from browser import (
+from support.browser import (
     Proxy,
     browser_to_kill,
     enter,
@@ -22,8 +22,8 @@ from browser import (
     ready_to_jog,
     until_moving,
 )
-from service_process import Page as Watcher
-from service_process import Service
+from support.service_process import Page as Watcher
+from support.service_process import Service
 
 FRAMES_AFTER = 20
 """A second of status frames: longer than any lease or reconnection."""

@@ -7,10 +7,10 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from browser import MOVING_DEG_S, SIZE, enter, press, ready_to_jog, until_moving
-from gantryctl.service.roles import MAY, Action, Role
-from service_process import Page as Watcher
-from service_process import Service
+from gantryctl.service.protocol.roles import MAY, Action, Role
+from support.browser import MOVING_DEG_S, SIZE, enter, press, ready_to_jog, until_moving
+from support.service_process import Page as Watcher
+from support.service_process import Service
 
 
 def test_a_foreign_page_gets_no_connection(page_service: Service) -> None:

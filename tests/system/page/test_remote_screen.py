@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 TESTS = Path(__file__).parents[2]
-PRIVATE = [str(TESTS / "private_network.sh")]
+PRIVATE = [str(TESTS / "support" / "private_network.sh")]
 CAPPED = "Too fast without the enabling switch: press it, or set a lower speed."
 
 

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from command_line import cli, done, machine_file, refused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
-from gantryctl.operation.brake import TIME_FORMAT, after_test, brake_due
+from gantryctl.operation.brake_policy import TIME_FORMAT, after_test, brake_due
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
 from gantryctl.runtime import Retained
+from support.command_line import cli, done, machine_file, refused
 
 MACHINE = default_machine()
 WEAK = {"plant.brake.torque_share": 0.1}  # 40 N m of 400, and 70 are asked for

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from command_line import cli
 from gantryctl.machine import configs_folder, load_machine, to_toml, with_values
+from support.command_line import cli
 
 CONFIG = configs_folder() / "hust_can.toml"
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from command_line import cli, done, machine_file
 from gantryctl.machine import configs_folder
+from support.command_line import cli, done, machine_file
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "json.md"
 COMMAND = re.compile(r"`gantryctl ([^`]+)`")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from command_line import cli, done, machine_file
-from gantryctl.accuracy.table_csv import read_error_table
+from gantryctl.engineering.accuracy.table_csv import read_error_table
+from support.command_line import cli, done, machine_file
 
 
 def test_stops_prints_every_class_and_is_exit_code_1_when_one_is_too_long(tmp_path: Path) -> None:

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from command_line import Terminal, cli, done, machine_file, plant_truth
-from gantryctl.cli.display import Display
+from gantryctl.cli.axis.display import Display
 from gantryctl.errors import AlarmStop
 from gantryctl.machine import default_machine
 from gantryctl.operation import Snapshot, StateStore
 from gantryctl.trace import read_trace
+from support.command_line import Terminal, cli, done, machine_file, plant_truth
 
 
 def angle() -> float:

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from command_line import cli, done, refused
 from gantryctl.machine import default_machine
-from gantryctl.service.journal import Journal
+from gantryctl.service.recorder.journal import Journal
+from support.command_line import cli, done, refused
 
 PASSWORD = "correct horse battery"
 
@@ -111,7 +111,7 @@ def test_what_makes_no_sense_with_a_service_is_refused() -> None:
 
 def test_a_certificate_that_has_expired_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("cryptography", reason="the extra [opcua] is not installed")
-    from certificates import certificate  # it needs cryptography
+    from support.certificates import certificate  # it needs cryptography
 
     key, now = tmp_path / "key.pem", datetime.now(UTC)
     old = certificate(tmp_path / "old.pem", now - timedelta(days=9), now - timedelta(days=1), key)

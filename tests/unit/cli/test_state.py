@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from command_line import cli, done, plant_truth
 from gantryctl.operation import all_codes
+from support.command_line import cli, done, plant_truth
 
 
 def rows(*arguments: object) -> dict[str, str]:

@@ -8,9 +8,9 @@ from pathlib import Path
 import click
 import pytest
 
-from command_line import cli, done, machine_file, plant_truth, refused
 from gantryctl.cli.main import COMMANDS
 from gantryctl.cli.main import cli as root
+from support.command_line import cli, done, machine_file, plant_truth, refused
 
 
 def all_commands() -> list[tuple[str, ...]]:

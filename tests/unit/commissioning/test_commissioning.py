@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
-from gantryctl.devices.canopen import CanopenDrive
-from gantryctl.devices.canopen.parameters import save
-from gantryctl.drive_sim.abort import Abort, SdoAbort
+from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.drives.canopen.setup.parameters import save
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore
-from gantryctl.operation.commissioned import check_record, load_record, record_path
+from gantryctl.operation.proofs import check_record, load_record, record_path
 from gantryctl.operation.silence import check_silence, silence_path, store_silence
-from gantryctl.wiring import can as can_wiring
+from gantryctl.wiring import canopen as can_wiring
 from gantryctl.wiring import canopen_settings, virtual_node
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")

@@ -20,9 +20,9 @@ from gantryctl.gateway.app import build_app
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.sessions import FAILURES
 from gantryctl.gateway.settings import CONNECTIONS_OF_USER, Settings
-from gantryctl.service.hub import Hub
-from gantryctl.service.memory import SharedMemory, Source
-from gantryctl.service.roles import Role
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.roles import Role
 
 PASSWORD = "correct horse battery"
 

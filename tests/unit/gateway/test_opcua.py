@@ -25,12 +25,12 @@ from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
 from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
-from gantryctl.gateway.opcua import POLICIES, Settings, make_server  # noqa: E402
-from gantryctl.service.events import EventLog  # noqa: E402
-from gantryctl.service.ring import Ring  # noqa: E402
-from gantryctl.service.roles import Role  # noqa: E402
-from gantryctl.service.tags import TAGS  # noqa: E402
-from gantryctl.service.users import Users  # noqa: E402
+from gantryctl.gateway.opcua.server import POLICIES, Settings, make_server  # noqa: E402
+from gantryctl.service.memory.events import EventLog  # noqa: E402
+from gantryctl.service.memory.ring import Ring  # noqa: E402
+from gantryctl.service.protocol.roles import Role  # noqa: E402
+from gantryctl.service.protocol.tags import TAGS  # noqa: E402
+from gantryctl.service.supervisor.users import Users  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
 PASSWORD = "correct horse battery"

@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from starlette.requests import Request
 
-from gantryctl.gateway.page import Page
 from gantryctl.gateway.routes import ROUTES, openapi
 from gantryctl.gateway.settings import Settings
+from gantryctl.gateway.static import Page
 from gantryctl.gateway.traces import Traces
-from gantryctl.service.reference import reference_page
+from gantryctl.service.protocol.service_page import reference_page
 
 
 def request(path: str, **headers: str) -> Request:

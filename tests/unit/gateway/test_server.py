@@ -20,11 +20,11 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 from websockets.asyncio.client import connect
 
-from certificates import certificate
 from gantryctl.gateway import door, server
 from gantryctl.gateway.door import Places
 from gantryctl.gateway.guard import deny, error
 from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, neighbourhood
+from support.certificates import certificate
 
 ASK = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
 PATIENCE_S = 30.0

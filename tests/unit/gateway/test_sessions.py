@@ -6,8 +6,8 @@ from pathlib import Path
 
 from gantryctl.gateway.guard import RateLimit
 from gantryctl.gateway.sessions import FAILURES, IDLE_S, WHOLE_S, LockOut, Sessions
-from gantryctl.service.roles import Role
-from gantryctl.service.users import Users
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import Users
 
 PASSWORD = "correct horse battery"
 

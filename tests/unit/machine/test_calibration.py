@@ -19,7 +19,7 @@ from gantryctl.machine import (
     with_values,
 )
 from gantryctl.wiring import build_engine, compensation, sim_drive
-from improved import improved_machine
+from support.improved import improved_machine
 
 TEXT = default_machine_path().with_name("hust_improved.calibration.toml").read_text(encoding="utf-8")
 

@@ -19,7 +19,7 @@ from gantryctl.machine import (
     short_hash,
     with_values,
 )
-from gantryctl.machine.reference import reference_page
+from gantryctl.machine.configuration_page import reference_page
 
 ROOT = Path(__file__).parents[3]
 MACHINE = default_machine()
@@ -129,7 +129,7 @@ def test_schema_has_bounds_units_and_no_room_for_unknown_keys():
 def test_reference_page_is_the_one_written_from_the_schema():
     committed = (ROOT / "docs" / "reference" / "configuration.md").read_text(encoding="utf-8")
     assert committed == reference_page(), (
-        "run: python -m gantryctl.machine.reference docs/reference/configuration.md"
+        "run: python -m gantryctl.machine.configuration_page docs/reference/configuration.md"
     )
     for path, spec in field_specs().items():
         assert f"| `{spec.key}` |" in committed, path

@@ -4,7 +4,7 @@ import pytest
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine import RULES, Machine, default_machine, field_specs, with_values
-from gantryctl.machine.fields import Table
+from gantryctl.machine.tables.fields import Table
 
 MACHINE = default_machine()
 TRANSMISSION = "plant.transmission."

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import DriveState, InputImage
 from gantryctl.machine import Machine, default_machine, with_values

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from gantryctl.devices.ideal import IdealDrive
+from gantryctl.drives.ideal import IdealDrive
 from gantryctl.image import DriveFeedback, InputImage, OperatorCommand, OutputImage
 from gantryctl.program import (
     Axis,

@@ -8,8 +8,8 @@ import pytest
 
 from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity, all_codes, explain
-from gantryctl.program.alarms import HISTORY_LENGTH, refusal
-from gantryctl.program.reference import reference_page
+from gantryctl.program.alarms.alarms_page import reference_page
+from gantryctl.program.alarms.log import HISTORY_LENGTH, refusal
 
 ROOT = Path(__file__).parents[3]
 
@@ -80,7 +80,7 @@ def test_all_codes_lists_each_once():
 def test_reference_page_is_made_from_the_table():
     committed = (ROOT / "docs" / "reference" / "alarms.md").read_text(encoding="utf-8")
     assert committed == reference_page(), (
-        "run: python -m gantryctl.program.reference docs/reference/alarms.md"
+        "run: python -m gantryctl.program.alarms.alarms_page docs/reference/alarms.md"
     )
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gantryctl.image import DigitalInputs, DriveRequest
 from gantryctl.program import AxisState, BrakeTestLaw, BrakeTestPhase, PowerPhase
-from gantryctl.program.brake_test import HELD_S
+from gantryctl.program.power.brake_test import HELD_S
 from gantryctl.units import deg, rad
 from unit.program.brake_rig import (
     ABORTED,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gantryctl.devices.ideal import IdealDrive
+from gantryctl.drives.ideal import IdealDrive
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState, OutputImage
 from gantryctl.ports import Drive
 from gantryctl.units import deg, rad

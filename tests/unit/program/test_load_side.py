@@ -11,8 +11,8 @@ from gantryctl.machine import Machine, with_values
 from gantryctl.program import Code, GantryProgram
 from gantryctl.units import deg, rad
 from gantryctl.wiring import build_engine, sim_drive
-from improved import improved_machine
 from parity.test_engine_parity import Rig, powered
+from support.improved import improved_machine
 
 
 class Spoilt:

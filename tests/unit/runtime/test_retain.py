@@ -12,7 +12,7 @@ import pytest
 
 from gantryctl.errors import StateError
 from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory, StateLock, retained
-from gantryctl.runtime.retain import COPIES, decode, encode
+from gantryctl.runtime.retained_store import COPIES, decode, encode
 
 FIRST = Retained(
     machine="hust_gantry",
@@ -140,7 +140,7 @@ def test_a_whole_copy_of_another_version_is_never_bridged_with_older_data(
     memory: RetainedMemory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     memory.store(FIRST)
-    monkeypatch.setattr("gantryctl.runtime.retain.FORMAT", "gantryctl retained memory, version 2")
+    monkeypatch.setattr("gantryctl.runtime.retained_store.FORMAT", "gantryctl retained memory, version 2")
     (memory.directory / COPIES[1]).write_bytes(encode(SECOND, 2))
     monkeypatch.undo()
     with pytest.raises(StateError, match=r"retain\.b\.json: of another version of gantryctl"):

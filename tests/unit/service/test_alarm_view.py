@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 from gantryctl.program import AlarmLog, Code
-from gantryctl.service.alarm_view import AlarmView
-from gantryctl.service.events import EventLog
-from gantryctl.service.ring import Ring
+from gantryctl.service.controller.alarm_view import AlarmView
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.ring import Ring
 
 
 def test_the_account_of_a_stop_reaches_rows_and_journal_when_it_is_complete() -> None:

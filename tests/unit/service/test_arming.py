@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gantryctl.service.arming import ARMED_S, Arming
-from gantryctl.service.messages import Identity, Refused
-from gantryctl.service.roles import Action, Role
+from gantryctl.service.command.arming import ARMED_S, Arming
+from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.service.protocol.roles import Action, Role
 
 ANNA, BELA = (Identity(name, name, Role.SERVICE, "loopback") for name in ("anna", "bela"))
 ANNA_ELSEWHERE = ANNA._replace(client="other")

@@ -6,9 +6,9 @@ import pytest
 
 from gantryctl.image import DriveRequest
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, Code, PowerPhase
-from gantryctl.service.arming import ARMED_S
-from gantryctl.service.roles import Action, Role, may
-from service_bench import Bench
+from gantryctl.service.command.arming import ARMED_S
+from gantryctl.service.protocol.roles import Action, Role, may
+from support.service_bench import Bench
 
 TEST_S = 10.0
 RUNNING = [

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl.errors import UsageError
-from gantryctl.service.certificates import CertificateWatch, refuse_expired, validity
+from gantryctl.service.supervisor.certificates import CertificateWatch, refuse_expired, validity
 
 pytest.importorskip("cryptography", reason="the extra [opcua] is not installed")
-from certificates import certificate
+from support.certificates import certificate
 
 NOW = datetime(2030, 6, 1, 12, tzinfo=UTC)
 

@@ -11,13 +11,21 @@ from string import Formatter
 import pytest
 
 from gantryctl.program import ALARMS, Code
-from gantryctl.program.alarm_rows_zh import ALARMS_ZH
-from gantryctl.service.chinese import phrases
+from gantryctl.program.alarms.chinese import ALARMS_ZH
+from gantryctl.service.protocol.chinese import phrases
 
 SOURCE = Path(__file__).resolve().parents[3] / "src" / "gantryctl"
 FILES = sorted((SOURCE / "program").rglob("*.py")) + [
     SOURCE / "service" / f"{name}.py"
-    for name in ("arming", "authority", "hub", "inbox", "lease", "operator", "rules")
+    for name in (
+        "clients/hub",
+        "command/arming",
+        "command/authority",
+        "command/inbox",
+        "command/lease",
+        "command/operator",
+        "command/rules",
+    )
 ]
 
 

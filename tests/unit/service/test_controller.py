@@ -17,10 +17,10 @@ from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation import StateStore
 from gantryctl.runtime import Engine, Retained, VirtualClock
-from gantryctl.service.controller import Controller
-from gantryctl.service.memory import SharedMemory, Source, Word
-from gantryctl.service.messages import Identity, to_record
-from gantryctl.service.roles import Role
+from gantryctl.service.controller.process import Controller
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.protocol.messages import Identity, to_record
+from gantryctl.service.protocol.roles import Role
 from gantryctl.units import deg
 
 MACHINE = default_machine()
@@ -298,7 +298,7 @@ def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.Mon
             raise DeviceError("no space left")
 
         monkeypatch.setattr(desk.operator.events, "put", watched)
-        monkeypatch.setattr("gantryctl.service.retaining.keep_machine", fails)
+        monkeypatch.setattr("gantryctl.service.controller.retainer.keep_machine", fails)
         desk.controller.retainer.start("power off")
         desk.controller.retainer.join()
         desk.scans(2)

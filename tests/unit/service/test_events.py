@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 
-from gantryctl.service.events import EventLog
-from service_bench import ring
+from gantryctl.service.memory.events import EventLog
+from support.service_bench import ring
 
 
 def test_lost_events_are_declared_where_they_are_missing_as_soon_as_there_is_room() -> None:

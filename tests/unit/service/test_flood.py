@@ -7,12 +7,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from gantryctl.service.bucket import Bucket
-from gantryctl.service.hub import Client, Flooded, Hub
-from gantryctl.service.memory import SharedMemory, Source
-from gantryctl.service.roles import Role
-from gantryctl.service.waiting import OF_CLIENT, OF_SOURCE
-from service_bench import Bench
+from gantryctl.service.clients.bucket import Bucket
+from gantryctl.service.clients.hub import Client, Flooded, Hub
+from gantryctl.service.command.waiting import OF_CLIENT, OF_SOURCE
+from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.roles import Role
+from support.service_bench import Bench
 
 LEASE = "00000000000000aa"
 

@@ -12,15 +12,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gantryctl.errors import DeviceError
-from gantryctl.service.events import TEXT_MAX, EventLog, printable
-from gantryctl.service.journal import Journal, JournalFault, read_journal, verify
-from gantryctl.service.journal_file import FIELDS, FILE
-from gantryctl.service.keeping import MB, Keeping
-from gantryctl.service.memory import SharedMemory, Word
-from gantryctl.service.messages import Identity
-from gantryctl.service.recorder import FAILED, FULL, LOCKED, OK, EventWriter
-from gantryctl.service.ring import Ring
-from gantryctl.service.roles import Role
+from gantryctl.service.memory.events import TEXT_MAX, EventLog, printable
+from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.recorder.journal import Journal, JournalFault, read_journal, verify
+from gantryctl.service.recorder.journal_file import FIELDS, FILE
+from gantryctl.service.recorder.process import FAILED, FULL, LOCKED, OK, EventWriter
+from gantryctl.service.recorder.retention import MB, Keeping
 
 PLENTY = 10**12
 

@@ -12,15 +12,15 @@ from typing import Any
 
 import pytest
 
-from gantryctl.service import journal as journal_module
-from gantryctl.service import recorder
-from gantryctl.service.events import EventLog
-from gantryctl.service.journal import Anchor, Journal, anchor, read_journal, verify
-from gantryctl.service.journal_file import FILE
-from gantryctl.service.keeping import MB, Keeping
-from gantryctl.service.memory import SharedMemory, Word
-from gantryctl.service.recorder import OK, SLOW, EventWriter
-from power_cut import Disk, Step
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.recorder import journal as journal_module
+from gantryctl.service.recorder import process as recorder
+from gantryctl.service.recorder.journal import Anchor, Journal, anchor, read_journal, verify
+from gantryctl.service.recorder.journal_file import FILE
+from gantryctl.service.recorder.process import OK, SLOW, EventWriter
+from gantryctl.service.recorder.retention import MB, Keeping
+from support.power_cut import Disk, Step
 
 PLENTY = 10**12
 KEPT = 10

@@ -9,10 +9,10 @@ import pytest
 
 from gantryctl.image import Mode
 from gantryctl.program import AxisState, PowerPhase
-from gantryctl.service.messages import FIELDS, WITHOUT_EPOCH, action_of, checked
-from gantryctl.service.roles import NEEDS_AUTHORITY, Action, Role, may
+from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, action_of, checked
+from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, Role, may
 from gantryctl.units import deg, rad
-from service_bench import LEASE, MACHINE, RAMP_S, SPEED_DEG_S, Bench
+from support.service_bench import LEASE, MACHINE, RAMP_S, SPEED_DEG_S, Bench
 
 VALUES: dict[str, dict[str, object]] = {
     "take": {"over": False}, "power": {"on": True}, "mode": {"mode": "none"}, "renew": {"lease": LEASE},

@@ -6,10 +6,10 @@ import pytest
 
 from gantryctl.image import Mode
 from gantryctl.program import AxisState, Code
-from gantryctl.service.lease import HELD_S
-from gantryctl.service.messages import Identity, to_record
+from gantryctl.service.command.lease import HELD_S
+from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.units import deg
-from service_bench import LEASE, RAMP_S, SPEED_DEG_S, Bench
+from support.service_bench import LEASE, RAMP_S, SPEED_DEG_S, Bench
 
 # --- paused by the override, and who goes on ------------------------------------------------------
 

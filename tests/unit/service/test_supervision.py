@@ -19,17 +19,17 @@ import pytest
 from gantryctl.errors import DeviceError
 from gantryctl.machine import default_machine
 from gantryctl.operation.store import SERVICE_SOCKET
-from gantryctl.service import child as module
-from gantryctl.service.child import HANG_S, START_S, Child
-from gantryctl.service.hub import Hub
-from gantryctl.service.keeping import Keeping
-from gantryctl.service.local import LocalServer
-from gantryctl.service.memory import SharedMemory, Source
-from gantryctl.service.notify import notify
-from gantryctl.service.roles import Role
-from gantryctl.service.supervisor import Options, Supervisor
-from gantryctl.service.user_watch import UserWatch
-from gantryctl.service.users import Users
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.clients.local import LocalServer
+from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.supervisor import child as module
+from gantryctl.service.supervisor.child import HANG_S, START_S, Child
+from gantryctl.service.supervisor.notify import notify
+from gantryctl.service.supervisor.process import Options, Supervisor
+from gantryctl.service.supervisor.user_watch import UserWatch
+from gantryctl.service.supervisor.users import Users
 
 PASSWORD = "correct horse battery"
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(60)"]

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.service.reference import reference_page
-from gantryctl.service.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role, may
-from gantryctl.service.tags import BY_NAME, TAGS
+from gantryctl.service.protocol.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role, may
+from gantryctl.service.protocol.service_page import reference_page
+from gantryctl.service.protocol.tags import BY_NAME, TAGS
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "service.md"
 UNITS = {

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gantryctl.service.keeping import MB, Keeping
-from gantryctl.service.memory import SharedMemory, Word
-from gantryctl.service.trace_ring import RingRecorder
-from gantryctl.service.trace_writer import TraceWriter
-from gantryctl.service.view import publish_json
+from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.snapshot import publish_json
+from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.service.recorder.retention import MB, Keeping
+from gantryctl.service.recorder.trace_writer import TraceWriter
 from gantryctl.trace import read_trace
 
 COLUMNS = ("time_s", "x_rad")

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from gantryctl.errors import StateError, UsageError
-from gantryctl.service.roles import Role
-from gantryctl.service.users import FILE, PASSWORD_MAX, Users
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import FILE, PASSWORD_MAX, Users
 
 PASSWORD = "correct horse battery"
 

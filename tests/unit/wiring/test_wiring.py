@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from gantryctl.devices.ideal import IdealDrive
-from gantryctl.devices.sim import SimDrive
+from gantryctl.drives.ideal import IdealDrive
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gantryctl.program.axis import Axis
+from gantryctl.program.axis.axis import Axis
 from gantryctl.program.blocks.base import Block
 
 

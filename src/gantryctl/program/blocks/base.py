@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from gantryctl.program.alarms import Refusal
-from gantryctl.program.axis import Axis
-from gantryctl.program.codes import Code
-from gantryctl.program.command import CommandStatus, MotionCommand
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal
+from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.command import CommandStatus, MotionCommand
 
 
 class Block:

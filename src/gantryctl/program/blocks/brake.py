@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from gantryctl.program.alarms import Refusal
-from gantryctl.program.axis import Axis
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal
+from gantryctl.program.axis.axis import Axis
 from gantryctl.program.blocks.base import Block
-from gantryctl.program.brake_test import BrakeTestOutcome, BrakeTestPhase
-from gantryctl.program.codes import Code
+from gantryctl.program.power.brake_test import BrakeTestOutcome, BrakeTestPhase
 
 
 class BrakeTest(Block):

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from gantryctl.program.alarms import refusal
-from gantryctl.program.axis import Axis
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
-from gantryctl.program.codes import Code
-from gantryctl.program.command import CommandStatus, MotionCommand
 from gantryctl.units import deg
 
 

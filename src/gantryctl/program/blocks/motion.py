@@ -5,9 +5,9 @@ The ramps are the machine's: no block changes them.
 
 from __future__ import annotations
 
-from gantryctl.program.axis import Axis
+from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
-from gantryctl.program.command import CommandStatus, MotionCommand
 
 
 class MoveAbsolute(ExecuteBlock):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
-from gantryctl.program.axis import Axis
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.axis.axis import Axis
+from gantryctl.program.axis.states import AxisState
 from gantryctl.program.blocks.base import Block
-from gantryctl.program.codes import Code
-from gantryctl.program.states import AxisState
 
 
 class ReadStatus(Block):

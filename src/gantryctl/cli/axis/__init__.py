@@ -1,0 +1,1 @@
+"""Commands that move the axis or tell where it stands, on this computer or through the service."""

@@ -1,0 +1,189 @@
+"""Commands that speak of the retained state: status, alarms, explain, reset, retain, sim."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import (
+    FINITE,
+    config_option,
+    json_option,
+    machine_of,
+    print_json,
+    service_option,
+    to_service,
+)
+
+if TYPE_CHECKING:
+    from gantryctl.runtime import AlarmEntry
+
+
+@click.command()
+@config_option
+@json_option
+@service_option
+def status(config_file: Path | None, as_json: bool, service: bool) -> int:
+    """Where the axis stands, what holds it, and what the last command did."""
+    if to_service(service, config_file):
+        from gantryctl.cli.axis.remote_state import remote_status
+
+        return remote_status(machine_of(config_file), as_json)
+    from gantryctl.operation import machine_status
+    from gantryctl.operation.requests import shown
+
+    found = machine_status(machine_of(config_file))
+    if as_json:
+        print_json(asdict(found))
+        return 0
+    click.echo(f"{found.machine}: {found.condition}")
+    rows = [
+        (
+            "angle",
+            "unknown" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)",
+        ),
+        ("encoder", found.encoder),
+        ("last result", found.last_result or "-"),
+        ("last alarm", found.last_alarm or "-"),
+        ("power-ups, moves", f"{found.power_ups}, {found.moves}"),
+        ("travelled", f"{found.travelled_deg:.1f} deg"),
+        ("brake test", found.brake_test),
+        ("state kept in", found.directory),
+        *(("note", note) for note in found.notes),
+    ]
+    for name, value in rows:
+        click.echo(f"  {name:<18}{value}")
+    return 0
+
+
+@click.command()
+@config_option
+@click.option("--last", is_flag=True, help="Only the newest one.")
+@json_option
+@service_option
+def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -> int:
+    """Alarms of the past, newest first."""
+    found: list[AlarmEntry]
+    if to_service(service, config_file):
+        from gantryctl.cli.axis.remote_state import service_alarms
+
+        found, holds = service_alarms(machine_of(config_file))
+    else:
+        from gantryctl.operation import read_retained
+
+        retained = read_retained(machine_of(config_file))
+        found = list(reversed(retained.alarms)) if retained else []
+        holds = retained.error_stop if retained else ""
+    if last:
+        found = found[:1]
+    if as_json:
+        print_json([asdict(alarm) for alarm in found])
+    elif not found:
+        click.echo("no alarms")
+    for alarm in found if not as_json else ():
+        held = " (holds the axis: gantryctl reset)" if holds == alarm.code else ""
+        click.echo(f"{alarm.at}  t = {alarm.time_s:.3f} s{held}\n  {alarm.text}")
+    return 0
+
+
+@click.command()
+@click.argument("code", required=False)
+def explain(code: str | None) -> int:
+    """What an alarm code means, what is done and what to do. Without CODE: all codes."""
+    from gantryctl.operation import all_codes
+    from gantryctl.operation import explain as page
+
+    if code is not None:
+        click.echo(page(code))
+        return 0
+    for name, severity, title in all_codes():
+        click.echo(f"{name:<11} {severity:<8} {title}")
+    return 0
+
+
+@click.command()
+@config_option
+@json_option
+@service_option
+@click.option("--yes", is_flag=True, help="Do not ask before what is locked is reset.")
+@click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it.")
+def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, take_over: bool) -> int:
+    """Acknowledge what holds the axis: the alarm of the last stop, a failed brake test, a small motion while off.
+
+    It never enables and never moves. What needs more than a look (a position that is not valid) stays. What is locked
+    (`gantryctl explain CODE`) is asked for twice.
+    """
+    machine = machine_of(config_file)
+    if to_service(service, config_file):
+        from gantryctl.cli.axis.remote_state import remote_reset
+
+        return remote_reset(machine, yes=yes, take_over=take_over, as_json=as_json)
+    from gantryctl.operation import locked_code, read_retained, reset_machine
+
+    locked = locked_code(read_retained(machine))
+    if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
+        return 2
+    said = reset_machine(machine)
+    if as_json:
+        print_json({"reset": said})
+    else:
+        click.echo(said)
+    return 0
+
+
+@click.group()
+def retain() -> None:
+    """The controller's retained memory."""
+
+
+@retain.command("show")
+@config_option
+@json_option
+@service_option
+def retain_show(config_file: Path | None, as_json: bool, service: bool) -> int:
+    """Everything the controller remembers over power-off."""
+    from gantryctl.operation import read_retained, retained_rows
+
+    machine = machine_of(config_file)
+    if to_service(service, config_file):
+        from gantryctl.cli.axis.remote_state import service_retained
+
+        retained = service_retained(machine)
+    else:
+        retained = read_retained(machine)
+    if retained is None:
+        if as_json:
+            print_json(None)
+        else:
+            click.echo("nothing is retained yet: the machine has never run")
+        return 0
+    if as_json:
+        print_json(asdict(retained))
+        return 0
+    for name, value in retained_rows(retained):
+        click.echo(f"{name:<24}{value}")
+    return 0
+
+
+@click.group()
+def sim() -> None:
+    """The simulated machine."""
+
+
+@sim.command("reset")
+@config_option
+@click.option("--angle", type=FINITE, default=0.0, show_default=True, help="Where the gantry stands, deg.")
+@json_option
+def sim_reset(config_file: Path | None, angle: float, as_json: bool) -> int:
+    """Throw the simulated machine and its memory away and put a new one there, brake closed."""
+    from gantryctl.operation import reset_simulation
+
+    said = reset_simulation(machine_of(config_file), angle)
+    if as_json:
+        print_json({"reset": said, "angle_deg": angle})
+    else:
+        click.echo(said)
+    return 0

@@ -1,0 +1,56 @@
+"""The reference page of the commands: `python -m gantryctl.cli.command_page FILE` writes it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import click
+
+from gantryctl.cli.main import cli
+
+_HEAD = """\
+# Commands
+
+Written by `python -m gantryctl.cli.command_page docs/reference/cli.md`; do not edit, a test compares.
+
+Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm. Results go to
+standard output, messages to standard error; `--json` prints one JSON object and nothing else. Angles are degrees at the
+gantry.
+
+| environment | |
+|---|---|
+| `GANTRYCTL_STATE` | directory of the retained state and the recordings; `$XDG_STATE_HOME/gantryctl` when not set |
+| `GANTRYCTL_TRACEBACK` | set: an internal error shows where it happened |
+"""
+
+
+def reference_page() -> str:
+    """The page as Markdown: every command with the text of its `--help`."""
+    parts = [_HEAD]
+    for path, command in _commands(cli, ("gantryctl",)):
+        context = click.Context(
+            command,
+            info_name=" ".join(path),
+            terminal_width=100,
+            max_content_width=100,
+            help_option_names=cli.context_settings["help_option_names"],
+        )
+        parts.append(f"## `{' '.join(path)}`\n\n```text\n{command.get_help(context)}\n```\n")
+    return "\n".join(parts)
+
+
+def _commands(group: click.Group, path: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], click.Command]]:
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        if isinstance(command, click.Group):
+            yield from _commands(command, (*path, name))
+        else:
+            yield (*path, name), command
+
+
+if __name__ == "__main__":
+    Path(sys.argv[1]).write_text(reference_page(), encoding="utf-8")

@@ -1,0 +1,1 @@
+"""Commands for drives on a bus: scan, objects, EDS files, commissioning, the virtual drive."""

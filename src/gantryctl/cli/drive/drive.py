@@ -1,0 +1,198 @@
+"""`gantryctl drive`: drives on a bus. Every command but `sim` and `restore` only reads, `save` lets the drive store."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gantryctl.cli.drive.drive_sim import sim
+from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+
+if TYPE_CHECKING:
+    from gantryctl.drives.canopen import CanopenSettings, RemoteNode
+    from gantryctl.drives.od import DeviceDescription
+    from gantryctl.machine import Machine
+
+
+@click.group()
+def drive() -> None:
+    """Drives on a CANopen bus."""
+
+
+drive.add_command(sim)
+
+
+@contextmanager
+def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSettings, Machine]]:
+    """The drive of a machine file, for SDO; the bus is left again."""
+    from gantryctl.drives.canopen import RemoteNode
+    from gantryctl.errors import UsageError
+    from gantryctl.wiring.canopen import SIMULATED, can_link, canopen_settings, virtual_node
+
+    machine = machine_of(config_file)
+    if machine.drive.kind != "canopen":
+        raise UsageError(f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"')
+    settings = canopen_settings(machine)
+    link = virtual_node(machine)[0] if machine.can.interface == SIMULATED else can_link(machine)
+    try:
+        yield RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s), settings, machine
+    finally:
+        link.close()
+
+
+@drive.command()
+@config_option
+@json_option
+def status(config_file: Path | None, as_json: bool) -> int:
+    """Identity, state, mode, error and position of the drive."""
+    from gantryctl.drives.canopen.cia402 import decode_statusword
+    from gantryctl.drives.canopen.emergency import emergency_text
+
+    with _node(config_file) as (node, settings, _):
+        who, sdo = node.identity(), node.sdo
+        word = sdo.number(0x6041)
+        error = sdo.optional(0x603F)
+        found = {
+            "node": settings.node,
+            "name": who.name,
+            "software": who.software,
+            "key": who.key,
+            "state": decode_statusword(word).name,
+            "statusword": word,
+            "mode": sdo.optional(0x6061),
+            "error_code": error,
+            "error": emergency_text(error) if error else "",
+            "position_increments": sdo.number(0x6064),
+        }
+    if as_json:
+        print_json(found)
+        return 0
+    click.echo(f"node {settings.node}: {who.text} ({who.key})")
+    click.echo(
+        f"  state     {decode_statusword(word).name.lower().replace('_', ' ')} (statusword {word:04X}h)"
+    )
+    click.echo(f"  mode      {found['mode']} (9 = cyclic synchronous velocity)")
+    click.echo(f"  error     {found['error'] or '-'}")
+    click.echo(f"  position  {found['position_increments']} increments")
+    return 0
+
+
+@drive.command()
+@config_option
+@json_option
+def diff(config_file: Path | None, as_json: bool) -> int:
+    """The parameters that decide what happens when something breaks: want, have, verdict. Nothing is written.
+
+    Exit code 1 when one of them differs. Before it enables, the controller writes them itself.
+    """
+    from gantryctl.drives.canopen.setup.opening import look
+
+    with _node(config_file) as (node, settings, _):
+        _, rows = look(node, settings)
+    if as_json:
+        print_json([{**row._asdict(), "verdict": row.verdict.value} for row in rows])
+    else:
+        for row in rows:
+            mark = "  " if not row.verdict.refuses else "! "
+            click.echo(
+                f"{mark}{row.place}  {row.name:32} want {row.want:18} have {row.have:18} {row.verdict.value}"
+            )
+    return int(any(row.verdict.refuses for row in rows))
+
+
+@drive.command()
+@config_option
+@click.option("--eds", "eds_file", type=PATH, help="Which objects there are; [can] eds when not given.")
+@json_option
+def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> int:
+    """Read the objects of an EDS from the drive; without one, those of a CSV axis."""
+    from gantryctl.drives.canopen.setup.parameters import read_objects
+
+    with _node(config_file) as (node, _, machine):
+        found = read_objects(node.sdo, _entries(machine, eds_file))
+    if as_json:
+        print_json([value._asdict() for value in found])
+    else:
+        for value in found:
+            click.echo(f"{value.obj:04X}:{value.sub:02X}  {value.name:40} {value.shown}")
+    return 0
+
+
+@drive.command()
+@config_option
+@click.option("--eds", "eds_file", type=PATH, help="Which objects there are; [can] eds when not given.")
+@click.argument("file", type=PATH)
+def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
+    """Read every writable object from the drive into FILE (JSON)."""
+    from gantryctl.drives.canopen.setup.parameters import backup as read_all
+    from gantryctl.errors import UsageError
+
+    with _node(config_file) as (node, _, machine):
+        kept = read_all(node, _entries(machine, eds_file))
+    try:
+        file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    except OSError as fault:
+        raise UsageError(f"{file}: cannot be written: {fault.strerror or fault}") from None
+    click.echo(f"wrote {file}: {len(kept['values'])} values of {kept['drive']}")
+    return 0
+
+
+@drive.command()
+@config_option
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.argument("file", type=PATH)
+def restore(config_file: Path | None, yes: bool, file: Path) -> int:
+    """Write the values of a backup to the drive and read them back; refused while it is enabled.
+
+    What it refuses is listed. Exit code 1 when a value did not take. The drive forgets them at power off: see `save`.
+    """
+    from gantryctl.drives.canopen.setup.parameters import restore as write_all
+
+    kept = _backup_file(file)
+    if not yes:
+        click.confirm(f"write {len(kept['values'])} values of {kept['drive']} to the drive?", abort=True)
+    with _node(config_file) as (node, _, _machine):
+        failed = write_all(node, kept)
+    for line in failed:
+        click.echo(f"! {line}")
+    click.echo(f"{len(kept['values']) - len(failed)} of {len(kept['values'])} values are in the drive")
+    return int(bool(failed))
+
+
+@drive.command()
+@config_option
+@click.option("--yes", is_flag=True, help="Do not ask.")
+def save(config_file: Path | None, yes: bool) -> int:
+    """Let the drive store its parameters (1010), so that they survive a power off; refused while it is enabled."""
+    from gantryctl.drives.canopen.setup.parameters import save as store
+
+    if not yes:
+        click.confirm("store the drive's present parameters for good?", abort=True)
+    with _node(config_file) as (node, _, _machine):
+        seconds = store(node)
+    click.echo(f"stored in {seconds:.1f} s")
+    return 0
+
+
+def _entries(machine: Machine, eds_file: Path | None) -> DeviceDescription | None:
+    from gantryctl.drives.od import read_eds
+
+    path = eds_file or (Path(machine.can.eds) if machine.can.eds else None)
+    return None if path is None else read_eds(path, machine.can.node)
+
+
+def _backup_file(file: Path) -> dict[str, Any]:
+    from gantryctl.drives.canopen.setup.parameters import check_backup
+    from gantryctl.errors import UsageError
+
+    try:
+        return check_backup(json.loads(file.read_text(encoding="utf-8")))
+    except OSError as fault:
+        raise UsageError(f"{file}: cannot be read: {fault.strerror or fault}") from None
+    except ValueError as fault:
+        raise UsageError(f"{file}: is no backup of a drive: {fault}") from None

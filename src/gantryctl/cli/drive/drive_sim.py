@@ -1,0 +1,150 @@
+"""`gantryctl drive sim`: a CiA 402 servo drive on a CAN bus with the whole gantry behind it, as its own process."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gantryctl.cli.options import FINITE, PATH, config_option, machine_of
+
+if TYPE_CHECKING:
+    import threading
+
+    import can
+
+    from gantryctl.drives.virtual import DriveLoop, DriveNode, Personality
+
+
+@click.command("sim")
+@config_option
+@click.option("--can", "interface", help="python-can interface: socketcan, udp_multicast, slcan, pcan ...")
+@click.option("--channel", help="Channel of the interface: can0, a multicast address, a serial port ...")
+@click.option(
+    "--bitrate", type=click.IntRange(10_000, 1_000_000), help="Bit rate, where the interface sets it."
+)
+@click.option("--node", "node_id", type=int, default=2, show_default=True, help="Node id, 1 to 127.")
+@click.option(
+    "--personality", "names", multiple=True, help="Quirk of a drive model; may be repeated. See --list."
+)
+@click.option("--stepped", is_flag=True, help="Virtual time: each SYNC steps the drive by the SYNC period.")
+@click.option("--angle", type=FINITE, default=0.0, help="Gantry angle at the start, deg.")
+@click.option("--control", type=PATH, help="Unix socket of the side channel: faults in, truth out.")
+@click.option("--store", type=PATH, help="File of stored parameters (1010, 1011); in memory when not given.")
+@click.option("--write-eds", "eds_file", type=PATH, help="Write the drive's EDS to this file and end.")
+@click.option("--list", "list_them", is_flag=True, help="List the personalities and end.")
+def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: Any) -> int:
+    """A CiA 402 servo drive with the whole gantry behind it, on a CAN bus, until Ctrl-C or SIGTERM.
+
+    Two terminals: `gantryctl drive sim --can udp_multicast`, and a master on the same interface.
+    """
+    from gantryctl.drives.virtual import personality
+    from gantryctl.errors import UsageError
+
+    if list_them:
+        _list()
+        return 0
+    kind = personality(given["names"])
+    node_id = given["node_id"]
+    if not 1 <= node_id <= 127:
+        raise UsageError(f"--node {node_id}: CANopen has node ids 1 to 127")
+    if eds_file is not None:
+        _write_eds(eds_file, given["config_file"], kind)
+        return 0
+    if interface is None:
+        raise UsageError(
+            "--can is missing: which python-can interface (socketcan, udp_multicast, slcan ...)?"
+        )
+    from gantryctl.drives.canopen.bus.bus import open_bus
+
+    bus = open_bus(interface, given["channel"], given["bitrate"])
+    try:
+        _serve(bus, interface, kind, given)
+    finally:
+        bus.shutdown()
+    return 0
+
+
+def _list() -> None:
+    from gantryctl.drives.virtual import PERSONALITIES
+
+    width = max(map(len, PERSONALITIES))
+    for name, kind in PERSONALITIES.items():
+        click.echo(f"{name:{width}}  {kind.summary}")
+
+
+def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
+    from gantryctl.drives.od import write_eds
+    from gantryctl.drives.virtual import device_tables
+    from gantryctl.errors import UsageError
+    from gantryctl.wiring.virtual import drive_hardware
+
+    _, visible = device_tables(drive_hardware(machine_of(config_file)), kind)
+    try:
+        file.write_text(write_eds(visible), encoding="ascii")
+    except OSError as fault:
+        raise UsageError(f"--write-eds {file}: cannot be written: {fault.strerror or fault}") from None
+    click.echo(f"wrote {file}: {len(visible.objects)} objects, personality {kind.name}")
+
+
+def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, Any]) -> None:
+    from gantryctl.drives.virtual import (
+        BusLink,
+        ControlServer,
+        DriveLoop,
+        DriveNode,
+        ParameterStore,
+        Requests,
+    )
+    from gantryctl.units import rad
+    from gantryctl.wiring.virtual import drive_hardware
+
+    hardware = drive_hardware(machine_of(given["config_file"]), rad(given["angle"]))
+    link = BusLink(bus)
+    store = ParameterStore(given["store"])
+    node = DriveNode(hardware, given["node_id"], link.send, kind=kind, store=store, stepped=given["stepped"])
+    loop = DriveLoop(node, link)
+    stop = _stop_on_signals()
+    if given["control"] is None:
+        _run(loop, stop, interface, given)
+        return
+    with ControlServer(given["control"], Requests(node).answer, loop.lock):
+        _run(loop, stop, interface, given)
+
+
+def _run(loop: DriveLoop, stop: threading.Event, interface: str, given: dict[str, Any]) -> None:
+    from contextlib import nullcontext
+
+    from gantryctl.runtime import keeps_time
+
+    node = loop.node
+    how = "stepped by SYNC" if node.stepped else "in real time"
+    where = interface if given["channel"] is None else f"{interface} {given['channel']}"
+    click.echo(f"virtual drive: node {node.node_id} on {where}, {how}, personality {node.kind.name}")
+    if given["control"] is not None:
+        click.echo(f"side channel: {given['control']}")
+    with loop.lock:
+        node.boot()
+    with nullcontext() if node.stepped else keeps_time():
+        loop.run(stop)
+    _farewell(loop, node)
+
+
+def _farewell(loop: DriveLoop, node: DriveNode) -> None:
+    lost = f"; {loop.lost_us / 1000:.0f} ms lost to a slow computer" if loop.lost_us else ""
+    refused = f"; {loop.link.refused} frames refused by the bus" if loop.link.refused else ""
+    click.echo(f"virtual drive: stopped after {node.time_us * 1e-6:.3f} s of its own time{lost}{refused}")
+
+
+def _stop_on_signals() -> threading.Event:
+    """SIGINT, SIGTERM and SIGHUP end the loop; the process then leaves in the ordinary way."""
+    import signal
+    import threading
+
+    stop = threading.Event()
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None:
+            signal.signal(number, lambda *_: stop.set())
+    return stop

@@ -1,0 +1,1 @@
+"""Commands that size, analyse, tune, identify and prove an axis in simulation."""

@@ -1,0 +1,280 @@
+"""`gantryctl accuracy run|report|stats` and `gantryctl speed-test`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import (
+    FINITE,
+    PATH,
+    config_option,
+    directory,
+    fresh_option,
+    json_option,
+    machine_of,
+    out_option,
+    print_json,
+    real_time_option,
+    seed_option,
+)
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.accuracy.procedure.procedures import Procedure
+    from gantryctl.engineering.accuracy.report.report import AccuracyReport
+    from gantryctl.machine import Machine
+
+DEFAULT_OUT = Path("accuracy_report")
+
+
+@click.group()
+def accuracy() -> None:
+    """The paper's chord test: run it, report it, or evaluate anybody's table."""
+
+
+@accuracy.command("run")
+@config_option
+@click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
+@click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
+@click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
+@click.option(
+    "--ensemble", type=click.IntRange(0, 100_000), default=0, help="Number of random gears beside it."
+)
+@click.option("--radius-m", type=FINITE, help="Chord radius; [accuracy] chord_radius_m when not given.")
+@click.option("--noise-um", type=FINITE, help="Tracker noise per coordinate; [accuracy] tracker_noise_um.")
+@click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="Figure 5 as well.")
+@click.option("--threads", type=click.IntRange(1, 256), help="For the ensemble; no effect on the result.")
+@click.option(
+    "--instrument",
+    type=click.Choice(["tracker", "load-encoder", "motor-side"]),
+    default="tracker",
+    show_default=True,
+    help="What measures; motor-side readings get no accuracy verdict.",
+)
+@click.option(
+    "--on-engine", is_flag=True, help="Scan by scan with the PLC program instead of the compiled loop."
+)
+@seed_option
+@out_option
+@json_option
+@fresh_option
+@real_time_option
+def run_(
+    config_file: Path | None,
+    name: str,
+    chord: str,
+    runs: int,
+    ensemble: int,
+    radius_m: float | None,
+    noise_um: float | None,
+    with_speed: bool,
+    threads: int | None,
+    instrument: str,
+    on_engine: bool,
+    seed: int,
+    out: Path | None,
+    as_json: bool,
+    fresh: bool,
+    real_time: bool,
+) -> int:
+    """Run the chord test and the speed test on the virtual gantry and write report.html, report.json, table.csv.
+
+    Always starts from a new machine and leaves the retained state alone (--fresh changes nothing). --real-time
+    takes as long as the machine would. Exit code 1 when a criterion is not met.
+    """
+    from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report
+    from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind
+    from gantryctl.engineering.accuracy.procedure.procedures import Chord, chord_procedure
+
+    machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
+    if machine.drive.kind == "canopen":
+        with_speed = False  # figure 5 is a matter of the compiled loop, which has no bus
+    procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
+    folder = directory(out or DEFAULT_OUT)
+    if not as_json:
+        click.echo(_announce(machine, procedure))
+    kind = InstrumentKind(instrument)
+    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, kind, on_engine, real_time)
+
+    def progress(index: int, target_deg: float) -> None:
+        if not as_json:
+            click.echo(f"stop {index + 1} of {len(procedure.stops)}: {target_deg:+.1f} deg")
+
+    report = accuracy_report(machine, job, *_stamp(), progress)
+    return _finish(report, folder, as_json)
+
+
+def _announce(machine: Machine, procedure: Procedure) -> str:
+    low, high = procedure.travel_deg
+    return (
+        f"{machine.name}: chord test {procedure.name}, {len(procedure.stops)} stops between {low:g} and {high:g} deg, "
+        f"{machine.accuracy.dwell_s:g} s each, on the virtual gantry in virtual time\n"
+    )
+
+
+def _with_instrument(machine: Machine, radius_m: float | None, noise_um: float | None) -> Machine:
+    from gantryctl.machine import with_values
+
+    changes: dict[str, object] = {}
+    if radius_m is not None:
+        changes["accuracy.chord_radius_m"] = radius_m
+    if noise_um is not None:
+        changes["accuracy.tracker_noise_um"] = noise_um
+    return with_values(machine, changes) if changes else machine
+
+
+def _measurable(config_file: Path | None, instrument: str) -> Machine:
+    """A machine whose load this instrument can read: a simulated one, or a virtual drive with its side channel."""
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    virtual = machine.can.interface == "simulated" or machine.can.side_channel
+    if machine.drive.kind != "canopen" or virtual or instrument == "motor-side":
+        return _simulated(config_file) if machine.drive.kind != "canopen" else machine
+    raise UsageError(
+        f"{machine.name}: nothing here reads the angle of the load · --instrument motor-side, or measure with a "
+        "tracker and evaluate it: gantryctl accuracy report --measured FILE"
+    )
+
+
+def _simulated(config_file: Path | None) -> Machine:
+    """A machine with a plant to measure."""
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    if machine.drive.kind != "sim":
+        raise UsageError(
+            f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no plant to measure; use "sim"'
+        )
+    return machine
+
+
+def _stamp() -> tuple[str, str]:
+    """Version and date of the page."""
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    return version("gantryctl"), datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def _finish(report: AccuracyReport, out: Path, as_json: bool) -> int:
+    """Write the page, print table or JSON; 1 when a criterion is not met."""
+    from gantryctl.engineering.accuracy.report.data import to_json
+    from gantryctl.engineering.accuracy.report.html import write_report
+    from gantryctl.engineering.accuracy.report.text import text_report
+
+    page = write_report(report, directory(out))
+    if as_json:
+        click.echo(to_json(report), nl=False)
+    else:
+        click.echo(text_report(report))
+        click.echo(f"\nreport: {page.resolve()}")
+    return int(report.verdict.passed is False or report.speed_passed is False)
+
+
+@accuracy.command()
+@config_option
+@click.option(
+    "--measured", type=PATH, required=True, help="CSV of an instrument: chords in mm or errors in deg."
+)
+@click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
+@click.option(
+    "--motor-side", is_flag=True, help="The readings are of the motor encoder: no accuracy verdict."
+)
+@out_option
+@json_option
+def report(
+    config_file: Path | None,
+    measured: Path,
+    radius_m: float | None,
+    motor_side: bool,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Report a chord test that was measured elsewhere. Exit code 1 when the criterion is not met."""
+    from gantryctl.engineering.accuracy.report.report import AccuracyReport
+    from gantryctl.engineering.accuracy.table_csv import read_error_table
+    from gantryctl.machine import short_hash
+
+    machine = machine_of(config_file)
+    table = read_error_table(measured, radius_m)
+    version, created = _stamp()
+    made = AccuracyReport(
+        machine=machine.name,
+        config_hash=short_hash(machine),
+        version=version,
+        created=created,
+        seed=0,
+        source=measured.name,
+        measures_load=not motor_side,
+        measured=table,
+        radius_m=radius_m,
+    )
+    return _finish(made, out or DEFAULT_OUT, as_json)
+
+
+@accuracy.command()
+@click.argument("table", type=PATH)
+@click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
+@json_option
+def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
+    """Statistics of anybody's table (CSV: base_deg, direction, displacement_deg, error_deg or chord_mm).
+
+    TABLE may also be the name of a shipped example: paper_table2.csv.
+    """
+    from gantryctl.engineering.accuracy.report.data import table_to_dict
+    from gantryctl.engineering.accuracy.report.report import AccuracyReport
+    from gantryctl.engineering.accuracy.report.text import text_report
+    from gantryctl.engineering.accuracy.table_csv import read_error_table
+
+    errors = read_error_table(_shipped(table), radius_m)
+    if as_json:
+        print_json(table_to_dict(errors))
+        return 0
+    made = AccuracyReport(
+        machine="", config_hash="", version="", seed=0, source=table.name, measured=errors, radius_m=radius_m
+    )
+    click.echo(text_report(made))
+    return 0
+
+
+def _shipped(table: Path) -> Path:
+    """A file, or the shipped example of that name."""
+    from gantryctl.machine import default_machine_path
+
+    example = default_machine_path().parent / "examples" / table.name
+    return example if not table.exists() and table.parent == Path() and example.is_file() else table
+
+
+@click.command("speed-test")
+@config_option
+@click.option(
+    "--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1."
+)
+@out_option
+@json_option
+def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | None, as_json: bool) -> int:
+    """Reach each speed both ways; judge |speed error| <= 0.01 deg/s on the motor side over the whole move.
+
+    The load side is reported beside it. Exit code 1 when a run fails.
+    """
+    from gantryctl.engineering.accuracy.report.data import speed_to_dict
+    from gantryctl.engineering.accuracy.report.figures import speed_errors, svg
+    from gantryctl.engineering.accuracy.report.text import speed_lines
+    from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN
+    from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
+
+    machine = _simulated(config_file)
+    file = directory(out) / "speed_test.svg" if out is not None else None
+    runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
+    if file is not None:
+        file.write_text(svg(speed_errors(runs), "speed"), encoding="utf-8")
+    if as_json:
+        print_json([speed_to_dict(run) for run in runs])
+    else:
+        click.echo(speed_lines(runs))
+        if file is not None:
+            click.echo(f"figure: {file.resolve()}")
+    return int(not all(run.passed for run in runs))

@@ -1,0 +1,139 @@
+"""`gantryctl identify`: what this machine is like, measured, into its calibration file."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json, seed_option
+from gantryctl.cli.text import print_table
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.identification import Comparison, Fit
+    from gantryctl.machine import Calibration, Machine
+
+
+@click.command()
+@config_option
+@click.option(
+    "--instrument",
+    type=click.Choice(["tracker", "load-encoder"]),
+    default="tracker",
+    show_default=True,
+    help="What watches the load.",
+)
+@click.option(
+    "--out",
+    "out",
+    type=PATH,
+    help="Calibration file to write; the one that the machine file names, else MACHINE.calibration.toml here.",
+)
+@click.option("--force", is_flag=True, help="Replace a calibration that exists; its version is counted on.")
+@seed_option
+@json_option
+def identify(
+    config_file: Path | None, instrument: str, out: Path | None, force: bool, seed: int, as_json: bool
+) -> int:
+    """Measure friction, eccentric moment, inertia, stiffness, gear map and scale of this machine.
+
+    Slow turns both ways, fast moves and a creep through the position loop, all compensations off, while an instrument
+    watches the load: 17 minutes of axis time. The controller's compensations live on the file that this writes and on
+    nothing else. On the simulator the identified values stand beside the truth.
+    """
+    from gantryctl.engineering.identification import Instrument, calibration_of, comparisons, fit, record
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    if machine.drive.kind != "sim":
+        raise UsageError(f'identify needs [drive] kind = "sim", {machine.name} has "{machine.drive.kind}"')
+    path = out or _usual_place(machine, config_file)
+    version = _next_version(path, force)
+    found = fit(machine, record(machine, Instrument(instrument), seed))
+    calibration = calibration_of(machine, found, datetime.date.today().isoformat(), version)
+    _write(path, calibration)
+    beside = comparisons(machine, calibration)
+    if as_json:
+        print_json(_data(path, calibration, found, beside))
+    else:
+        _show(path, machine, calibration, found, beside)
+    return 0
+
+
+def _usual_place(machine: Machine, config_file: Path | None) -> Path:
+    named = machine.control.compensation.calibration
+    if named and config_file is not None:
+        return config_file.parent / named
+    return Path(f"{machine.name}.calibration.toml")
+
+
+def _next_version(path: Path, force: bool) -> int:
+    """1 for a new file, else one more than in the file that is replaced."""
+    from gantryctl.errors import ConfigError, UsageError
+    from gantryctl.machine import load_calibration
+
+    if not path.parent.is_dir():
+        raise UsageError(f"{path}: there is no directory {path.parent}")
+    if not path.exists():
+        return 1
+    if not force:
+        raise UsageError(f"{path}: exists already; --force replaces it, --out writes elsewhere")
+    try:
+        return load_calibration(path).origin.version + 1
+    except ConfigError:
+        raise UsageError(
+            f"{path}: is no calibration file, so it is not replaced; --out writes elsewhere"
+        ) from None
+
+
+def _write(path: Path, calibration: Calibration) -> None:
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import calibration_toml
+
+    try:
+        path.write_text(calibration_toml(calibration), encoding="utf-8")
+    except OSError as fault:
+        raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+
+
+def _show(
+    path: Path, machine: Machine, calibration: Calibration, found: Fit, beside: list[Comparison]
+) -> None:
+    from gantryctl.engineering.analysis.tables import TextTable
+
+    swing = calibration.identified.swing_hz
+    acc = machine.virtual_axis.acc_deg_s2
+    click.echo(
+        f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by "
+        f"{calibration.origin.instrument}; the fit leaves {found.residual_deg:.5f} deg (rms)"
+    )
+    rows = tuple(
+        (
+            c.name,
+            f"{c.identified:.6g}",
+            f"{c.truth:.6g}",
+            c.unit,
+            f"{c.error_percent:+.1f} %" if c.truth else "",
+        )
+        for c in beside
+    )
+    print_table(
+        TextTable("Identified, beside the truth of the simulator", ("", "found", "truth", "", "off by"), rows)
+    )
+    click.echo(
+        f"\nFirst mode with the motor held: {swing:.2f} Hz. An S-curve whose ramps last one period of it: "
+        f"jerk_deg_s3 = {acc * swing:.3g} with the present acc_deg_s2 = {acc:.4g}."
+    )
+    click.echo(f"wrote {path} (version {calibration.origin.version})")
+
+
+def _data(path: Path, calibration: Calibration, found: Fit, beside: list[Comparison]) -> dict[str, Any]:
+    return {
+        "file": str(path),
+        "calibration": calibration.model_dump(mode="json"),
+        "residual_deg": found.residual_deg,
+        "axis_time_s": found.recording.axis_time_s,
+        "truth": [c._asdict() for c in beside],
+    }

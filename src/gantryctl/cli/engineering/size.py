@@ -1,0 +1,138 @@
+"""`gantryctl size`: from a requirement sheet to motors that fit and to the limits of a machine file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.text import paragraph, print_table
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.sizing.checks import Fit
+    from gantryctl.engineering.sizing.sheet import Sheet
+    from gantryctl.machine import Machine
+
+
+@click.command()
+@click.argument("files", nargs=-1, type=PATH, metavar="[SHEET] [MOTOR]...")
+@click.option("--motor", "motor_files", type=PATH, multiple=True, help="Motor file; may be repeated.")
+@config_option
+@click.option(
+    "--limits", is_flag=True, help="Print the tables of a machine file that follow, and nothing else."
+)
+@click.option(
+    "--write", "destination", type=PATH, help="Write a whole machine file: --config with these tables."
+)
+@json_option
+def size(
+    files: tuple[Path, ...],
+    motor_files: tuple[Path, ...],
+    config_file: Path | None,
+    limits: bool,
+    destination: Path | None,
+    as_json: bool,
+) -> int:
+    """Size motors for the requirement sheet SHEET (default: the reference gantry's).
+
+    The paper's equations (1) to (3), what they leave out, and which motors fit. Without --motor all delivered motors
+    are tried; the complete figures are those of the first that fits. Further MOTOR files may follow --motor, as the
+    shell expands `--motor motors/*.toml`. Exit code 1 when no motor fits.
+    """
+    from gantryctl.engineering.sizing.checks import fit
+    from gantryctl.engineering.sizing.motors import load_motors
+
+    sheet_path, motor_paths = _sorted_files(files, motor_files)
+    sheet = _sheet(sheet_path)
+    fits = [fit(sheet, motor) for motor in load_motors(motor_paths)]
+    shown = next((fitted for fitted in fits if fitted.fits), fits[0])
+    machine = machine_of(config_file)
+    if destination is not None:
+        _write(machine, shown, destination)
+    if limits:
+        return _print_limits(machine, shown)
+    if as_json:
+        from gantryctl.engineering.sizing.as_json import sizing_data
+
+        print_json(sizing_data(shown, fits, machine.drive.speed_loop))
+    else:
+        _show(sheet, shown, fits)
+    return 0 if any(fitted.fits for fitted in fits) else 1
+
+
+def _sorted_files(files: tuple[Path, ...], motor_files: tuple[Path, ...]) -> tuple[Path | None, list[Path]]:
+    """The sheet and the motors among the arguments; a file with a [motor] table is a motor."""
+    from gantryctl.engineering.sizing.motors import delivered_motors, is_motor_file
+    from gantryctl.errors import UsageError
+
+    motors = [path for given in motor_files for path in _expanded(given)]
+    sheets: list[Path] = []
+    for path in files:
+        (motors if is_motor_file(path) else sheets).append(path)
+    if len(sheets) > 1:
+        raise UsageError(f"two requirement sheets: {sheets[0]} and {sheets[1]}; give one")
+    return (sheets[0] if sheets else None), motors or delivered_motors()
+
+
+def _expanded(path: Path) -> list[Path]:
+    """A pattern that the shell did not expand."""
+    import glob
+
+    from gantryctl.errors import UsageError
+
+    if not glob.has_magic(str(path)) or path.exists():
+        return [path]
+    found = sorted(Path(name) for name in glob.glob(str(path)))
+    if not found:
+        raise UsageError(f"--motor {path}: no file has such a name")
+    return found
+
+
+def _sheet(path: Path | None) -> Sheet:
+    from gantryctl.engineering.sizing.sheet import default_sheet_path, load_sheet
+
+    return load_sheet(path or default_sheet_path())
+
+
+def _print_limits(machine: Machine, shown: Fit) -> int:
+    from gantryctl.engineering.sizing.chain import as_tables, machine_values, sized_machine
+
+    sized_machine(machine, shown)  # refuses what does not fit
+    sheet, motor = shown.train.sheet, shown.motor
+    click.echo(f"# requirement sheet {sheet.sheet.name}, motor {motor.name} ({motor.identity.source})")
+    click.echo(as_tables(machine_values(sheet, motor)), nl=False)
+    return 0
+
+
+def _write(machine: Machine, shown: Fit, path: Path) -> None:
+    from gantryctl.engineering.sizing.chain import sized_machine
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import to_toml
+
+    text = to_toml(sized_machine(machine, shown))
+    head = f"# {machine.name} with requirement sheet {shown.train.sheet.sheet.name} and motor {shown.motor.name}\n"
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(head + text)
+    except FileExistsError:
+        raise UsageError(f"--write {path}: exists already; choose another name") from None
+    except OSError as fault:
+        raise UsageError(f"--write {path}: cannot be written: {fault.strerror or fault}") from None
+    click.echo(f"wrote {path}; check it with `gantryctl config check {path}`", err=True)
+
+
+def _show(sheet: Sheet, shown: Fit, fits: list[Fit]) -> None:
+    from gantryctl.engineering.sizing import tables
+    from gantryctl.engineering.sizing.sentences import sentences
+
+    click.echo(f"{sheet.sheet.name}: {sheet.sheet.description}")
+    print_table(tables.paper_table(sheet))
+    print_table(tables.complete_table(shown))
+    print_table(tables.angle_table(shown))
+    print_table(tables.further_table(shown))
+    print_table(tables.motors_table(fits))
+    click.echo()
+    for text in sentences(shown, fits):
+        paragraph(text)

@@ -1,0 +1,171 @@
+"""`gantryctl tune`: the paper's procedure, or gains by margins; the result is a proposal."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import (
+    FINITE,
+    config_option,
+    directory,
+    json_option,
+    machine_of,
+    out_option,
+    print_json,
+)
+from gantryctl.cli.text import paragraph, print_table
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.tuning.by_margins import Conditions
+    from gantryctl.engineering.tuning.procedure import Criteria
+    from gantryctl.engineering.tuning.result import Tuning
+    from gantryctl.machine import Machine
+
+DEFAULT_OUT = Path("tuning")
+PROPOSAL = "proposal.toml"
+
+
+@click.command()
+@config_option
+@click.option(
+    "--method",
+    type=click.Choice(["paper", "margins"]),
+    default="paper",
+    show_default=True,
+    help="Trials on the simulated axis in the paper's order, or margins over the uncertain plant.",
+)
+@click.option(
+    "--plant",
+    type=click.Choice(["machine", "paper-drive"]),
+    default="machine",
+    show_default=True,
+    help="The axis of the machine file, or as the paper's drive saw it.",
+)
+@click.option(
+    "--base-limit",
+    "base_um",
+    type=FINITE,
+    default=150.0,
+    show_default=True,
+    help="Base motion at which raising the acceleration stops, um p-p (method paper).",
+)
+@click.option(
+    "--sensitivity",
+    type=FINITE,
+    default=1.7,
+    show_default=True,
+    help="Largest sensitivity peak (method margins).",
+)
+@click.option(
+    "--damping-left",
+    type=FINITE,
+    default=0.8,
+    show_default=True,
+    help="Part of its own damping that the loop leaves the load at least (method margins).",
+)
+@click.option("--log", "with_log", is_flag=True, help="Print every trial.")
+@click.option("--plot", is_flag=True, help="Write pictures to --out.")
+@out_option
+@json_option
+def tune(
+    config_file: Path | None,
+    method: str,
+    plant: str,
+    base_um: float,
+    sensitivity: float,
+    damping_left: float,
+    with_log: bool,
+    plot: bool,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Tune the loops on the simulated axis and write the result as a proposal, never over the machine file.
+
+    The proposal is a whole machine file: use it with --config, or look at it with `gantryctl config diff`. It goes to
+    --out (default: tuning/) with the log. Exit code 1 when it is unstable somewhere on the uncertain plant.
+    """
+    from gantryctl.engineering.tuning.proposal import proposed_machine
+    from gantryctl.engineering.tuning.result import tuning_data
+
+    machine = _simulated(config_file)
+    result = _run(machine, method, plant, _criteria(base_um), _conditions(sensitivity, damping_left))
+    proposed_machine(result)  # refused before anything is written
+    folder = directory(out or DEFAULT_OUT)
+    files = _write(result, folder, config_file, plot)
+    if as_json:
+        print_json(tuning_data(result))
+    else:
+        _show(result, with_log)
+        for path in files:
+            click.echo(f"wrote {path}")
+    return 0 if result.proposal.verdict.stable else 1
+
+
+def _simulated(config_file: Path | None) -> Machine:
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    if machine.drive.kind != "sim":
+        raise UsageError(f'tune needs [drive] kind = "sim", this machine has "{machine.drive.kind}"')
+    return machine
+
+
+def _criteria(base_um: float) -> Criteria:
+    from gantryctl.engineering.tuning.procedure import Criteria
+    from gantryctl.errors import UsageError
+
+    if base_um <= 0.0:
+        raise UsageError(f"--base-limit {base_um:g}: must be above 0 um")
+    return Criteria(base_um=base_um)
+
+
+def _conditions(sensitivity: float, damping_left: float) -> Conditions:
+    from gantryctl.engineering.tuning.by_margins import Conditions
+    from gantryctl.errors import UsageError
+
+    if not 1.0 < sensitivity <= 10.0:
+        raise UsageError(f"--sensitivity {sensitivity:g}: must be above 1 and at most 10")
+    if not 0.0 < damping_left <= 10.0:
+        raise UsageError(f"--damping-left {damping_left:g}: must be above 0 and at most 10")
+    return Conditions(sensitivity=sensitivity, damping_left=damping_left)
+
+
+def _run(machine: Machine, method: str, plant: str, criteria: Criteria, conditions: Conditions) -> Tuning:
+    from gantryctl.engineering.tuning.result import tune as run
+
+    return run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
+
+
+def _write(result: Tuning, folder: Path, config_file: Path | None, plot: bool) -> list[Path]:
+    import json
+
+    from gantryctl.engineering.tuning.plots import pictures
+    from gantryctl.engineering.tuning.proposal import write_proposal
+    from gantryctl.engineering.tuning.result import tuning_data
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import default_machine_path
+
+    files = write_proposal(result, folder / PROPOSAL, config_file or default_machine_path())
+    data = folder / "tuning.json"
+    try:
+        data.write_text(json.dumps(tuning_data(result), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    except OSError as fault:
+        raise UsageError(f"{data}: cannot be written: {fault.strerror or fault}") from None
+    return [*files, data, *(pictures(result, folder) if plot else [])]
+
+
+def _show(result: Tuning, with_log: bool) -> None:
+    from gantryctl.engineering.tuning import tables
+    from gantryctl.engineering.tuning.words import sentences
+
+    if result.tuned is not None:
+        if with_log:
+            print_table(tables.log_table(result.tuned))
+        print_table(tables.paper_table(result))
+    print_table(tables.before_after_table(result))
+    click.echo()
+    for text in sentences(result):
+        paragraph(text)

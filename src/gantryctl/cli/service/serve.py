@@ -1,0 +1,100 @@
+"""`gantryctl serve`: the controller as a service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from gantryctl.cli.options import PATH, config_option, proven_machine
+
+WHOLE = click.IntRange(0, 10_000_000)
+
+
+@click.command()
+@config_option
+@click.option(
+    "--listen",
+    default="127.0.0.1:8650",
+    show_default=True,
+    metavar="HOST:PORT",
+    help="Address of the page; port 0 for a free one.",
+)
+@click.option("--tls-cert", type=PATH, help="Certificate (PEM), needed for another host than loopback.")
+@click.option("--tls-key", type=PATH, help="Its private key (PEM).")
+@click.option(
+    "--name", "names", multiple=True, help="Host name under which browsers reach the page; may be repeated."
+)
+@click.option("--opcua", metavar="HOST:PORT", help="OPC UA for looking only; needs gantryctl[opcua].")
+@click.option(
+    "--second-person",
+    is_flag=True,
+    help="Brake test and reset of locked alarms: one user arms, another one executes.",
+)
+@click.option(
+    "--journal-size",
+    type=WHOLE,
+    default=500,
+    show_default=True,
+    metavar="MB",
+    help="The oldest events are taken out beyond this.",
+)
+@click.option(
+    "--journal-days",
+    type=click.IntRange(0, 36_500),
+    default=0,
+    metavar="DAYS",
+    help="Events older than this are taken out; without it none is too old.",
+)
+@click.option(
+    "--traces-size",
+    type=WHOLE,
+    default=5000,
+    show_default=True,
+    metavar="MB",
+    help="The oldest recordings are removed beyond this.",
+)
+@click.option(
+    "--reserve",
+    type=WHOLE,
+    default=64,
+    show_default=True,
+    metavar="MB",
+    help="With less free on the disk nothing is recorded.",
+)
+@click.option(
+    "--event-reserve",
+    type=WHOLE,
+    default=16,
+    show_default=True,
+    metavar="MB",
+    help="With less free no new motion begins.",
+)
+@click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
+def serve(
+    config_file: Path | None,
+    listen: str,
+    tls_cert: Path | None,
+    tls_key: Path | None,
+    names: tuple[str, ...],
+    opcua: str | None,
+    second_person: bool,
+    journal_size: int,
+    journal_days: int,
+    traces_size: int,
+    reserve: int,
+    event_reserve: int,
+    no_page: bool,
+) -> int:
+    """Run the controller with its operator page until Ctrl-C.
+
+    Virtual gantry by default. Only this machine can reach the page unless --listen names another address, which needs
+    TLS and users (`gantryctl user add`). Ctrl-C brings the axis to rest, closes the brake and closes the journal.
+    """
+    from gantryctl.cli.service.serving import Listen, run_service
+    from gantryctl.service.recorder.retention import Keeping
+
+    machine = proven_machine(config_file)
+    page = None if no_page else Listen(listen, tls_cert, tls_key, names)
+    keeping = Keeping(journal_size, journal_days, traces_size, reserve, event_reserve)
+    return run_service(machine, config_file, page, opcua, keeping=keeping, second_person=second_person)

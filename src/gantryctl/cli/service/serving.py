@@ -1,0 +1,200 @@
+"""Starts the service for a command line: address, self-test, processes."""
+
+from __future__ import annotations
+
+import asyncio
+import importlib.util
+import ipaddress
+import json
+import socket
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import NamedTuple
+
+import click
+
+from gantryctl.errors import StateError, UsageError
+from gantryctl.machine import Machine, default_machine_path, short_hash
+from gantryctl.operation import StateStore
+from gantryctl.operation.store import state_root
+from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.supervisor.certificates import refuse_expired
+from gantryctl.service.supervisor.process import Options, Supervisor
+from gantryctl.service.supervisor.selftest import self_test
+from gantryctl.service.supervisor.users import Users
+
+
+class Listen(NamedTuple):
+    """Where the page listens, as given on the command line."""
+
+    address: str
+    certificate: Path | None
+    key: Path | None
+    names: tuple[str, ...]
+
+
+def run_service(
+    machine: Machine,
+    config_file: Path | None,
+    page: Listen | None,
+    opcua: str | None,
+    *,
+    keeping: Keeping,
+    second_person: bool = False,
+) -> int:
+    """Check, start, say where, wait for the end; the exit code.
+
+    Raises:
+        UsageError: an address or a size that may not be used. StateError: the self-test failed.
+    """
+    root = state_root()
+    listener = None if page is None else _listener(page, root)
+    store = StateStore(machine)
+    checks = self_test(machine, store, root, keeping.checked())
+    for check in checks:
+        if not check.ok:
+            click.echo(f"warning: {check.name}: {check.text}", err=True)
+    if any(check.vital and not check.ok for check in checks):
+        raise StateError("the self-test failed: the service does not start")
+    config = (config_file or default_machine_path()).resolve()
+    gateway = (
+        None if page is None or listener is None else gateway_command(page, listener, root, store.directory)
+    )
+    supervisor = Supervisor(
+        machine,
+        config,
+        store.directory,
+        gateway,
+        listener.fileno() if listener is not None else -1,
+        None if opcua is None else opcua_command(opcua, root, store.directory),
+        lambda text: click.echo(text, err=True),
+        Options(
+            keeping,
+            lambda: certificate_files(page, store.directory if opcua else None),
+            second_person,
+            Users(root),
+        ),
+    )
+
+    def ready() -> None:
+        click.echo(
+            f"{machine.name} is in service (configuration {short_hash(machine)}, {machine.drive.kind} drive)"
+        )
+        if page is None or listener is None:
+            click.echo("no page; `gantryctl attach` sends commands here")
+        else:
+            click.echo(f"page: {address_of(page, listener)}")
+            click.echo(how_to_log_in(Users(root)))
+        click.echo("Ctrl-C: the axis comes to rest, brake closed, torque off")
+
+    return asyncio.run(supervisor.run(ready))
+
+
+def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
+    """Module and settings of the OPC UA process.
+
+    Raises:
+        UsageError: the extra is not installed, or there are no users for an address beyond loopback.
+    """
+    host, port = split(address)
+    if importlib.util.find_spec("asyncua") is None:
+        raise UsageError("--opcua: asyncua is not installed; pip install 'gantryctl[opcua]'")
+    if not is_loopback(host) and not Users(root).all():
+        raise UsageError(f"--opcua {address}: there are no users: gantryctl user add NAME --role viewer")
+    settings = {
+        "host": host,
+        "port": port,
+        "root": str(root.resolve()),
+        "directory": str(directory.resolve()),
+    }
+    return ["gantryctl.gateway.opcua", json.dumps(settings)]
+
+
+def certificate_files(page: Listen | None, opcua: Path | None) -> list[Path]:
+    """Of the page and, below the directory given, of OPC UA: its own and those of its clients."""
+    found = [] if page is None or page.certificate is None else [page.certificate]
+    if opcua is not None:
+        folder = opcua / "opcua"
+        found += [*folder.glob("certificate.der"), *sorted(folder.glob("trusted/*"))]
+    return [file for file in found if file.name != "own.der"]
+
+
+def _listener(page: Listen, root: Path) -> socket.socket:
+    """The listening socket, after the checks on where it may listen.
+
+    Raises:
+        UsageError: an address beyond loopback without TLS or without users, or one that cannot be had.
+    """
+    host, port = split(page.address)
+    if (page.certificate is None) != (page.key is None):
+        raise UsageError("--tls-cert and --tls-key belong together")
+    for file in (page.certificate, page.key):
+        if file is not None and not file.is_file():
+            raise UsageError(f"{file}: there is no such file")
+    if not is_loopback(host):
+        if page.certificate is None:
+            raise UsageError(
+                f"--listen {page.address}: other machines reach it: it needs --tls-cert and --tls-key"
+            )
+        if not Users(root).all():
+            raise UsageError(
+                f"--listen {page.address}: there are no users: gantryctl user add NAME --role operator"
+            )
+    if page.certificate is not None:
+        refuse_expired(page.certificate, datetime.now(UTC))
+    try:
+        family, *_, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        return socket.create_server(address[:2], family=family, backlog=64)
+    except OSError as fault:
+        raise UsageError(
+            f"--listen {page.address}: {fault.strerror or fault}; a free port: {host}:0"
+        ) from fault
+
+
+def address_of(page: Listen, listener: socket.socket) -> str:
+    """The page's address for people."""
+    host, port = split(page.address)[0], listener.getsockname()[1]
+    shown = page.names[0] if page.names else (f"[{host}]" if ":" in host else host)
+    return f"{'https' if page.certificate else 'http'}://{shown}:{port}/"
+
+
+def how_to_log_in(users: Users) -> str:
+    """Who can log in, or how to make it possible."""
+    names = sorted(users.all())
+    if names:
+        return f"log in as: {', '.join(names)}"
+    return "nobody can log in yet: gantryctl user add NAME --role operator"
+
+
+def split(address: str) -> tuple[str, int]:
+    """Host and port of HOST:PORT; UsageError when it is none."""
+    host, colon, port = address.rpartition(":")
+    host = host.strip("[]")
+    if not colon or not host or not port.isdigit() or not int(port) <= 65535:
+        raise UsageError(f"--listen {address}: write HOST:PORT, for example 127.0.0.1:8650")
+    return host, int(port)
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this machine reaches it."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def gateway_command(page: Listen, listener: socket.socket, root: Path, directory: Path) -> list[str]:
+    """Module and settings of the gateway process."""
+    settings = {
+        "host": split(page.address)[0],
+        "port": listener.getsockname()[1],
+        "listener": listener.fileno(),
+        "certificate": str(page.certificate.resolve()) if page.certificate else None,
+        "key": str(page.key.resolve()) if page.key else None,
+        "names": list(page.names),
+        "root": str(root.resolve()),
+        "directory": str(directory.resolve()),
+    }
+    return ["gantryctl.gateway", json.dumps(settings)]

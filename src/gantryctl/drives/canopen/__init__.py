@@ -1,0 +1,28 @@
+"""The CANopen master: a CiA 402 drive in cyclic synchronous velocity behind the `Drive` port.
+
+SYNC and process data belong to the scan; SDO is used before the first scan and after the last one only.
+"""
+
+from __future__ import annotations
+
+from gantryctl.drives.canopen.bus.link import BusLink, Link
+from gantryctl.drives.canopen.bus.node import NodeIdentity, RemoteNode
+from gantryctl.drives.canopen.counters import BusCounters
+from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.canopen.settings import CanopenSettings, InputBits
+from gantryctl.drives.canopen.setup.parameter_check import Row, Verdict
+from gantryctl.drives.canopen.setup.read_only import LookedAtDrive
+
+__all__ = [
+    "BusCounters",
+    "BusLink",
+    "CanopenDrive",
+    "CanopenSettings",
+    "InputBits",
+    "Link",
+    "LookedAtDrive",
+    "NodeIdentity",
+    "RemoteNode",
+    "Row",
+    "Verdict",
+]

@@ -1,0 +1,1 @@
+"""The bus below the drive: adapter, link, one owner per drive, node with NMT and SDO."""

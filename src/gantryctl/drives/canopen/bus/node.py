@@ -1,0 +1,199 @@
+"""A node as its master sees it: NMT state, heartbeat, boot-ups, emergency messages, SDO."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Final, NamedTuple
+
+from gantryctl.drives.canopen.bus.link import Frame, Link
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.drives.canopen.emergency import EmergencyLog
+from gantryctl.errors import DeviceError
+
+NMT: Final = 0x000
+SYNC: Final = 0x080
+_EMCY: Final = 0x080
+_HEARTBEAT: Final = 0x700
+_SDO_REQUEST: Final = 0x600
+_BOOT_S: Final = 3.0
+_LISTEN_S: Final = 0.02
+
+
+class NmtCommand(IntEnum):
+    """What a master says on identifier 0."""
+
+    START = 0x01
+    STOP = 0x02
+    ENTER_PRE_OPERATIONAL = 0x80
+    RESET_NODE = 0x81
+    RESET_COMMUNICATION = 0x82
+
+
+class NmtState(IntEnum):
+    """What a heartbeat says."""
+
+    BOOT_UP = 0x00
+    STOPPED = 0x04
+    OPERATIONAL = 0x05
+    PRE_OPERATIONAL = 0x7F
+
+
+class NodeIdentity(NamedTuple):
+    """Objects 1000, 1008 to 100A and 1018: what is pinned when commissioning."""
+
+    vendor: int
+    product: int
+    revision: int
+    serial: int
+    device_type: int
+    name: str
+    hardware: str
+    software: str
+
+    @property
+    def text(self) -> str:
+        """In one line."""
+        name = self.name or "drive without a name"
+        return f"{name}, software {self.software or '?'}, serial {self.serial}"
+
+    @property
+    def key(self) -> str:
+        """What tells one drive from another."""
+        return f"{self.vendor:08X}-{self.product:08X}-{self.serial}"
+
+
+class RemoteNode:
+    """One node on a link.
+
+    Args:
+        link: the bus.
+        node: its node id.
+        master_node: node id of our own heartbeat.
+        sdo_timeout_s: for one answer.
+
+    Attributes:
+        state: NMT state of the last heartbeat; None before the first.
+        heartbeat_age: scans since then, counted by `tick`.
+        boots: boot-up messages since `forget_boots`.
+        others: frames on identifiers that only this master may send.
+    """
+
+    def __init__(self, link: Link, node: int, master_node: int, sdo_timeout_s: float) -> None:
+        self.link, self.node, self.master_node = link, node, master_node
+        self.sdo = SdoClient(link, node, self.dispatch, sdo_timeout_s)
+        self.emergencies = EmergencyLog()
+        self.state: int | None = None
+        self.heartbeat_age = 0
+        self.boots = self.others = self.strange = 0
+        self.scan = 0
+        self._heartbeat_frame = bytes((NmtState.OPERATIONAL,))
+        ours = (NMT, SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node)
+        self._handlers: dict[int, Callable[[bytes], object]] = {
+            _EMCY + node: lambda data: self.emergencies.take(data, self.scan),
+            _HEARTBEAT + node: self._heartbeat,
+            **dict.fromkeys(ours, self._foreign),
+        }
+
+    def listen(self, can_id: int, handler: Callable[[bytes], object]) -> None:
+        """Take frames of an identifier from now on."""
+        self._handlers[can_id] = handler
+
+    def reserve(self, can_id: int) -> None:
+        """An identifier that only this master may send."""
+        self._handlers[can_id] = self._foreign
+
+    def dispatch(self, frame: Frame) -> None:
+        """One frame, whatever it is: nothing on the bus may raise here."""
+        handler = self._handlers.get(frame.can_id)
+        if handler is not None:
+            handler(frame.data)
+        else:
+            self.strange += 1
+
+    def _heartbeat(self, data: bytes) -> None:
+        """Some drives send heartbeats without data: they live, and say nothing of their state."""
+        self.heartbeat_age = 0
+        if not data:
+            return
+        state = data[0] & 0x7F
+        if state == NmtState.BOOT_UP:
+            self.boots += 1
+        self.state = state
+
+    def _foreign(self, _data: bytes) -> None:
+        self.others += 1
+
+    def forget_boots(self) -> None:
+        """What was before does not count."""
+        self.boots = self.others = 0
+        self.heartbeat_age = 0
+
+    # --- out ---------------------------------------------------------------------------------------------------
+
+    def nmt(self, command: NmtCommand) -> None:
+        """Tell the node."""
+        self.link.send(NMT, bytes((command, self.node)))
+
+    def sync(self) -> None:
+        """Once a scan."""
+        self.link.send(SYNC, b"")
+
+    def heartbeat(self) -> None:
+        """We live."""
+        self.link.send(_HEARTBEAT + self.master_node, self._heartbeat_frame)
+
+    def listen_for(self, seconds: float) -> None:
+        """Take what comes for a time."""
+        end = self.link.now_s() + seconds
+        while (left := end - self.link.now_s()) > 1e-6:
+            frame = self.link.receive(left)
+            if frame is not None:
+                self.dispatch(frame)
+
+    def drain(self, most: int = 500) -> None:
+        """Take what waits; a flood does not hold up the scan for ever."""
+        for _ in range(most):
+            frame = self.link.receive(0.0)
+            if frame is None:
+                return
+            self.dispatch(frame)
+
+    def enter_pre_operational(self) -> None:
+        """And wait a moment: nothing confirms it but a heartbeat."""
+        self.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
+        self.listen_for(_LISTEN_S)
+
+    def restart(self) -> None:
+        """Reset the node and wait for its boot-up.
+
+        Raises:
+            DeviceError: it does not come back.
+        """
+        before = self.boots
+        self.nmt(NmtCommand.RESET_NODE)
+        end = self.link.now_s() + _BOOT_S
+        while self.boots == before:
+            if self.link.now_s() >= end:
+                raise DeviceError(f"node {self.node}: no boot-up within {_BOOT_S:g} s after its reset")
+            self.listen_for(_LISTEN_S)
+
+    def identity(self) -> NodeIdentity:
+        """Who it is.
+
+        Raises:
+            DeviceError: nobody answers.
+        """
+        sdo = self.sdo
+        try:
+            device_type = sdo.number(0x1000)
+        except SdoError as silent:
+            if silent.silent:
+                raise DeviceError(
+                    f"node {self.node} does not answer: is it switched on, is the node id right, and channel and bit "
+                    "rate? `gantryctl can scan` shows who is there"
+                ) from None
+            device_type = 0
+        vendor, product, revision, serial = (sdo.optional(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
+        names = (sdo.text(0x1008), sdo.text(0x1009), sdo.text(0x100A))
+        return NodeIdentity(vendor, product, revision, serial, device_type, *names)

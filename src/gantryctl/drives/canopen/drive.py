@@ -1,0 +1,321 @@
+"""A CiA 402 drive in cyclic synchronous velocity on a CANopen bus, behind the `Drive` port.
+
+One scan: `read` sends SYNC and takes the answers that belong to it, `write` sends the RPDO, which acts at the next
+SYNC. So the feedback of scan k is the state at its SYNC, and a command acts one period later.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Final
+
+from gantryctl.drives.canopen.brake import BrakeWork
+from gantryctl.drives.canopen.bus.connection import LATCHED, LOST, connection_flags
+from gantryctl.drives.canopen.bus.link import Link
+from gantryctl.drives.canopen.bus.node import NmtCommand, RemoteNode
+from gantryctl.drives.canopen.cia402 import (
+    DISABLE_VOLTAGE,
+    ENABLE_OPERATION,
+    FOLLOWS_COMMAND,
+    INTERNAL_LIMIT,
+    WARNING,
+    decode_statusword,
+    next_controlword,
+)
+from gantryctl.drives.canopen.counters import BusCounters, bus_counters
+from gantryctl.drives.canopen.process_image import ProcessImage
+from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
+from gantryctl.drives.canopen.setup.opening import Opened, open_node
+from gantryctl.drives.canopen.setup.parameter_check import Verdict
+from gantryctl.drives.canopen.setup.parameter_watch import ReadBack
+from gantryctl.errors import DeviceError
+from gantryctl.image import (
+    SAFE_OUTPUT,
+    DriveFeedback,
+    DriveIdentity,
+    DriveRequest,
+    DriveState,
+    EncoderFlag,
+    LinkFlag,
+    OutputImage,
+)
+
+_FIRST_ANSWER_S: Final = 0.5
+_CLOSE_S: Final = 3.0
+_OBEYED_SCANS: Final = 3
+"""From a controlword until the statusword must show it: it acts at the next SYNC and shows at the one after."""
+_REST_RAD_S: Final = 0.02
+_TORQUE_TAKEN: Final = (
+    DriveState.SWITCHED_ON,  # a drive opens its brake against the preload before it shows Operation enabled
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+)
+_IN_FAULT: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+_ENERGISED: Final = (
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION_ACTIVE,
+)
+
+
+class CanopenDrive:
+    """One drive; made by `CanopenDrive(...)`, set up by `open()`.
+
+    Args:
+        link: the bus; closed by `close`.
+        settings: of the drive.
+
+    Attributes:
+        node: NMT, SDO, emergency messages.
+        opened: identity, matrix, mapping; after `open`.
+        read_back: the same parameters, read again while it runs.
+        commanded: the program has written: heartbeats are sent, and the drive watches us.
+        silent_process_data, silent_heartbeat: for the proof that the drive stops a silent controller's axis.
+    """
+
+    def __init__(self, link: Link, settings: CanopenSettings) -> None:
+        self.link, self.settings = link, settings
+        self.node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
+        self.silent_process_data = self.silent_heartbeat = False
+        self.scan = 0
+        self._heartbeat_due = 0
+        self.commanded = self._due = self._closed = False
+        self._flags = LinkFlag.NONE
+        self._synced_s = 0.0
+        self._passed = 1
+
+    # --- before the first scan ---------------------------------------------------------------------------------
+
+    def open(self) -> CanopenDrive:
+        """Set the drive up, start it, and see that it answers SYNC.
+
+        Raises:
+            DeviceError: it cannot be set up; the link is closed then.
+        """
+        try:
+            self._set_up(open_node(self.node, self.settings), None)
+        except BaseException:
+            self._closed = True
+            self.link.close()
+            raise
+        return self
+
+    def _set_up(self, opened: Opened, before: ProcessImage | None) -> None:
+        """Begin with what was found and written: nothing of an earlier connection counts any more."""
+        settings, node = self.settings, self.node
+        self.opened = opened
+        self.process = ProcessImage(node, settings, opened.units, opened.mapping, before)
+        self.read_back = ReadBack(node, opened.kept, settings.period_s)
+        self._brake, self._controlword = BrakeWork(settings), DISABLE_VOLTAGE
+        self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
+        self._flags, self._enabling = LinkFlag.NONE, 0
+        node.state = None
+        node.forget_boots()
+        node.emergencies.code = opened.error_code
+        watched = any(row.place == "1017:00" and row.verdict is Verdict.OK for row in opened.rows)
+        self._heartbeat_timeout = settings.timeout_scans if watched else None
+        self._first_answer()
+
+    @property
+    def lost(self) -> bool:
+        """The drive has to be set up anew before it may be enabled: its connection was lost, or a parameter changed."""
+        return bool(self._flags & LATCHED) or bool(self.read_back.differs)
+
+    def set_up_anew(self) -> None:
+        """Set a lost drive up again on the same bus: power off, standing, between two scans. Nothing moves.
+
+        Raises:
+            DeviceError: it does not answer, is enabled, or is another drive; it stays lost then.
+        """
+        node = self.node
+        node.drain()
+        self._take_the_watch_off()
+        key = node.identity().key
+        if key != self.opened.identity.key:
+            raise DeviceError(
+                f"node {node.node} is now {key}, it was {self.opened.identity.key}: another drive"
+            )
+        self._set_up(open_node(node, self.settings), self.process)
+
+    def _first_answer(self) -> None:
+        self._due = True
+        self._exchange(_FIRST_ANSWER_S)
+        if not self.process.complete:
+            raise DeviceError(
+                f"node {self.settings.node} does not answer SYNC with its process data: is it OPERATIONAL, and is "
+                "1005 = 80h?"
+            )
+        self._last = self._feedback()
+
+    def resume(self) -> None:
+        """Take the drive up again after a silence that was meant: its set-up is still there, unless it has restarted.
+
+        Raises:
+            DeviceError: it has restarted, or does not answer.
+        """
+        self.silent_process_data = self.silent_heartbeat = False
+        self.node.drain()
+        if self.node.boots:
+            raise DeviceError(f"node {self.settings.node} has restarted: open it anew")
+        self.node.nmt(NmtCommand.START)
+        self.node.state, self._flags, self.commanded = None, LinkFlag.NONE, False
+        self.process.forget()
+        self._first_answer()
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why this drive is not enabled; () when nothing is against it."""
+        return self.opened.refusals
+
+    @property
+    def torque_preload(self) -> bool:
+        """60B2 is mapped, and 6077: what cannot be read proves nothing."""
+        return self.process.torque_offset and self.process.torque_known
+
+    def identity(self) -> DriveIdentity:
+        """Name, serial number and resolution."""
+        return drive_identity(self.settings, self.opened.identity.text, self.opened.identity.key)
+
+    # --- the scan ----------------------------------------------------------------------------------------------
+
+    def read(self) -> DriveFeedback:
+        """The state at this scan's SYNC; asked again before a `write`, the same."""
+        if self._due and not self._closed:
+            self._exchange(self.settings.answer_s)
+            self._last = self._feedback()
+        return self._last
+
+    def write(self, output: OutputImage) -> None:
+        """The command of this scan; it acts at the next SYNC."""
+        if self._closed:
+            return
+        if not self.commanded:
+            self._synced_s = self.link.now_s()
+            self.commanded = True  # from the first heartbeat on the drive watches us
+            self.node.forget_boots()
+        state = self._last.state
+        request = DriveRequest.DISABLE if self.refusals or self._flags & LOST else output.request
+        word = next_controlword(state, request, self._controlword)
+        self._controlword = word = self._brake.word(word, state, request, output.brake_open)
+        self._enabling = self._enabling + 1 if word == ENABLE_OPERATION else 0
+        enabled = state is DriveState.OPERATION_ENABLED and request is DriveRequest.ENABLE
+        vel = output.vel_cmd_rad_s if enabled else 0.0
+        torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
+        if not self.silent_process_data:
+            self.process.send(word, vel, torque, self._brake.released)
+            unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
+            self.read_back.scan(self._passed, unknown)
+        self._due = True
+
+    def _exchange(self, answer_s: float) -> None:
+        """SYNC out, process data in."""
+        self._due = False
+        node, process = self.node, self.process
+        periods = self._passed = self._periods()
+        node.heartbeat_age += periods
+        node.drain()
+        self.scan += periods
+        node.scan = self.scan
+        # A drive that left OPERATIONAL takes no command; where it turns, our silence makes its own watch stop it.
+        speaks = self.commanded and not self.silent_heartbeat and not self._flags & LinkFlag.NOT_OPERATIONAL
+        if speaks and self.scan >= self._heartbeat_due:
+            node.heartbeat()
+            self._heartbeat_due = self.scan + self.settings.heartbeat_scans
+        if self.silent_process_data:
+            node.listen_for(self.settings.period_s)
+            return
+        process.begin(periods)
+        node.sync()
+        process.collect(answer_s)
+
+    def _periods(self) -> int:
+        """SYNC periods since the last SYNC: ages and time-outs count those that were missed too."""
+        before, self._synced_s = self._synced_s, self.link.now_s()
+        if self.link.stepped or not self.commanded:
+            return 1
+        return max(1, round((self._synced_s - before) / self.settings.period_s))
+
+    def _feedback(self) -> DriveFeedback:
+        process = self.process
+        flags = self._flags = self._link_flags()
+        status = process.statusword
+        state = DriveState.UNKNOWN if flags & LOST else self._shown(decode_statusword(status), status)
+        inputs, brake = process.inputs()
+        brake_open = self._brake.is_open(state, brake)
+        code = process.error_code or self.node.emergencies.code or self.read_back.error_code
+        return DriveFeedback(
+            state,
+            process.position,
+            process.vel_rad_s,
+            process.torque_nm,
+            brake_open,
+            bool(status & INTERNAL_LIMIT) and state in _ENERGISED,
+            0.0,
+            EncoderFlag.NONE,
+            code if state in _IN_FAULT else 0,
+            bool(status & WARNING),
+            process.age,
+            inputs,
+            link=flags,
+            changed="" if flags & LOST else self.read_back.line,
+        )
+
+    def _shown(self, state: DriveState, status: int) -> DriveState:
+        """Operation enabled counts from the moment the drive follows 60FF: some say it while the brake opens."""
+        if state is not DriveState.OPERATION_ENABLED:
+            self._followed = False
+        elif not self.settings.follows_bit or status & FOLLOWS_COMMAND:
+            self._followed = True
+        elif not self._followed:
+            return DriveState.SWITCHED_ON
+        return state
+
+    def _link_flags(self) -> LinkFlag:
+        flags = connection_flags(
+            self.node, self._flags, commanded=self.commanded, timeout_scans=self._heartbeat_timeout
+        )
+        return flags | LinkFlag.IGNORES_COMMAND if self.commanded and self._ignores_command() else flags
+
+    def _ignores_command(self) -> bool:
+        """Enabled for long enough, and bit 12 is gone."""
+        status = self.process.statusword
+        late = self._enabling > _OBEYED_SCANS and self._followed and self.settings.follows_bit
+        enabled = decode_statusword(status) is DriveState.OPERATION_ENABLED
+        return late and enabled and not status & FOLLOWS_COMMAND
+
+    def counters(self) -> BusCounters:
+        """How well the bus works."""
+        return bus_counters(self.scan, self.process.watches, self.node)
+
+    # --- the end -----------------------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Torque off, brake closed; the drive's watch over us is taken off before we fall silent. Then off the bus."""
+        if self._closed:
+            return
+        try:
+            self.silent_process_data = self.silent_heartbeat = False
+            if self.commanded:
+                self._come_to_rest()
+            with suppress(DeviceError):
+                self._take_the_watch_off()
+        finally:
+            self._closed = True
+            self.link.close()
+
+    def _take_the_watch_off(self) -> None:
+        """No process data, and no heartbeat of ours expected: silence is no fault any more."""
+        self.node.enter_pre_operational()
+        if self.node.sdo.optional(0x1016, 1):
+            self.node.sdo.set(0x1016, 1, 0)
+
+    def _come_to_rest(self) -> None:
+        """Scans of our own until nothing turns; a drive that does not answer is not waited for."""
+        period = self.settings.period_s
+        for _ in range(round(_CLOSE_S / period)):
+            self.write(SAFE_OUTPUT)
+            self.link.pace(period)
+            seen = self.read()
+            still = seen.state not in _ENERGISED and not seen.brake_open
+            if seen.link or (still and abs(seen.vel_act_rad_s) < _REST_RAD_S):
+                return

@@ -1,0 +1,175 @@
+"""Process data: which objects go where, written to the drive by plain SDO and read back.
+
+The mapping objects are written one by one, whatever an EDS says about them. An object that the drive cannot map is left
+out and something else stands in for it; what must be there and is not is an error.
+"""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.errors import DeviceError
+
+SYNCHRONOUS: Final = 1
+"""Transmission type: at every SYNC."""
+_INVALID: Final = 0x8000_0000
+_NO_RTR: Final = 0x4000_0000
+_PDOS: Final = 4
+
+
+class Signal(NamedTuple):
+    """One object in a telegram."""
+
+    obj: int
+    sub: int
+    bits: int
+    signed: bool
+
+    @property
+    def entry(self) -> int:
+        """As the mapping objects have it."""
+        return self.obj << 16 | self.sub << 8 | self.bits
+
+
+CONTROLWORD: Final = Signal(0x6040, 0, 16, False)
+TARGET_VELOCITY: Final = Signal(0x60FF, 0, 32, True)
+TORQUE_OFFSET: Final = Signal(0x60B2, 0, 16, True)
+OUTPUTS: Final = Signal(0x60FE, 1, 32, False)
+STATUSWORD: Final = Signal(0x6041, 0, 16, False)
+POSITION: Final = Signal(0x6064, 0, 32, True)
+VELOCITY: Final = Signal(0x606C, 0, 32, True)
+TORQUE: Final = Signal(0x6077, 0, 16, True)
+INPUTS: Final = Signal(0x60FD, 0, 32, False)
+ERROR: Final = Signal(0x603F, 0, 16, False)
+
+
+class Pdo(NamedTuple):
+    """One telegram: number 0 is the first of its direction."""
+
+    number: int
+    signals: tuple[Signal, ...]
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return sum(signal.bits for signal in self.signals) // 8
+
+
+class Mapping(NamedTuple):
+    """All telegrams of one drive."""
+
+    rpdos: tuple[Pdo, ...]
+    tpdos: tuple[Pdo, ...]
+
+    @property
+    def signals(self) -> frozenset[Signal]:
+        """Everything that is mapped."""
+        return frozenset(signal for pdo in (*self.rpdos, *self.tpdos) for signal in pdo.signals)
+
+
+def plan_mapping(present: frozenset[Signal], brake_by_60fe: bool) -> Mapping:
+    """Telegrams for what a drive has.
+
+    One RPDO (a second one only for a brake worked by 60FE) and two TPDOs. 6041, 6064 and 6077 come in the first,
+    606C with the inputs in the second; without inputs 603F has room, otherwise EMCY tells the error.
+    """
+    first = [CONTROLWORD, TARGET_VELOCITY, *_those(present, TORQUE_OFFSET)]
+    rpdos = [Pdo(0, tuple(first))]
+    if brake_by_60fe:
+        rpdos.append(Pdo(1, (OUTPUTS,)))
+    status = [STATUSWORD, POSITION, *_those(present, TORQUE)]
+    second = _those(present, VELOCITY, INPUTS if INPUTS in present else ERROR)
+    if INPUTS in present and VELOCITY not in present:
+        second += _those(present, ERROR)
+    tpdos = [Pdo(0, tuple(status)), *([Pdo(1, tuple(second))] if second else [])]
+    return Mapping(tuple(rpdos), tuple(tpdos))
+
+
+def _those(present: frozenset[Signal], *wanted: Signal) -> list[Signal]:
+    return [signal for signal in wanted if signal in present]
+
+
+def configure(sdo: SdoClient, node: int, brake_by_60fe: bool) -> Mapping:
+    """Write the mapping in PRE-OPERATIONAL, read everything back, and say what is in force.
+
+    Raises:
+        DeviceError: something that must be mapped cannot be, or the drive says something else than was written.
+    """
+    present = frozenset(
+        signal
+        for signal in (TORQUE_OFFSET, VELOCITY, TORQUE, INPUTS, ERROR)
+        if sdo.optional(signal.obj, signal.sub) is not None
+    )
+    while True:
+        plan = plan_mapping(present, brake_by_60fe)
+        refused = _write(sdo, node, plan)
+        if refused is None:
+            _read_back(sdo, node, plan)
+            return plan
+        if refused not in present:
+            raise DeviceError(
+                f"node {node}: object {refused.obj:04X}:{refused.sub:02X} cannot be mapped; without it there is no "
+                "CSV axis"
+            )
+        present -= {refused}
+
+
+def _rows(node: int, plan: Mapping) -> list[tuple[int, int, Pdo | None]]:
+    """(communication object, identifier, telegram) of everything that is switched on or off."""
+    receive = {pdo.number: pdo for pdo in plan.rpdos}
+    transmit = {pdo.number: pdo for pdo in plan.tpdos}
+    rows: list[tuple[int, int, Pdo | None]] = []
+    for number in range(_PDOS):
+        rows.append((0x1400 + number, 0x200 + 0x100 * number + node, receive.get(number)))
+        rows.append((0x1800 + number, (0x180 + 0x100 * number + node) | _NO_RTR, transmit.get(number)))
+    return rows
+
+
+def _write(sdo: SdoClient, node: int, plan: Mapping) -> Signal | None:
+    """The CiA way, telegram by telegram; the signal that the drive refuses, or None."""
+    for communication, cob_id, pdo in _rows(node, plan):
+        if pdo is None:
+            _switch_off(sdo, communication, cob_id)
+            continue
+        mapping = communication + 0x200
+        sdo.set(communication, 1, cob_id | _INVALID)
+        sdo.set(mapping, 0, 0, 1)
+        for sub, signal in enumerate(pdo.signals, start=1):
+            try:
+                sdo.set(mapping, sub, signal.entry, 4)
+            except SdoError as refused:
+                if refused.silent:
+                    raise
+                return signal
+        sdo.set(mapping, 0, len(pdo.signals), 1)
+        sdo.set(communication, 2, SYNCHRONOUS, 1)
+        sdo.set(communication, 1, cob_id, 4)
+    return None
+
+
+def _switch_off(sdo: SdoClient, communication: int, cob_id: int) -> None:
+    """A telegram that is not used must not fly; a drive with fewer telegrams has nothing to switch off."""
+    now = sdo.optional(communication, 1)
+    if now is not None and not now & _INVALID:
+        sdo.set(communication, 1, cob_id | _INVALID, 4)
+
+
+def _read_back(sdo: SdoClient, node: int, plan: Mapping) -> None:
+    wrong = []
+    for communication, cob_id, pdo in _rows(node, plan):
+        if pdo is None:
+            continue
+        mapping = communication + 0x200
+        wanted = [
+            (communication, 1, cob_id, 0x9FFF_FFFF),
+            (communication, 2, SYNCHRONOUS, 0xFF),
+            (mapping, 0, len(pdo.signals), 0xFF),
+            *((mapping, sub, signal.entry, 0xFFFF_FFFF) for sub, signal in enumerate(pdo.signals, start=1)),
+        ]
+        for index, sub, want, mask in wanted:
+            have = sdo.number(index, sub)
+            if have & mask != want & mask:
+                wrong.append(f"{index:04X}:{sub:02X} = {have:X}, written {want:X}")
+    if wrong:
+        raise DeviceError(f"node {node}: the process data mapping did not take: {'; '.join(wrong)}")

@@ -1,0 +1,212 @@
+"""The process data of one drive: bytes to quantities and back, with the counters of every telegram."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Final
+
+from gantryctl.drives.canopen import mapping as m
+from gantryctl.drives.canopen.bus.node import RemoteNode
+from gantryctl.drives.canopen.diagnostics import TpdoWatch
+from gantryctl.drives.canopen.mapping import Mapping, Pdo, Signal
+from gantryctl.drives.canopen.scaling import BusUnits
+from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.drives.canopen.unwrap import Unwrap
+from gantryctl.image import DigitalInputs
+
+_ALL_GOOD: Final = DigitalInputs()
+_TIMES_KEPT: Final = 5000
+_CARRIED_S: Final = 0.030
+"""So long a position whose telegram is missing goes on with its speed; the program stops the axis then (CAN-07)."""
+_BRAKE_CLOSED: Final = 1
+"""60FE bit 0: set the brake."""
+
+
+class ProcessImage:
+    """What goes over the bus every scan.
+
+    Args:
+        node: takes and sends frames.
+        settings: range of the encoder, bits of the inputs.
+        units: conversions.
+        mapping: what is in which telegram.
+        before: that of an earlier set-up of this drive: the position goes on from where it was.
+
+    Attributes:
+        watches: one per TPDO.
+        answer_times_s: from SYNC to the last of its answers, of the last scans that had them all.
+        counts: unwrapped position in increments, of the gantry's direction, as the last telegram had it.
+    """
+
+    def __init__(
+        self,
+        node: RemoteNode,
+        settings: CanopenSettings,
+        units: BusUnits,
+        mapping: Mapping,
+        before: ProcessImage | None = None,
+    ) -> None:
+        self._node, self._units, self._bits = node, units, settings.inputs
+        self._period_s = settings.period_s
+        self._identifiers = [0x200 + 0x100 * pdo.number + settings.node for pdo in mapping.rpdos]
+        self._rpdos = mapping.rpdos
+        self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
+        self._fields = tuple(_fields(pdo) for pdo in mapping.tpdos)
+        turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
+        self._unwrap: Unwrap = (
+            Unwrap(settings.increments_per_turn * turns) if before is None else before._unwrap
+        )
+        mapped = mapping.signals
+        self.torque_offset = m.TORQUE_OFFSET in mapped
+        self.torque_known = m.TORQUE in mapped
+        self._has_inputs = m.INPUTS in mapped
+        self._has_velocity = m.VELOCITY in mapped
+        self._raw: dict[Signal, int] = {}
+        self.counts = 0
+        self.answer_times_s: deque[float] = deque(maxlen=_TIMES_KEPT)
+        self._counts_before: int | None = None
+        self._vel_rad_s = 0.0
+        self._span_s = settings.period_s
+        self._shown_inputs = _ALL_GOOD
+        self._in_time = False
+        for number, (pdo, watch) in enumerate(zip(mapping.tpdos, self.watches, strict=True)):
+            node.listen(0x180 + 0x100 * pdo.number + settings.node, self._taker(number, watch))
+        for can_id in self._identifiers:
+            node.reserve(can_id)
+
+    def _taker(self, number: int, watch: TpdoWatch) -> Callable[[bytes], None]:
+        def take(data: bytes) -> None:
+            if watch.take(data, self._in_time):
+                self._unpack(number, data)
+
+        return take
+
+    def _unpack(self, number: int, data: bytes) -> None:
+        raw = self._raw
+        for signal, start, stop in self._fields[number]:
+            raw[signal] = int.from_bytes(data[start:stop], "little", signed=signal.signed)
+        if number == 0:
+            self.counts = self._unwrap(self._units.sign * raw[m.POSITION])
+
+    def forget(self) -> None:
+        """No telegram counts any more until the next one; the position goes on from where it was."""
+        for watch in self.watches:
+            watch.data, watch.age, watch.waiting = None, 0, False
+
+    # --- the cycle ---------------------------------------------------------------------------------------------
+
+    def begin(self, periods: int) -> None:
+        """SYNC goes out, so many periods after the one before."""
+        self._counts_before = self.counts if self.complete else None
+        for watch in self.watches:
+            watch.begin(periods)
+        self._span_s = self.watches[0].age * self._period_s
+
+    def collect(self, answer_s: float) -> None:
+        """Wait for the answers to SYNC, but not longer than a time; what else comes is taken as well."""
+        link = self._node.link
+        end = link.now_s() + answer_s
+        self._in_time = True
+        try:
+            while any(watch.waiting for watch in self.watches):
+                frame = link.receive(max(0.0, end - link.now_s()))
+                if frame is None:
+                    break
+                self._node.dispatch(frame)
+        finally:
+            self._in_time = False
+        if not any(watch.waiting for watch in self.watches):
+            self.answer_times_s.append(link.now_s() - end + answer_s)
+        for watch in self.watches:
+            watch.end()
+        if not self._has_velocity and self._counts_before is not None and not self.watches[0].age:
+            step = self.counts - self._counts_before
+            self._vel_rad_s = step / self._span_s * self._units.rad_per_increment
+
+    def send(self, word: int, vel_rad_s: float, torque_nm: float, brake_released: bool) -> None:
+        """The RPDOs."""
+        values = {
+            m.CONTROLWORD: word,
+            m.TARGET_VELOCITY: self._units.velocity(vel_rad_s),
+            m.TORQUE_OFFSET: self._units.torque(torque_nm),
+            m.OUTPUTS: 0 if brake_released else _BRAKE_CLOSED,
+        }
+        for can_id, pdo in zip(self._identifiers, self._rpdos, strict=True):
+            data = b"".join(
+                values[signal].to_bytes(signal.bits // 8, "little", signed=signal.signed)
+                for signal in pdo.signals
+            )
+            self._node.link.send(can_id, data)
+
+    # --- quantities --------------------------------------------------------------------------------------------
+
+    @property
+    def complete(self) -> bool:
+        """Every TPDO has come at least once."""
+        return all(watch.data is not None for watch in self.watches)
+
+    @property
+    def age(self) -> int:
+        """Of the oldest telegram, in scans."""
+        return max(watch.age for watch in self.watches)
+
+    @property
+    def position(self) -> int:
+        """6064 unwrapped, at this scan's SYNC: an old reading would look like a following error."""
+        late_s = min(self.watches[0].age * self._period_s, _CARRIED_S)
+        if late_s == 0.0:
+            return self.counts
+        return self.counts + round(self.vel_rad_s * late_s / self._units.rad_per_increment)
+
+    @property
+    def statusword(self) -> int:
+        """6041."""
+        return self._raw.get(m.STATUSWORD, 0)
+
+    @property
+    def vel_rad_s(self) -> float:
+        """606C, or differences of 6064; motor side."""
+        if self._has_velocity:
+            return self._raw[m.VELOCITY] * self._units.rad_s_per_unit
+        return self._vel_rad_s
+
+    @property
+    def torque_nm(self) -> float:
+        """6077; 0 where it cannot be mapped."""
+        return self._raw.get(m.TORQUE, 0) * self._units.nm_per_unit
+
+    @property
+    def error_code(self) -> int:
+        """603F, where it is mapped."""
+        return self._raw.get(m.ERROR, 0)
+
+    def inputs(self) -> tuple[DigitalInputs, bool | None]:
+        """60FD, and the contact of the brake (None: not wired)."""
+        if not self._has_inputs:
+            return self._shown_inputs, None
+        word, bits = self._raw[m.INPUTS], self._bits
+
+        def good(bit: int | None, active: int) -> bool:
+            return bit is None or (word >> bit & 1) == active
+
+        inputs = DigitalInputs(
+            good(bits.estop_ok, 1),
+            good(bits.enabling_switch, 1),
+            good(bits.limit_minus, 0),
+            good(bits.limit_plus, 0),
+            good(bits.mains_ready, 1),
+        )
+        if inputs != self._shown_inputs:
+            self._shown_inputs = inputs
+        brake = None if bits.brake_open is None else bool(word >> bits.brake_open & 1)
+        return self._shown_inputs, brake
+
+
+def _fields(pdo: Pdo) -> tuple[tuple[Signal, int, int], ...]:
+    """Signal, first byte, byte behind the last."""
+    found, at = [], 0
+    for signal in pdo.signals:
+        found.append((signal, at, at + signal.bits // 8))
+        at += signal.bits // 8
+    return tuple(found)

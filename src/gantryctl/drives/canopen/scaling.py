@@ -1,0 +1,56 @@
+"""Units on the bus: increments, units of speed, per mille of torque. The only place of the master that converts."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.units import r_min_from_rad_s
+
+_TWO_PI: Final = 2.0 * math.pi
+_I32: Final = (1 << 31) - 1
+_I16: Final = (1 << 15) - 1
+
+
+class BusUnits:
+    """Conversions of one drive.
+
+    Args:
+        settings: increments, velocity unit, torque reference.
+        torque_rated_nm: of 6076 where the drive has it.
+    """
+
+    def __init__(self, settings: CanopenSettings, torque_rated_nm: float) -> None:
+        per_rad_s = {
+            "inc/s": settings.increments_per_turn / _TWO_PI,
+            "r/min": r_min_from_rad_s(1.0),
+            "0.1 r/min": 10.0 * r_min_from_rad_s(1.0),
+            "0.001 r/min": 1000.0 * r_min_from_rad_s(1.0),
+        }[settings.velocity_unit]
+        sign = -1.0 if settings.inverted else 1.0
+        self.sign = -1 if settings.inverted else 1
+        self.velocity_size = per_rad_s
+        """Units of 60FF per rad/s, without the sign."""
+        self.torque_unit_nm = torque_rated_nm * settings.torque_reference / 1000.0
+        self.rad_s_per_unit = sign / per_rad_s
+        self.nm_per_unit = sign * self.torque_unit_nm
+        self.rad_per_increment = _TWO_PI / settings.increments_per_turn
+
+    def velocity(self, rad_s: float) -> int:
+        """60FF; what is no number becomes 0, what is too large the largest."""
+        return _whole(rad_s / self.rad_s_per_unit, _I32)
+
+    def torque(self, nm: float) -> int:
+        """60B2."""
+        return _whole(nm / self.nm_per_unit, _I16)
+
+    def unsigned_velocity(self, rad_s: float) -> int:
+        """6085 and its kin: at least 1."""
+        return max(1, _whole(abs(rad_s) * self.velocity_size, (1 << 32) - 1))
+
+
+def _whole(value: float, limit: int) -> int:
+    if not math.isfinite(value):
+        return 0
+    return max(-limit, min(limit, round(value)))

@@ -1,0 +1,111 @@
+"""Before the first scan: who is there, parameters, mapping, mode; everything by SDO in PRE-OPERATIONAL."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Final, NamedTuple
+
+from gantryctl.drives.canopen.bus.node import NmtCommand, NodeIdentity, RemoteNode
+from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.mapping import Mapping, configure
+from gantryctl.drives.canopen.scaling import BusUnits
+from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.drives.canopen.setup.mark import read_mark
+from gantryctl.drives.canopen.setup.parameter_check import (
+    CSV,
+    Row,
+    Verdict,
+    Wanted,
+    read_matrix,
+    refusals,
+    wanted_parameters,
+    write_parameters,
+)
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveState
+
+_LAG_S: Final = 0.2
+"""6061 may follow a write to 6060 that much later."""
+_STEP_S: Final = 0.005
+
+
+class Opened(NamedTuple):
+    """What is known of a drive before the first scan."""
+
+    identity: NodeIdentity
+    units: BusUnits
+    rows: tuple[Row, ...]
+    refusals: tuple[str, ...]
+    mapping: Mapping
+    error_code: int
+    kept: tuple[Wanted, ...]
+    """Parameters that are as they must be, and must stay so."""
+    mark: int | None
+    """What was left in the drive; gone after a boot-up."""
+
+
+def rated_torque_nm(node: RemoteNode, settings: CanopenSettings) -> float:
+    """6076 in N m where the drive has it, else of the machine file."""
+    rated_mnm = node.sdo.optional(0x6076)
+    return rated_mnm / 1000.0 if rated_mnm else settings.torque_rated_nm
+
+
+def look(node: RemoteNode, settings: CanopenSettings) -> tuple[NodeIdentity, tuple[Row, ...]]:
+    """Identity and matrix as they are; nothing is written."""
+    node.drain()
+    identity = node.identity()
+    rated = rated_torque_nm(node, settings)
+    return identity, read_matrix(node.sdo, wanted_parameters(settings, BusUnits(settings, rated), rated))
+
+
+def open_node(node: RemoteNode, settings: CanopenSettings) -> Opened:
+    """Set a drive up and start it; it is not enabled.
+
+    Raises:
+        DeviceError: nobody answers, somebody else has enabled it, or it cannot be mapped.
+    """
+    node.drain()
+    identity = node.identity()
+    _refuse_a_running_drive(node)
+    node.enter_pre_operational()
+    rated = rated_torque_nm(node, settings)
+    units = BusUnits(settings, rated)
+    wanted = wanted_parameters(settings, units, rated)
+    write_parameters(node.sdo, wanted)
+    if settings.brake_owner == "object_60FE":
+        node.sdo.set(0x60FE, 2, 1)
+        node.sdo.set(0x60FE, 1, 1)
+    node.sdo.set(0x6040, 0, 0)
+    node.sdo.set(0x60FF, 0, 0)
+    mapping = configure(node.sdo, node.node, settings.brake_owner == "object_60FE")
+    wrong_mode = _select_csv(node)
+    rows = read_matrix(node.sdo, wanted)
+    error = node.sdo.optional(0x603F) or 0
+    node.nmt(NmtCommand.START)
+    mark = read_mark(node.sdo)
+    kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is Verdict.OK)
+    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, mark)
+
+
+def _refuse_a_running_drive(node: RemoteNode) -> None:
+    state = decode_statusword(node.sdo.number(0x6041))
+    if state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+        raise DeviceError(
+            f"node {node.node} is in {state.name.replace('_', ' ').lower()} already: another controller runs it, or "
+            "one was lost and the drive does not watch it · stop it with the emergency stop before you go on"
+        )
+
+
+def _select_csv(node: RemoteNode) -> tuple[str, ...]:
+    """6060 = 9, afresh: after a quick stop some drives stand until it changes. 6061 must say so."""
+    sdo = node.sdo
+    with suppress(DeviceError):  # a drive that knows no "no mode"
+        sdo.set(0x6060, 0, 0)
+    sdo.set(0x6060, 0, CSV)
+    waited = 0.0
+    while (shown := sdo.number(0x6061)) != CSV and waited < _LAG_S:
+        node.listen_for(_STEP_S)
+        waited += _STEP_S
+    if shown == CSV:
+        return ()
+    return (f"6061:00 Modes of operation display: want 9, have {shown} · the drive does not take mode CSV",)

@@ -1,0 +1,105 @@
+"""The parameters that decide what happens when something breaks, read again while the axis runs. Nobody waits."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from typing import Final
+
+from gantryctl.drives.canopen.bus.node import RemoteNode
+from gantryctl.drives.canopen.setup.parameter_check import Verdict, Wanted, compare
+from gantryctl.drives.od import decode
+from gantryctl.drives.od.standard import standard_of
+
+ROUND_S: Final = 60.0
+"""Every parameter is read once in this time."""
+_ERROR_CODE: Final = Wanted(0x603F, 0, 0, "why the drive is in fault")
+_ABORT: Final = 0x80
+_UPLOAD: Final = 0x40
+_EXPEDITED: Final = 0x02
+
+
+class ReadBack:
+    """One request at a time, round robin; its answer is taken whenever it comes, between process data.
+
+    Args:
+        node: sends and takes the frames.
+        wanted: parameters that were right when the drive was set up.
+        period_s: scan period.
+
+    Attributes:
+        error_code: 603F, asked for when a fault comes without an emergency message; 0 else.
+        differs: what is not as it was written any more, a line for each, by object.
+        answered, unanswered: requests so far.
+    """
+
+    def __init__(self, node: RemoteNode, wanted: Sequence[Wanted], period_s: float) -> None:
+        self._node, self._wanted = node, tuple(wanted)
+        self._every = max(1, round(ROUND_S / period_s / max(1, len(wanted))))
+        self._left = self._every
+        self._next = 0
+        self._asked: Wanted | None = None
+        self.differs: dict[tuple[int, int], str] = {}
+        self.answered = self.unanswered = 0
+        self.error_code = 0
+        self._unknown_fault = False
+        node.listen(node.sdo.response_id, self._answer)
+
+    @property
+    def line(self) -> str:
+        """The first difference, or ""."""
+        return next(iter(self.differs.values()), "")
+
+    def scan(self, periods: int, unknown_fault: bool = False) -> None:
+        """After the process data of a scan, which is so many periods after the one before.
+
+        Args:
+            unknown_fault: the drive is in fault, and no emergency message has said why.
+        """
+        self._left -= periods
+        if unknown_fault and not self._unknown_fault:
+            self._ask(_ERROR_CODE)
+        elif self._left <= 0 and self._wanted:
+            self._left = self._every
+            self._ask(self._wanted[self._next])
+            self._next = (self._next + 1) % len(self._wanted)
+        self._unknown_fault = unknown_fault
+        if not unknown_fault:
+            self.error_code = 0
+
+    def _ask(self, wanted: Wanted) -> None:
+        self.unanswered += self._asked is not None
+        self._asked = wanted
+        request = struct.pack("<BHB4x", _UPLOAD, wanted.obj, wanted.sub)
+        self._node.link.send(self._node.sdo.request_id, request)
+
+    def _answer(self, data: bytes) -> None:
+        """A frame of the drive's SDO server, whatever it is."""
+        asked = self._asked
+        if asked is None or len(data) < 8 or data[1:4] != struct.pack("<HB", asked.obj, asked.sub):
+            return
+        command, have = data[0], None
+        if command != _ABORT:
+            if command & 0xE0 != _UPLOAD or not command & _EXPEDITED:
+                return
+            size = 4 - (command >> 2 & 3) if command & 1 else 4
+            have = _number(asked, data[4 : 4 + size])
+        self._asked = None
+        self.answered += 1
+        if asked is _ERROR_CODE:
+            self.error_code = have or 0
+            return
+        row = compare(asked, have)
+        if row.verdict is Verdict.OK:
+            self.differs.pop((asked.obj, asked.sub), None)
+        else:
+            self.differs[asked.obj, asked.sub] = row.line
+
+
+def _number(wanted: Wanted, data: bytes) -> int | None:
+    known = standard_of(wanted.obj, wanted.sub)
+    try:
+        value = int.from_bytes(data, "little") if known is None else decode(known.data_type, data)
+    except ValueError:
+        return None
+    return value if isinstance(value, int) else None

@@ -1,0 +1,175 @@
+"""Parameters of a drive as a whole: read, kept in a file, written back, stored in the drive (1010)."""
+
+from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
+
+from gantryctl.drives.canopen.bus.node import RemoteNode
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.setup.mark import write_mark
+from gantryctl.drives.od import DataType, DeviceDescription, decode
+from gantryctl.drives.od.standard import STANDARD
+from gantryctl.errors import CommandRefused, DeviceError
+from gantryctl.image import DriveState
+
+_SAVE: Final = 0x65766173
+_SAVE_S: Final = 5.0
+_LONGEST: Final = 4096
+# Commands, actual values, and what acts when it is written: never kept and never written back.
+_LEFT_OUT: Final = frozenset(
+    {0x1003, 0x1010, 0x1011, 0x1016, 0x1017, 0x6040, 0x6060, 0x60B1, 0x60B2, 0x60FE, 0x60FF, 0x607A, 0x6071}
+)
+_ENERGISED: Final = (
+    DriveState.OPERATION_ENABLED,
+    DriveState.QUICK_STOP_ACTIVE,
+    DriveState.FAULT_REACTION_ACTIVE,
+)
+
+
+class ObjectValue(NamedTuple):
+    """One entry as it was read.
+
+    Attributes:
+        raw: bytes in hexadecimal; "" where it was refused.
+        shown: for people.
+    """
+
+    obj: int
+    sub: int
+    name: str
+    raw: str
+    shown: str
+
+
+class _Place(NamedTuple):
+    number: int
+    sub: int
+    name: str
+    data_type: DataType
+    writable: bool
+
+
+def _places(device: DeviceDescription | None) -> list[_Place]:
+    """Which entries: of an EDS, or those of a CSV axis by the texts."""
+    if device is None:
+        return [_Place(i, s, e.name, e.data_type, e.access.writable) for (i, s), e in STANDARD.items()]
+    return [
+        _Place(index, sub, entry.name, entry.data_type, entry.access.writable)
+        for index, spec in device.objects.items()
+        for sub, entry in spec.entries.items()
+    ]
+
+
+def read_objects(sdo: SdoClient, device: DeviceDescription | None) -> tuple[ObjectValue, ...]:
+    """Every entry; what the drive refuses is said.
+
+    Raises:
+        DeviceError: the drive has fallen silent.
+    """
+    return tuple(_read(sdo, place) for place in _places(device))
+
+
+def _read(sdo: SdoClient, place: _Place) -> ObjectValue:
+    try:
+        data = sdo.read(place.number, place.sub)
+    except SdoError as refused:
+        if refused.silent:
+            raise
+        return ObjectValue(place.number, place.sub, place.name, "", f"- ({str(refused).partition(': ')[2]})")
+    try:
+        value = decode(place.data_type, data)
+    except ValueError:
+        value = data
+    shown = f"{value} ({value:X}h)" if isinstance(value, int) and value > 9 else str(value)
+    return ObjectValue(place.number, place.sub, place.name, data.hex(), shown)
+
+
+def backup(node: RemoteNode, device: DeviceDescription | None) -> dict[str, Any]:
+    """Everything that can be written, as plain values for a JSON file."""
+    who = node.identity()
+    places = [p for p in _places(device) if p.writable and p.number not in _LEFT_OUT]
+    found = [_read(node.sdo, place) for place in places]
+    values = {f"{v.obj:04X}:{v.sub:02X}": v.raw for v in found if v.raw}
+    return {"drive": who.key, "name": who.name, "software": who.software, "values": values}
+
+
+def check_backup(data: object) -> dict[str, Any]:
+    """A backup that can be used.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if not isinstance(data, dict) or not isinstance(data.get("values"), dict) or "drive" not in data:
+        raise ValueError("drive and values are missing")
+    for place, raw in data["values"].items():
+        _place_of(place)
+        if not isinstance(raw, str) or not 0 < len(bytes.fromhex(raw)) <= _LONGEST:
+            raise ValueError(f"{place}: the value is hexadecimal bytes")
+    return data
+
+
+def _place_of(text: str) -> tuple[int, int]:
+    index, _, sub = text.partition(":")
+    found = int(index, 16), int(sub, 16)
+    if not (0x1000 <= found[0] <= 0xFFFF and 0 <= found[1] <= 0xFF):
+        raise ValueError(f"{text}: an object is written 6085:00")
+    return found
+
+
+def _refuse_energised(node: RemoteNode) -> None:
+    state = decode_statusword(node.sdo.number(0x6041))
+    if state in _ENERGISED:
+        raise CommandRefused(
+            f"the drive is in {state.name.lower().replace('_', ' ')}: parameters wait until it is off"
+        )
+
+
+def restore(node: RemoteNode, kept: dict[str, Any]) -> tuple[str, ...]:
+    """Write a backup and read it back; lines about what did not take.
+
+    Mapping and communication objects of process data are left out: the controller writes them at every start.
+
+    Raises:
+        CommandRefused: the drive has torque, or it is another kind of drive.
+    """
+    _refuse_energised(node)
+    key = node.identity().key
+    if key.rpartition("-")[0] != str(kept["drive"]).rpartition("-")[0]:
+        raise CommandRefused(f"the backup is of {kept['drive']}, the drive is {key}: another kind of drive")
+    node.enter_pre_operational()
+    wrong = []
+    for place, raw in kept["values"].items():
+        index, sub = _place_of(place)
+        if 0x1400 <= index < 0x1C00 or index in _LEFT_OUT:
+            continue
+        try:
+            if node.sdo.read(index, sub).hex() == raw:
+                continue
+            node.sdo.write(index, sub, bytes.fromhex(raw))
+            if node.sdo.read(index, sub).hex() != raw:
+                wrong.append(f"{place}: written {raw}, reads otherwise")
+        except SdoError as refused:
+            if refused.silent:
+                raise
+            wrong.append(str(refused))
+    return tuple(wrong)
+
+
+def save(node: RemoteNode) -> float:
+    """1010:01 "save"; how long the drive took, s. Some leave the bus meanwhile.
+
+    Raises:
+        CommandRefused: the drive has torque. DeviceError: it does not store.
+    """
+    _refuse_energised(node)
+    write_mark(node.sdo, node.node, None)  # stored, it would outlive the boot-ups that it is to tell
+    before, timeout = node.link.now_s(), node.sdo.timeout_s
+    node.sdo.timeout_s = _SAVE_S
+    try:
+        node.sdo.set(0x1010, 1, _SAVE)
+    except SdoError as refused:
+        raise DeviceError(f"the drive does not store its parameters: {refused}") from None
+    finally:
+        node.sdo.timeout_s = timeout
+    return node.link.now_s() - before

@@ -1,0 +1,106 @@
+"""Who is on a bus: every node that answers, and what of it is dangerous. Nothing is written but SDO reads."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from gantryctl.drives.canopen.bus.link import Frame, Link
+from gantryctl.drives.canopen.bus.node import NmtState, NodeIdentity, RemoteNode
+from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.setup.parameter_check import CSV_BIT
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveState
+
+_HEARTBEATS: Final = range(0x701, 0x780)
+_ANSWERS: Final = range(0x581, 0x600)
+_PROBE: Final = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # read 1000:00
+_NO_MASTER: Final = 0
+_SDO_S: Final = 0.3
+_CIA_402: Final = 402
+
+
+class Found(NamedTuple):
+    """One node.
+
+    Attributes:
+        nmt: state of its heartbeat, "silent" without one.
+        modes: 6502, None where it has none.
+        state: CiA 402 state, None where it is no drive.
+        remarks: what is dangerous or odd, each with what to do.
+    """
+
+    node: int
+    nmt: str
+    identity: NodeIdentity | None
+    modes: int | None
+    state: DriveState | None
+    remarks: tuple[str, ...]
+
+
+def survey(link: Link, listen_s: float = 1.2, nodes: range = range(1, 128)) -> tuple[Found, ...]:
+    """Listen for heartbeats, ask every node id for 1000:00, and look closer at those that answer."""
+    heard: dict[int, int | None] = {}
+    for node in nodes:
+        link.send(0x600 + node, _PROBE)
+        _take(link, 0.0005, heard)
+    end = link.now_s() + listen_s
+    while (left := end - link.now_s()) > 1e-6:
+        _take(link, left, heard)
+    return tuple(_look(link, node, heard[node]) for node in sorted(heard))
+
+
+def _take(link: Link, seconds: float, heard: dict[int, int | None]) -> None:
+    frame: Frame | None = link.receive(max(0.0, seconds))
+    if frame is None:
+        return
+    if frame.can_id in _HEARTBEATS:
+        heard[frame.can_id - 0x700] = frame.data[0] & 0x7F if frame.data else None
+    elif frame.can_id in _ANSWERS:
+        heard.setdefault(frame.can_id - 0x580, None)
+
+
+def _look(link: Link, number: int, nmt: int | None) -> Found:
+    node = RemoteNode(link, number, _NO_MASTER, _SDO_S)
+    shown = NmtState(nmt).name if nmt in set(NmtState) else "silent"
+    try:
+        identity = node.identity()
+        modes = node.sdo.optional(0x6502)
+        status = node.sdo.optional(0x6041)
+    except DeviceError as silent:
+        return Found(number, shown, None, None, None, (str(silent),))
+    state = None if status is None else decode_statusword(status)
+    try:
+        remarks = _remarks(node, identity, modes, state)
+    except DeviceError as silent:
+        remarks = (str(silent),)
+    return Found(number, shown, identity, modes, state, remarks)
+
+
+def _remarks(
+    node: RemoteNode, identity: NodeIdentity, modes: int | None, state: DriveState | None
+) -> tuple[str, ...]:
+    """What a drive's parameters would do when something breaks."""
+    if state is None:
+        return ("no CiA 402 drive: it has no statusword",)
+    optional = node.sdo.optional
+    said = []
+    if identity.device_type & 0xFFFF != _CIA_402:
+        said.append(f"1000 = {identity.device_type:08X}h: the low half of a drive is 0192h (402)")
+    if modes is None:
+        said.append("no 6502: whether it has CSV must be shown by a test")
+    elif not modes & CSV_BIT:
+        said.append("6502 has no CSV (bit 8): the drive may accept mode 9 and never move")
+    if optional(0x6007) == 0:
+        said.append("6007 = 0: a silent master lets this axis run on · gantryctl writes 1 before it enables")
+    if optional(0x605E) == 0:
+        said.append("605E = 0: a fault takes the torque off without a ramp · gantryctl writes 2")
+    if optional(0x605A) == 0:
+        said.append("605A = 0: a quick stop takes the torque off without a ramp · gantryctl writes 6")
+    if not optional(0x1016, 1) and not optional(0x1400, 5):
+        said.append("1016 and 1400:05 = 0: nothing watches the controller · gantryctl writes both")
+    sync = optional(0x1005)
+    if sync is None or sync & 0x7FF != 0x80:
+        said.append("1005 is not 80h: the drive may not react to SYNC · gantryctl writes it where it can")
+    if optional(0x603F) is None:
+        said.append("no 603F: error codes come by EMCY only")
+    return tuple(said)

@@ -1,0 +1,164 @@
+"""What an axis in cyclic synchronous velocity (CSV) needs of a drive: a table, and its comparison with an EDS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NamedTuple
+
+from gantryctl.drives.od.model import DeviceDescription, Entry, ObjectKind
+from gantryctl.drives.od.standard import STANDARD, Standard
+
+
+class Need(StrEnum):
+    """How much depends on an entry."""
+
+    MUST = "must"
+    """Without it there is no CSV axis."""
+    STOP = "stop"
+    """Decides what happens when something breaks; without it something else has to."""
+    MAY = "may"
+    """Makes the axis better."""
+
+
+class Pdo(StrEnum):
+    """Where an entry has to be mappable."""
+
+    NONE = ""
+    RPDO = "RPDO"
+    TPDO = "TPDO"
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """One line of the table of needs."""
+
+    index: int
+    sub: int
+    need: Need
+    pdo: Pdo
+    without: str
+    """What is done when the drive lacks it."""
+
+    @property
+    def standard(self) -> Standard:
+        """Name, type and access by the texts."""
+        return STANDARD[self.index, self.sub]
+
+    @property
+    def place(self) -> str:
+        """Index and sub-index as people write them."""
+        return f"{self.index:04X}:{self.sub:02X}"
+
+
+_MUST, _STOP, _MAY = Need.MUST, Need.STOP, Need.MAY
+_NO, _RX, _TX = Pdo.NONE, Pdo.RPDO, Pdo.TPDO
+
+WISHES: Final[tuple[Wish, ...]] = (
+    Wish(0x6040, 0, _MUST, _RX, "no CiA 402 drive"),
+    Wish(0x6041, 0, _MUST, _TX, "no CiA 402 drive"),
+    Wish(0x6060, 0, _MUST, _NO, "CSV cannot be selected"),
+    Wish(0x6061, 0, _MUST, _NO, "nobody can tell which mode is in force"),
+    Wish(0x6064, 0, _MUST, _TX, "no position feedback"),
+    Wish(0x60FF, 0, _MUST, _RX, "no speed command"),
+    Wish(0x1400, 1, _MUST, _NO, "no RPDO that could be set up"),
+    Wish(0x1400, 2, _MUST, _NO, "the RPDO cannot be made synchronous"),
+    Wish(0x1600, 1, _MUST, _NO, "the RPDO has a fixed mapping: usable only if it happens to fit"),
+    Wish(0x1800, 1, _MUST, _NO, "no TPDO that could be set up"),
+    Wish(0x1800, 2, _MUST, _NO, "the TPDO cannot be made synchronous"),
+    Wish(0x1A00, 1, _MUST, _NO, "the TPDO has a fixed mapping: usable only if it happens to fit"),
+    Wish(0x1016, 1, _STOP, _NO, "the drive does not watch the controller: only 1400:05 stops a silent axis"),
+    Wish(0x1400, 5, _STOP, _NO, "no RPDO deadline: a stuck controller is noticed by heartbeat only"),
+    Wish(0x6007, 0, _STOP, _NO, "the reaction to lost communication is fixed: prove it at standstill"),
+    Wish(0x1029, 1, _STOP, _NO, "the NMT reaction to lost communication is fixed: prove it at standstill"),
+    Wish(0x605A, 0, _STOP, _NO, "the quick stop is the drive's own: measure it before trusting it"),
+    Wish(0x605B, 0, _STOP, _NO, "shutdown is the drive's own; the ramp is done by the controller first"),
+    Wish(0x605C, 0, _STOP, _NO, "disable operation is the drive's own; the ramp is done by the controller first"),
+    Wish(0x605D, 0, _STOP, _NO, "halt is not used in CSV: nothing is lost"),
+    Wish(0x605E, 0, _STOP, _NO, "the reaction to a drive fault is fixed: count on torque off and brake"),
+    Wish(0x6085, 0, _STOP, _NO, "the quick-stop ramp is set in the drive's own tool: measure it"),
+    Wish(0x6080, 0, _STOP, _NO, "no speed ceiling in the drive: 607F if it acts in CSV, else the overspeed monitor"),
+    Wish(0x6072, 0, _STOP, _NO, "no torque limit over the bus: set it in the drive's own tool"),
+    Wish(0x1017, 0, _STOP, _NO, "no heartbeat of the drive: its silence shows by missing TPDOs only"),
+    Wish(0x6502, 0, _MAY, _NO, "CSV support must be shown by a test: some drives accept mode 9 and never move"),
+    Wish(0x60C2, 1, _MAY, _NO, "the drive cannot be told the SYNC period"),
+    Wish(0x60C2, 2, _MAY, _NO, "the drive cannot be told the SYNC period"),
+    Wish(0x606C, 0, _MAY, _TX, "speed from differences of 6064"),
+    Wish(0x6077, 0, _MAY, _TX, "no torque: no torque proof before the brake opens, sag is watched instead"),
+    Wish(0x60B2, 0, _MAY, _RX, "no torque preload: the drive's own brake sequence, sag is watched"),
+    Wish(0x60B1, 0, _MAY, _RX, "speed feed-forward goes into 60FF"),
+    Wish(0x603F, 0, _MAY, _TX, "error codes from EMCY only"),
+    Wish(0x60FD, 0, _MAY, _TX, "no digital inputs over the bus"),
+    Wish(0x60FE, 1, _MAY, _RX, "the brake cannot be worked by 60FE"),
+    Wish(0x6076, 0, _MAY, _NO, "torque scale from the machine file only"),
+    Wish(0x6075, 0, _MAY, _NO, "current scale from the machine file only"),
+    Wish(0x608F, 1, _MAY, _NO, "encoder resolution from the machine file only; the test move proves it"),
+    Wish(0x1005, 0, _MAY, _NO, "the SYNC identifier is taken for 0x80: prove that the drive reacts"),
+    Wish(0x1006, 0, _MAY, _NO, "the drive does not know the SYNC period from here (see 60C2)"),
+    Wish(0x1018, 1, _MAY, _NO, "identity by name and versions only"),
+    Wish(0x1018, 4, _MAY, _NO, "one drive cannot be told from another of its kind"),
+    Wish(0x100A, 0, _MAY, _NO, "the firmware version is not pinned"),
+    Wish(0x1010, 1, _MAY, _NO, "parameters are lost at power off: written at every start"),
+)  # fmt: skip
+
+
+class Finding(NamedTuple):
+    """One need held against a file."""
+
+    wish: Wish
+    entry: Entry | None
+    ok: bool
+    remarks: tuple[str, ...]
+    """What is odd, and what will be done without it."""
+
+
+def check_csv_axis(device: DeviceDescription) -> tuple[Finding, ...]:
+    """Every need of a CSV axis: what the file has, and what is done where it has it not."""
+    return tuple(_finding(device, wish) for wish in WISHES)
+
+
+def lacking(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
+    """The needs without which there is no CSV axis and that the file does not meet."""
+    return tuple(finding for finding in findings if finding.wish.need is Need.MUST and not finding.ok)
+
+
+def _finding(device: DeviceDescription, wish: Wish) -> Finding:
+    entry = device.entry(wish.index, wish.sub)
+    if entry is None:
+        return Finding(wish, None, False, (wish.without,))
+    wrong = []
+    if entry.data_type is not wish.standard.data_type:
+        wrong.append(f"is {entry.data_type.label} instead of {wish.standard.data_type.label}")
+    if wish.standard.access.writable and not entry.access.writable:
+        wrong.append("cannot be written")
+    if not wish.standard.access.writable and not entry.access.readable:
+        wrong.append("cannot be read")
+    if (wish.pdo is Pdo.RPDO and not entry.rpdo) or (wish.pdo is Pdo.TPDO and not entry.tpdo):
+        wrong.append(f"cannot be mapped into a {wish.pdo.value}")
+    if wrong:
+        return Finding(wish, entry, False, (*wrong, wish.without))
+    return Finding(wish, entry, True, _remarks(device, wish, entry))
+
+
+def _remarks(device: DeviceDescription, wish: Wish, entry: Entry) -> tuple[str, ...]:
+    """What a value in the file says; a default is no promise, so everything is read back from the drive."""
+    value = entry.value if entry.value is not None else entry.default
+    said = []
+    match wish.index, value:
+        case 0x6502, None:
+            said.append("the file does not say which modes: read from the drive")
+        case 0x6502, int() if not value & 0x100:
+            said.append(f"0x{value:X} has no CSV (bit 8): the drive may accept mode 9 and never move")
+        case 0x6007, 0:
+            said.append("0 = a silent controller lets this axis run on: 3 (quick stop) is written")
+        case 0x605A, 0:
+            said.append("0 = quick stop only switches the torque off: 2 or 6 is written")
+        case 0x605E, 0:
+            said.append("0 = a fault takes the torque off without a ramp")
+        case 0x1005, int() if value & 0x7FF != 0x80:
+            said.append(f"SYNC on identifier 0x{value & 0x7FF:X}: 0x80 is written")
+        case 0x6085, int():
+            said.append(f"{value} in the drive's unit; the machine's own is written before the first enable")
+    if wish.index in (0x1600, 0x1A00) and device.objects[wish.index].kind is ObjectKind.ARRAY:
+        said.append("declared as ARRAY: common libraries then map nothing; we map by plain SDO and read back")
+    return tuple(said)

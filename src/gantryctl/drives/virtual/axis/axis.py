@@ -1,0 +1,271 @@
+"""The axis: the CiA 402 machine on top of the power stage. How a state is left is up to the option codes.
+
+| from                  | to                 | by                                                                  |
+|-----------------------|--------------------|---------------------------------------------------------------------|
+| Switched on           | Operation enabled  | preload, brake open, then the state                                 |
+| Operation enabled     | Switched on        | 605C: ramp, brake closed, then the state; or torque off at once     |
+| Operation enabled     | Ready to switch on | 605B: the same                                                      |
+| Operation enabled     | Quick stop active  | the state at once, the ramp of 605A in it; then held, or disabled   |
+| Operation enabled     | Switch on disabled | torque off at once                                                  |
+| Quick stop active     | Operation enabled  | 605A 5..8 only; after a stop by 6007 another command must come first |
+| any                   | Fault              | Fault reaction active with the ramp of 605E; or torque off at once  |
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.drives.virtual.axis.cia402 import (
+    FAULT_RESET_BIT,
+    Command,
+    State,
+    command_of,
+    is_fault_reset,
+    next_state,
+)
+from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.axis.motor import Motor
+from gantryctl.drives.virtual.axis.options import (
+    AbortConnection,
+    Ramp,
+    StopPlan,
+    fault_plan,
+    leave_plan,
+    quick_stop_plan,
+)
+from gantryctl.drives.virtual.axis.power_stage import Event, Phase, PowerStage
+from gantryctl.drives.virtual.axis.setpoint import SetPoint
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.emergency import Emergency
+from gantryctl.drives.virtual.personality import Personality
+from gantryctl.drives.virtual.side_channel.faults import Faults
+
+UNDERVOLTAGE: Final = 0x3220
+LOAD_WARNING: Final = 0x2351
+ENABLE_WORD: Final = 0x0F
+_PLAIN_ENABLE: Final = 0x8F
+_FAULTY: Final = (State.FAULT, State.FAULT_REACTION)
+
+
+class Axis:
+    """One drive axis; `tick` is one period of its machine and of everything behind it.
+
+    Args:
+        hardware: name plates.
+        od: option codes, brake times, limits.
+        motor: the plant.
+        set_point: what an enabled drive follows.
+        emergency: takes its errors.
+        kind: quirks.
+        faults: what is spoiled.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        od: Dictionary,
+        motor: Motor,
+        set_point: SetPoint,
+        emergency: Emergency,
+        kind: Personality,
+        faults: Faults,
+    ) -> None:
+        self._od = od
+        self.motor = motor
+        self.set_point = set_point
+        self.stage = PowerStage(hardware, od, motor, set_point)
+        self._emergency = emergency
+        self._kind = kind
+        self._faults = faults
+        self.state = State.SWITCH_ON_DISABLED
+        self.controlword = 0
+        self.commanded = False
+        """A controlword has come since the reset."""
+        self.error_code = 0
+        self.overload_warning = False
+        self._after: State | None = None
+        self._quick_stop_ticks = 0
+        self._own_stop = False
+        """A quick stop that nobody commanded: the enable that still stands does not end it, a new one does."""
+
+    def reset(self) -> None:
+        """As after power on: no torque, brake closed, transitions 0 and 1 done."""
+        self.controlword = 0
+        self.commanded = False
+        self.error_code = 0
+        self.overload_warning = False
+        self._own_stop = False
+        self.set_point.reset()
+        self._off(State.SWITCH_ON_DISABLED)
+
+    @property
+    def power_ok(self) -> bool:
+        """Mains are there and nothing asks for safe torque off."""
+        return self._faults.mains_ready and self._faults.estop_ok
+
+    # --- what comes from outside -------------------------------------------------------------------------------
+
+    def control(self, word: int) -> None:
+        """6040 was written: one transition at most."""
+        previous, self.controlword = self.controlword, word
+        self.commanded = True
+        if is_fault_reset(previous, word) and not self._faults.stuck_state:
+            self._reset_fault()
+        self._obey()
+
+    def communication_lost(self, code: int) -> None:
+        """Heartbeat, RPDO deadline or NMT: what 6007 says. A drive without torque has nothing to do."""
+        if not self.stage.energised or self.state in _FAULTY:
+            return
+        match AbortConnection(self._od.number(0x6007)):
+            case AbortConnection.NOTHING:
+                pass
+            case AbortConnection.FAULT:
+                self.fault(code, report=False)
+            case AbortConnection.DISABLE_VOLTAGE:
+                self._off(State.SWITCH_ON_DISABLED)
+            case AbortConnection.QUICK_STOP:
+                if self.state is State.ENABLED:
+                    self._own_stop = self._quick_stop()
+                elif self.state is not State.QUICK_STOP:
+                    self._off(State.SWITCH_ON_DISABLED)
+
+    def fault(self, code: int, *, report: bool = True, ramp: bool = True) -> None:
+        """Transition 13.
+
+        Args:
+            code: error code, 603F.
+            report: send an EMCY (some other part has already done so otherwise).
+            ramp: the power stage can still brake.
+        """
+        if report and not self._kind.silent_faults:
+            self._emergency.raise_error(code)
+        if self.state in _FAULTY:
+            return
+        self.error_code = 0 if self._kind.silent_faults else code
+        plan = fault_plan(self._od.number(0x605E))
+        if not ramp or plan.ramp is Ramp.NONE or self.stage.phase in (Phase.OFF, Phase.STARTING):
+            self._off(State.FAULT)
+            return
+        self.state = State.FAULT_REACTION
+        self._stop(plan.ramp, State.FAULT)
+
+    # --- one tick ----------------------------------------------------------------------------------------------
+
+    def tick(self) -> None:
+        """Power and load, at most one transition by command, then power stage, brake and plant."""
+        self._supervise()
+        self._obey()
+        self._quirk_of_quick_stop()
+        event = self.stage.advance()
+        if event is Event.READY:
+            self.state = State.ENABLED
+        elif event is Event.STOPPED:
+            self._off(self._after or State.SWITCH_ON_DISABLED)
+        self.stage.apply(self.controlword, coasting=self.state is State.QUICK_STOP)
+
+    def _supervise(self) -> None:
+        if not self.power_ok:
+            if self.stage.energised and not self._faults.mains_ready:
+                self.fault(UNDERVOLTAGE, ramp=False)
+                self._off(State.FAULT)
+            elif self.stage.energised or self.state is State.SWITCHED_ON:
+                self._off(State.FAULT if self.state in _FAULTY else State.SWITCH_ON_DISABLED)
+        loaded = 1000.0 * self.motor.overload >= self._od.number(0x2101, 2)
+        if loaded and not self.overload_warning:
+            self._emergency.warn(LOAD_WARNING)
+        self.overload_warning = loaded
+
+    def _obey(self) -> None:
+        word, kind = self.controlword, self._kind
+        if self._faults.stuck_state:
+            return
+        enabled = self.state is State.ENABLED and self.stage.phase is Phase.RUNNING
+        if enabled and word & _PLAIN_ENABLE == ENABLE_WORD:
+            return  # nearly every tick of a drive's life
+        if word & FAULT_RESET_BIT:
+            if kind.reset_by_level:
+                self._reset_fault()
+            if kind.frozen_while_reset:
+                return
+        command = command_of(word)
+        self._own_stop = self._own_stop and command is Command.ENABLE
+        if self._own_stop:
+            return
+        if command is Command.QUICK_STOP and kind.quick_stop_ignored:
+            return
+        if command is Command.ENABLE and kind.needs_switch_on and self.state is State.READY:
+            return
+        stays = self.state is State.QUICK_STOP and quick_stop_plan(self._od.number(0x605A)).stay
+        self._go(next_state(self.state, command, self.power_ok, stays))
+
+    def _go(self, target: State) -> None:
+        """Leave the present state for another; how, is up to the option codes."""
+        match self.state, target:
+            case State.SWITCHED_ON, State.ENABLED:
+                if self.stage.phase is Phase.OFF and (self.stage.start() or self._kind.enabled_before_brake):
+                    self.state = State.ENABLED
+            case State.ENABLED, State.ENABLED:
+                if self.stage.phase is Phase.STOPPING:  # the way out was called off
+                    self._run()
+            case State.ENABLED, State.QUICK_STOP:
+                self._quick_stop()
+            case State.ENABLED, State.READY:
+                self._leave(target, leave_plan(self._od.number(0x605B)))
+            case State.ENABLED, State.SWITCHED_ON:
+                self._leave(target, leave_plan(self._od.number(0x605C)))
+            case State.QUICK_STOP, State.ENABLED:
+                self.set_point.dead = self._kind.dead_after_quick_stop
+                self._run()
+            case _:
+                if target is not self.state or self.stage.phase is Phase.STARTING:
+                    self._off(target)
+
+    # --- ways in and out ---------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        self.state = State.ENABLED
+        self._after = None
+        self.stage.run()
+
+    def _leave(self, target: State, plan: StopPlan) -> None:
+        if plan.ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
+            self._off(target)
+        elif self._after is not target:
+            self._stop(plan.ramp, target)
+
+    def _quick_stop(self) -> bool:
+        """Transition 11; False where torque went off at once."""
+        plan = quick_stop_plan(self._od.number(0x605A))
+        if plan.ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
+            self._off(State.SWITCH_ON_DISABLED)
+            return False
+        self.state = State.QUICK_STOP
+        self._quick_stop_ticks = 0
+        if not self._faults.quick_stop_off:
+            self._stop(plan.ramp, None if plan.stay else State.SWITCH_ON_DISABLED)
+        return True
+
+    def _quirk_of_quick_stop(self) -> None:
+        if self._kind.quick_stop_one_tick and self.state is State.QUICK_STOP:
+            self._quick_stop_ticks += 1
+            if self._quick_stop_ticks > 1:
+                self._off(State.SWITCH_ON_DISABLED)
+
+    def _stop(self, ramp: Ramp, after: State | None) -> None:
+        """Ramp down; `after` None: stay energised."""
+        self._after = after
+        self.stage.stop(ramp, stay=after is None)
+
+    def _off(self, target: State) -> None:
+        """Torque off now, brake closed."""
+        self.state = target
+        self._after = None
+        self.stage.off()
+
+    def _reset_fault(self) -> None:
+        """Transition 15, if the cause is gone."""
+        if self.state is State.FAULT and self._faults.mains_ready:
+            self.error_code = 0
+            self._emergency.clear_faults()
+            self._off(State.SWITCH_ON_DISABLED)

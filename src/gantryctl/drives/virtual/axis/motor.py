@@ -1,0 +1,157 @@
+"""Motor, encoder, brake and gantry behind the drive's state machine: the compiled plant, one tick at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from gantryctl import _core
+from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.side_channel.faults import Faults
+from gantryctl.errors import UsageError
+
+OFF: Final = 0
+SPEED: Final = 1
+RAMP: Final = 2
+"""The speed set-point goes to zero on the ramp of `ramp_rad_s2`, at the speed loop's own cycle, and stays there."""
+
+_FOR_EVER: Final = 1e9
+_RELEASE: Final = 0.9  # of the overload budget: then the peak torque is there again
+
+
+class Motor:
+    """The plant with the limits of the moment.
+
+    The plant's own I2t account is switched off: the overload belongs to the motor, not to the torque limit that a
+    bus sets, so it is kept here.
+
+    Args:
+        hardware: name plates and parameters.
+        faults: what is spoiled.
+    """
+
+    def __init__(self, hardware: Hardware, faults: Faults) -> None:
+        self._hardware = hardware
+        self._faults = faults
+        self.plant_params = hardware.plant.copy()
+        self._drive = hardware.drive.copy()
+        self._drive.overload_time_s = _FOR_EVER
+        self._drive.vel_max = hardware.speed_max_rad_s
+        self._drive.torque_max = hardware.torque_max_nm
+        self._stale = False
+        self.sim = self._make()
+        self.sim.static_start(hardware.start_angle_rad, False)
+        self.sim.count_offset = hardware.count_offset
+        self._count_rad = 6.283185307179586 / hardware.fine_counts_per_turn
+        self._budget = (
+            (hardware.torque_max_nm / hardware.torque_rated_nm) ** 2 - 1.0
+        ) * hardware.overload_time_s
+        self._account = 0.0
+        self._exhausted = False
+        self._allowed_nm = hardware.torque_max_nm
+        self.wrap_counts = 0.0
+        self.counts = 0.0
+        self.vel_rad_s = 0.0
+        self.torque_nm = 0.0
+        self.brake_open = False
+        self.limited = False
+        self._read()
+        self.power_on()
+
+    def _make(self) -> _core.GantrySim:
+        h = self._hardware
+        return _core.GantrySim(self.plant_params, self._drive, h.tick_s, h.scheme, h.rk4_steps)
+
+    def power_on(self) -> None:
+        """Read the encoder afresh: only the absolute value within its range is known."""
+        span = float(self._hardware.fine_counts_per_turn * self._hardware.turns)
+        self.wrap_counts = self.counts // span * span
+
+    def restore(self, state: Mapping[str, float]) -> None:
+        """Go on from a state of the plant kept before.
+
+        Raises:
+            ValueError: a state that lacks a value or has a non-finite one.
+        """
+        self.sim.state = dict(state)
+        self._read()
+        self.power_on()
+
+    @property
+    def overload(self) -> float:
+        """Used part of the I2t budget, 0..1."""
+        return self._account / self._budget if self._budget > 0.0 else 0.0
+
+    def limit_torque(self, torque_nm: float) -> None:
+        """6072; what the overload leaves may be less."""
+        self._allowed_nm = min(torque_nm, self._hardware.torque_max_nm)
+        self._apply_torque()
+
+    def set_ramp(self, dec_rad_s2: float) -> None:
+        """Deceleration of RAMP."""
+        if dec_rad_s2 != self._drive.quick_dec:
+            self._drive.quick_dec = dec_rad_s2
+            self._stale = True
+
+    def change_plant(self, name: str, value: float) -> None:
+        """Another plant parameter from now on (side channel).
+
+        Raises:
+            UsageError: no such parameter.
+        """
+        present = getattr(self.plant_params, name, None)
+        if name.startswith("_") or not isinstance(present, bool | int | float):
+            raise UsageError(f"the plant has no parameter '{name}' that is a number")
+        setattr(self.plant_params, name, type(present)(value))
+        self._stale = True
+
+    def lose_turns(self, turns: int) -> None:
+        """The multiturn part of the encoder is wrong from now on."""
+        self.sim.count_offset += float(turns * self._hardware.fine_counts_per_turn)
+
+    def scan(self, mode: int, vel_rad_s: float, torque_ff_nm: float, brake_open: bool) -> None:
+        """One tick of drive loops and plant."""
+        faults = self._faults
+        if faults.brake is not None:
+            brake_open = faults.brake == "open"
+        if faults.no_torque:
+            mode = OFF
+        if self._stale and self.sim.state["brake_closed"] == float(not brake_open):
+            self._remake()  # never while the brake moves: its dead time is no part of the plant's state
+        self.sim.scan(mode, vel_rad_s, torque_ff_nm, brake_open)
+        self._read()
+        self._count_overload()
+
+    def _remake(self) -> None:
+        state = self.sim.state
+        self.sim = self._make()
+        self.sim.state = state
+        self._stale = False
+
+    def _read(self) -> None:
+        counts, vel, torque, brake_open, limited, _, _ = self.sim.feedback(self._count_rad)
+        self.counts = counts
+        self.vel_rad_s = vel
+        self.torque_nm = torque
+        self.brake_open = brake_open
+        self.limited = limited
+
+    def _count_overload(self) -> None:
+        load = self.torque_nm / self._hardware.torque_rated_nm
+        account = self._account + (load * load - 1.0) * self._hardware.tick_s
+        self._account = account = min(max(account, 0.0), self._budget)
+        exhausted = account >= self._budget or (self._exhausted and account > _RELEASE * self._budget)
+        if exhausted is not self._exhausted and self._budget > 0.0:
+            self._exhausted = exhausted
+            self._apply_torque()
+
+    @property
+    def exhausted(self) -> bool:
+        """The overload budget is used up: rated torque at most."""
+        return self._exhausted
+
+    def _apply_torque(self) -> None:
+        limit = min(self._allowed_nm, self._hardware.torque_rated_nm) if self._exhausted else self._allowed_nm
+        if limit != self._drive.torque_max:
+            self._drive.torque_max = limit
+            self._stale = True

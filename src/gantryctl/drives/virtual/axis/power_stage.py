@@ -1,0 +1,173 @@
+"""The power stage and the brake: what torque does, whatever the statusword says.
+
+| phase    | torque                     | brake (owned by the drive)  | leads to                           |
+|----------|----------------------------|-----------------------------|------------------------------------|
+| OFF      | none                       | closed                      | STARTING, RUNNING                  |
+| STARTING | zero speed, preload 60B2   | closed, then opening        | RUNNING (READY is reported)        |
+| RUNNING  | follows the mode           | open                        | STOPPING, OFF                      |
+| STOPPING | ramp to zero               | open                        | HOLDING or CLOSING at rest         |
+| HOLDING  | zero speed                 | open                        | RUNNING, OFF                       |
+| CLOSING  | zero speed                 | closing                     | OFF (STOPPED is reported)          |
+
+A brake worked by 60FE opens only while there is torque: in OFF it is closed whatever 60FE says. With such a brake
+STARTING and CLOSING are left out.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final, assert_never
+
+from gantryctl.drives.virtual.axis import motor as plant
+from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.axis.motor import Motor
+from gantryctl.drives.virtual.axis.options import Ramp
+from gantryctl.drives.virtual.axis.setpoint import Drive, SetPoint
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+
+_REST_US: Final = 10_000  # the shaft must be slow that long to be at rest
+_IDLE: Final = Drive(plant.OFF, 0.0)
+_STAND: Final = Drive(plant.SPEED, 0.0)
+
+
+class Phase(Enum):
+    """What the power stage does."""
+
+    OFF = 0
+    STARTING = 1
+    RUNNING = 2
+    STOPPING = 3
+    HOLDING = 4
+    CLOSING = 5
+
+
+class Event(Enum):
+    """What a tick of the power stage has finished."""
+
+    READY = 0
+    """Energised, brake open."""
+    STOPPED = 1
+    """At rest, brake closed: the torque can go."""
+
+
+class PowerStage:
+    """Phases of one axis.
+
+    Args:
+        hardware: who owns the brake.
+        od: brake times, 60FE.
+        motor: the plant.
+        set_point: what is followed while RUNNING.
+    """
+
+    def __init__(self, hardware: Hardware, od: Dictionary, motor: Motor, set_point: SetPoint) -> None:
+        self._od = od
+        self._motor = motor
+        self._set_point = set_point
+        self._tick_us = round(hardware.tick_s * 1e6)
+        self._owns_brake = hardware.brake_owner == "drive"
+        self.phase = Phase.OFF
+        self._ramp = Ramp.NONE
+        self._stay = False
+        self._timer_us = 0
+
+    @property
+    def energised(self) -> bool:
+        """There is torque."""
+        return self.phase is not Phase.OFF
+
+    def start(self) -> bool:
+        """Energise; True when nothing has to be waited for."""
+        self._timer_us = 0
+        if self._owns_brake:
+            self.phase = Phase.STARTING
+            return False
+        self.run()
+        return True
+
+    def run(self) -> None:
+        """Follow the set-point."""
+        self.phase = Phase.RUNNING
+        self._set_point.start()
+
+    def stop(self, ramp: Ramp, stay: bool) -> None:
+        """Bring the shaft to rest; a brake that closes already goes on closing."""
+        self._stay = stay
+        if self.phase is not Phase.CLOSING:
+            self.phase = Phase.STOPPING
+            self._ramp = ramp
+            self._timer_us = 0
+
+    def off(self) -> None:
+        """Torque off now, brake closed."""
+        self.phase = Phase.OFF
+        self._set_point.start()
+
+    def advance(self) -> Event | None:
+        """Timers and phases of one tick."""
+        match self.phase:
+            case Phase.OFF | Phase.RUNNING | Phase.HOLDING:
+                return None
+            case Phase.STARTING:
+                self._timer_us += self._tick_us
+                if self._timer_us <= 1000 * (self._od.number(0x2100, 3) + self._od.number(0x2100, 1)):
+                    return None
+                self.run()
+                return Event.READY
+            case Phase.STOPPING:
+                self._timer_us = self._timer_us + self._tick_us if self._set_point.at_rest else 0
+                return self._rested() if self._timer_us >= _REST_US else None
+            case Phase.CLOSING:
+                self._timer_us += self._tick_us
+                return Event.STOPPED if self._timer_us > 1000 * self._od.number(0x2100, 2) else None
+            case _:
+                assert_never(self.phase)
+
+    def _rested(self) -> Event | None:
+        if self._stay:
+            self.phase = Phase.HOLDING
+            return None
+        if not self._owns_brake:
+            return Event.STOPPED
+        self.phase = Phase.CLOSING
+        self._timer_us = 0
+        return None
+
+    def apply(self, controlword: int, coasting: bool) -> None:
+        """Drive the plant for one tick.
+
+        Args:
+            controlword: for the halt bit.
+            coasting: keep the last speed instead of following (a quick stop that is not obeyed).
+        """
+        drive = self._drive(controlword, coasting)
+        self._motor.scan(drive.mode, drive.vel_rad_s, self._set_point.torque_ff_nm, self._brake_open())
+
+    def _drive(self, controlword: int, coasting: bool) -> Drive:
+        match self.phase:
+            case Phase.OFF:
+                return _IDLE
+            case Phase.STARTING:
+                return _STAND
+            case Phase.RUNNING:
+                if coasting:
+                    return Drive(plant.SPEED, self._set_point.vel_rad_s)
+                return self._set_point.run(controlword)
+            case Phase.STOPPING | Phase.HOLDING | Phase.CLOSING:
+                self._set_point.vel_rad_s = 0.0
+                if self._ramp is Ramp.LIMIT:
+                    return _STAND
+                self._motor.set_ramp(self._set_point.deceleration(self._ramp))
+                return Drive(plant.RAMP, 0.0)
+            case _:
+                assert_never(self.phase)
+
+    def _brake_open(self) -> bool:
+        if self.phase is Phase.OFF:
+            return False
+        if not self._owns_brake:
+            released = not self._od.number(0x60FE, 1) & 1
+            return bool(self._od.number(0x60FE, 2) & 1) and released
+        if self.phase is Phase.STARTING:
+            return self._timer_us > 1000 * self._od.number(0x2100, 3)
+        return self.phase is not Phase.CLOSING

@@ -1,0 +1,178 @@
+"""The speed set-point of an enabled drive: cyclic synchronous velocity and profile velocity, halt, limits."""
+
+from __future__ import annotations
+
+from typing import Final, NamedTuple
+
+from gantryctl.drives.virtual.axis import motor as plant
+from gantryctl.drives.virtual.axis.cia402 import HALT_BIT
+from gantryctl.drives.virtual.axis.motor import Motor
+from gantryctl.drives.virtual.axis.options import Ramp, halt_ramp
+from gantryctl.drives.virtual.axis.scaling import Scaling, rad_s_of_r_min
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.drive_objects import MODE_CSV, MODE_PV
+from gantryctl.drives.virtual.personality import Personality
+from gantryctl.drives.virtual.side_channel.faults import Faults
+
+NO_MODE: Final = 0
+MODES: Final = (NO_MODE, MODE_PV, MODE_CSV)
+
+
+class Drive(NamedTuple):
+    """What the power stage is told for one tick."""
+
+    mode: int
+    vel_rad_s: float
+
+
+class SetPoint:
+    """Modes 9 (CSV) and 3 (PV).
+
+    Args:
+        od: 60FF, 60B1, 6080, 607F, 6083 to 6085, 605D.
+        motor: for its speed and its ramp.
+        scaling: units.
+        kind: quirks.
+        faults: what is spoiled.
+        tick_s: period of `run`.
+    """
+
+    def __init__(
+        self, od: Dictionary, motor: Motor, scaling: Scaling, kind: Personality, faults: Faults, tick_s: float
+    ) -> None:
+        self._od = od
+        self._motor = motor
+        self._scaling = scaling
+        self._kind = kind
+        self._faults = faults
+        self._tick_s = tick_s
+        self.mode = NO_MODE
+        self.cycle_time_written = False
+        self.dead = False
+        """After a quick stop some drives stand until 6060 changes."""
+        self.vel_rad_s = 0.0
+        """Speed demand, 606B."""
+        self.clamped = False
+        self.halted = False
+        self._reached_s = 0.0
+        self._held: float | None = None
+
+    def reset(self) -> None:
+        """As after power on."""
+        self.mode = NO_MODE
+        self.cycle_time_written = False
+        self.start()
+
+    def start(self) -> None:
+        """Enabled, or enabled again: profiles begin at the present speed."""
+        self.vel_rad_s = self._motor.vel_rad_s if abs(self._motor.vel_rad_s) > self.threshold_rad_s else 0.0
+        self.clamped = False
+        self.halted = False
+        self._reached_s = 0.0
+        self._held = None
+
+    def set_mode(self, mode: int) -> None:
+        """6060 was written."""
+        if mode != self.mode:
+            self.mode = mode
+            self.dead = False
+            self.start()
+
+    @property
+    def threshold_rad_s(self) -> float:
+        """606F: slower than this is rest."""
+        return self._scaling.rad_s(self._od.number(0x606F))
+
+    @property
+    def follows(self) -> bool:
+        """The drive follows its mode's command value (CSV: bit 12 of an enabled drive)."""
+        return not self._faults.ignore_target and not self.halted and self._can_follow()
+
+    def _can_follow(self) -> bool:
+        if self.mode == MODE_CSV:
+            return self._kind.csv and (not self._kind.needs_cycle_time or self._cycle_time_ok())
+        return self.mode == MODE_PV
+
+    def _cycle_time_ok(self) -> bool:
+        cycle_us = self._od.number(0x1006)
+        return self.cycle_time_written and (cycle_us == 0 or cycle_us == interpolation_us(self._od))
+
+    def deceleration(self, ramp: Ramp) -> float:
+        """Of a ramp, rad/s2."""
+        return self._scaling.rad_s(self._od.number(0x6085 if ramp is Ramp.QUICK else 0x6084))
+
+    def run(self, controlword: int) -> Drive:
+        """One tick of an enabled drive."""
+        faults = self._faults
+        if faults.ignore_target:
+            self._held = self.vel_rad_s if self._held is None else self._held
+            return Drive(plant.SPEED, self._held)
+        self._held = None
+        halting = self.mode == MODE_PV or (self.mode == MODE_CSV and self._kind.halt_in_csv)
+        if controlword & HALT_BIT and halting:
+            return self._halt()
+        if self.halted:
+            self.start()
+        if faults.never_move or self.dead or not self._can_follow():
+            self.vel_rad_s = 0.0
+            self._motor.set_ramp(self.deceleration(Ramp.QUICK))
+            return Drive(plant.RAMP, 0.0)
+        wanted = self._wanted()
+        self.vel_rad_s = wanted if self.mode == MODE_CSV else self._profiled(wanted)
+        return Drive(plant.SPEED, self.vel_rad_s)
+
+    def _halt(self) -> Drive:
+        self.halted = True
+        self.vel_rad_s = 0.0
+        ramp = halt_ramp(self._od.number(0x605D))
+        if ramp is Ramp.LIMIT:
+            return Drive(plant.SPEED, 0.0)
+        self._motor.set_ramp(self.deceleration(ramp))
+        return Drive(plant.RAMP, 0.0)
+
+    def _wanted(self) -> float:
+        """60FF with its offset, within the speed limits."""
+        od = self._od
+        vel = self._faults.command_sign * self._scaling.rad_s(od.number(0x60FF) + od.number(0x60B1))
+        ceiling = rad_s_of_r_min(od.number(0x6080))
+        if self.mode == MODE_PV:
+            ceiling = min(ceiling, self._scaling.rad_s(od.number(0x607F)))
+        self.clamped = abs(vel) > ceiling
+        return max(-ceiling, min(ceiling, vel))
+
+    def _profiled(self, wanted: float) -> float:
+        """One tick towards the target on 6083 and 6084."""
+        vel = self.vel_rad_s
+        speeding_up = abs(wanted) > abs(vel) and wanted * vel >= 0.0
+        rate = self._scaling.rad_s(self._od.number(0x6083 if speeding_up else 0x6084))
+        step = rate * self._tick_s
+        vel = max(vel - step, min(vel + step, wanted))
+        window = self._scaling.rad_s(self._od.number(0x606D))
+        near = abs(self._motor.vel_rad_s - wanted) <= window
+        self._reached_s = self._reached_s + self._tick_s if near else 0.0
+        return vel
+
+    @property
+    def target_reached(self) -> bool:
+        """PV: the target speed is held for 606E ms."""
+        return (
+            self.mode == MODE_PV
+            and self._reached_s > 0.0
+            and (1000.0 * self._reached_s >= self._od.number(0x606E))
+        )
+
+    @property
+    def torque_ff_nm(self) -> float:
+        """60B2."""
+        return self._faults.command_sign * self._scaling.nm(self._od.number(0x60B2))
+
+    @property
+    def at_rest(self) -> bool:
+        """The shaft turns slower than 606F."""
+        return abs(self._motor.vel_rad_s) < self.threshold_rad_s
+
+
+def interpolation_us(od: Dictionary) -> int:
+    """60C2 in microseconds."""
+    value, index = od.number(0x60C2, 1), od.number(0x60C2, 2)
+    return round(value * 10.0 ** (index + 6))

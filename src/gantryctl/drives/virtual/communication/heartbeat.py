@@ -1,0 +1,123 @@
+"""Heartbeat producer (1017) and consumer (1016)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.objects import CONSUMERS
+
+HEARTBEAT_LOST: Final = 0x8130
+
+
+@dataclass(slots=True)
+class _Watched:
+    """One node that is watched; the deadline runs from its first heartbeat on."""
+
+    node: int
+    period_us: int
+    deadline_us: int | None = None
+    lost: bool = False
+
+
+class HeartbeatProducer:
+    """Sends the NMT state every 1017 ms.
+
+    Args:
+        od: holds 1017.
+        send: sends the heartbeat.
+    """
+
+    def __init__(self, od: Dictionary, send: Callable[[], None]) -> None:
+        self._od = od
+        self._send = send
+        self._next_us: int | None = None
+        self._now_us = 0
+        od.actions[0x1017, 0] = self._changed
+
+    def reload(self, now_us: int) -> None:
+        """After a reset: the first one is due after one period (the boot-up message stands for it)."""
+        self._now_us = now_us
+        period = 1000 * self._od.number(0x1017)
+        self._next_us = now_us + period if period else None
+
+    def _changed(self, value: int) -> None:
+        if value:  # a new time begins with a heartbeat
+            self._next_us = self._now_us + 1000 * value
+            self._send()
+        else:
+            self._next_us = None
+
+    def tick(self, now_us: int) -> None:
+        """Send when due."""
+        self._now_us = now_us
+        if self._next_us is not None and now_us >= self._next_us:
+            self._next_us += 1000 * self._od.number(0x1017)
+            self._send()
+
+
+class HeartbeatConsumer:
+    """Watches the nodes of 1016.
+
+    Args:
+        od: holds 1016.
+        emcy: reports (code) and, with active = False, its end.
+        lost: called when a heartbeat is missing.
+    """
+
+    def __init__(self, od: Dictionary, emcy: Callable[[int, bool], None], lost: Callable[[], None]) -> None:
+        self._od = od
+        self._emcy = emcy
+        self._lost = lost
+        self._watched: dict[int, _Watched] = {}
+        for sub in range(1, CONSUMERS + 1):
+            od.checks[0x1016, sub] = partial(self._check, sub)
+            od.actions[0x1016, sub] = lambda _value: self.reload()
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over 1016; watching begins anew with the next heartbeat."""
+        for old in self._watched.values():
+            if old.lost:
+                self._emcy(HEARTBEAT_LOST, False)
+        self._watched = {}
+        for sub in range(1, CONSUMERS + 1):
+            node, period = _split(self._od.number(0x1016, sub))
+            if node and period:
+                self._watched[node] = _Watched(node, 1000 * period)
+
+    def receive(self, node: int, now_us: int) -> None:
+        """A heartbeat of some node."""
+        watched = self._watched.get(node)
+        if watched is None:
+            return
+        watched.deadline_us = now_us + watched.period_us
+        if watched.lost:
+            watched.lost = False
+            self._emcy(HEARTBEAT_LOST, False)
+
+    def tick(self, now_us: int) -> None:
+        """Notice what is missing; it is missed once, until it is heard again."""
+        for watched in self._watched.values():
+            if watched.deadline_us is not None and now_us >= watched.deadline_us:
+                watched.deadline_us = None
+                watched.lost = True
+                self._emcy(HEARTBEAT_LOST, True)
+                self._lost()
+
+    def _check(self, sub: int, value: int) -> None:
+        node, period = _split(value)
+        others = (self._od.number(0x1016, other) for other in range(1, CONSUMERS + 1) if other != sub)
+        if node > 127:
+            raise SdoAbort(Abort.VALUE)
+        if node and period and any(_split(o)[0] == node and _split(o)[1] for o in others):
+            raise SdoAbort(Abort.INCOMPATIBLE)
+
+
+def _split(value: int) -> tuple[int, int]:
+    """(node, milliseconds) of one entry of 1016."""
+    return value >> 16 & 0xFF, value & 0xFFFF

@@ -1,0 +1,138 @@
+"""The rules by which PDO parameters may be written (CiA 301), and what they say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from gantryctl.drives.od import Entry, bit_length
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.objects import MAPPED, PDO_INVALID
+
+_EXTENDED: Final = 0x2000_0000
+_ID: Final = 0x7FF
+_MAX_BITS: Final = 64
+# Identifiers that no PDO may take: NMT, SYNC window, SDO, NMT error control.
+_RESTRICTED: Final = (
+    range(0x000, 0x080),
+    range(0x080, 0x081),
+    range(0x101, 0x181),
+    range(0x581, 0x600),
+    range(0x601, 0x680),
+    range(0x6E0, 0x800),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Mapped:
+    """One mapped entry and its bytes."""
+
+    entry: Entry
+    size: int
+
+
+class PdoParameters:
+    """Communication and mapping parameter of one PDO.
+
+    To change a mapping: 1. make the PDO invalid (bit 31 of sub-index 1), 2. count = 0, 3. entries, 4. count = n,
+    5. make it valid again. Anything else is refused.
+
+    Args:
+        od: the dictionary; the rules hook themselves in.
+        number: 0 for the first PDO.
+        transmit: TPDO or RPDO.
+    """
+
+    def __init__(self, od: Dictionary, number: int, transmit: bool) -> None:
+        self._od = od
+        self._transmit = transmit
+        self.communication = (0x1800 if transmit else 0x1400) + number
+        self._mapping = (0x1A00 if transmit else 0x1600) + number
+        od.checks[self.communication, 1] = self._check_cob_id
+        od.checks[self.communication, 2] = self._check_type
+        if transmit:
+            od.checks[self.communication, 3] = self._check_inhibit
+        od.checks[self._mapping, 0] = self._check_count
+        for sub in range(1, MAPPED + 1):
+            od.checks[self._mapping, sub] = self._check_entry
+
+    @property
+    def valid(self) -> bool:
+        """Bit 31 of the COB-ID is 0."""
+        return not self._od.number(self.communication, 1) & PDO_INVALID
+
+    @property
+    def can_id(self) -> int:
+        """The identifier."""
+        return self._od.number(self.communication, 1) & _ID
+
+    @property
+    def type(self) -> int:
+        """Transmission type."""
+        return self._od.number(self.communication, 2)
+
+    @property
+    def inhibit_us(self) -> int:
+        """Inhibit time (TPDO)."""
+        return 100 * self._od.number(self.communication, 3)
+
+    @property
+    def event_us(self) -> int:
+        """Event timer: period of a TPDO, deadline of an RPDO."""
+        return 1000 * self._od.number(self.communication, 5)
+
+    def mapped(self) -> tuple[Mapped, ...]:
+        """What is mapped now; stored values that do not fit (another personality) map nothing."""
+        count = self._od.number(self._mapping, 0)
+        try:
+            return self._resolved(count)
+        except SdoAbort:
+            return ()
+
+    def _resolved(self, count: int) -> tuple[Mapped, ...]:
+        found = tuple(self._object(self._od.number(self._mapping, sub)) for sub in range(1, count + 1))
+        if 8 * sum(mapped.size for mapped in found) > _MAX_BITS:
+            raise SdoAbort(Abort.PDO_LENGTH)
+        return found
+
+    def _object(self, value: int) -> Mapped:
+        index, sub, bits = value >> 16, value >> 8 & 0xFF, value & 0xFF
+        entry = self._od.entry(index, sub)
+        if not (entry.tpdo if self._transmit else entry.rpdo):
+            raise SdoAbort(Abort.NOT_MAPPABLE)
+        if bits != bit_length(entry.data_type):
+            raise SdoAbort(Abort.SIZE)
+        return Mapped(entry, bits // 8)
+
+    def _check_cob_id(self, value: int) -> None:
+        if value & _EXTENDED:
+            raise SdoAbort(Abort.VALUE)
+        if value & PDO_INVALID:
+            return
+        can_id = value & _ID
+        if self.valid and can_id != self.can_id:
+            raise SdoAbort(Abort.VALUE)
+        if any(can_id in ids for ids in _RESTRICTED):
+            raise SdoAbort(Abort.VALUE)
+
+    def _check_type(self, value: int) -> None:
+        if 241 <= value <= 253:  # reserved; 252 and 253 need remote frames
+            raise SdoAbort(Abort.VALUE)
+
+    def _check_inhibit(self, value: int) -> None:
+        if self.valid:
+            raise SdoAbort(Abort.STATE)
+
+    def _check_count(self, count: int) -> None:
+        if self.valid:
+            raise SdoAbort(Abort.STATE)
+        if count > MAPPED:
+            raise SdoAbort(Abort.PDO_LENGTH)
+        self._resolved(count)
+
+    def _check_entry(self, value: int) -> None:
+        if self.valid or self._od.number(self._mapping, 0):
+            raise SdoAbort(Abort.STATE)
+        if value:
+            self._object(value)

@@ -1,0 +1,99 @@
+"""What happens when parameters are written: commands to the axis, limits, storing and restoring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+from gantryctl.drives.virtual.axis.axis import Axis
+from gantryctl.drives.virtual.axis.scaling import Scaling
+from gantryctl.drives.virtual.axis.setpoint import MODES
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.store import ParameterStore
+
+SAVE: Final = 0x65766173
+"""The bytes "save"."""
+LOAD: Final = 0x64616F6C
+"""The bytes "load"."""
+# Sub-index of 1010 and 1011 -> range of indices.
+_GROUPS: Final = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x2000, 0xFFFF)}
+
+
+class Parameters:
+    """Hooks between the object dictionary and the axis.
+
+    Args:
+        od: the dictionary.
+        axis: obeys.
+        scaling: units.
+        store: 1010 and 1011.
+        saving: called when parameters are saved, for drives that take their time.
+    """
+
+    def __init__(
+        self, od: Dictionary, axis: Axis, scaling: Scaling, store: ParameterStore, saving: Callable[[], None]
+    ) -> None:
+        self._od = od
+        self._axis = axis
+        self._scaling = scaling
+        self._store = store
+        self._saving = saving
+        self._to_drop: set[int] = set()
+        od.actions[0x6040, 0] = axis.control
+        od.checks[0x6060, 0] = _check_mode
+        od.actions[0x6060, 0] = axis.set_point.set_mode
+        od.actions[0x6072, 0] = lambda value: axis.motor.limit_torque(scaling.nm(value))
+        for sub in (1, 2):
+            od.actions[0x60C2, sub] = self._cycle_time
+        for sub in _GROUPS:
+            od.readers[0x1010, sub] = od.readers[0x1011, sub] = lambda: 1
+            od.checks[0x1010, sub] = partial(self._save, sub)
+            od.checks[0x1011, sub] = partial(self._load, sub)
+
+    def _cycle_time(self, _value: int) -> None:
+        self._axis.set_point.cycle_time_written = True
+
+    def _save(self, sub: int, value: int) -> None:
+        """1010: by its signature only, and not while there is torque."""
+        if value != SAVE:
+            raise SdoAbort(Abort.STORE)
+        if self._axis.stage.energised:
+            raise SdoAbort(Abort.STATE)
+        first, last = _GROUPS[sub]
+        try:
+            self._store.save(self._od.storable(first, last), first, last)
+        except OSError:
+            raise SdoAbort(Abort.STORE) from None
+        self._to_drop.discard(sub)
+        self._saving()
+
+    def _load(self, sub: int, value: int) -> None:
+        """1011: by its signature only; acts at the next reset."""
+        if value != LOAD:
+            raise SdoAbort(Abort.STORE)
+        if self._axis.stage.energised:
+            raise SdoAbort(Abort.STATE)
+        self._to_drop.add(sub)
+
+    def reset(self, communication_only: bool) -> bool:
+        """Power-on values: what is stored over the defaults, and nothing stored where 1011 asked for that.
+
+        False when the store could not be written.
+        """
+        written = True
+        for sub in sorted(self._to_drop):
+            try:
+                self._store.drop(*_GROUPS[sub])
+            except OSError:
+                written = False
+        self._to_drop.clear()
+        self._od.reset(self._store.values(), communication_only)
+        self._axis.motor.limit_torque(self._scaling.nm(self._od.number(0x6072)))
+        return written
+
+
+def _check_mode(value: int) -> None:
+    if value not in MODES:
+        raise SdoAbort(Abort.VALUE)

@@ -1,0 +1,188 @@
+"""Process data: RPDOs in, TPDOs out, by transmission type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from gantryctl.drives.virtual.communication.abort import SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.mapping import PdoParameters
+
+_LAST_SYNC_TYPE: Final = 240
+_EVENTS: Final = frozenset({0x1001, 0x603F, 0x6041, 0x6061, 0x60FD})
+"""Objects whose change is an event for transmission types 0, 254 and 255; the continuous ones are not."""
+
+LENGTH_ERROR: Final = 0x8210
+DEADLINE: Final = 0x8250
+
+
+class Rpdo:
+    """One RPDO.
+
+    Args:
+        od: takes the values.
+        number: 0 for the first.
+        emcy: reports (code) and, with active = False, its end.
+        lost: called when the deadline (event timer) passes.
+    """
+
+    def __init__(
+        self, od: Dictionary, number: int, emcy: Callable[[int, bool], None], lost: Callable[[], None]
+    ) -> None:
+        self.parameters = PdoParameters(od, number, transmit=False)
+        self._od = od
+        self._emcy = emcy
+        self._lost = lost
+        self._waiting: bytes | None = None
+        self._deadline_us: int | None = None
+        self._overdue = False
+        self._short = False
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over changed parameters."""
+        p = self.parameters
+        self.mapped = p.mapped()
+        self.size = sum(mapped.size for mapped in self.mapped)
+        self.can_id = p.can_id if p.valid else None
+        self.synchronous = p.type <= _LAST_SYNC_TYPE
+        self._event_us = p.event_us
+        self.stop()
+
+    def stop(self) -> None:
+        """OPERATIONAL was left, or the PDO changed: nothing waits, no deadline runs."""
+        self._waiting = None
+        self._deadline_us = None
+        self._overdue = False
+        self._short = False
+
+    def receive(self, data: bytes, now_us: int) -> None:
+        """One frame: too short is refused whole (8210), too long is read as far as it is mapped."""
+        if len(data) < self.size:
+            if not self._short:
+                self._short = True
+                self._emcy(LENGTH_ERROR, True)
+            return
+        if self._short:
+            self._short = False
+            self._emcy(LENGTH_ERROR, False)
+        if self._overdue:
+            self._overdue = False
+            self._emcy(DEADLINE, False)
+        if self._event_us:
+            self._deadline_us = now_us + self._event_us
+        if self.synchronous:
+            self._waiting = data
+        else:
+            self._apply(data)
+
+    def sync(self) -> None:
+        """SYNC: what was received since the last one acts now."""
+        if self._waiting is not None:
+            data, self._waiting = self._waiting, None
+            self._apply(data)
+
+    def tick(self, now_us: int) -> None:
+        """Watch the deadline; it runs from the first reception on."""
+        if self._deadline_us is not None and now_us >= self._deadline_us:
+            self._deadline_us = None
+            self._overdue = True
+            self._emcy(DEADLINE, True)
+            self._lost()
+
+    def _apply(self, data: bytes) -> None:
+        at = 0
+        for mapped in self.mapped:
+            part = data[at : at + mapped.size]
+            at += mapped.size
+            try:
+                self._od.receive(mapped.entry, part)
+            except SdoAbort:
+                continue  # a value the drive refuses is left out; nobody could be told
+
+
+class Tpdo:
+    """One TPDO.
+
+    Args:
+        od: gives the values.
+        number: 0 for the first.
+        send: takes (number, identifier, data).
+    """
+
+    def __init__(self, od: Dictionary, number: int, send: Callable[[int, int, bytes], None]) -> None:
+        self.parameters = PdoParameters(od, number, transmit=True)
+        self._od = od
+        self._number = number
+        self._send = send
+        self._syncs = 0
+        self._last: bytes | None = None
+        self._changed = False
+        self._next_us = 0
+        self._free_us = 0
+        self.reload()
+
+    def reload(self) -> None:
+        """Take over changed parameters."""
+        p = self.parameters
+        self.mapped = p.mapped()
+        self.can_id = p.can_id if p.valid else None
+        self.type = p.type
+        self._inhibit_us = p.inhibit_us
+        self._event_us = p.event_us
+        self._events = tuple(m.entry for m in self.mapped if m.entry.index in _EVENTS)
+        self.start(0)
+
+    def start(self, now_us: int) -> None:
+        """OPERATIONAL was entered, or the PDO changed: event-driven ones are due once."""
+        self._syncs = 0
+        self._last = None
+        self._changed = False
+        self._next_us = now_us + self._event_us
+        self._free_us = now_us
+
+    def pack(self) -> bytes:
+        """The data of this moment."""
+        return b"".join([self._od.packed(mapped.entry) for mapped in self.mapped])
+
+    def sync(self) -> None:
+        """SYNC: cyclic types count, type 0 goes out when something has changed."""
+        if self.can_id is None or self.type > _LAST_SYNC_TYPE:
+            return
+        if self.type == 0:
+            if self._changed or self._last is None:
+                self._changed = False
+                self._last = self._event_values()
+                self._out()
+            return
+        self._syncs += 1
+        if self._syncs >= self.type:
+            self._syncs = 0
+            self._out()
+
+    def tick(self, now_us: int) -> None:
+        """Event-driven transmission: a change of a discrete object, or the event timer."""
+        if self.can_id is None or 0 < self.type <= _LAST_SYNC_TYPE:
+            return
+        values = self._event_values()
+        if values != self._last and self._last is not None:
+            self._changed = True
+        if self.type == 0:
+            return
+        due = self._event_us and now_us >= self._next_us
+        if (self._changed or self._last is None or due) and now_us >= self._free_us:
+            self._changed = False
+            self._last = values
+            self._next_us = now_us + self._event_us
+            self._free_us = now_us + self._inhibit_us
+            self._out()
+        elif self._changed:
+            self._last = values
+
+    def _event_values(self) -> bytes:
+        return b"".join([self._od.packed(entry) for entry in self._events])
+
+    def _out(self) -> None:
+        if self.can_id is not None:
+            self._send(self._number, self.can_id, self.pack())

@@ -1,0 +1,75 @@
+"""Stored parameters (1010, 1011): a file, or memory when there is none."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from gantryctl.drives.virtual.communication.dictionary import Key
+
+_FORMAT: Final = 1
+
+
+class ParameterStore:
+    """Values by index and sub-index that survive a reset, and with a file the process too.
+
+    Args:
+        path: the file; None keeps them in memory.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._values: dict[Key, int] = {}
+        self.damaged = False
+        """The file was there and could not be read: defaults are in force."""
+        if path is not None:
+            self._load(path)
+
+    def values(self) -> Mapping[Key, int]:
+        """What is stored."""
+        return self._values
+
+    def save(self, values: Mapping[Key, int], first: int, last: int) -> None:
+        """Replace what is stored of a range of indices.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        self._replace(
+            {key: v for key, v in self._values.items() if not first <= key[0] <= last} | dict(values)
+        )
+
+    def drop(self, first: int, last: int) -> None:
+        """Forget a range of indices.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        self._replace({key: v for key, v in self._values.items() if not first <= key[0] <= last})
+
+    def _replace(self, values: dict[Key, int]) -> None:
+        if self._path is not None:
+            text = {f"{index:04X}:{sub:02X}": value for (index, sub), value in sorted(values.items())}
+            new = self._path.with_name(self._path.name + ".new")
+            new.write_text(json.dumps({"format": _FORMAT, "values": text}, indent=1))
+            os.replace(new, self._path)
+        self._values = values
+
+    def _load(self, path: Path) -> None:
+        try:
+            data = json.loads(path.read_text())
+            if data["format"] != _FORMAT:
+                raise ValueError
+            self._values = {_key(place): int(value) for place, value in data["values"].items()}
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            self.damaged = True
+
+
+def _key(place: str) -> Key:
+    index, _, sub = place.partition(":")
+    return int(index, 16), int(sub, 16)

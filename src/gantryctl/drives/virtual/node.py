@@ -1,0 +1,307 @@
+"""The virtual drive as a CANopen node: frames in, frames out, time as an argument. It knows no bus and no clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from gantryctl.drives.virtual.axis.axis import Axis
+from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.axis.motor import Motor
+from gantryctl.drives.virtual.axis.scaling import Scaling
+from gantryctl.drives.virtual.axis.setpoint import SetPoint, interpolation_us
+from gantryctl.drives.virtual.axis.signals import Signals
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
+from gantryctl.drives.virtual.communication.drive_objects import device_tables
+from gantryctl.drives.virtual.communication.emergency import Emergency
+from gantryctl.drives.virtual.communication.heartbeat import (
+    HEARTBEAT_LOST,
+    HeartbeatConsumer,
+    HeartbeatProducer,
+)
+from gantryctl.drives.virtual.communication.nmt import NmtCommand, NmtState, command_for, next_nmt
+from gantryctl.drives.virtual.communication.parameters import Parameters
+from gantryctl.drives.virtual.communication.pdo import DEADLINE
+from gantryctl.drives.virtual.communication.process_data import ProcessData
+from gantryctl.drives.virtual.communication.sdo import SdoServer, abort_frame
+from gantryctl.drives.virtual.communication.store import ParameterStore
+from gantryctl.drives.virtual.personality import Personality
+from gantryctl.drives.virtual.side_channel.faults import Faults
+from gantryctl.drives.virtual.side_channel.tpdo_gate import TpdoGate
+from gantryctl.errors import UsageError
+
+_NMT: Final = 0x000
+_SDO_REQUEST: Final = 0x600
+_SDO_RESPONSE: Final = 0x580
+_HEARTBEAT: Final = 0x700
+_SYNC_LENGTH: Final = 0x8240
+_NMT_ABORT: Final = 0x8100
+_STORE_FAILED: Final = 0x5530
+_PARAMETERS_LOST: Final = 0x6310
+_TOGGLE: Final = 0x10
+
+Send = Callable[[int, bytes], None]
+
+
+class DriveNode:
+    """One drive on a bus.
+
+    Args:
+        hardware: motor, brake, encoder and gantry behind it.
+        node_id: 1..127.
+        send: takes (identifier, data) of every frame the node sends.
+        kind: quirks of the drive model.
+        store: stored parameters; in memory when not given.
+        stepped: time goes on by SYNC only, one SYNC period each; the first SYNC is time 0.
+
+    Raises:
+        UsageError: a node id that is none.
+    """
+
+    truth_columns: Final = (
+        "pos_load_rad",
+        "vel_load_rad_s",
+        "pos_motor_rad",
+        "vel_motor_rad_s",
+        "pos_base_rad",
+        "vel_base_rad_s",
+        "torque_mesh_nm",
+    )
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        node_id: int,
+        send: Send,
+        *,
+        kind: Personality | None = None,
+        store: ParameterStore | None = None,
+        stepped: bool = False,
+    ) -> None:
+        if not 1 <= node_id <= 127:
+            raise UsageError(f"node id {node_id}: CANopen has node ids 1 to 127")
+        self.hardware, self.node_id, self.stepped = hardware, node_id, stepped
+        self.kind = kind = kind or Personality()
+        self.faults = Faults()
+        self.time_us = 0
+        """The drive's own time."""
+        self.state = NmtState.INITIALISING
+        self._out = send
+        self._tick_us = round(hardware.tick_s * 1e6)
+        self._owed_us = 0
+        self._synced = False
+        self._wrong_sync = False
+        self._later: list[tuple[int, Callable[[], object]]] = []
+        self._answer_delay_us = 0
+        self._silent_until_us = 0
+        self._store_failed = False
+        full, self.device = device_tables(hardware, kind)
+        self.scaling = scaling = Scaling(hardware, kind)
+        self.od = od = Dictionary(full, self.device, node_id)
+        self.emergency = Emergency(od, self._send_emcy, kind.short_emcy)
+        self.motor = Motor(hardware, self.faults)
+        set_point = SetPoint(od, self.motor, scaling, kind, self.faults, hardware.tick_s)
+        self.axis = Axis(hardware, od, self.motor, set_point, self.emergency, kind, self.faults)
+        self._signals = Signals(hardware, self.axis, od, scaling, kind, self.faults)
+        self._store = store or ParameterStore()
+        self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving)
+        self._sdo = SdoServer(od)
+        self._gate = TpdoGate(self.faults, self.send)
+        self.process_data = ProcessData(
+            od,
+            self._gate.send,
+            self._error,
+            lambda: self.axis.communication_lost(DEADLINE),
+            lambda: self.time_us,
+        )
+        self._producer = HeartbeatProducer(od, self.send_heartbeat)
+        self._consumer = HeartbeatConsumer(od, self._error, self._heartbeat_lost)
+
+    # --- time --------------------------------------------------------------------------------------------------
+
+    def boot(self) -> None:
+        """Power on: boot-up message, then PRE-OPERATIONAL."""
+        self._signals.tick(self.time_us)
+        self.reset(communication_only=False)
+        if self._store.damaged:
+            self.emergency.raise_error(_PARAMETERS_LOST)
+
+    def advance(self, us: int) -> None:
+        """Let the drive's own time go on, in whole ticks; what is left over is kept."""
+        self._owed_us += us
+        while self._owed_us >= self._tick_us:
+            self._owed_us -= self._tick_us
+            self._tick()
+
+    def _tick(self) -> None:
+        self.time_us = now = self.time_us + self._tick_us
+        self.axis.tick()
+        self._signals.tick(now)
+        self.emergency.tick(now)
+        self._producer.tick(now)
+        self._consumer.tick(now)
+        self.process_data.tick()
+        if self._later:
+            self._run_later()
+
+    def after(self, delay_us: int, action: Callable[[], object]) -> None:
+        """Do something later, in the drive's own time."""
+        self._later.append((self.time_us + delay_us, action))
+
+    def _run_later(self) -> None:
+        due = [action for at, action in self._later if at <= self.time_us]
+        self._later = [(at, action) for at, action in self._later if at > self.time_us]
+        for action in due:
+            action()
+
+    @property
+    def sync_period_us(self) -> int:
+        """How far one SYNC steps: 1006, else 60C2."""
+        return self.od.number(0x1006) or interpolation_us(self.od)
+
+    def truth(self) -> tuple[float, ...]:
+        """What only a simulator knows; see `truth_columns`. Never on the bus."""
+        return self.motor.sim.truth()
+
+    # --- frames in ---------------------------------------------------------------------------------------------
+
+    def on_frame(self, can_id: int, data: bytes) -> None:
+        """One data frame with an 11-bit identifier."""
+        is_sync = can_id == self.process_data.sync_id
+        if is_sync and self.stepped:
+            if self._synced:
+                self.advance(self.sync_period_us)
+            self._synced = True
+        if self._deaf:
+            return
+        if is_sync:
+            self._on_sync(data)
+        elif can_id == _NMT:
+            command = command_for(data, self.node_id)
+            if command is not None:
+                self.nmt(command)
+        elif can_id == _SDO_REQUEST + self.node_id:
+            self._on_sdo(data)
+        elif not self.process_data.receive(can_id, data) and can_id > _HEARTBEAT and len(data) == 1:
+            self._consumer.receive(can_id - _HEARTBEAT, self.time_us)
+        self.process_data.tick()
+
+    @property
+    def _deaf(self) -> bool:
+        return (
+            self.faults.silence or self.time_us < self._silent_until_us or self.state is NmtState.INITIALISING
+        )
+
+    def _on_sync(self, data: bytes) -> None:
+        if self.state is NmtState.STOPPED:
+            return
+        if data and not self._wrong_sync:
+            self.emergency.warn(_SYNC_LENGTH)  # 1019 is absent: a SYNC has no counter
+        self._wrong_sync = bool(data)
+        self.process_data.sync()
+
+    def _on_sdo(self, data: bytes) -> None:
+        faults = self.faults
+        served = (NmtState.PRE_OPERATIONAL,) if self.kind.sdo_preoperational_only else (
+            NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)  # fmt: skip
+        if self.state not in served or faults.sdo_silent:
+            return
+        response = self._sdo.answer(data)
+        if response is None:
+            return
+        if faults.sdo_abort is not None:
+            response = abort_frame(data[1] | data[2] << 8, data[3], faults.sdo_abort)
+        elif faults.sdo_toggle and response[0] >> 5 in (0, 1):
+            response = bytes((response[0] ^ _TOGGLE,)) + response[1:]
+        delay, self._answer_delay_us = self._answer_delay_us, 0
+        if delay:
+            self.after(delay, lambda: self.send(_SDO_RESPONSE + self.node_id, response))
+        else:
+            self.send(_SDO_RESPONSE + self.node_id, response)
+
+    # --- NMT ---------------------------------------------------------------------------------------------------
+
+    def nmt(self, command: NmtCommand) -> None:
+        """Obey an NMT command."""
+        target = next_nmt(self.state, command)
+        if target is NmtState.INITIALISING:
+            self.reset(communication_only=command is NmtCommand.RESET_COMMUNICATION)
+        else:
+            self.enter(target)
+
+    def enter(self, target: NmtState) -> None:
+        """Change the NMT state; STOPPED aborts the connection (6007)."""
+        if target is NmtState.STOPPED and self.state is not NmtState.STOPPED:
+            self.axis.communication_lost(_NMT_ABORT)
+        self.state = target
+        self.process_data.set_operational(target is NmtState.OPERATIONAL)
+
+    def reset(self, communication_only: bool, off_us: int = 0) -> None:
+        """Reset node or communication, then boot up.
+
+        Args:
+            communication_only: leave 2000h and above and the axis' state alone (6007 acts).
+            off_us: how long the node is away.
+        """
+        if communication_only:
+            self.axis.communication_lost(_NMT_ABORT)
+        self.state = NmtState.INITIALISING
+        self.process_data.set_operational(False)
+        self._store_failed = not self._parameters.reset(communication_only)
+        self._sdo.reset()
+        self.emergency.reset()
+        self._gate.reset()
+        self.process_data.reload()
+        self._consumer.reload()
+        if not communication_only:
+            self.axis.reset()
+            self.motor.power_on()
+        if off_us:
+            self.after(off_us, self._boot_up)
+        else:
+            self._boot_up()
+
+    def _boot_up(self) -> None:
+        self.send(_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
+        self._producer.reload(self.time_us)
+        self.enter(NmtState.OPERATIONAL if self.kind.auto_operational else NmtState.PRE_OPERATIONAL)
+        if self._store_failed:
+            self.emergency.raise_error(_STORE_FAILED)
+
+    # --- frames out and errors ---------------------------------------------------------------------------------
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """One frame, unless the node is off the bus."""
+        if not self.faults.silence and self.time_us >= self._silent_until_us:
+            self._out(can_id, data)
+
+    def send_heartbeat(self) -> None:
+        """The heartbeat of this moment."""
+        faults = self.faults
+        if faults.heartbeat_off or self.state is NmtState.INITIALISING:
+            return
+        shown = self.state if faults.heartbeat_state is None else faults.heartbeat_state & 0xFF
+        self.send(_HEARTBEAT + self.node_id, b"" if self.kind.empty_heartbeat else bytes((shown,)))
+
+    def _send_emcy(self, can_id: int, data: bytes) -> None:
+        if self.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
+            self.send(can_id, data)
+
+    def _error(self, code: int, active: bool) -> None:
+        if active:
+            self.emergency.raise_error(code)
+        else:
+            self.emergency.clear_error(code)
+
+    def _heartbeat_lost(self) -> None:
+        """1029: 0 leave OPERATIONAL, 1 stay, 2 stop; and what 6007 says."""
+        self.axis.communication_lost(HEARTBEAT_LOST)
+        reaction = self.od.number(0x1029, 1)
+        if reaction == 0 and self.state is NmtState.OPERATIONAL:
+            self.enter(NmtState.PRE_OPERATIONAL)
+        elif reaction == 2:
+            self.enter(NmtState.STOPPED)
+
+    def _saving(self) -> None:
+        self._answer_delay_us = 1000 * self.kind.save_ms
+        self._silent_until_us = self.time_us + 1000 * self.kind.save_silence_ms

@@ -1,0 +1,1 @@
+"""Beside the bus: faults switched on from a test, the truth read back, clock steps."""

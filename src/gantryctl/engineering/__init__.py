@@ -1,0 +1,1 @@
+"""What studies a gantry: sizing, analysis, tuning, identification, accuracy. Nothing that runs one imports it."""

@@ -1,0 +1,171 @@
+"""The accuracy job on the simulator: chord test, noise, random gears and speed test into one report."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind, measure
+from gantryctl.engineering.accuracy.procedure.on_batch import Readings, random_gear, run_procedure
+from gantryctl.engineering.accuracy.procedure.on_engine import Progress, run_on_engine
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, Ensemble
+from gantryctl.engineering.accuracy.speed_test import speed_test
+from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.accuracy.table import FloatArray
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine, default_machine, short_hash
+
+_LEADS: Final = (
+    "compensations are on: the motor leaves the set-point on purpose, so the motor side of the speed test is not "
+    "judged by the paper's limit; look at the load side"
+)
+ENSEMBLE_CHUNK = 32
+"""Gears taken through the test at once: enough for every processor, little memory."""
+
+
+@dataclass(frozen=True)
+class AccuracyJob:
+    """What was asked.
+
+    Attributes:
+        seed: of the tracker's noise; random gears take `seed + 1`, `seed + 2`, ...
+        ensemble: number of random gears of the same grade; 0 for none.
+        with_speed_test: run figure 5 as well.
+        threads: for the ensemble; None = all processors.
+        instrument: what measures.
+        on_engine: drive the chord test scan by scan with the PLC program instead of the compiled loop.
+        real_time: on the engine, paced by the clock.
+    """
+
+    procedure: Procedure = field(default_factory=chord_procedure)
+    seed: int = 0
+    ensemble: int = 0
+    with_speed_test: bool = True
+    threads: int | None = None
+    instrument: InstrumentKind = InstrumentKind.TRACKER
+    on_engine: bool = False
+    real_time: bool = False
+
+    def __post_init__(self) -> None:
+        if self.ensemble < 0:
+            raise UsageError(f"ensemble = {self.ensemble}: the number of gears is 0 or more")
+
+
+def accuracy_report(
+    machine: Machine, job: AccuracyJob, version: str, created: str = "", progress: Progress | None = None
+) -> AccuracyReport:
+    """Run the job and put everything together.
+
+    Args:
+        progress: called at every stop of a run on the engine.
+        version: of the program, for the page.
+        created: a date for the page, or "".
+
+    Raises:
+        UsageError: a stop of the procedure lies outside the travel.
+    """
+    if job.on_engine or job.real_time or machine.drive.kind == "canopen":
+        readings = run_on_engine(machine, job.procedure, real_time=job.real_time, progress=progress)
+    else:
+        readings = run_procedure([machine], job.procedure, threads=job.threads)
+    speed = tuple(speed_test(machine)) if job.with_speed_test else ()
+    radius_m = machine.accuracy.chord_radius_m
+    seen = measure(machine, job.instrument, job.procedure, readings, job.seed)
+    virtual = machine.virtual_axis
+    return AccuracyReport(
+        machine=machine.name,
+        config_hash=short_hash(machine),
+        version=version,
+        seed=job.seed,
+        source=seen.source,
+        created=created,
+        measured=seen.table,
+        measures_load=seen.measures_load,
+        procedure=job.procedure,
+        true=evaluate(job.procedure, readings.load_rad[0], radius_m) if seen.measures_load else None,
+        a_measured=seen.a_measured,
+        a_floor=seen.a_floor,
+        radius_m=radius_m,
+        sigma_m=seen.sigma_m,
+        dwell_s=machine.accuracy.dwell_s,
+        average_s=machine.accuracy.average_s,
+        vel_max_deg_s=machine.speed.setting_max_deg_s,
+        acc_deg_s2=virtual.acc_deg_s2,
+        angle_errors_deg=angle_errors_deg(job.procedure, readings) if seen.measures_load else None,
+        settings=_settings(machine, readings),
+        switches=machine.plant.switches.model_dump(),
+        phases_fitted=phases_fitted(machine),
+        speed=speed,
+        ensemble=ensemble_a(machine, job) if job.ensemble else None,
+        notes=(_LEADS,) if machine.control.compensation.moves_motor else (),
+    )
+
+
+def angle_errors_deg(procedure: Procedure, readings: Readings) -> tuple[float, ...]:
+    """True load angle minus target at every stop, deg."""
+    errors = np.degrees(readings.load_rad[0] - procedure.targets_rad)
+    return tuple(float(e) for e in errors)
+
+
+def phases_fitted(machine: Machine) -> bool:
+    """Whether the gear-error phases are the set that was fitted to the paper's table."""
+    fitted = default_machine().plant.gear_error.phases_rad
+    return machine.plant.switches.gear_error and machine.plant.gear_error.phases_rad == fitted
+
+
+def ensemble_a(machine: Machine, job: AccuracyJob) -> Ensemble:
+    """A of the true angles for `job.ensemble` gears of the same grade with random phases."""
+    seeds = tuple(range(job.seed + 1, job.seed + 1 + job.ensemble))
+    found: list[float] = []
+    for first in range(0, len(seeds), ENSEMBLE_CHUNK):
+        machines = [_gear(machine, seed) for seed in seeds[first : first + ENSEMBLE_CHUNK]]
+        readings = run_procedure(machines, job.procedure, threads=job.threads)
+        found += [_true_a(machine, job.procedure, row) for row in readings.load_rad]
+    return Ensemble(tuple(found), seeds)
+
+
+def _gear(machine: Machine, seed: int) -> Machine:
+    """Another gear; what compensates its errors is identified on it anew."""
+    gear = random_gear(machine, seed)
+    if not machine.control.compensation.needs_calibration:
+        return gear
+    from gantryctl.engineering.identification import calibrate
+
+    return gear.calibrated(calibrate(gear, seed=seed))
+
+
+def _true_a(machine: Machine, procedure: Procedure, load_rad: FloatArray) -> float:
+    table = evaluate(procedure, load_rad, machine.accuracy.chord_radius_m)
+    return float(accuracy_a(table.errors_deg))
+
+
+def _settings(machine: Machine, readings: Readings) -> dict[str, str]:
+    control, loop = machine.control, machine.drive.speed_loop
+    return {
+        "profile": machine.virtual_axis.profile.replace("_", "-"),
+        "position loop": f"Kpp {control.kpp_per_s:g} /s, Kvf {control.kvf:g}, every {control.scan_period_ms:g} ms",
+        "speed loop": f"Kvp {loop.kvp_nm_s_per_rad:g} N m s/rad, Tvi {loop.tvi_ms:g} ms, every {loop.cycle_us:g} us",
+        "length of the run": f"{readings.axis_time_s:.0f} s of axis time",
+        "speed error in the test moves": (
+            f"motor side {math.degrees(float(np.max(readings.vel_err_motor_rad_s))):.4f}, "
+            f"load side {math.degrees(float(np.max(readings.vel_err_load_rad_s))):.4f} deg/s"
+        ),
+    }
+
+
+def run_accuracy(
+    machine: Machine, procedure: str = "A", *, ensemble: int = 0, seed: int = 0, speed_test: bool = True
+) -> AccuracyReport:
+    """The accuracy test for scripts and notebooks: chord procedure A, B, C or D on the virtual gantry.
+
+    Args:
+        ensemble: number of gears with random phases to run beside it.
+    """
+    from importlib.metadata import version
+
+    job = AccuracyJob(chord_procedure(procedure), seed, ensemble, speed_test)
+    return accuracy_report(machine, job, version("gantryctl"))

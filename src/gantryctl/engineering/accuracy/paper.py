@@ -1,0 +1,35 @@
+"""What the source paper printed in its table 2 and around it. Constants for comparison; nothing is computed
+here.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.engineering.accuracy.table import ErrorTable, table_from_rows
+
+PAPER_NAME: Final = "Sun, Gong, Cai, DOI 10.19457/j.1001-2095.dqcd24023, table 2"
+
+PAPER_TABLE: Final[ErrorTable] = table_from_rows(
+    [
+        (90.0, "ccw", (0.0, -0.0002, 0.0005, 0.0020, 0.0012)),
+        (90.0, "cw", (0.0, -0.0010, -0.0012, 0.0005, 0.0030)),
+        (0.0, "ccw", (0.0, 0.0002, 0.0000, -0.0006, -0.0016)),
+        (0.0, "cw", (0.0, 0.0005, -0.0016, 0.0001, -0.0002)),
+        (-90.0, "ccw", (0.0, -0.0002, 0.0027, 0.0020, -0.0005)),
+        (-90.0, "cw", (0.0, 0.0009, 0.0020, 0.0042, 0.0001)),
+    ],
+    (0.0, 5.0, 10.0, 15.0, 20.0),
+)
+"""The six rows as printed, deg."""
+
+PAPER_MEAN_DEG: Final = (0.0, 0.0000, 0.0004, 0.0014, 0.0003)
+PAPER_THREE_S_DEG: Final = (0.0, 0.0019, 0.0051, 0.0052, 0.0048)
+PAPER_UPPER_DEG: Final = 0.0066
+PAPER_LOWER_DEG: Final = -0.0047
+PAPER_A_DEG: Final = 0.0113
+"""Eq. (6) as printed. A figure to compare with, never a criterion: the simulator's gear phases are fitted to
+this table.
+"""
+REQUIREMENT_DEG: Final = 0.1
+"""Angular positioning accuracy of the paper's table 1: the criterion."""

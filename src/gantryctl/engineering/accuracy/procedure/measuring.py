@@ -1,0 +1,67 @@
+"""What an instrument makes of the angles of a run: the simulated tracker, an encoder on the ring, the motor side."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.noise import Distribution, chord_result
+from gantryctl.engineering.accuracy.procedure.on_batch import Readings
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure, evaluate
+from gantryctl.engineering.accuracy.table import ErrorTable
+from gantryctl.engineering.instruments import LoadEncoder, MotorSide
+from gantryctl.machine import Machine
+from gantryctl.ports import Instrument
+from gantryctl.units import rad
+
+
+class InstrumentKind(Enum):
+    """What measures."""
+
+    TRACKER = "tracker"
+    LOAD_ENCODER = "load-encoder"
+    MOTOR_SIDE = "motor-side"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A run as an instrument saw it.
+
+    Attributes:
+        sigma_m: its noise per coordinate, None for an angle encoder.
+        a_measured, a_floor: A over many draws of its noise, and of the noise alone; None where there is one draw.
+    """
+
+    source: str
+    measures_load: bool
+    table: ErrorTable
+    sigma_m: float | None = None
+    a_measured: Distribution | None = None
+    a_floor: Distribution | None = None
+
+
+def measure(
+    machine: Machine, kind: InstrumentKind, procedure: Procedure, readings: Readings, seed: int
+) -> Measured:
+    """The first plant of `readings` through an instrument with noise drawn from `seed`."""
+    radius_m = machine.accuracy.chord_radius_m
+    if kind is InstrumentKind.TRACKER:
+        sigma_m = machine.accuracy.tracker_noise_um * 1e-6
+        chord = chord_result(procedure, readings.load_rad[0], radius_m, sigma_m, seed)
+        source = "simulated tracker on the virtual gantry"
+        return Measured(source, True, chord.measured, sigma_m, chord.a_measured, chord.a_floor)
+    instrument = _encoder(machine, kind, procedure, seed)
+    dwells = zip(readings.load_rad[0], readings.ring_rad[0], readings.motor_rad[0], strict=True)
+    angles = [instrument.reading_rad([float(a) for a in dwell]) for dwell in dwells]
+    source = f"{instrument.name} of the virtual gantry"
+    return Measured(source, instrument.measures_load, evaluate(procedure, angles, radius_m))
+
+
+def _encoder(machine: Machine, kind: InstrumentKind, procedure: Procedure, seed: int) -> Instrument:
+    if kind is InstrumentKind.MOTOR_SIDE:
+        return MotorSide()
+    ring = machine.plant.load_encoder
+    rng = np.random.default_rng(seed)
+    return LoadEncoder(ring.bits, ring.noise_rad, ring.scale_error_rad, rng, rad(procedure.start_deg))

@@ -1,0 +1,135 @@
+"""Drives a chord test on the simulator with the compiled loop: one reading per stop, many plants at once."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure
+from gantryctl.engineering.accuracy.table import FloatArray
+from gantryctl.engineering.batch import ClosedLoop, Leg, run_legs
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine, with_values
+from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
+from gantryctl.units import rad
+from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law
+
+REST_S: Final = 2.0
+"""Rest before the first stop of a run."""
+PHASES: Final = 18
+"""Phases of the gear-error map: twelve ring harmonics, five of reducer and pinion, one unused."""
+
+
+@dataclass(frozen=True)
+class Readings:
+    """What a run measured, before any instrument. Arrays have shape (plants, stops), rad or deg/s.
+
+    Attributes:
+        load_rad: mean inertial angle of the load over the last part of each dwell: what a tracker sees.
+        ring_rad: the same of the ring against its base: what an encoder on the ring sees.
+        motor_rad: the same of the motor encoder, at the gantry.
+        vel_err_motor_rad_s, vel_err_load_rad_s: largest speed error of the move to each stop.
+        axis_time_s: length of the run.
+    """
+
+    load_rad: FloatArray
+    ring_rad: FloatArray
+    motor_rad: FloatArray
+    vel_err_motor_rad_s: FloatArray
+    vel_err_load_rad_s: FloatArray
+    axis_time_s: float
+
+
+def random_gear(machine: Machine, seed: int) -> Machine:
+    """The same machine with another gear of the same grade: phases of the error map drawn at random."""
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, PHASES)
+    return with_values(machine, {"plant.gear_error.phases_rad": [float(p) for p in phases]})
+
+
+def check_travel(machine: Machine, procedure: Procedure) -> None:
+    """Refuse a procedure that leaves the travel of the axis.
+
+    Raises:
+        UsageError: a stop lies outside.
+    """
+    low, high = procedure.travel_deg
+    axis = machine.axis
+    if low < axis.pos_min_deg or high > axis.pos_max_deg:
+        raise UsageError(
+            f"procedure {procedure.name} goes from {low:g} to {high:g} deg; the axis ends at "
+            f"{axis.pos_min_deg:g} and {axis.pos_max_deg:g} deg: choose other bases or displacements"
+        )
+
+
+def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None = None) -> list[Leg]:
+    """The run as plans: rest, then a move and a dwell per stop.
+
+    Raises:
+        UsageError: a stop lies outside the travel of the axis.
+    """
+    check_travel(machine, procedure)
+    limits = limits or motion_limits(machine)
+    dwell_s, average_s = machine.accuracy.dwell_s, machine.accuracy.average_s
+    period_s = machine.control.scan_period_ms * 1e-3
+    pos = rad(procedure.start_deg)
+    legs = [Leg(hold(pos), REST_S, period_s)]
+    for target in procedure.targets_rad:
+        plan = hold(pos) if target == pos else plan_move(SetPoint(pos, 0.0, 0.0), float(target), limits)
+        # the profile is sampled once more than it lasts, then the dwell begins
+        legs.append(Leg(plan, plan.duration + period_s + dwell_s, average_s))
+        pos = float(target)
+    return legs
+
+
+def run_procedure(
+    machines: Sequence[Machine],
+    procedure: Procedure,
+    *,
+    threads: int | None = None,
+    between: Callable[[int, ClosedLoop], None] | None = None,
+) -> Readings:
+    """Take every machine through the procedure, in one continuous run each, from standing still at its start.
+
+    Args:
+        machines: differing in [plant] and calibration only; profile and loop are those of the first.
+        threads: 1 to the number of processors (default: all); no effect on the result.
+        between: called as `between(stop index, loop)` before the move to each stop: for what happens to a
+            real machine in mid-test, such as a power-off.
+    """
+    legs = legs_of(machines[0], procedure)
+    law = position_law(machines[0])
+    start = rad(procedure.start_deg)
+    loops = [ClosedLoop.standing_at(gantry_sim(m), law, start, compensation(m)) for m in machines]
+    workers = min(threads or os.cpu_count() or 1, len(loops))
+    if between is None:
+        statistics = run_legs(loops, legs, workers)
+    else:
+        statistics = run_legs(loops, legs[:1], workers)
+        for index, leg in enumerate(legs[1:]):
+            for loop in loops:
+                between(index, loop)
+            statistics += run_legs(loops, [leg], workers)
+    columns = {
+        name: np.array([getattr(s, name) for s in statistics[1:]]).T
+        for name in ("mean_pos_load_rad", "mean_pos_ring_rad", "mean_pos_act_rad")
+    }
+    return Readings(
+        load_rad=columns["mean_pos_load_rad"],
+        ring_rad=columns["mean_pos_ring_rad"],
+        motor_rad=columns["mean_pos_act_rad"],
+        vel_err_motor_rad_s=np.array([s.max_vel_err_motor_rad_s for s in statistics[1:]]).T,
+        vel_err_load_rad_s=np.array([s.max_vel_err_load_rad_s for s in statistics[1:]]).T,
+        axis_time_s=sum(leg.duration_s for leg in legs),
+    )
+
+
+def lose_turns(loop: ClosedLoop, turns: int) -> None:
+    """The multiturn part of the encoder goes wrong, as with the power off (for tests that must fail)."""
+    loop.sim.count_offset += turns * round(2.0 * np.pi / loop.law.rad_per_count)
+
+
+__all__ = ["Readings", "legs_of", "lose_turns", "random_gear", "run_procedure"]

@@ -1,0 +1,96 @@
+"""Drives a chord test scan by scan, with the PLC program and its monitors, as on a real drive.
+
+Slower than `run_procedure` and with the same readings; in real time it takes as long as the machine would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.procedure.on_batch import REST_S, Readings, check_travel
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure
+from gantryctl.machine import Machine
+from gantryctl.operation import AxisSession, StateStore
+from gantryctl.operation.virtual import is_simulated
+from gantryctl.runtime import MemoryRecorder
+from gantryctl.trace import Trace
+
+Progress = Callable[[int, float], None]
+"""Called at every stop with its index and target, deg."""
+
+
+def run_on_engine(
+    machine: Machine, procedure: Procedure, *, real_time: bool = False, progress: Progress | None = None
+) -> Readings:
+    """Take a new machine through the procedure: power up, every stop with its dwell, power down.
+
+    A machine whose drive is on a bus is no new one: it starts from what is retained, and where nothing tells the load's
+    angle, all readings are of the motor side.
+
+    Raises:
+        UsageError: a stop lies outside the travel.
+        AlarmStop: an alarm stopped the axis.
+    """
+    check_travel(machine, procedure)
+    with nullcontext() if is_simulated(machine) else StateStore(machine) as store:
+        return _driven(machine, procedure, store, real_time, progress)
+
+
+def _driven(
+    machine: Machine,
+    procedure: Procedure,
+    store: StateStore | None,
+    real_time: bool,
+    progress: Progress | None,
+) -> Readings:
+    recorders: list[MemoryRecorder] = []
+
+    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
+        recorders.append(MemoryRecorder(columns))
+        return recorders[-1]
+
+    session = AxisSession(machine, store, recorder=recorder, real_time=real_time)
+    rows: list[tuple[float, float, float, float, float]] = []
+    try:
+        session.power_up()
+        session.move(procedure.start_deg)
+        session.engine.run_for(REST_S)
+        for index, stop in enumerate(procedure.stops):
+            if progress is not None:
+                progress(index, stop.target_deg)
+            recorders[0].forget()
+            if index or stop.target_deg != procedure.start_deg:
+                session.move(stop.target_deg)
+            session.engine.run_for(machine.accuracy.dwell_s)
+            rows.append(_reading(recorders[0].trace(), machine))
+        session.power_down()
+    finally:
+        session.close("accuracy run")
+    load, ring, motor, vel_motor, vel_load = np.array(rows).T[:, np.newaxis, :]
+    return Readings(load, ring, motor, vel_motor, vel_load, session.engine.time_s)
+
+
+def _reading(trace: Trace, machine: Machine) -> tuple[float, float, float, float, float]:
+    """Load, ring and motor angle averaged over the end of the dwell; speed errors of the move to it."""
+    last = round(machine.accuracy.average_s / (machine.control.scan_period_ms * 1e-3))
+    ratio, vel_ref = machine.axis.ratio, trace["vel_ref_rad_s"]
+    act = trace["pos_act_rad"][-last:]
+    vel_motor = trace["vel_act_rad_s"]
+    load, base, vel_load = act, np.zeros_like(act), vel_motor
+    if "pos_load_rad" in trace.columns:
+        load, base, vel_load = (
+            trace["pos_load_rad"][-last:],
+            trace["pos_base_rad"][-last:],
+            trace["vel_load_rad_s"],
+        )
+        vel_motor = trace["vel_motor_rad_s"] / ratio
+    return (
+        float(np.mean(load)),
+        float(np.mean(load - base)),
+        float(np.mean(act)),
+        float(np.max(np.abs(vel_motor - vel_ref))),
+        float(np.max(np.abs(vel_load - vel_ref))),
+    )

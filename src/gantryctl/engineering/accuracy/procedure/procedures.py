@@ -1,0 +1,283 @@
+"""The chord test as data: which stops, in which order, and from which earlier stop every chord is measured.
+
+Nothing here knows how the axis is moved. A driver visits `Procedure.stops` in one continuous run, takes one
+reading per stop (the mean angle over the last part of the dwell) and hands all readings to `evaluate`.
+
+A   per base B and direction s: B - 10 s, B, then a staircase B + d s (recommended)
+B   per base and direction: B, then out and back B + d s, B for every d
+C   per base: B - 10, B, staircase up, and back down the same stops; the cw row is measured from the turning
+    point
+D   as B, with B - 5, B before every d, so that the base is always approached counter-clockwise
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gantryctl.engineering.accuracy.procedure.chord import chord_angle_rad, chord_between, target_points
+from gantryctl.engineering.accuracy.table import Direction, ErrorTable, FloatArray, Layout, RowKey
+from gantryctl.errors import UsageError
+
+PAPER_BASES_DEG = (90.0, 0.0, -90.0)
+PAPER_DISPLACEMENTS_DEG = (5.0, 10.0, 15.0, 20.0)
+APPROACH_DEG = 10.0
+"""Procedures A and C come to a base from this far away."""
+SHORT_APPROACH_DEG = 5.0
+"""Procedure D comes to a base from this far below."""
+
+
+class Role(Enum):
+    """What a stop is for."""
+
+    START = "start"
+    """Where the axis stands before the first move; held like every other stop, not measured."""
+    APPROACH = "approach"
+    """Gives the base its direction of approach; not measured."""
+    BASE = "base"
+    """One end of the chords that follow."""
+    POINT = "point"
+    """The other end: one value of the table."""
+
+
+class Chord(Enum):
+    """From where the chord of a point is measured."""
+
+    BASE = "base"
+    """From the base of its series: the error of the whole displacement."""
+    ADJACENT = "adjacent"
+    """From the stop before: the error of that one step, not added up."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """One place where the axis stands still and is read.
+
+    Attributes:
+        target_deg: where to go.
+        base_deg, direction, run: the row of the table this stop belongs to.
+        displacement_deg: the column; 0 for a base and for what is not measured.
+        reference: index of the earlier stop at the other end of the chord; None for all but points.
+    """
+
+    target_deg: float
+    role: Role
+    base_deg: float
+    direction: Direction
+    displacement_deg: float = 0.0
+    run: int = 1
+    reference: int | None = None
+
+
+@dataclass(frozen=True)
+class Procedure:
+    """A chord test, ready to be driven.
+
+    Attributes:
+        name: "A", "B", "C" or "D".
+        stops: in the order of the visit, runs after one another; the encoder zero is never touched in
+            between.
+        layout: where the stops of the rows lie (ISO 230-2 needs to know).
+    """
+
+    name: str
+    bases_deg: tuple[float, ...]
+    displacements_deg: tuple[float, ...]
+    runs: int
+    chord: Chord
+    stops: tuple[Stop, ...]
+    layout: Layout
+
+    @property
+    def start_deg(self) -> float:
+        """Where the axis must stand before the run begins."""
+        return self.stops[0].target_deg
+
+    @property
+    def travel_deg(self) -> tuple[float, float]:
+        """Smallest and largest target."""
+        targets = [stop.target_deg for stop in self.stops]
+        return min(targets), max(targets)
+
+    @property
+    def targets_rad(self) -> FloatArray:
+        """Target of every stop, rad, shape (stops,)."""
+        return np.radians([stop.target_deg for stop in self.stops])
+
+    @property
+    def rows(self) -> tuple[RowKey, ...]:
+        """The rows of the error table in the order of their first point."""
+        points = (stop for stop in self.stops if stop.role is Role.POINT)
+        return tuple(dict.fromkeys(RowKey(stop.base_deg, stop.direction, stop.run) for stop in points))
+
+    def nominal_deg(self, stop: Stop) -> float:
+        """The displacement this chord should show, deg, always positive."""
+        assert stop.reference is not None
+        return abs(stop.target_deg - self.stops[stop.reference].target_deg)
+
+
+def chord_procedure(
+    name: str = "A",
+    *,
+    bases_deg: Sequence[float] = PAPER_BASES_DEG,
+    displacements_deg: Sequence[float] = PAPER_DISPLACEMENTS_DEG,
+    runs: int = 1,
+    chord: Chord = Chord.BASE,
+) -> Procedure:
+    """The stop points of procedure `name`, with the paper's bases and displacements unless others are given.
+
+    Raises:
+        UsageError: an unknown name, no base, displacements that do not ascend inside 0..180 deg, or no run.
+    """
+    if name not in _SERIES:
+        raise UsageError(f"chord procedure {name!r}: there are {', '.join(_SERIES)}")
+    _check(bases_deg, displacements_deg, runs)
+    stops: list[Stop] = []
+    for run in range(1, runs + 1):
+        for base in bases_deg:
+            for stop in _SERIES[name](float(base), tuple(map(float, displacements_deg))):
+                stops.append(replace(stop, run=run, reference=_reference(stop, stops, chord)))
+    if stops[0].role is Role.APPROACH:
+        stops[0] = replace(stops[0], role=Role.START)
+    return Procedure(
+        name=name,
+        bases_deg=tuple(map(float, bases_deg)),
+        displacements_deg=tuple(map(float, displacements_deg)),
+        runs=runs,
+        chord=chord,
+        stops=tuple(stops),
+        layout=_layout(name, chord),
+    )
+
+
+def _layout(name: str, chord: Chord) -> Layout:
+    if chord is Chord.ADJACENT and name in ("A", "C"):
+        return Layout.STEPS
+    return Layout.RETURN if name == "C" else Layout.APART
+
+
+def _reference(stop: Stop, before: Sequence[Stop], chord: Chord) -> int | None:
+    """Index of the stop the chord of `stop` is measured from, given all stops before it."""
+    if stop.role is not Role.POINT:
+        return None
+    if chord is Chord.ADJACENT:
+        return len(before) - 1
+    wanted = stop.target_deg - stop.direction.sign * stop.displacement_deg
+    return next(k for k in reversed(range(len(before))) if abs(before[k].target_deg - wanted) < 1e-9)
+
+
+def _staircase(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+    """Procedure A."""
+    for direction in Direction:
+        s = direction.sign
+        yield Stop(base - APPROACH_DEG * s, Role.APPROACH, base, direction)
+        yield Stop(base, Role.BASE, base, direction)
+        for d in displacements:
+            yield Stop(base + d * s, Role.POINT, base, direction, d)
+
+
+def _out_and_back(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+    """Procedure B."""
+    for direction in Direction:
+        yield Stop(base, Role.BASE, base, direction)
+        for d in displacements:
+            yield Stop(base + d * direction.sign, Role.POINT, base, direction, d)
+            yield Stop(base, Role.BASE, base, direction)
+
+
+def _up_and_down(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+    """Procedure C: the cw row comes back over the stops of the ccw row and is measured from the farthest."""
+    top = base + displacements[-1]
+    yield Stop(base - APPROACH_DEG, Role.APPROACH, base, Direction.CCW)
+    yield Stop(base, Role.BASE, base, Direction.CCW)
+    for d in displacements:
+        yield Stop(base + d, Role.POINT, base, Direction.CCW, d)
+    for d in displacements:
+        yield Stop(top - d, Role.POINT, base, Direction.CW, d)
+
+
+def _from_below(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+    """Procedure D."""
+    for direction in Direction:
+        for d in displacements:
+            yield Stop(base - SHORT_APPROACH_DEG, Role.APPROACH, base, direction)
+            yield Stop(base, Role.BASE, base, direction)
+            yield Stop(base + d * direction.sign, Role.POINT, base, direction, d)
+
+
+_SERIES: dict[str, Callable[[float, tuple[float, ...]], Iterator[Stop]]] = {
+    "A": _staircase,
+    "B": _out_and_back,
+    "C": _up_and_down,
+    "D": _from_below,
+}
+
+
+def _check(bases: Sequence[float], displacements: Sequence[float], runs: int) -> None:
+    if runs < 1:
+        raise UsageError(f"runs = {runs}: at least 1")
+    if not bases or not np.all(np.isfinite(bases)):
+        raise UsageError(f"bases = {list(bases)}: at least one angle, deg")
+    if len(set(bases)) != len(bases):
+        raise UsageError(f"bases = {list(bases)}: the same base twice")
+    ascending = all(b > a for a, b in zip([0.0, *displacements], displacements, strict=False))
+    if not displacements or not ascending or not displacements[-1] < 180.0:
+        raise UsageError(f"displacements = {list(displacements)}: ascending, above 0 and below 180 deg")
+
+
+def evaluate(
+    procedure: Procedure,
+    readings_rad: ArrayLike,
+    radius_m: float,
+    sigma_m: float = 0.0,
+    seed: int = 0,
+) -> ErrorTable:
+    """The error table of one chord test as an instrument of this noise sees it.
+
+    Args:
+        procedure: what was driven.
+        readings_rad: one angle per stop, rad, shape (stops,).
+        radius_m: radius of the circle the target moves on.
+        sigma_m: Gaussian noise on x and on y of every point, 1 sigma; 0 gives the exact angles.
+        seed: of the noise.
+    """
+    readings = _readings(procedure, readings_rad)
+    points = target_points(readings, radius_m)
+    if sigma_m > 0.0:
+        points = points + np.random.default_rng(seed).normal(0.0, sigma_m, points.shape)
+    return ErrorTable(
+        procedure.rows,
+        (0.0, *procedure.displacements_deg),
+        errors_from_points(procedure, points, radius_m),
+        procedure.layout,
+    )
+
+
+def errors_from_points(procedure: Procedure, points_m: FloatArray, radius_m: float) -> FloatArray:
+    """Chord errors of measured points: (..., stops, 2) in m -> (..., rows, columns) in deg, zero column
+    included.
+    """
+    row_of = {key: k for k, key in enumerate(procedure.rows)}
+    column_of = {d: k + 1 for k, d in enumerate(procedure.displacements_deg)}
+    errors = np.zeros((*points_m.shape[:-2], len(row_of), len(column_of) + 1))
+    for index, stop in enumerate(procedure.stops):
+        if stop.reference is None:
+            continue
+        chord = chord_between(points_m[..., index, :], points_m[..., stop.reference, :])
+        row = row_of[RowKey(stop.base_deg, stop.direction, stop.run)]
+        error = np.degrees(chord_angle_rad(chord, radius_m)) - procedure.nominal_deg(stop)
+        errors[..., row, column_of[stop.displacement_deg]] = error
+    return errors
+
+
+def _readings(procedure: Procedure, readings_rad: ArrayLike) -> FloatArray:
+    readings = np.asarray(readings_rad, dtype=np.float64)
+    if readings.shape != (len(procedure.stops),):
+        raise UsageError(f"{readings.size} readings for the {len(procedure.stops)} stops of {procedure.name}")
+    if not np.all(np.isfinite(readings)):
+        raise UsageError("a reading is not finite")
+    return readings

@@ -1,0 +1,1 @@
+"""The accuracy report as data, text, figures and one HTML file."""

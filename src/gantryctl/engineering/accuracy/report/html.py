@@ -1,0 +1,251 @@
+"""The report as one HTML page: figures inline, nothing fetched, readable on screen and in print."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+from gantryctl.engineering.accuracy.paper import (
+    PAPER_A_DEG,
+    PAPER_LOWER_DEG,
+    PAPER_MEAN_DEG,
+    PAPER_NAME,
+    PAPER_TABLE,
+    PAPER_THREE_S_DEG,
+    PAPER_UPPER_DEG,
+    REQUIREMENT_DEG,
+)
+from gantryctl.engineering.accuracy.report import figures
+from gantryctl.engineering.accuracy.report.data import to_json
+from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport
+from gantryctl.engineering.accuracy.report.text import ISO_NAMES, angle_text, iso_text
+from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
+from gantryctl.engineering.accuracy.table import ErrorTable
+from gantryctl.engineering.accuracy.table_csv import format_error_table
+
+TEMPLATES: Final = Path(__file__).parent / "templates"
+SWITCH_NAMES: Final = {
+    "gear_error": "gear error",
+    "backlash": "backlash",
+    "hysteresis": "hysteresis",
+    "roller_friction": "roller friction",
+    "motor_friction": "motor friction",
+    "eccentric_moment": "eccentric moment",
+    "base": "rocking base",
+    "torque_ripple": "torque ripple",
+    "three_slopes": "three-slope stiffness",
+    "rigid": "rigid (no compliance)",
+}
+
+
+def render_html(report: AccuracyReport) -> str:
+    """The page as text."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["angle"] = _angle
+    environment.filters["words"] = _words
+    return environment.get_template("report.html.j2").render(_view(report))
+
+
+def write_report(report: AccuracyReport, folder: str | Path) -> Path:
+    """Write report.html, report.json and the measured table as table.csv into a folder; the path of the
+    page.
+    """
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    page = folder / "report.html"
+    page.write_text(render_html(report), encoding="utf-8")
+    (folder / "report.json").write_text(to_json(report), encoding="utf-8")
+    (folder / "table.csv").write_text(format_error_table(report.measured), encoding="utf-8")
+    return page
+
+
+def _view(report: AccuracyReport) -> dict[str, Any]:
+    """What the template sees: words and numbers, no logic."""
+    iso = report.iso
+    paper_rms = statistics(PAPER_TABLE).rms_deg
+    return {
+        "report": report,
+        "verdict": report.verdict,
+        "requirement": REQUIREMENT_DEG,
+        "paper_name": PAPER_NAME,
+        "paper_a": PAPER_A_DEG,
+        "speed_limit": SPEED_ERROR_LIMIT_DEG_S,
+        "tiles": _tiles(report),
+        "asked": _asked(report),
+        "tables": [
+            (title, _table_view(table))
+            for title, table in (("without instrument noise", report.true), ("as measured", report.measured))
+            if table is not None and not (title == "as measured" and report.measured == report.true)
+        ],
+        "paper_printed": _paper_printed(report.table),
+        "iso": iso,
+        "iso_rows": _iso_rows(report),
+        "noise": [
+            (name, distribution)
+            for name, distribution in (
+                ("A as measured", report.a_measured),
+                ("A of a perfect axis: noise alone", report.a_floor),
+            )
+            if distribution is not None
+        ],
+        "bases": [
+            (f"{base:g}°".replace("-", "−"), rms, *report.statistics.range_deg[base], paper_rms.get(base))
+            for base, rms in report.statistics.rms_deg.items()
+        ],
+        "figures": _figures(report),
+        "switches": [(SWITCH_NAMES.get(name, name), on) for name, on in report.switches.items()],
+    }
+
+
+def _iso_rows(report: AccuracyReport) -> list[tuple[str, str, list[str]]]:
+    """Symbol, name, and the value (true first where it is known)."""
+    if report.iso.not_computable is not None:
+        return []
+    sides = [report.iso_measured] if report.true is None else [report.iso, report.iso_measured]
+    return [
+        (symbol, name, [iso_text(attribute, side).replace("-", "−") for side in sides])
+        for attribute, symbol, name in ISO_NAMES
+    ]
+
+
+def _tiles(report: AccuracyReport) -> list[tuple[str, str, str]]:
+    """The figures at the top: value, name, remark."""
+    figures_ = report.statistics
+    tiles = []
+    if report.true is not None:
+        tiles.append((f"{figures_.a_deg:.4f}°", "A, eq. (6)", "true angles, no instrument"))
+    tiles.append((f"{report.a_as_measured_deg:.4f}°", "A as measured", _measured_remark(report)))
+    tiles.append((f"{PAPER_A_DEG:.4f}°", "A of the paper", "comparison, no criterion"))
+    if figures_.a_by_direction_deg is not None:
+        tiles.append((f"{figures_.a_by_direction_deg:.4f}°", "directions apart", "3 s in each direction"))
+    if report.angle_errors_deg is not None:
+        worst = max(abs(error) for error in report.angle_errors_deg)
+        tiles.append((f"{worst:.4f}°", "largest angle error", "reading minus target, any stop"))
+    if report.speed:
+        worst_speed = max(run.motor_error_deg_s for run in report.speed)
+        tiles.append(
+            (f"{worst_speed:.4f}°/s", "speed error, motor side", f"limit {SPEED_ERROR_LIMIT_DEG_S:g}°/s")
+        )
+    return tiles
+
+
+def _measured_remark(report: AccuracyReport) -> str:
+    if report.a_measured is None:
+        return "one table"
+    return f"{report.a_measured.low_deg:.4f} .. {report.a_measured.high_deg:.4f} in 90 % of draws"
+
+
+def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
+    rows = [("Source of the readings", report.source)]
+    procedure = report.procedure
+    if procedure is not None:
+        bases = ", ".join(f"{base:g}°" for base in procedure.bases_deg).replace("-", "−")
+        steps = ", ".join(f"{d:g}°" for d in procedure.displacements_deg)
+        rows += [
+            ("Chord procedure", f"{procedure.name}; chords from the {_CHORD_NAMES[procedure.chord.value]}"),
+            ("Bases", bases),
+            ("Displacements", f"{steps}, counter-clockwise and clockwise"),
+            ("Runs", f"{procedure.runs}; {len(procedure.stops)} stops, one after another"),
+        ]
+    if report.dwell_s is not None and report.average_s is not None:
+        rows.append(("Dwell", f"{report.dwell_s:g} s, reading = mean of the last {report.average_s:g} s"))
+    if report.radius_m is not None:
+        noise = (
+            "" if report.sigma_m is None else f", noise {report.sigma_m * 1e6:g} µm per coordinate (1 sigma)"
+        )
+        rows.append(("Instrument", f"chord radius {report.radius_m:g} m{noise}"))
+    if report.vel_max_deg_s is not None and report.acc_deg_s2 is not None:
+        rows.append(("Profile limits", f"{report.vel_max_deg_s:g}°/s, {report.acc_deg_s2:.4f}°/s²"))
+    return rows + list(report.settings.items())
+
+
+_CHORD_NAMES: Final = {"base": "base", "adjacent": "stop before (single steps)"}
+
+
+def _table_view(table: ErrorTable) -> dict[str, Any]:
+    """Rows of one table beside the paper's where base, direction and displacements are the same."""
+    same_columns = table.displacements_deg == PAPER_TABLE.displacements_deg
+    paper = dict(zip([row[:2] for row in PAPER_TABLE.rows], PAPER_TABLE.errors_deg.tolist(), strict=True))
+    shown = table.mean_of_runs()
+    rows = [
+        {
+            "name": f"{row.base_deg:g} {row.direction.value}".replace("-", "−"),
+            "errors": errors[1:],
+            "paper": paper.get(row[:2], [])[1:] if same_columns else [],
+            "first_of_base": index == 0 or shown.rows[index - 1].base_deg != row.base_deg,
+        }
+        for index, (row, errors) in enumerate(zip(shown.rows, shown.errors_deg.tolist(), strict=True))
+    ]
+    return {
+        "columns": [f"{d:g}°" for d in table.displacements_deg[1:]],
+        "beside": same_columns,
+        "runs": table.runs,
+        "rows": rows,
+        "statistics": _statistics_view(statistics(table), same_columns),
+        "a": statistics(table).a_deg,
+    }
+
+
+def _statistics_view(ours: TableStatistics, beside: bool) -> list[tuple[str, list[float], list[float]]]:
+    paper = statistics(PAPER_TABLE)
+    names = (("X", "mean_deg"), ("3 S", "three_s_deg"), ("X + 3 S", "upper_deg"), ("X − 3 S", "lower_deg"))
+    return [
+        (name, list(getattr(ours, key)[1:]), list(getattr(paper, key)[1:]) if beside else [])
+        for name, key in names
+    ]
+
+
+def _paper_printed(table: ErrorTable) -> str:
+    """Where the paper's printed statistics differ from those of its own rows."""
+    if table.displacements_deg != PAPER_TABLE.displacements_deg:
+        return ""
+    mean = ", ".join(f"{value:.4f}" for value in PAPER_MEAN_DEG[1:])
+    three_s = ", ".join(f"{value:.4f}" for value in PAPER_THREE_S_DEG[1:])
+    lower = f"{PAPER_LOWER_DEG:.4f}".replace("-", "−")
+    return (
+        f"The paper's statistics are computed here from its six printed rows. It prints X = {mean}, "
+        f"3 S = {three_s}, largest X + 3 S {PAPER_UPPER_DEG:.4f}, smallest X − 3 S {lower}: the same within "
+        "the rounding of the rows."
+    )
+
+
+def _figures(report: AccuracyReport) -> dict[str, str]:
+    """The SVGs by name; what there is no data for is left out."""
+    made = {
+        "errors": figures.svg(figures.chord_errors(report.table), "errors"),
+        "bands": figures.svg(figures.bands(report.table), "bands"),
+    }
+    with_curves = [run for run in report.speed if run.curves is not None]
+    if with_curves:
+        fastest = max(with_curves, key=lambda run: run.speed_deg_s)
+        made["speed"] = figures.svg(figures.speed_test(fastest), "speed")
+        made["speed_title"] = (
+            f"{fastest.speed_deg_s:g}°/s {fastest.direction.value}, {fastest.travel_deg[0]:.1f}° to "
+            f"{fastest.travel_deg[1]:.1f}°"
+        )
+    if len(with_curves) > 1:
+        made["speed_all"] = figures.svg(figures.speed_errors(with_curves), "speed_all")
+    if report.ensemble is not None:
+        fitted = report.statistics.a_deg if report.phases_fitted else None
+        made["ensemble"] = figures.svg(figures.ensemble(report.ensemble, fitted), "ensemble")
+    return made
+
+
+def _words(text: str) -> str:
+    """A sentence with the signs a page can show; its first letter large."""
+    for plain, sign in ((" deg/s2", "°/s²"), (" deg/s", "°/s"), (" deg", "°"), ("+-", "±")):
+        text = text.replace(plain, sign)
+    return text[:1].upper() + text[1:]
+
+
+def _angle(value: float | None) -> str:
+    """An angle for the page: sign, four decimals, a real minus."""
+    return "–" if value is None else angle_text(value).strip().replace("-", "−")

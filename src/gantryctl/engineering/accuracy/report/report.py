@@ -1,0 +1,272 @@
+"""The accuracy report as data: what was asked, what was measured, and what follows from it.
+
+`AccuracyReport` holds the inputs; every figure in it is computed from them on demand, by the same functions
+everywhere. `text` prints it, `report_json` and `html` write it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gantryctl.engineering.accuracy.iso230 import IsoFigures, iso230_2
+from gantryctl.engineering.accuracy.noise import Distribution
+from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE, REQUIREMENT_DEG
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure
+from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
+from gantryctl.engineering.accuracy.table import Direction, ErrorTable
+from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_reaching, trapezoid_peak_speed
+
+FloatArray = NDArray[np.float64]
+
+SPEED_ERROR_LIMIT_DEG_S = 0.01
+"""The paper's figure 5: speed error over the whole move, taken on the motor side."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedCurves:
+    """Figure 5: one move, sampled. All arrays have the same length; speeds at the gantry."""
+
+    time_s: FloatArray
+    ref_deg_s: FloatArray
+    motor_deg_s: FloatArray
+    load_deg_s: FloatArray
+
+    @property
+    def motor_error_deg_s(self) -> FloatArray:
+        """Motor-side speed minus reference."""
+        return self.motor_deg_s - self.ref_deg_s
+
+    @property
+    def load_error_deg_s(self) -> FloatArray:
+        """Load-side speed minus reference."""
+        return self.load_deg_s - self.ref_deg_s
+
+
+@dataclass(frozen=True, eq=False)
+class SpeedRun:
+    """One move of the speed test and its figures.
+
+    Attributes:
+        speed_deg_s: speed asked, positive.
+        travel_deg: from, to.
+        reached_deg_s: highest reference speed that the motor side held.
+        motor_error_deg_s, load_error_deg_s: largest absolute speed error over the whole move, one per side;
+            the load side is None where nothing measures it.
+        stick_slip: the load stood still and broke away again while the reference was moving.
+        motor_judged: False where the control moves the motor off the set-point on purpose, for the load's sake.
+        curves: for the figure; None to leave it out.
+    """
+
+    speed_deg_s: float
+    direction: Direction
+    travel_deg: tuple[float, float]
+    reached_deg_s: float
+    motor_error_deg_s: float
+    load_error_deg_s: float | None
+    stick_slip: bool = False
+    motor_judged: bool = True
+    curves: SpeedCurves | None = field(default=None, repr=False)
+
+    @property
+    def reached(self) -> bool:
+        """The speed asked was reached (to 0.1 %)."""
+        return self.reached_deg_s >= 0.999 * self.speed_deg_s
+
+    @property
+    def passed(self) -> bool:
+        """Speed reached, and (where it is judged) the motor-side error inside 0.01 deg/s over the whole move."""
+        return self.reached and not (self.motor_judged and self.motor_error_deg_s > SPEED_ERROR_LIMIT_DEG_S)
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """A over plants that differ only in the phases of their gear errors, drawn at random.
+
+    Attributes:
+        a_deg: A of the true angles by eq. (6), one per gear.
+        seeds: of the phases, in the same order.
+    """
+
+    a_deg: tuple[float, ...]
+    seeds: tuple[int, ...]
+
+    @property
+    def distribution(self) -> Distribution:
+        """Median and 5..95 % (of few gears: little more than the extremes)."""
+        return Distribution.of(self.a_deg)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Pass or fail against the requirement, or why there is none.
+
+    Attributes:
+        passed: None = no verdict.
+        figures_deg: what was compared with the limit, by name.
+        text: one sentence.
+    """
+
+    passed: bool | None
+    figures_deg: Mapping[str, float]
+    limit_deg: float
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class AccuracyReport:
+    """Everything an accuracy report is made of. Angles in deg.
+
+    Attributes:
+        machine, config_hash, version, seed: what was run; `created` is a date for the page, or empty.
+        source: where the readings come from, in words ("simulator", "tracker.csv", a drive's name).
+        measures_load: False for motor-side readings: the report then gives no verdict.
+        procedure: what was asked; None for a table from a file.
+        measured: the table as the instrument saw it (one draw of its noise).
+        true: the table without instrument noise; known to a simulator only.
+        a_measured: A over many draws of the noise; its median is "A as measured".
+        a_floor: A of a perfect axis through the same noise.
+        radius_m, sigma_m: chord radius and noise of the instrument; None where unknown.
+        dwell_s, average_s: time at every stop and the last part of it that is averaged.
+        vel_max_deg_s, acc_deg_s2: of the profile, to say how fast the test moves were.
+        angle_errors_deg: reading minus target at every stop; finds what chords cannot (a lost turn). None if
+            unknown.
+        settings: further rows for "what was asked", name -> value in words.
+        switches: plant effects of the simulator, name -> in force.
+        phases_fitted: the gear phases are the set fitted to the paper's table.
+        speed: the runs of the speed test.
+        ensemble: A over random gear phases.
+        notes: further warnings, one sentence each.
+    """
+
+    machine: str
+    config_hash: str
+    version: str
+    seed: int
+    source: str
+    measured: ErrorTable
+    created: str = ""
+    measures_load: bool = True
+    procedure: Procedure | None = None
+    true: ErrorTable | None = None
+    a_measured: Distribution | None = None
+    a_floor: Distribution | None = None
+    radius_m: float | None = None
+    sigma_m: float | None = None
+    dwell_s: float | None = None
+    average_s: float | None = None
+    vel_max_deg_s: float | None = None
+    acc_deg_s2: float | None = None
+    angle_errors_deg: tuple[float, ...] | None = None
+    settings: Mapping[str, str] = field(default_factory=dict)
+    switches: Mapping[str, bool] = field(default_factory=dict)
+    phases_fitted: bool = False
+    speed: tuple[SpeedRun, ...] = ()
+    ensemble: Ensemble | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def table(self) -> ErrorTable:
+        """The table that is shown first: the true one where it is known, else the measured one."""
+        return self.measured if self.true is None else self.true
+
+    @cached_property
+    def statistics(self) -> TableStatistics:
+        """The paper's figures of `table`."""
+        return statistics(self.table)
+
+    @cached_property
+    def measured_statistics(self) -> TableStatistics:
+        """The paper's figures of the measured table."""
+        return statistics(self.measured)
+
+    @cached_property
+    def iso(self) -> IsoFigures:
+        """ISO 230-2 figures of `table`."""
+        return iso230_2(self.table)
+
+    @cached_property
+    def iso_measured(self) -> IsoFigures:
+        """ISO 230-2 figures of the measured table: the instrument's noise is part of its repeatability."""
+        return iso230_2(self.measured)
+
+    @property
+    def a_as_measured_deg(self) -> float:
+        """A through the instrument: the median over its noise, or of the one table there is."""
+        return self.measured_statistics.a_deg if self.a_measured is None else self.a_measured.median_deg
+
+    @property
+    def verdict(self) -> Verdict:
+        """The criterion: 0.1 deg, for everything that was measured at the load."""
+        if not self.measures_load:
+            text = "the readings are motor side: the gear is outside of what the motor encoder sees"
+            return Verdict(None, {}, REQUIREMENT_DEG, text)
+        figures = {
+            "A as measured": self.a_as_measured_deg,
+            "largest chord error": self._largest_chord_error(),
+        }
+        if self.angle_errors_deg is not None:
+            figures["largest angle error at a stop"] = max(abs(error) for error in self.angle_errors_deg)
+        outside = {name: value for name, value in figures.items() if value > REQUIREMENT_DEG}
+        listed = ", ".join(f"{name} {value:.4f} deg" for name, value in (outside or figures).items())
+        text = f"{listed}: {'outside' if outside else 'within'} {REQUIREMENT_DEG:g} deg"
+        return Verdict(not outside, figures, REQUIREMENT_DEG, text)
+
+    def _largest_chord_error(self) -> float:
+        return max(self.statistics.largest_deg, self.measured_statistics.largest_deg)
+
+    @property
+    def speed_passed(self) -> bool | None:
+        """All runs of the speed test; None when there was none."""
+        return all(run.passed for run in self.speed) if self.speed else None
+
+    @property
+    def comparison(self) -> str:
+        """Our A beside the paper's, and what that is worth; never a criterion."""
+        ours = f"A = {self.statistics.a_deg:.4f} deg beside the paper's {PAPER_A_DEG:.4f} deg"
+        if self.table == PAPER_TABLE:
+            return f"{ours}: this is the paper's own table"
+        if not self.phases_fitted:
+            return f"{ours}: another gear, another table; a comparison, not a criterion"
+        return (
+            f"{ours}: a comparison, not a criterion. The phases of the simulated gear errors (18) are fitted "
+            "to the paper's table (24 values), so closeness shows the fit, not the machine. What gears of "
+            "this grade give is the spread over random phases"
+        )
+
+    @property
+    def speed_note(self) -> str:
+        """Why chord test and speed test are two tests."""
+        if self.vel_max_deg_s is None or self.acc_deg_s2 is None:
+            return ""
+        vel, acc = self.vel_max_deg_s, self.acc_deg_s2
+        steps = [d for d in self.table.displacements_deg if d > 0.0]
+        peaks = [trapezoid_peak_speed(d, vel, acc) for d in (steps[0], steps[-1])]
+        return (
+            f"At {acc:.4f} deg/s2 a move of {steps[0]:g} deg peaks at {peaks[0]:.2f} deg/s and one of "
+            f"{steps[-1]:g} deg at {peaks[1]:.2f} deg/s; {vel:g} deg/s needs at least "
+            f"{shortest_trapezoid_reaching(vel, acc):.1f} deg. The chord test says nothing about full speed, "
+            "so the speed test is a test of its own."
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader must know before using a figure."""
+        found = [*self.notes, *self.statistics.warnings, *self.iso.warnings]
+        if not self.measures_load:
+            found.insert(0, "motor side: the readings do not contain gear error, wind-up or lost motion")
+        if self.a_floor is not None and self.a_floor.median_deg > 0.5 * self.a_as_measured_deg:
+            found.append(
+                f"noise: the instrument alone gives A = {self.a_floor.median_deg:.4f} deg, more than half of "
+                f"A as measured ({self.a_as_measured_deg:.4f} deg)"
+            )
+        slipping = [
+            f"{run.speed_deg_s:g} deg/s {run.direction.value}" for run in self.speed if run.stick_slip
+        ]
+        if slipping:
+            found.append(f"stick-slip at {', '.join(slipping)}")
+        return tuple(found)

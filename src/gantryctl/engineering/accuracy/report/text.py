@@ -1,0 +1,179 @@
+"""The report for a terminal: plain text, no colours, at most 100 columns for the paper's table."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+from gantryctl.engineering.accuracy.iso230 import IsoFigures
+from gantryctl.engineering.accuracy.noise import Distribution
+from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, SpeedRun
+from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
+from gantryctl.engineering.accuracy.table import Direction, ErrorTable
+
+WIDTH = 100
+
+ISO_NAMES = (
+    ("reversal_deg", "B", "reversal"),
+    ("mean_reversal_deg", "B mean", "mean reversal"),
+    ("repeatability_up_deg", "R up", "repeatability, ccw"),
+    ("repeatability_down_deg", "R down", "repeatability, cw"),
+    ("repeatability_deg", "R", "repeatability, both ways"),
+    ("systematic_up_deg", "E up", "systematic deviation, ccw"),
+    ("systematic_down_deg", "E down", "systematic deviation, cw"),
+    ("systematic_deg", "E", "systematic deviation, both ways"),
+    ("mean_bidirectional_deg", "M", "mean deviation, both ways"),
+    ("accuracy_up_deg", "A up", "accuracy, ccw"),
+    ("accuracy_down_deg", "A down", "accuracy, cw"),
+    ("accuracy_deg", "A (ISO)", "accuracy, both ways"),
+)
+"""Attribute of `IsoFigures`, symbol, name; in the order of the standard."""
+
+
+def angle_text(value_deg: float) -> str:
+    """An error with sign and four decimals, as the paper prints; no minus sign before zero."""
+    text = f"{value_deg:+.4f}"
+    return text.replace("+", " ").replace("-", " ") if float(text) == 0.0 else text
+
+
+def iso_text(attribute: str, figures: IsoFigures) -> str:
+    """One ISO figure; only the mean reversal has a sign, the others are widths."""
+    value: float = getattr(figures, attribute)
+    return angle_text(value).strip() if attribute == "mean_reversal_deg" else f"{value:.4f}"
+
+
+def text_table(table: ErrorTable, reference: ErrorTable | None = PAPER_TABLE, title: str = "here") -> str:
+    """The errors and their statistics beside a reference table (the paper's), deg.
+
+    Repeated series are shown as the mean of their runs; the statistics are those of all rows. Reference rows
+    appear where base and direction are the same, and reference columns only when the displacements are.
+    """
+    beside = reference if reference and reference.displacements_deg == table.displacements_deg else None
+    paper: dict[tuple[float, Direction], list[float]] = {}
+    if beside is not None:
+        paper = dict(zip([row[:2] for row in beside.rows], beside.errors_deg.tolist(), strict=True))
+    shown = table.mean_of_runs()
+    title += f" (mean of {table.runs})" if table.runs > 1 else ""
+    head = _cells([f"{d:g}" for d in table.displacements_deg[1:]])
+    lines = [f"{'error, deg':<12}{title:<{len(head)}}" + ("   paper" if beside else "")]
+    lines.append(f"{'base, way':<12}{head}" + (f"   {head}" if beside else ""))
+    for row, errors in zip(shown.rows, shown.errors_deg.tolist(), strict=True):
+        name = f"{row.base_deg:g} {row.direction.value}"
+        lines.append(f"{name:<12}{_angles(errors)}{_beside(paper.get(row[:2]))}")
+    if len(table.rows) > 1:
+        lines += ["-" * max(len(line) for line in lines), *_statistics_lines(statistics(table), beside)]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def text_report(report: AccuracyReport) -> str:
+    """The whole result in words and tables."""
+    blocks = [
+        text_table(report.table, title=_table_title(report)),
+        _headline(report),
+        _iso_lines(report),
+        speed_lines(report.speed),
+        "\n".join(_wrapped(f"warning: {warning}") for warning in report.warnings),
+    ]
+    return "\n\n".join(block for block in blocks if block)
+
+
+def distribution_text(distribution: Distribution) -> str:
+    """Median and 5..95 %, deg."""
+    low, high = distribution.low_deg, distribution.high_deg
+    return f"{distribution.median_deg:.4f} deg, 5..95 % {low:.4f} .. {high:.4f}"
+
+
+def _wrapped(text: str) -> str:
+    return textwrap.fill(text, WIDTH, subsequent_indent="  ")
+
+
+def _table_title(report: AccuracyReport) -> str:
+    return "here" if report.true is None else "here, noise off"
+
+
+def _headline(report: AccuracyReport) -> str:
+    figures = report.statistics
+    lines = [f"A = {figures.a_deg:.4f} deg by eq. (6), {figures.n} rows pooled"]
+    if report.a_measured is not None:
+        lines.append(
+            f"A as measured, median of {report.a_measured.draws}: {distribution_text(report.a_measured)}"
+        )
+    if report.a_floor is not None:
+        lines.append(f"A of the instrument's noise alone: {distribution_text(report.a_floor)}")
+    if figures.a_by_direction_deg is not None:
+        lines.append(f"with the directions kept apart, 3s: {figures.a_by_direction_deg:.4f} deg")
+    rms = ", ".join(f"{base:g} deg {value:.4f}" for base, value in figures.rms_deg.items())
+    lines.append(f"rms by base: {rms}")
+    if report.ensemble is not None:
+        gears = report.ensemble
+        lines.append(
+            f"A over {len(gears.a_deg)} gears with random phases: median "
+            f"{gears.distribution.median_deg:.4f} deg, {min(gears.a_deg):.4f} .. {max(gears.a_deg):.4f}"
+        )
+    passed = report.verdict.passed
+    word = "NO VERDICT" if passed is None else "PASS" if passed else "FAIL"
+    lines.append(_wrapped(f"{word}: {report.verdict.text}"))
+    lines.append(_wrapped(report.comparison))
+    return "\n".join(lines)
+
+
+def _iso_lines(report: AccuracyReport) -> str:
+    iso, measured = report.iso, report.iso_measured
+    if iso.not_computable is not None:
+        return f"ISO 230-2:2014: {iso.not_computable}"
+    two = report.true is not None
+    lines = [f"ISO 230-2:2014, {iso.runs} runs in each direction, k = 2, deg"]
+    if two:
+        lines.append(f"  {'':<8}{'true':>9}{'measured':>10}")
+    for attribute, symbol, name in ISO_NAMES:
+        values = f"{iso_text(attribute, iso):>9}" + (f"{iso_text(attribute, measured):>10}" if two else "")
+        lines.append(f"  {symbol:<8}{values}  {name}")
+    return "\n".join(lines)
+
+
+def speed_lines(runs: Sequence[SpeedRun]) -> str:
+    """One line per run of the speed test; empty without runs."""
+    if not runs:
+        return ""
+    lines = ["speed test    asked   reached   motor side   load side   (largest speed error, deg/s)"]
+    for run in runs:
+        load = f"{run.load_error_deg_s:9.4f}" if run.load_error_deg_s is not None else "        -"
+        lines.append(
+            f"{'pass' if run.passed else 'FAIL':<6}{run.direction.value:>5}{run.speed_deg_s:8.2f}"
+            f"{run.reached_deg_s:10.3f}{run.motor_error_deg_s:13.4f}   {load}"
+            + ("   stick-slip" if run.stick_slip else "")
+        )
+    if not all(run.motor_judged for run in runs):
+        lines.append("motor side not judged: compensations move the motor off the set-point on purpose")
+    return "\n".join(lines)
+
+
+def _statistics_lines(figures: TableStatistics, beside: ErrorTable | None) -> list[str]:
+    other = statistics(beside) if beside is not None else None
+    lines = []
+    for name, attribute in (
+        ("X", "mean_deg"),
+        ("3 S", "three_s_deg"),
+        ("X + 3 S", "upper_deg"),
+        ("X - 3 S", "lower_deg"),
+    ):
+        paper = getattr(other, attribute) if other is not None else None
+        line = f"{name:<12}{_angles(getattr(figures, attribute))}{_beside(paper)}"
+        lines.append(line.replace("+", " ") if name == "3 S" else line)
+    a = f"{'A':<12}{figures.a_deg:7.4f}"
+    width = 12 + len(_angles(figures.mean_deg))
+    return [*lines, f"{a:<{width}}" + (f"   {PAPER_A_DEG:7.4f}" if beside is PAPER_TABLE else "")]
+
+
+def _cells(texts: Sequence[str]) -> str:
+    return "".join(f"{text:>9}" for text in texts)[2:]
+
+
+def _angles(values_deg: Sequence[float]) -> str:
+    """All columns but the zero column."""
+    return _cells([angle_text(value) for value in values_deg[1:]])
+
+
+def _beside(values_deg: Sequence[float] | None) -> str:
+    return "" if values_deg is None else "   " + _angles(values_deg)

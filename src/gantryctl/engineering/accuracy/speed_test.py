@@ -1,0 +1,98 @@
+"""The speed test of figure 5: moves long enough to reach each speed, both ways, motor side and load side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.report.report import SpeedCurves, SpeedRun
+from gantryctl.engineering.accuracy.table import Direction, FloatArray
+from gantryctl.engineering.batch import ClosedLoop, Log
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine
+from gantryctl.motion import SetPoint, hold, plan_move
+from gantryctl.units import DEG_S_PER_R_MIN, rad
+from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law, ramps_deg, total_ratio
+
+PAPER_SPEEDS_R_MIN: Final = (0.1, 0.5, 1.0)
+CRUISE_S: Final = 15.0
+"""Shortest time at the set speed."""
+REST_S: Final = 1.0
+SETTLE_S: Final = 6.0
+_STICK_PART: Final = 0.05  # of the set speed: a load slower than this while it should cruise has stuck
+_CURVE_POINTS: Final = 2000
+
+
+def speed_test(machine: Machine, speeds_r_min: Sequence[float] = PAPER_SPEEDS_R_MIN) -> list[SpeedRun]:
+    """Every speed forward, then back, centred in the travel.
+
+    Raises:
+        UsageError: a speed outside the setting range, or one that no move within the travel reaches.
+    """
+    runs = []
+    for speed_r_min in speeds_r_min:
+        low, high = _move(machine, speed_r_min * DEG_S_PER_R_MIN)
+        speed = speed_r_min * DEG_S_PER_R_MIN
+        runs += [run_speed(machine, low, high, speed), run_speed(machine, high, low, speed)]
+    return runs
+
+
+def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: float) -> SpeedRun:
+    """One move between two angles from standing still, with at most `speed_deg_s`."""
+    limits = motion_limits(machine, speed_deg_s)
+    plan = plan_move(SetPoint(rad(from_deg), 0.0, 0.0), rad(to_deg), limits)
+    loop = ClosedLoop.standing_at(
+        gantry_sim(machine), position_law(machine), rad(from_deg), compensation(machine)
+    )
+    before = loop.run(hold(rad(from_deg)), REST_S)
+    log = loop.run(plan, plan.duration + machine.control.scan_period_ms * 1e-3 + SETTLE_S)
+    return _evaluate(machine, before, log, (from_deg, to_deg), speed_deg_s)
+
+
+def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
+    """Ends of a move that cruises for `CRUISE_S`, or as long as the travel allows."""
+    speed, axis = machine.speed, machine.axis
+    if not speed.setting_min_deg_s <= speed_deg_s <= speed.setting_max_deg_s + 1e-9:
+        raise UsageError(
+            f"speed {speed_deg_s / DEG_S_PER_R_MIN:g} r/min: the setting goes from "
+            f"{speed.setting_min_deg_s / DEG_S_PER_R_MIN:g} to {speed.setting_max_deg_s / DEG_S_PER_R_MIN:g} r/min"
+        )
+    ramps = ramps_deg(machine, speed_deg_s)
+    travel = axis.pos_max_deg - axis.pos_min_deg
+    if ramps >= travel:
+        raise UsageError(
+            f"speed {speed_deg_s:g} deg/s needs {ramps:.1f} deg to be reached and left again, the travel is "
+            f"{travel:g} deg: raise [virtual_axis] acc_deg_s2 and dec_deg_s2"
+        )
+    way = min(travel, ramps + speed_deg_s * CRUISE_S)
+    middle = 0.5 * (axis.pos_min_deg + axis.pos_max_deg)
+    return middle - 0.5 * way, middle + 0.5 * way
+
+
+def _evaluate(
+    machine: Machine, before: Log, log: Log, move: tuple[float, float], speed_deg_s: float
+) -> SpeedRun:
+    ratio = total_ratio(machine)
+    direction = Direction.CCW if move[1] >= move[0] else Direction.CW
+
+    def whole(column: str) -> FloatArray:
+        return np.degrees(np.concatenate((before[column], log[column])))
+
+    ref, load, motor = whole("vel_ref_rad_s"), whole("vel_load_rad_s"), whole("vel_motor_rad_s") / ratio
+    cruise = np.abs(ref) >= speed_deg_s * (1.0 - 1e-9)
+    at_speed = cruise if np.any(cruise) else np.abs(ref) >= np.max(np.abs(ref)) * (1.0 - 1e-3)
+    thin = slice(None, None, max(1, len(ref) // _CURVE_POINTS))
+    time_s = np.arange(len(ref), dtype=np.float64) * log.period_s
+    return SpeedRun(
+        speed_deg_s=speed_deg_s,
+        direction=direction,
+        travel_deg=move,
+        reached_deg_s=abs(float(np.mean(motor[at_speed]))),
+        motor_error_deg_s=float(np.max(np.abs(motor - ref))),
+        load_error_deg_s=float(np.max(np.abs(load - ref))),
+        stick_slip=bool(np.any(direction.sign * load[cruise] < _STICK_PART * speed_deg_s)),
+        motor_judged=not machine.control.compensation.moves_motor,
+        curves=SpeedCurves(time_s[thin], ref[thin], motor[thin], load[thin]),
+    )

@@ -1,0 +1,1 @@
+"""Frequency responses measured on an axis, and the excitation for them."""

@@ -1,0 +1,86 @@
+"""Periodic test signals: sums of sines that fit a whole number of times into their period."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gantryctl.engineering.analysis.models.linear import FloatArray
+from gantryctl.engineering.analysis.models.sampled import Input
+from gantryctl.errors import UsageError
+
+_ROLL_OFF_HZ = 5.0
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """What is added to speed command or torque: amplitude x sum of weight_k sin(2 pi line_k t/period + phase_k).
+
+    Attributes:
+        where: speed command (rad/s at the motor) or torque feed-forward (N m).
+        period_s: of the whole signal.
+        lines: whole numbers of cycles in the period, ascending. weights, phases_rad: of each line.
+        amplitude: factor on the whole signal.
+    """
+
+    where: Input
+    period_s: float
+    lines: tuple[int, ...]
+    weights: tuple[float, ...]
+    phases_rad: tuple[float, ...]
+    amplitude: float
+
+    @property
+    def hz(self) -> FloatArray:
+        """Frequencies of the lines."""
+        return np.array(self.lines) / self.period_s
+
+    def period(self, scan_s: float) -> FloatArray:
+        """One period, one value per scan."""
+        n = round(self.period_s / scan_s)
+        angle = 2.0 * math.pi / n * np.arange(n, dtype=np.float64)
+        total = np.zeros(n)
+        for line, weight, phase in zip(self.lines, self.weights, self.phases_rad, strict=True):
+            total += weight * np.sin(line * angle + phase)
+        return np.asarray(self.amplitude * total)
+
+
+def multisine(
+    where: Input,
+    low_hz: float,
+    high_hz: float,
+    count: int,
+    scan_s: float,
+    period_s: float = 16.0,
+) -> Excitation:
+    """All frequencies at once: `count` lines from low to high in about equal ratios, small crest factor (Schroeder).
+
+    Above 5 Hz the speed amplitude falls as 1/f, so that the torque to accelerate the rotor stays about constant; an
+    amplitude of 1 is then 1 rad/s (or 1 N m) in each of the low lines.
+
+    Raises:
+        UsageError: frequencies that the scan cannot carry or that do not fit into the period.
+    """
+    nyquist = 0.5 / scan_s
+    if not 1.0 / period_s <= low_hz < high_hz < nyquist:
+        raise UsageError(
+            f"frequencies {low_hz:g}..{high_hz:g} Hz: must rise and lie within {1.0 / period_s:g} Hz (one cycle in "
+            f"{period_s:g} s) and {nyquist:g} Hz (half the scan rate)"
+        )
+    wanted = np.geomspace(low_hz, high_hz, count) * period_s
+    lines = np.unique(np.round(wanted).astype(int))
+    roll_off = _ROLL_OFF_HZ if where is Input.SPEED else math.inf
+    weights = 1.0 / np.maximum(1.0, lines / period_s / roll_off)
+    power = weights**2 / np.sum(weights**2)
+    phases = -2.0 * math.pi * np.cumsum(np.cumsum(power) - power) * lines.size / 2.0
+    return Excitation(
+        where, period_s, tuple(lines.tolist()), tuple(weights.tolist()), tuple(phases.tolist()), 1.0
+    )
+
+
+def sine(where: Input, hz: float, cycles: int, amplitude: float, scan_s: float) -> Excitation:
+    """One frequency, moved to the nearest one of which `cycles` cycles are whole scans."""
+    scans = max(2 * cycles + 1, round(cycles / hz / scan_s))
+    return Excitation(where, scans * scan_s, (cycles,), (1.0,), (0.0,), amplitude)

@@ -1,0 +1,242 @@
+"""The simulated axis measured in three conditions, and the linear model of the same ratios beside it.
+
+Standing with a torque below breakaway (friction is a spring), standing with more (it begins to slide), and turning
+slowly (it slides). On a real axis `frequency.Probe` runs the same way on its drive port.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gantryctl.engineering.analysis.measured.excitation import multisine
+from gantryctl.engineering.analysis.models.frequency import (
+    FrequencyResponse,
+    Probe,
+    ProbeLimits,
+    fitted,
+    measure,
+)
+from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
+from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind, mechanics
+from gantryctl.engineering.analysis.models.sampled import Input, SampledLoop, loop_settings
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine
+from gantryctl.units import rad
+from gantryctl.wiring import motion_limits, position_law, sim_drive
+
+LOW_HZ: Final = 0.25
+HIGH_HZ: Final = 200.0
+LINES: Final = 70
+TORQUE_LIMIT_SHARE: Final = 0.5
+"""Part of the rated torque at which a measurement stops by itself."""
+_LONGEST_S: Final = 160.0
+"""Trials, settling and measuring take at most so long: ten periods of 16 s."""
+_SCATTER_TRUSTED: Final = 0.1
+_OFF_DB: Final = 3.0
+_OFF_DEG: Final = 20.0
+
+
+@dataclass(frozen=True)
+class Condition:
+    """How an axis is measured.
+
+    Attributes:
+        torque_nm: half the swing of the motor torque that the signal makes.
+        vel_deg_s: speed at the gantry during the measurement; 0 = standing.
+        angle_deg: where; while turning, the middle of the way.
+        friction: of the linear model beside it.
+    """
+
+    name: str
+    torque_nm: float
+    vel_deg_s: float
+    angle_deg: float
+    friction: Friction
+
+
+def conditions(machine: Machine, angle_deg: float = 75.0, torque_nm: float | None = None) -> list[Condition]:
+    """The three conditions.
+
+    Args:
+        machine: the larger torque is 4 % of the motor's rated torque, the smaller one a fifth of it.
+        angle_deg: where; away from the angles without eccentric moment, so that the gears stay on one flank.
+        torque_nm: another larger torque.
+    """
+    large = 0.04 * machine.motor.torque_rated_nm if torque_nm is None else torque_nm
+    return [
+        Condition("standing, small", large / 5.0, 0.0, angle_deg, Friction.HOLDING),
+        Condition("standing, larger", large, 0.0, angle_deg, Friction.HOLDING),
+        Condition("turning", large, 0.3, angle_deg, Friction.SLIDING),
+    ]
+
+
+class Ratios(NamedTuple):
+    """The three responses, measured or of the model; see `FrequencyResponse`."""
+
+    plant: ComplexArray
+    speed_loop: ComplexArray
+    position_open: ComplexArray
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One measurement beside the linear model of its condition."""
+
+    machine: Machine
+    condition: Condition
+    measured: FrequencyResponse
+
+    def model_at(self, hz: FloatArray) -> Ratios:
+        """The linear model of this condition."""
+        return model_ratios(self.machine, self.condition.friction, self.condition.angle_deg, hz)
+
+    @cached_property
+    def model(self) -> Ratios:
+        """The linear model at the measured lines."""
+        return self.model_at(self.measured.hz)
+
+    @property
+    def trusted(self) -> FloatArray:
+        """Lines at which the neighbourhood carries less than 0.1 of the line: 1.0, else 0.0."""
+        return np.asarray((self.measured.scatter < _SCATTER_TRUSTED).astype(np.float64))
+
+    @property
+    def off(self) -> FloatArray:
+        """Frequencies, Hz, at which the plant differs by more than 3 dB or 20 deg from the model."""
+        ratio = self.measured.plant / self.model.plant
+        wrong = (np.abs(20.0 * np.log10(np.abs(ratio))) > _OFF_DB) | (
+            np.abs(np.angle(ratio, deg=True)) > _OFF_DEG
+        )
+        return np.asarray(self.measured.hz[wrong & (self.trusted > 0.0)])
+
+    @property
+    def typical_error(self) -> float:
+        """Median of |measured/model - 1| of the plant over the trusted lines."""
+        ratio = (self.measured.plant / self.model.plant)[self.trusted > 0.0]
+        return float(np.median(np.abs(ratio - 1.0)))
+
+
+def model_ratios(machine: Machine, friction: Friction, angle_deg: float, hz: FloatArray) -> Ratios:
+    """What the linear model reports at these frequencies, sampled as the drive reports it."""
+    plant = mechanics(machine, _kind(machine), friction, angle_rad=rad(angle_deg))
+    reply = SampledLoop(plant, loop_settings(machine)).injected(Input.SPEED, 2.0 * math.pi * hz)
+    return Ratios(
+        plant=reply["vel_act_rad_s"] / reply["torque_act_nm"],
+        speed_loop=reply["vel_act_rad_s"] / reply["vel_cmd_rad_s"],
+        position_open=-reply["vel_law_rad_s"] / reply["vel_cmd_rad_s"],
+    )
+
+
+def _kind(machine: Machine) -> PlantKind:
+    return PlantKind.RIGID if machine.plant.switches.rigid else PlantKind.FULL
+
+
+def simulated_probe(machine: Machine, angle_deg: float) -> Probe:
+    """A probe on the simulated drive of a machine file, standing at an angle with torque off."""
+    limits = ProbeLimits(
+        torque_nm=TORQUE_LIMIT_SHARE * machine.motor.torque_rated_nm,
+        pos_min_rad=rad(machine.axis.pos_min_deg),
+        pos_max_rad=rad(machine.axis.pos_max_deg),
+        motion=motion_limits(machine),
+    )
+    scan_s = machine.control.scan_period_ms * 1e-3
+    return Probe(sim_drive(machine, angle_deg), position_law(machine), scan_s, limits, rad(angle_deg))
+
+
+def measure_simulated(machine: Machine, condition: Condition) -> Measured:
+    """Measure a new simulated axis in one condition.
+
+    Raises:
+        UsageError: the way that turning takes does not fit into the travel.
+        AlarmStop: torque or travel beyond the limits.
+    """
+    scan_s = machine.control.scan_period_ms * 1e-3
+    signal = multisine(Input.SPEED, LOW_HZ, min(HIGH_HZ, 0.2 / scan_s), LINES, scan_s)
+    probe = simulated_probe(machine, starts_at_deg(machine, condition))
+    probe.enable()
+    if condition.vel_deg_s:
+        probe.turn(rad(condition.vel_deg_s))
+    return Measured(machine, condition, measure(probe, fitted(probe, signal, condition.torque_nm)))
+
+
+def starts_at_deg(machine: Machine, condition: Condition) -> float:
+    """Where a measurement starts, so that the condition's angle is the middle of its way.
+
+    Raises:
+        UsageError: the way does not fit into the travel.
+    """
+    way = condition.vel_deg_s * _LONGEST_S
+    start = condition.angle_deg - 0.5 * way
+    if machine.axis.pos_min_deg < start <= start + way < machine.axis.pos_max_deg:
+        return start
+    raise UsageError(
+        f"measuring at {condition.angle_deg:g} deg while turning takes {way:.0f} deg: {start:.0f}.."
+        f"{start + way:.0f} deg must lie within {machine.axis.pos_min_deg:g}..{machine.axis.pos_max_deg:g} deg"
+    )
+
+
+def sentence(result: Measured) -> str:
+    """Where the measured plant is what the linear model says, and where friction makes it something else."""
+    condition, off = result.condition, result.off
+    how = (
+        f"{condition.name} ({condition.torque_nm:.3g} N m"
+        + (f", {condition.vel_deg_s:g} deg/s" if condition.vel_deg_s else "")
+        + f", at {condition.angle_deg:g} deg)"
+    )
+    model = {
+        Friction.HOLDING: "the model whose friction holds like springs",
+        Friction.SLIDING: "the model whose friction slides",
+        Friction.NONE: "the model without friction",
+    }[condition.friction]
+    agree = f"Measured {how}, the plant is {model}, typically within {100.0 * result.typical_error:.0f} %"
+    if not len(off):
+        return agree + " and nowhere more than 3 dB or 20 deg away."
+    return agree + f"; more than 3 dB or 20 deg away at {_spans(off, result.measured.hz)}: {_why(result)}."
+
+
+def _why(result: Measured) -> str:
+    if result.condition.friction is Friction.HOLDING:
+        return (
+            "there friction slides a little in every cycle instead of holding, or the load on the gears is so small "
+            "that backlash opens"
+        )
+    return (
+        "near the modes the swing takes the reducer's hysteresis to its end, and gear error and torque ripple turn "
+        "with the motor"
+    )
+
+
+def _spans(chosen: FloatArray, lines: FloatArray) -> str:
+    """Frequencies as spans of neighbouring lines: "0.25..1.1, 9.4 Hz"."""
+    where = np.searchsorted(lines, chosen)
+    groups = np.split(chosen, np.nonzero(np.diff(where) > 1)[0] + 1)
+    spans = [f"{g[0]:.3g}" if len(g) == 1 else f"{g[0]:.3g}..{g[-1]:.3g}" for g in groups]
+    return ", ".join(spans) + " Hz"
+
+
+def measured_data(result: Measured) -> dict[str, object]:
+    """For JSON: magnitude and phase of every ratio, measured and model."""
+
+    def polar(values: ComplexArray) -> dict[str, list[float]]:
+        return {"magnitude": np.abs(values).tolist(), "phase_deg": np.angle(values, deg=True).tolist()}
+
+    measured = result.measured
+    return {
+        "condition": result.condition.name,
+        "torque_nm": result.condition.torque_nm,
+        "vel_deg_s": result.condition.vel_deg_s,
+        "angle_deg": result.condition.angle_deg,
+        "model_friction": result.condition.friction.value,
+        "hz": measured.hz.tolist(),
+        "scatter": measured.scatter.tolist(),
+        "measured": {name: polar(getattr(measured, name)) for name in Ratios._fields},
+        "model": {name: polar(getattr(result.model, name)) for name in Ratios._fields},
+        "typical_error": result.typical_error,
+        "off_hz": result.off.tolist(),
+        "sentence": sentence(result),
+    }

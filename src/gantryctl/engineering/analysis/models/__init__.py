@@ -1,0 +1,1 @@
+"""Linear models: rigid, two masses, sampled, the whole loop, and what follows from them."""

@@ -1,0 +1,238 @@
+"""Frequency response measured on a running axis, simulated or real: through the drive port and the position law only.
+
+The axis stays in its closed loop. A periodic signal is added to the speed command or to the torque, small enough for
+a given torque; responses are ratios of what the drive reports, so nothing of the plant has to be known. Where
+friction holds, a small signal sees springs, where the axis turns it sees them slip: measure both ways and compare.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gantryctl import _core
+from gantryctl.engineering.analysis.measured.excitation import Excitation
+from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
+from gantryctl.engineering.analysis.models.sampled import Input
+from gantryctl.errors import AlarmStop, UsageError
+from gantryctl.image import DriveRequest, DriveState, OutputImage
+from gantryctl.motion import MotionLimits, SetPoint, hold, plan_stop, plan_velocity
+from gantryctl.ports import Drive
+from gantryctl.units import deg
+
+_ENABLE_S: Final = 5.0
+_CALM_S: Final = 3.0
+_FIRST_SHARE: Final = 0.02
+_MOST_GROWTH: Final = 10.0
+_TRIALS: Final = 4
+_COLUMNS: Final = ("vel_cmd_rad_s", "vel_law_rad_s", "vel_act_rad_s", "torque_act_nm")
+
+Record = dict[str, FloatArray]
+
+
+@dataclass(frozen=True)
+class ProbeLimits:
+    """What stops a measurement at once.
+
+    Attributes:
+        torque_nm: largest motor torque, absolute. pos_min_rad, pos_max_rad: gantry angle.
+        motion: for getting to the speed at which it is measured, and for stopping.
+    """
+
+    torque_nm: float
+    pos_min_rad: float
+    pos_max_rad: float
+    motion: MotionLimits
+
+
+class FrequencyResponse(NamedTuple):
+    """What was measured, one value per line.
+
+    Attributes:
+        hz: frequencies.
+        plant: motor speed per motor torque, rad/s per N m.
+        speed_loop: motor speed per speed command. position_open: position loop cut at the speed command (L).
+        torque_nm: amplitude of the motor torque. scatter: what the neighbouring frequencies carry, relative to the
+        line:
+            noise, gear error and the harmonics of friction.
+    """
+
+    hz: FloatArray
+    plant: ComplexArray
+    speed_loop: ComplexArray
+    position_open: ComplexArray
+    torque_nm: FloatArray
+    scatter: FloatArray
+
+
+class Probe:
+    """Runs an axis scan by scan with a signal added; the same for a simulated drive and one on a bus.
+
+    Args:
+        drive: the axis; torque off at the beginning.
+        law: the position law of the controller. Its zero is the angle at which the axis stands now.
+        scan_s: scan period. limits: see `ProbeLimits`. angle_rad: the gantry angle now, for the travel limits.
+    """
+
+    def __init__(
+        self, drive: Drive, law: _core.PositionLaw, scan_s: float, limits: ProbeLimits, angle_rad: float
+    ) -> None:
+        self.drive = drive
+        self.law = law
+        self.scan_s = scan_s
+        self.limits = limits
+        self._zero_counts = drive.read().pos_act_counts - law.ratio * angle_rad / law.rad_per_count
+        self._plan = hold(angle_rad)
+        self._scan = 0
+
+    def enable(self) -> None:
+        """Torque on, brake open, standing where it stands; then calm.
+
+        Raises:
+            AlarmStop: the drive does not come up within 5 s.
+        """
+        for _ in range(round(_ENABLE_S / self.scan_s)):
+            feedback = self.drive.read()
+            if feedback.state is DriveState.OPERATION_ENABLED and feedback.brake_open:
+                break
+            self.drive.write(OutputImage(DriveRequest.ENABLE, 0.0, 0.0, True))
+        else:
+            raise AlarmStop(
+                f"the drive is not enabled with its brake open after {_ENABLE_S:g} s: {feedback.state.name}"
+            )
+        angle = self._angle(self.drive.read().pos_act_counts)
+        self._plan, self._scan = hold(angle), 0
+        self.run(None, round(_CALM_S / self.scan_s))
+
+    def turn(self, vel_rad_s: float) -> None:
+        """Go on with a constant speed at the gantry, or come to rest; then calm."""
+        start = SetPoint(*self._plan.sample(self._scan * self.scan_s))
+        motion = self.limits.motion
+        self._plan = plan_velocity(start, vel_rad_s, motion) if vel_rad_s else plan_stop(start, motion)
+        self._scan = 0
+        self.run(None, round((self._plan.duration + _CALM_S) / self.scan_s))
+
+    def run(self, excitation: Excitation | None, scans: int) -> Record:
+        """Run so many scans with the signal added, from the start of its period.
+
+        Raises:
+            AlarmStop: torque or travel beyond the limits, or the drive left its enabled state; the axis is stopped.
+        """
+        signal = [0.0] if excitation is None else excitation.period(self.scan_s).tolist()
+        to_torque = excitation is not None and excitation.where is Input.TORQUE
+        read, write, law, sample = self.drive.read, self.drive.write, self.law.scan, self._plan.sample
+        rows = []
+        for k in range(scans):
+            feedback = read()
+            ref_pos, ref_vel, _ = sample((self._scan + k) * self.scan_s)
+            wanted, angle, _ = law(ref_pos, ref_vel, feedback.pos_act_counts - self._zero_counts)
+            self._check(feedback.state, feedback.torque_act_nm, angle)
+            added = signal[k % len(signal)]
+            command = wanted if to_torque else wanted + added
+            write(OutputImage(DriveRequest.ENABLE, command, added if to_torque else 0.0, True))
+            rows.append((command, wanted, feedback.vel_act_rad_s, feedback.torque_act_nm))
+        self._scan += scans
+        return dict(zip(_COLUMNS, np.array(rows).T, strict=True))
+
+    def _angle(self, counts: float) -> float:
+        return (counts - self._zero_counts) * self.law.rad_per_count / self.law.ratio
+
+    def _check(self, state: DriveState, torque_nm: float, angle_rad: float) -> None:
+        limits = self.limits
+        if state is not DriveState.OPERATION_ENABLED:
+            wrong = f"the drive is {state.name}"
+        elif not abs(torque_nm) <= limits.torque_nm:
+            wrong = f"the torque is {torque_nm:.1f} N m, permitted +-{limits.torque_nm:.1f} N m"
+        elif not limits.pos_min_rad <= angle_rad <= limits.pos_max_rad:
+            wrong = (
+                f"the angle is {deg(angle_rad):.2f} deg, permitted {deg(limits.pos_min_rad):.2f}.."
+                f"{deg(limits.pos_max_rad):.2f} deg"
+            )
+        else:
+            return
+        self.drive.write(OutputImage(DriveRequest.QUICK_STOP, brake_open=True))
+        raise AlarmStop(
+            f"frequency response stopped: {wrong}; the signal is off, the axis makes a quick stop"
+        )
+
+
+def fitted(probe: Probe, excitation: Excitation, torque_nm: float) -> Excitation:
+    """The signal with the amplitude at which the motor torque swings by +-`torque_nm`.
+
+    Begins with a fiftieth of what moves an inertia that is not there and grows at most tenfold a trial, so the torque
+    never jumps; a period each.
+
+    Raises:
+        UsageError: the torque asked for is not below the probe's limit.
+    """
+    if not 0.0 < torque_nm < probe.limits.torque_nm:
+        raise UsageError(
+            f"a test torque of {torque_nm:g} N m: must be above 0 and below the limit of "
+            f"{probe.limits.torque_nm:g} N m that stops the measurement"
+        )
+    scans = round(excitation.period_s / probe.scan_s)
+    at_rest = probe.run(None, scans)["torque_act_nm"]
+    quiet = float(np.ptp(at_rest)) / 2.0
+    crest = float(np.max(np.abs(replace(excitation, amplitude=1.0).period(probe.scan_s))))
+    trial = replace(excitation, amplitude=_FIRST_SHARE / crest)
+    for _ in range(_TRIALS):
+        swing = float(np.ptp(probe.run(trial, scans)["torque_act_nm"])) / 2.0
+        share = max(swing - quiet, 0.1 * swing, 1e-9)
+        growth = min(torque_nm / share, _MOST_GROWTH)
+        trial = replace(trial, amplitude=trial.amplitude * growth)
+        if abs(growth - 1.0) < 0.1:
+            break
+    return trial
+
+
+def measure(
+    probe: Probe, excitation: Excitation, settle_periods: int = 2, periods: int = 4
+) -> FrequencyResponse:
+    """Run the signal until it is periodic, then evaluate whole periods with a Hann window.
+
+    The window takes away the mean, drifts and what is not periodic; between two lines at least `periods` - 3 bins are
+    free, and what they carry is the scatter.
+
+    Raises:
+        UsageError: fewer than 4 periods cannot tell a line from its neighbourhood.
+    """
+    if periods < 4:
+        raise UsageError(f"{periods} periods: at least 4 are needed")
+    scans = round(excitation.period_s / probe.scan_s)
+    probe.run(excitation, settle_periods * scans)
+    record = probe.run(excitation, periods * scans)
+    window = 1.0 - np.cos(2.0 * np.pi / (periods * scans) * np.arange(periods * scans))
+    spectra = {
+        name: np.fft.rfft(window * (values - values.mean())) * (2.0 / len(values))
+        for name, values in record.items()
+    }
+    bins = np.array(excitation.lines) * periods
+    at = {name: spectrum[bins] for name, spectrum in spectra.items()}
+    # rounding to counts repeats with the signal: its power lies on the multiples of 1/period, evenly
+    rounding = probe.law.rad_per_count / probe.scan_s / np.sqrt(6.0) / np.sqrt(scans / 2.0)
+    return FrequencyResponse(
+        hz=excitation.hz,
+        plant=at["vel_act_rad_s"] / at["torque_act_nm"],
+        speed_loop=at["vel_act_rad_s"] / at["vel_cmd_rad_s"],
+        position_open=-at["vel_law_rad_s"] / at["vel_cmd_rad_s"],
+        torque_nm=np.abs(at["torque_act_nm"]),
+        scatter=np.maximum.reduce(
+            [
+                _scatter(spectra["vel_act_rad_s"], bins, periods),
+                _scatter(spectra["torque_act_nm"], bins, periods),
+                rounding / np.abs(at["vel_act_rad_s"]),
+            ]
+        ),
+    )
+
+
+def _scatter(spectrum: ComplexArray, bins: NDArray[np.int64], periods: int) -> FloatArray:
+    """R.m.s. of the free bins beside each line, relative to the line (Hann: a line fills its bin and both
+    neighbours).
+    """
+    offsets = [k for k in range(-periods + 2, periods - 1) if abs(k) >= 2]
+    beside = np.abs(spectrum[bins[:, None] + np.array(offsets)[None, :]])
+    return np.asarray(np.sqrt(np.mean(beside**2, axis=1)) / np.abs(spectrum[bins]))

@@ -1,0 +1,8 @@
+"""The closed loop without Python in the scan: one plant logged in full, or many plants with a few figures each.
+
+The same compiled laws and physics as the scan engine runs one by one, so the same bits while no monitor acts.
+"""
+
+from gantryctl.engineering.batch.loop import ClosedLoop, Leg, LegStatistics, Log, run_legs
+
+__all__ = ["ClosedLoop", "Leg", "LegStatistics", "Log", "run_legs"]

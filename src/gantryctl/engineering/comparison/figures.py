@@ -1,0 +1,151 @@
+"""The figures of one machine: chord procedures A and B, and the moves 0 to 90 and -90 to 90 deg."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.noise import DRAWS, a_draws
+from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.batch import ClosedLoop, Log
+from gantryctl.machine import Machine
+from gantryctl.motion import SetPoint, hold, plan_move
+from gantryctl.units import rad
+from gantryctl.wiring import compensation, gantry_sim, motion_limits, plant_params, position_law, total_ratio
+
+REST_S: Final = 1.0
+SETTLE_S: Final = 6.0
+SETTLED_DEG: Final = 0.001
+_RESIDUAL_S: Final = (0.2, 2.2)
+
+
+class Move(NamedTuple):
+    """One move from standing still.
+
+    Attributes:
+        time_s: of the profile. load_error_deg_s, motor_error_deg_s: largest speed error against the set-point.
+        base_um: base motion, peak to peak, gravity taken out. residual_um: the same, 0.2 to 2.2 s after the profile.
+        settling_s: after the profile, until the load stays within 0.001 deg. reducer_knm: at the reducer's output.
+    """
+
+    time_s: float
+    load_error_deg_s: float
+    motor_error_deg_s: float
+    base_um: float
+    residual_um: float
+    settling_s: float
+    reducer_knm: float
+
+
+class Figures(NamedTuple):
+    """What a row of the comparison shows; angles in deg."""
+
+    a_true_a: float
+    a_true_b: float
+    a_measured_a: float
+    a_measured_b: float
+    load_error_deg_s: float
+    motor_error_deg_s: float
+    time_90_s: float
+    time_180_s: float
+    base_um: float
+    residual_um: float
+    settling_s: float
+    reducer_knm: float
+    load_error_180_deg_s: float
+    base_180_um: float
+
+
+FIGURES: Final = {
+    "a_true_a": ("A true, procedure A", "deg"),
+    "a_true_b": ("A true, procedure B", "deg"),
+    "a_measured_a": (f"A as measured, procedure A, median of {DRAWS}", "deg"),
+    "a_measured_b": (f"A as measured, procedure B, median of {DRAWS}", "deg"),
+    "load_error_deg_s": ("speed error, load side, 0 to 90", "deg/s"),
+    "motor_error_deg_s": ("speed error, motor side, 0 to 90", "deg/s"),
+    "time_90_s": ("0 to 90 deg", "s"),
+    "time_180_s": ("-90 to 90 deg", "s"),
+    "base_um": ("base motion p-p, 0 to 90", "um"),
+    "residual_um": ("residual base motion, 0 to 90", "um"),
+    "settling_s": ("settled to 0.001 deg, 0 to 90", "s"),
+    "reducer_knm": ("reducer torque, 0 to 90", "kN m"),
+    "load_error_180_deg_s": ("speed error, load side, -90 to 90", "deg/s"),
+    "base_180_um": ("base motion p-p, -90 to 90", "um"),
+}
+"""Meaning and unit of every figure."""
+
+
+def figures_of(machine: Machine, seed: int = 0) -> Figures:
+    """Run everything on one machine; `seed` draws the tracker's noise."""
+    quarter, half = move_figures(machine, 0.0, 90.0), move_figures(machine, -90.0, 90.0)
+    (true_a, seen_a), (true_b, seen_b) = (chord_figures(machine, name, seed) for name in "AB")
+    return Figures(
+        a_true_a=true_a,
+        a_true_b=true_b,
+        a_measured_a=seen_a,
+        a_measured_b=seen_b,
+        load_error_deg_s=quarter.load_error_deg_s,
+        motor_error_deg_s=quarter.motor_error_deg_s,
+        time_90_s=quarter.time_s,
+        time_180_s=half.time_s,
+        base_um=quarter.base_um,
+        residual_um=quarter.residual_um,
+        settling_s=quarter.settling_s,
+        reducer_knm=quarter.reducer_knm,
+        load_error_180_deg_s=half.load_error_deg_s,
+        base_180_um=half.base_um,
+    )
+
+
+def chord_figures(machine: Machine, name: str, seed: int = 0) -> tuple[float, float]:
+    """A of the true angles, and the median of A as the tracker sees it, deg."""
+    procedure = chord_procedure(name)
+    angles = run_procedure([machine], procedure, threads=1).load_rad[0]
+    radius_m = machine.accuracy.chord_radius_m
+    true = float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg))
+    sigma_m = machine.accuracy.tracker_noise_um * 1e-6
+    return true, float(np.median(a_draws(procedure, angles, radius_m, sigma_m, seed=seed)))
+
+
+def move_figures(machine: Machine, from_deg: float, to_deg: float) -> Move:
+    """One move with the highest speed setting: 1 s rest, the move, 6 s rest."""
+    start = rad(from_deg)
+    loop = ClosedLoop.standing_at(gantry_sim(machine), position_law(machine), start, compensation(machine))
+    plan = plan_move(SetPoint(start, 0.0, 0.0), rad(to_deg), motion_limits(machine))
+    before = loop.run(hold(start), REST_S)
+    log = loop.run(plan, plan.duration + loop.sim.scan_period_s + SETTLE_S)
+    return _evaluate(machine, (before, log), plan.duration)
+
+
+def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Move:
+    column = {name: np.concatenate([log[name] for log in logs]) for name in logs[0].columns}
+    period_s = logs[0].period_s
+    end = len(logs[0]) + math.ceil(duration_s / period_s) + 1
+    load, ref = column["pos_load_rad"], column["vel_ref_rad_s"]
+    base = _base_motion_um(machine, column["pos_base_rad"], load)
+    first, last = (end + round(t / period_s) for t in _RESIDUAL_S)
+    final = float(np.mean(load[-round(1.0 / period_s) :]))
+    outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
+    motor = column["vel_motor_rad_s"] / total_ratio(machine)
+    return Move(
+        time_s=duration_s,
+        load_error_deg_s=math.degrees(float(np.max(np.abs(column["vel_load_rad_s"] - ref)))),
+        motor_error_deg_s=math.degrees(float(np.max(np.abs(motor - ref)))),
+        base_um=float(np.ptp(base)),
+        residual_um=float(np.ptp(base[first:last])),
+        settling_s=float(outside[-1] + 1) * period_s if len(outside) else 0.0,
+        reducer_knm=float(np.max(np.abs(column["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
+    )
+
+
+def _base_motion_um(machine: Machine, base_rad: np.ndarray, load_rad: np.ndarray) -> np.ndarray:
+    """Base motion at the ring radius, the static part of the eccentric moment taken out (plant equations S10)."""
+    p = plant_params(machine)
+    if not p.base:
+        return np.zeros_like(base_rad)
+    static = p.eccentric_moment * np.sin(load_rad - p.eccentric_angle) / p.base_stiffness
+    return np.asarray((base_rad - static) * machine.plant.gear_error.ring_radius_m * 1e6)

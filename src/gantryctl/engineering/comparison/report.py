@@ -1,0 +1,103 @@
+"""Everything a comparison says, as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from gantryctl.engineering.comparison.ensemble import Ensemble, ensemble, in_threads
+from gantryctl.engineering.comparison.figures import FIGURES, Figures, figures_of
+from gantryctl.engineering.comparison.profiles import ProfileRow, profiles_at_equal_base_motion
+from gantryctl.engineering.comparison.variants import Variant, check_same_plant, variants
+from gantryctl.engineering.identification import Comparison, comparisons
+from gantryctl.machine import Machine
+from gantryctl.wiring import check_calibration
+
+
+@dataclass(frozen=True)
+class CompareReport:
+    """The comparison of two machines.
+
+    Attributes:
+        rows: name and figures of every variant.
+        identified: what the compensations know, beside the truth of the plant; empty if they know nothing.
+        profiles: trapezoid and S-curve at the base motion of the first machine.
+        ensemble: None unless asked for.
+    """
+
+    paper: str
+    improved: str
+    rows: tuple[tuple[str, Figures], ...]
+    identified: tuple[Comparison, ...]
+    profiles: tuple[ProfileRow, ...]
+    ensemble: Ensemble | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "paper": self.paper,
+            "improved": self.improved,
+            "figures": {name: {"meaning": what, "unit": unit} for name, (what, unit) in FIGURES.items()},
+            "rows": {name: row._asdict() for name, row in self.rows},
+            "identified": [
+                {"name": c.name, "identified": c.identified, "truth": c.truth, "unit": c.unit}
+                for c in self.identified
+            ],
+            "profiles_at_equal_base_motion": [
+                row._asdict() | {"move": row.move._asdict()} for row in self.profiles
+            ],
+            "ensemble": None if self.ensemble is None else _quantiles(self.ensemble),
+        }
+
+
+def _quantiles(found: Ensemble) -> dict[str, Any]:
+    return {
+        "plants": len(found.seeds),
+        "first_seed": found.seeds[0],
+        "quantiles_5_50_95": {row: found.quantiles(row) for row in found.rows},
+    }
+
+
+def compare_report(
+    paper: Machine,
+    improved: Machine,
+    *,
+    plants: int = 0,
+    seed: int = 0,
+    threads: int | None = None,
+    progress: Callable[[int], None] | None = None,
+) -> CompareReport:
+    """Run the comparison.
+
+    Args:
+        plants: size of the ensemble; 0 for none.
+        seed: of the tracker's noise and of the random plants.
+        threads: default all processors; no effect on the result.
+        progress: called with the number of plants of the ensemble that are done.
+
+    Raises:
+        UsageError: the two are different machines.
+        ConfigError: a compensation needs a calibration that is missing or of another machine.
+    """
+    check_same_plant(paper, improved)
+    calibrated = improved.control.compensation.needs_calibration
+    calibration = check_calibration(improved, improved.plant.encoder.serial) if calibrated else None
+
+    def run(variant: Variant) -> tuple[str, Figures]:
+        return variant.name, figures_of(variant.machine, seed)
+
+    rows = tuple(in_threads(run, variants(paper, improved), threads))
+    swing_hz = calibration.identified.swing_hz if calibration else 2.0
+    return CompareReport(
+        paper=paper.name,
+        improved=improved.name,
+        rows=rows,
+        identified=tuple(comparisons(improved, calibration)) if calibration else (),
+        profiles=tuple(profiles_at_equal_base_motion(paper, rows[0][1].base_um, swing_hz)),
+        ensemble=(
+            ensemble(paper, improved, plants, seed=seed, threads=threads, progress=progress)
+            if plants
+            else None
+        ),
+    )

@@ -1,0 +1,21 @@
+"""What one machine is like, measured: slow turns, fast moves and a creep, and the numbers fitted to them.
+
+The controller's compensations live on these numbers and on nothing else. The runs use the public position loop
+with all compensations off; the truth of a simulated plant is read only to say how wrong the numbers are.
+"""
+
+from gantryctl.engineering.identification.fit import Fit, calibrate, calibration_of, fit
+from gantryctl.engineering.identification.measure import Instrument, Recording, record
+from gantryctl.engineering.identification.truth import Comparison, comparisons
+
+__all__ = [
+    "Comparison",
+    "Fit",
+    "Instrument",
+    "Recording",
+    "calibrate",
+    "calibration_of",
+    "comparisons",
+    "fit",
+    "record",
+]

@@ -1,0 +1,207 @@
+"""The numbers: least squares over the recordings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.identification.measure import (
+    CREEP_DEG_S,
+    TURN_DEG_S,
+    Floats,
+    Instrument,
+    Recording,
+    Samples,
+    record,
+)
+from gantryctl.errors import UsageError
+from gantryctl.machine import Calibration, Identified, Machine, Maps, identity_hash
+from gantryctl.machine.calibration import MAP_HARMONICS, REVERSAL_HARMONICS, SCALE_HARMONICS, Origin
+from gantryctl.units import rad
+from gantryctl.wiring import total_ratio
+
+_DATE_OF_NOBODY: Final = "1970-01-01"
+_SLOW_CYCLES: Final = (
+    400.0  # waves with fewer cycles per turn are seen in the slow turns, others in the creep
+)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What was found, with how well it fits.
+
+    Attributes:
+        residual_deg: rms of the slow turns after the fit.
+        recording: what it was found from.
+    """
+
+    identified: Identified
+    maps: Maps
+    residual_deg: float
+    recording: Recording
+
+
+def fit(machine: Machine, recording: Recording) -> Fit:
+    """Fit friction, moment, inertia, wind-up, first mode and maps.
+
+    The lead, motor encoder minus load, is in the slow turns the mean map plus, by direction, the reversal map. What
+    the moves show beyond that is the wind-up of the acceleration, J/k, and with it the first mode. Waves that pass
+    with frequency f are seen larger by 1/(1 - (f/f1)^2), the load being a mass on a spring, and are taken back.
+
+    Raises:
+        UsageError: the load shows no wind-up under acceleration: a rigid machine, or an instrument that does not see
+            the load.
+    """
+    turns = recording.turns
+    fast = [c for c in machine.control.compensation.gear_map.cycles_per_turn if c > MAP_HARMONICS]
+    mesh = [c for c in fast if c <= _SLOW_CYCLES]
+    lead, reversal, waves, residual = _fit_turns(turns, mesh)
+    windup = _fit_windup(recording.moves, lead, reversal)
+    if not windup > 1e-6:
+        raise UsageError(
+            f"identification: the load follows the acceleration with {windup:.3g} s2 of wind-up, at least 1e-6 is "
+            "needed: a rigid machine, or an instrument that does not see the load"
+        )
+    swing_hz = 1.0 / (2.0 * math.pi * math.sqrt(windup))
+    rest = [c for c in fast if c not in mesh]
+    found = [
+        *_static(mesh, waves, TURN_DEG_S, swing_hz),
+        *_static(rest, _fit_creep(recording.creep, rest, mesh), CREEP_DEG_S, swing_hz),
+    ]
+    identified = _numbers(machine, recording, windup)
+    gear = _without_windup(lead, identified, found)
+    scale = _fit_scale(turns) if recording.has_ring and recording.instrument is Instrument.TRACKER else ()
+    maps = Maps(
+        gear_rad=tuple(gear.tolist()),
+        reversal_rad=tuple(reversal.tolist()),
+        scale_rad=scale,
+        fast=tuple(found),
+    )
+    return Fit(identified, maps, math.degrees(residual), recording)
+
+
+def calibrate(
+    machine: Machine,
+    *,
+    instrument: Instrument = Instrument.TRACKER,
+    seed: int = 0,
+    date: str = _DATE_OF_NOBODY,
+    version: int = 1,
+) -> Calibration:
+    """Record and fit: the calibration of a simulated machine."""
+    return calibration_of(machine, fit(machine, record(machine, instrument, seed)), date, version)
+
+
+def calibration_of(machine: Machine, found: Fit, date: str, version: int) -> Calibration:
+    """The calibration file of a fit."""
+    origin = Origin(
+        machine=machine.name,
+        version=version,
+        date=date,
+        identity=identity_hash(machine),
+        encoder_serial=machine.plant.encoder.serial,
+        instrument=found.recording.instrument.value,
+        trace_sha256=found.recording.trace_sha256,
+    )
+    return Calibration(origin=origin, identified=found.identified, maps=found.maps)
+
+
+def waves_of(angle_rad: Floats, cycles: Sequence[float]) -> Floats:
+    """Columns sin(c x), cos(c x) for each c: shape (samples, 2 x cycles)."""
+    columns = [f(c * angle_rad) for c in cycles for f in (np.sin, np.cos)]
+    return np.stack(columns, axis=1) if columns else np.empty((len(angle_rad), 0))
+
+
+def harmonics_of(angle_rad: Floats, count: int) -> Floats:
+    """Columns 1, sin x, cos x, sin 2x ...: shape (samples, 2 count + 1)."""
+    return np.column_stack([np.ones_like(angle_rad), waves_of(angle_rad, range(1, count + 1))])
+
+
+def _solve(columns: Floats, wanted: Floats) -> Floats:
+    return np.asarray(np.linalg.lstsq(columns, wanted, rcond=None)[0])
+
+
+def _fit_turns(turns: Samples, mesh: Sequence[float]) -> tuple[Floats, Floats, Floats, float]:
+    """Mean map, reversal map and mesh waves, with the rms of what is left."""
+    at, lead = turns.act_rad, turns.act_rad - turns.load_rad
+    mean = harmonics_of(at, MAP_HARMONICS)
+    turned = harmonics_of(at, REVERSAL_HARMONICS) * turns.direction[:, np.newaxis]
+    columns = np.column_stack([mean, turned, waves_of(at, mesh)])
+    x = _solve(columns, lead)
+    left = lead - columns @ x
+    first, second = mean.shape[1], mean.shape[1] + turned.shape[1]
+    return x[:first], x[first:second], x[second:], float(np.sqrt(np.mean(left**2)))
+
+
+def _fit_windup(moves: Samples, lead: Floats, reversal: Floats) -> float:
+    """Lead per acceleration, beyond the maps; friction that grows with speed stands beside it."""
+    at = moves.act_rad
+    expected = harmonics_of(at, MAP_HARMONICS) @ lead
+    expected += moves.direction * (harmonics_of(at, REVERSAL_HARMONICS) @ reversal)
+    columns = np.column_stack([moves.acc_rad_s2, moves.vel_rad_s, moves.direction, np.ones_like(at)])
+    return float(_solve(columns, at - moves.load_rad - expected)[0])
+
+
+def _fit_creep(creep: Samples, cycles: Sequence[float], mesh: Sequence[float]) -> Floats:
+    """Waves of the reducer; slower parts of the map are a parabola and the mesh over so short a way."""
+    at = creep.act_rad
+    slow = np.column_stack([np.ones_like(at), at, at**2, waves_of(at, [13.0, *mesh])])
+    return _solve(np.column_stack([slow, waves_of(at, cycles)]), at - creep.load_rad)[slow.shape[1] :]
+
+
+def _static(
+    cycles: Sequence[float], waves: Floats, speed_deg_s: float, swing_hz: float
+) -> list[tuple[float, float, float]]:
+    """Waves as they are at rest, from waves seen while passing."""
+    found = []
+    for k, c in enumerate(cycles):
+        share = c * rad(speed_deg_s) / (2.0 * math.pi) / swing_hz
+        seen_larger = 1.0 / (1.0 - share * share)
+        found.append((c, float(waves[2 * k] / seen_larger), float(waves[2 * k + 1] / seen_larger)))
+    return found
+
+
+def _numbers(machine: Machine, recording: Recording, windup: float) -> Identified:
+    """Torque balance: i T = M_s sin + M_c cos + direction F + F_v v + J_total acc."""
+    parts = (recording.turns, recording.moves)
+    columns = np.concatenate(
+        [np.column_stack([waves_of(p.act_rad, [1]), p.direction, p.vel_rad_s, p.acc_rad_s2]) for p in parts]
+    )
+    ratio = total_ratio(machine)
+    torque = np.concatenate([p.torque_nm for p in parts]) * ratio
+    sine, cosine, friction, viscous, inertia = (float(v) for v in _solve(columns, torque))
+    load = inertia - ratio * ratio * machine.motor.inertia_kg_m2
+    return Identified(
+        moment_sine_nm=sine,
+        moment_cosine_nm=cosine,
+        inertia_kg_m2=inertia,
+        stiffness_nm_per_rad=load / windup,
+        windup_per_acc_s2=windup,
+        swing_hz=1.0 / (2.0 * math.pi * math.sqrt(windup)),
+        friction_nm=friction,
+        friction_nm_s_per_rad=viscous,
+    )
+
+
+def _without_windup(
+    lead: Floats, identified: Identified, fast: Sequence[tuple[float, float, float]]
+) -> Floats:
+    """The gear map: mean lead without the wind-up of the eccentric moment; all maps together are 0 at 0 deg."""
+    gear = lead.copy()
+    gear[1] -= identified.moment_sine_nm / identified.stiffness_nm_per_rad
+    gear[2] -= identified.moment_cosine_nm / identified.stiffness_nm_per_rad
+    gear[0] = -(lead[2::2].sum() + sum(cosine for _, _, cosine in fast))
+    return gear
+
+
+def _fit_scale(turns: Samples) -> tuple[float, ...]:
+    """Load-side encoder minus load over its own angle, both directions together; 0 at 0 deg."""
+    columns = harmonics_of(turns.ring_rad, SCALE_HARMONICS)
+    both = np.column_stack([columns, turns.direction])
+    scale = _solve(both, turns.ring_rad - turns.load_rad)[: columns.shape[1]]
+    scale[0] = -scale[2::2].sum()
+    return tuple(float(v) for v in scale)

@@ -1,0 +1,68 @@
+"""A sizing as plain data for JSON; the figures of the tables, unrounded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gantryctl.engineering.sizing.chain import machine_values
+from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
+from gantryctl.engineering.sizing.paper_figures import paper_figures
+from gantryctl.engineering.sizing.tables import braking_power_w
+from gantryctl.engineering.sizing.train import over_angle
+from gantryctl.machine.tables.drive import SpeedLoop
+from gantryctl.units import deg
+
+
+def sizing_data(shown: Fit, fits: Sequence[Fit], loop: SpeedLoop) -> dict[str, Any]:
+    """Everything `size --json` prints.
+
+    Args:
+        shown: the motor of the complete figures. fits: all motors. loop: the drive's speed loop.
+    """
+    sheet = shown.train.sheet
+    return {
+        "sheet": sheet.sheet.name,
+        "motor": shown.motor.name,
+        "figures": paper_figures(sheet, shown.motor, loop),
+        "complete": _complete(shown),
+        "over_angle": [row._asdict() for row in over_angle(shown.train)],
+        "duty": shown.duty._asdict(),
+        "motors": [_motor(fitted) for fitted in fits],
+        "machine_values": machine_values(sheet, shown.motor),
+    }
+
+
+def _complete(fitted: Fit) -> dict[str, Any]:
+    train = fitted.train
+    cases = {"sizing": train.sizing_acc_rad_s2, "normal": train.normal_acc_rad_s2}
+    return {
+        **{
+            name: {
+                "acc_deg_s2": deg(acc),
+                "parts_nm": {part.name: part.torque_nm for part in train.parts(acc)},
+                "torque_nm": train.largest_nm(acc),
+                "efficiency": train.efficiency(acc),
+                "torque_reducer_nm": train.reducer_nm(acc),
+                "torque_reducer_swinging_nm": train.reducer_nm(acc, 2.0),
+            }
+            for name, acc in cases.items()
+        },
+        "torque_usable_nm": usable_torque_nm(train.sheet, fitted.motor),
+        "quick_dec_deg_s2": deg(train.quick_dec_rad_s2),
+        "quick_stop_nm": train.quick_stop_nm,
+        "hold_nm": train.hold_nm,
+        "wrap_margin_deg": wrap_margin_deg(train.sheet, fitted.motor),
+        "kinetic_energy_j": train.kinetic_energy_j,
+        "braking_power_w": braking_power_w(fitted),
+    }
+
+
+def _motor(fitted: Fit) -> dict[str, Any]:
+    return {
+        "name": fitted.motor.name,
+        "source": fitted.motor.identity.source,
+        "fits": fitted.fits,
+        "reasons": fitted.reasons,
+        "checks": [check._asdict() | {"fits": check.fits} for check in fitted.checks],
+    }

@@ -1,0 +1,97 @@
+"""One treatment day: thermal load of the motor, and energy that comes back while braking."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gantryctl.engineering.analysis.models.profiles import trapezoid_peak_speed, trapezoid_time_s
+from gantryctl.units import DEG_S_PER_R_MIN, rad
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.sizing.sheet import Sheet
+    from gantryctl.engineering.sizing.train import Train
+
+Floats = NDArray[np.float64]
+_SAMPLES = 2001
+
+
+class Duty(NamedTuple):
+    """What a treatment day asks of a motor.
+
+    Attributes:
+        treatment_s: one treatment, moves and stops. moving_s: of it, moving.
+        treatment_rms_nm: root mean square torque over a treatment, the servo holding at the stops.
+        day_rms_nm: over the day, torque off between the treatments.
+        largest_nm: largest torque of the moves.
+        returned_j: mechanical energy that comes back to the motor in one treatment.
+        returned_mean_w: mean of it over the day.
+    """
+
+    treatment_s: float
+    moving_s: float
+    treatment_rms_nm: float
+    day_rms_nm: float
+    largest_nm: float
+    returned_j: float
+    returned_mean_w: float
+
+
+def legs_deg(sheet: Sheet) -> list[tuple[float, float]]:
+    """The moves of one treatment: from the last stop to the first, and on; stops at the same angle are no move."""
+    stops = sheet.duty.stops_deg
+    return [(a, b) for a, b in zip((stops[-1], *stops[:-1]), stops, strict=True) if a != b]
+
+
+def treatment_time_s(sheet: Sheet) -> float:
+    """One treatment with trapezoids at the highest speed and the acceleration of normal moves."""
+    speed, acc = sheet.motion.speed_max_r_min * DEG_S_PER_R_MIN, sheet.motion.acc_deg_s2
+    moving = sum(trapezoid_time_s(b - a, speed, acc) for a, b in legs_deg(sheet))
+    return moving + sheet.duty.hold_s * len(sheet.duty.stops_deg)
+
+
+def duty(train: Train) -> Duty:
+    """Evaluate the day of the sheet."""
+    sheet = train.sheet
+    moving, squared, returned, largest = 0.0, 0.0, 0.0, 0.0
+    for start, end in legs_deg(sheet):
+        time, torque, power = _move(train, start, end)
+        moving += float(time[-1])
+        squared += float(np.trapezoid(torque**2, time))
+        returned += float(np.trapezoid(np.maximum(-power, 0.0), time))
+        largest = max(largest, float(np.max(np.abs(torque))))
+    for stop in sheet.duty.stops_deg:
+        squared += sheet.duty.hold_s * (float(train.against_nm(rad(stop))) / train.ratio) ** 2
+    treatment, day = moving + sheet.duty.hold_s * len(sheet.duty.stops_deg), 3600.0 * sheet.duty.hours
+    n = sheet.duty.treatments
+    return Duty(
+        treatment,
+        moving,
+        math.sqrt(squared / treatment) if treatment else 0.0,
+        math.sqrt(n * squared / day),
+        largest,
+        returned,
+        n * returned / day,
+    )
+
+
+def _move(train: Train, start_deg: float, end_deg: float) -> tuple[Floats, Floats, Floats]:
+    """Time, motor torque and mechanical power of one trapezoid."""
+    way, acc, top = rad(abs(end_deg - start_deg)), train.normal_acc_rad_s2, train.speed_rad_s
+    peak = trapezoid_peak_speed(way, top, acc)
+    total, ramp = trapezoid_time_s(way, top, acc), peak / acc
+    sign = math.copysign(1.0, end_deg - start_deg)
+    # the corners belong to the grid, so that no step of the acceleration is smeared
+    parts = [np.linspace(0.0, ramp, _SAMPLES), np.linspace(ramp, total - ramp, _SAMPLES)]
+    parts.append(np.linspace(total - ramp, total, _SAMPLES))
+    accs = (acc, 0.0, -acc)
+    time = np.concatenate(parts)
+    a = np.concatenate([np.full(_SAMPLES, value) for value in accs])
+    vel = np.minimum(np.minimum(acc * time, peak), acc * (total - time))
+    gone = np.concatenate(([0.0], np.cumsum(0.5 * (vel[1:] + vel[:-1]) * np.diff(time))))
+    angle = rad(start_deg) + sign * gone
+    torque = train.motor_nm(sign * a, sign * vel, train.against_nm(angle))
+    return time, torque, torque * sign * vel * train.ratio

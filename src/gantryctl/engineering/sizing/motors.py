@@ -1,0 +1,150 @@
+"""Motors as data: one TOML file each, with where its figures come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import Field
+
+from gantryctl.engineering.sizing.equations import power_kw
+from gantryctl.errors import ConfigError
+from gantryctl.machine import configs_folder, load_table
+from gantryctl.machine.reading import parse_toml, read_text
+from gantryctl.machine.tables.axis import Identity
+from gantryctl.machine.tables.fields import UNIT, Table, number, required_number, table
+from gantryctl.machine.tables.motor import Motor
+
+
+class MotorIdentity(Identity):
+    """[identity]: what the motor is, and where its figures come from."""
+
+    source: str = Field(
+        min_length=1,
+        max_length=300,
+        examples=["paper"],
+        description="Where the figures come from; which of them are estimates.",
+        json_schema_extra={UNIT: "-"},
+    )
+    mass_kg: float = required_number(230.0, 0.1, 20000.0, "kg", "Mass of the motor.")
+
+
+class MotorDrive(Table):
+    """[drive]: what motor and drive give together."""
+
+    overload_time_s: float = number(
+        60.0, 0.1, 600.0, "s", "estimate", "How long the highest torque may be drawn."
+    )
+
+
+class MotorEncoder(Table):
+    """[encoder]: the encoder that the motor comes with."""
+
+    counts_per_turn: int = required_number(8192, 64, 2**25, "1/turn", "Absolute steps per motor turn.")
+    turns: int = required_number(4096, 1, 65536, "turns", "Motor turns told apart.")
+    lines: int = required_number(2048, 1, 65536, "1/turn", "Sine/cosine lines per motor turn.")
+    interpolation: int = required_number(2048, 1, 65536, "-", "Interpolated steps per line.")
+
+
+class MotorBrake(Table):
+    """[brake]: the holding brake that the motor comes with."""
+
+    torque_nm: float = required_number(400.0, 1.0, 10000.0, "N m", "Torque of the closed brake at the motor.")
+    close_time_ms: float = required_number(150.0, 1.0, 2000.0, "ms", "From command to full torque.")
+    open_time_ms: float = required_number(100.0, 1.0, 2000.0, "ms", "From command to no torque.")
+
+
+class MotorFile(Table):
+    """One motor with its encoder and brake."""
+
+    identity: MotorIdentity = table("What it is.")
+    motor: Motor = table("Name plate; the same table as in a machine file.")
+    drive: MotorDrive = table("Motor and drive together.", MotorDrive)
+    encoder: MotorEncoder = table("Its encoder.")
+    brake: MotorBrake = table("Its brake.")
+
+    @property
+    def name(self) -> str:
+        """Name of the motor."""
+        return self.identity.name
+
+    def torque_at_nm(self, torque_nm: float, speed_r_min: float) -> float:
+        """What is left of a torque at a speed: above the rated speed the power stays, the torque falls."""
+        return (
+            torque_nm * min(1.0, self.motor.speed_rated_r_min / speed_r_min)
+            if speed_r_min > 0.0
+            else torque_nm
+        )
+
+
+def delivered_motors() -> list[Path]:
+    """The motor files delivered with the program, by name."""
+    return sorted((configs_folder() / "motors").glob("*.toml"))
+
+
+def is_motor_file(path: Path) -> bool:
+    """Whether a TOML file describes a motor (it has a table [motor]) and not a requirement sheet.
+
+    Raises:
+        ConfigError: the file cannot be read, or is a machine file.
+    """
+    data = parse_toml(read_text(path, ""), str(path))
+    if "machine" in data:
+        raise ConfigError(
+            [
+                f"{path}: is a machine file; `gantryctl size` takes a requirement sheet, machine files are its result"
+            ]
+        )
+    return "motor" in data and "sheet" not in data
+
+
+def load_motors(paths: Sequence[Path]) -> list[MotorFile]:
+    """Read motor files.
+
+    Raises:
+        ConfigError: one line per problem of all files; two motors of one name are a problem.
+    """
+    motors: dict[str, MotorFile] = {}
+    lines: list[str] = []
+    for path in dict.fromkeys(paths):
+        try:
+            motor = load_table(MotorFile, path)
+        except ConfigError as wrong:
+            lines += wrong.problems
+            continue
+        if motor.name in motors:
+            lines.append(
+                f'{path}: [identity] name = "{motor.name}": another motor file has this name already'
+            )
+        motors[motor.name] = motor
+        lines += [f"{path}: {line}" for line in _contradictions(motor)]
+    if lines:
+        raise ConfigError(lines)
+    return list(motors.values())
+
+
+def _contradictions(file: MotorFile) -> list[str]:
+    """What a name plate cannot say: the same as the machine file's rules on [motor] and [encoder]."""
+    plate, encoder = file.motor, file.encoder
+    lines = []
+    if plate.torque_max_nm < plate.torque_rated_nm:
+        lines.append(
+            f"[motor] torque_max_nm = {plate.torque_max_nm:g} N m: must be at least torque_rated_nm = "
+            f"{plate.torque_rated_nm:g} N m"
+        )
+    if plate.speed_max_r_min < plate.speed_rated_r_min:
+        lines.append(
+            f"[motor] speed_max_r_min = {plate.speed_max_r_min:g} r/min: must be at least speed_rated_r_min = "
+            f"{plate.speed_rated_r_min:g} r/min"
+        )
+    power = power_kw(plate.torque_rated_nm, plate.speed_rated_r_min)
+    if abs(plate.power_rated_kw - power) > 0.1 * power:
+        lines.append(
+            f"[motor] power_rated_kw = {plate.power_rated_kw:g} kW: must be {power:.4g} kW within 10 %: rated "
+            "torque x rated speed"
+        )
+    for key in ("counts_per_turn", "turns"):
+        value = getattr(encoder, key)
+        if value & (value - 1):
+            lines.append(f"[encoder] {key} = {value}: must be a power of two, as in every absolute encoder")
+    return lines

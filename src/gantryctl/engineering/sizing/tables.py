@@ -1,0 +1,181 @@
+"""The result of a sizing as tables of text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gantryctl.engineering.analysis.tables import TextTable
+from gantryctl.engineering.sizing import equations as eq
+from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
+from gantryctl.engineering.sizing.paper_figures import printed_acceleration_rad_s2, printed_torque_nm
+from gantryctl.engineering.sizing.sheet import Sheet
+from gantryctl.engineering.sizing.train import over_angle
+from gantryctl.units import deg
+
+
+def paper_table(sheet: Sheet) -> TextTable:
+    """Equations (1) to (3): as the paper rounds them, and exactly."""
+    m, ratio, inertia = sheet.motion, sheet.gears.ratio, sheet.load.inertia_kg_m2
+    speed, acc = (
+        eq.motor_speed_r_min(m.speed_max_r_min, ratio),
+        eq.mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s),
+    )
+    exact = eq.motor_torque_nm(inertia, acc, ratio)
+    rounded = printed_torque_nm(sheet)
+    rows = (
+        ("(1) motor speed n1 = i n2, r/min", f"{speed:.0f}", f"{speed:.6g}"),
+        ("acceleration alpha2, rad/s2", f"{printed_acceleration_rad_s2(sheet):g}", f"{acc:.6g}"),
+        ("(2) motor torque T1 = J alpha2/i, N m", f"{rounded:g}", f"{exact:.5g}"),
+        (
+            "(3) power P = T1 n1/9550, kW",
+            f"{eq.power_kw(rounded, speed):.2f}",
+            f"{eq.power_kw(exact, speed):.5g}",
+        ),
+    )
+    return TextTable("The paper's equations: load inertia only", ("", "as printed", "exact"), rows)
+
+
+def complete_table(fitted: Fit) -> TextTable:
+    """The complete torque by parts: the sizing case and a normal move."""
+    train = fitted.train
+    sizing, normal = train.parts(train.sizing_acc_rad_s2), train.parts(train.normal_acc_rad_s2)
+    rows: list[tuple[str, ...]] = [
+        (a.name, f"{a.torque_nm:.1f}", f"{b.torque_nm:.1f}") for a, b in zip(sizing, normal, strict=True)
+    ]
+    accs = (train.sizing_acc_rad_s2, train.normal_acc_rad_s2)
+    rows.append(("together", *(f"{train.largest_nm(acc):.1f}" for acc in accs)))
+    rows.append(
+        ("efficiency of the transmission, %", *(f"{100.0 * train.efficiency(acc):.0f}" for acc in accs))
+    )
+    heads = (f"motor torque, N m ({fitted.motor.name})", *(f"at {deg(acc):.4g}\ndeg/s2" for acc in accs))
+    return TextTable("What they leave out: the largest torque, at the highest speed", heads, tuple(rows))
+
+
+def angle_table(fitted: Fit) -> TextTable:
+    """The eccentric moment over the angle."""
+    heads = ("angle, deg", "moment\nkN m", "hold\nN m", "turn out\nN m", "turn back\nN m", "normal acc\nN m")
+    rows = tuple(
+        (
+            f"{row.angle_deg:g}",
+            f"{row.against_knm:.1f}",
+            *(f"{value:.1f}" for value in (row.hold, row.steady, row.back, row.normal)),
+            f"{row.sizing:.1f}",
+        )
+        for row in over_angle(fitted.train)
+    )
+    return TextTable("Over the angle: eccentric moment and motor torque", (*heads, "sizing acc\nN m"), rows)
+
+
+def further_table(fitted: Fit) -> TextTable:
+    """Day, reducer, brake, encoder, energy."""
+    rows = (*_day_rows(fitted), *_reducer_rows(fitted), *_holding_rows(fitted), *_energy_rows(fitted))
+    return TextTable(f"Further ({fitted.motor.name})", ("", ""), rows)
+
+
+Rows = tuple[tuple[str, str], ...]
+
+
+def _day_rows(fitted: Fit) -> Rows:
+    day = fitted.duty
+    return (
+        ("one treatment: moving; whole", f"{day.moving_s:.0f} s; {day.treatment_s:.0f} s"),
+        (
+            "r.m.s. torque: of a treatment; of the day",
+            f"{day.treatment_rms_nm:.1f} N m; {day.day_rms_nm:.1f} N m",
+        ),
+    )
+
+
+def _reducer_rows(fitted: Fit) -> Rows:
+    """A step of the acceleration swings the load up to twice as far as its steady value."""
+    train, gears = fitted.train, fitted.train.sheet.gears
+    cases = {"normal move": train.normal_acc_rad_s2, "sizing case": train.sizing_acc_rad_s2}
+    reducer = tuple(
+        (
+            f"reducer, {name}: rigid; swinging after a step",
+            f"{train.reducer_nm(acc) / 1e3:.1f} kN m; {train.reducer_nm(acc, 2.0) / 1e3:.1f} kN m",
+        )
+        for name, acc in cases.items()
+    )
+    rated, momentary = gears.torque_rated_nm / 1e3, gears.torque_momentary_nm / 1e3
+    usable = usable_torque_nm(train.sheet, fitted.motor)
+    return (
+        *reducer,
+        ("reducer, given: rated; momentary", f"{rated:.1f} kN m; {momentary:.1f} kN m"),
+        (
+            "highest torque: motor; behind this reducer",
+            f"{fitted.motor.motor.torque_max_nm:g} N m; {usable:g} N m",
+        ),
+    )
+
+
+def _holding_rows(fitted: Fit) -> Rows:
+    train, motor, encoder = fitted.train, fitted.motor, fitted.motor.encoder
+    step = eq.encoder_step_deg(encoder.counts_per_turn, train.ratio)
+    fine = eq.encoder_step_deg(encoder.lines * encoder.interpolation, train.ratio)
+    turns = eq.encoder_range_turns(encoder.turns, train.ratio)
+    wrap = wrap_margin_deg(train.sheet, motor)
+    reserve = f", {motor.brake.torque_nm / train.hold_nm:.1f} times" if train.hold_nm else ""
+    return (
+        (
+            "quick stop, at least",
+            f"{deg(train.quick_dec_rad_s2):.2f} deg/s2, {train.quick_stop_nm:.0f} N m",
+        ),
+        ("holding: needed; brake", f"{train.hold_nm:.1f} N m; {motor.brake.torque_nm:g} N m{reserve}"),
+        ("encoder range; wrap beyond travel", f"{turns:.2f} gantry turns; {wrap:.1f} deg each side"),
+        ("encoder step at the gantry; interpolated", f"{step:.3g} deg; {fine:.2g} deg"),
+    )
+
+
+def _energy_rows(fitted: Fit) -> Rows:
+    day, efficiency = fitted.duty, fitted.motor.motor.efficiency
+    back = f"{efficiency * day.returned_j / 1e3:.1f} kJ; {efficiency * day.returned_mean_w:.0f} W"
+    return (
+        ("energy of motion at the highest speed", f"{fitted.train.kinetic_energy_j / 1e3:.1f} kJ"),
+        ("regeneration, electrical: per treatment; mean of the day", back),
+        (
+            "regeneration, largest: braking as in the sizing case",
+            f"{efficiency * braking_power_w(fitted) / 1e3:.1f} kW",
+        ),
+    )
+
+
+def braking_power_w(fitted: Fit) -> float:
+    """Mechanical power into the motor: slowing down from the highest speed as hard as in the sizing case, the largest
+    eccentric moment driving.
+    """
+    train, w = fitted.train, fitted.train.speed_rad_s
+    torque = float(train.motor_nm(-train.sizing_acc_rad_s2, w, -train.sheet.load.eccentric_check_moment_nm))
+    return max(0.0, -torque * w * train.ratio)
+
+
+def motors_table(fits: Sequence[Fit]) -> TextTable:
+    """Which motors fit."""
+    heads = (
+        "motor",
+        "rated\nkW",
+        "rated\nN m",
+        "highest\nN m",
+        "rated\nr/min",
+        "rotor\nkg m2",
+        "fits",
+        "tightest",
+        "used\n%",
+    )
+    rows = []
+    for fitted in fits:
+        plate = fitted.motor.motor
+        rows.append(
+            (
+                fitted.motor.name,
+                f"{plate.power_rated_kw:g}",
+                f"{plate.torque_rated_nm:g}",
+                f"{plate.torque_max_nm:g}",
+                f"{plate.speed_rated_r_min:g}",
+                f"{plate.inertia_kg_m2:g}",
+                "yes" if fitted.fits else "NO",
+                fitted.tightest.name,
+                f"{100.0 * fitted.tightest.part:.0f}",
+            )
+        )
+    return TextTable("Motors", heads, tuple(rows))

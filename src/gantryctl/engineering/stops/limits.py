@@ -1,0 +1,98 @@
+"""What the machine can give: the quick stop against motor overload, reducer and permitted stopping angle."""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Final
+
+from gantryctl.engineering.stops.run import StopClass, StopResult, worst_stop
+from gantryctl.engineering.stops.table import REACTION_S, SPEED_PARTS
+from gantryctl.errors import ConfigError
+from gantryctl.machine import Machine
+
+RESOLUTION_DEG_S2: Final = 0.1
+_SMALLEST_DEG_S2: Final = 0.2
+
+
+def within_ratings(machine: Machine, stop: StopResult) -> bool:
+    """Whether a stop stays below the torque limit of the drive and the momentary torque of the reducer."""
+    return not stop.torque_limited and stop.torque_reducer_nm <= machine.reducer.torque_momentary_nm
+
+
+def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) -> StopResult:
+    """Each figure the worst over 1/10, 1/2 and the whole of the highest speed: friction helps a fast stop more."""
+    top = machine.speed.setting_max_deg_s
+    stops = [worst_stop(machine, StopClass.QUICK, k * top, quick_dec_deg_s2) for k in SPEED_PARTS]
+    worst = {name: max(getattr(s, name) for s in stops) for name in StopResult._fields[2:]}
+    return StopResult(StopClass.QUICK, top, **worst)
+
+
+def find_quick_dec(machine: Machine) -> float:
+    """The largest quick-stop deceleration that the full plant allows from every speed, deg/s2.
+
+    Bisection to 0.1 deg/s2, rounded down.
+
+    Raises:
+        ConfigError: not even 0.2 deg/s2 is possible.
+    """
+    speed = machine.speed.setting_max_deg_s
+
+    def possible(steps: int) -> bool:
+        dec = steps * RESOLUTION_DEG_S2
+        return within_ratings(machine, hardest_quick_stop(machine, dec))
+
+    low, high = round(_SMALLEST_DEG_S2 / RESOLUTION_DEG_S2), 400
+    if not possible(low):
+        raise ConfigError(
+            [
+                f"{machine.machine.name}: no quick stop from {speed:g} deg/s is within motor.torque_max_nm = "
+                f"{machine.motor.torque_max_nm:g} N m and reducer.torque_momentary_nm = "
+                f"{machine.reducer.torque_momentary_nm:g} N m with the eccentric moment of the check, "
+                f"{machine.plant.load.eccentric_check_moment_nm:g} N m; choose a larger motor or reducer"
+            ]
+        )
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if possible(middle) else (low, middle)
+    return low * RESOLUTION_DEG_S2
+
+
+@functools.lru_cache(maxsize=16)
+def check_quick_stop(machine: Machine) -> StopResult:
+    """Hold the machine file to what the full plant gives; returns the quick stop from the highest speed.
+
+    A machine that has been checked is not simulated again.
+
+    Raises:
+        ConfigError: the deceleration cannot be given, or the stopping angle is above the permitted one.
+    """
+    speed = machine.speed.setting_max_deg_s
+    dec = machine.virtual_axis.quick_dec_deg_s2
+    stop = hardest_quick_stop(machine)
+    problems = []
+    where = f"{machine.machine.name}: [virtual_axis] quick_dec_deg_s2 = {dec:g}"
+    moment = machine.plant.load.eccentric_check_moment_nm
+    if stop.torque_limited:
+        problems.append(
+            f"{where}: the motor cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
+            f"eccentric moment needs more than [motor] torque_max_nm = {machine.motor.torque_max_nm:g} N m; "
+            "`gantryctl stops --find-quick` finds the largest possible value"
+        )
+    if stop.torque_reducer_nm > machine.reducer.torque_momentary_nm:
+        problems.append(
+            f"{where}: the reducer cannot give it: a stop from up to {speed:g} deg/s with {moment:g} N m "
+            f"eccentric moment puts {stop.torque_reducer_nm / 1e3:.1f} kN m on it, [reducer] torque_momentary_nm = "
+            f"{machine.reducer.torque_momentary_nm / 1e3:.1f} kN m; "
+            "`gantryctl stops --find-quick` finds the largest possible value"
+        )
+    angle = math.ceil((stop.angle_deg + speed * REACTION_S) * 100.0) / 100.0
+    if angle > machine.axis.stopping_angle_max_deg:
+        problems.append(
+            f"{where}: a quick stop from {speed:g} deg/s takes {angle:.2f} deg including {REACTION_S * 1e3:.0f} ms of "
+            f"reaction, [axis] stopping_angle_max_deg = {machine.axis.stopping_angle_max_deg:g} deg; stop harder, "
+            "go slower or permit more"
+        )
+    if problems:
+        raise ConfigError(problems)
+    return stop

@@ -1,0 +1,96 @@
+"""The gains that are tuned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from gantryctl.engineering.analysis.models.sampled import LoopSettings, loop_settings
+from gantryctl.machine import Machine, with_values
+
+_DIGITS: Final = 4
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Both loops, and the acceleration of normal moves.
+
+    Attributes:
+        kvp_nm_s_per_rad, tvi_s: PI speed loop of the drive. kpp_per_s, kvf: position loop of the controller.
+        acc_deg_s2: highest acceleration of the set-point, at the gantry.
+    """
+
+    kvp_nm_s_per_rad: float
+    tvi_s: float
+    kpp_per_s: float
+    kvf: float
+    acc_deg_s2: float
+
+    @property
+    def stiffness(self) -> float:
+        """Kvp Kpp/Tvi, N m/(rad s): how fast torque grows behind an angle that is off; 1/this is eq. (5)'s error
+        behind a torque ramp.
+        """
+        return self.kvp_nm_s_per_rad * self.kpp_per_s / self.tvi_s
+
+    def rounded(self) -> Gains:
+        """With the digits that a machine file needs."""
+        values = (self.kvp_nm_s_per_rad, self.tvi_s, self.kpp_per_s, self.kvf, self.acc_deg_s2)
+        return Gains(*(_significant(value) for value in values))
+
+
+PAPER: Final = Gains(77.6959, 0.010, 10.0, 1.0, 450.0 / 1144.0)
+"""What the paper ended with."""
+
+POOR: Final = Gains(10.0, 0.5, 1.0, 0.0, 0.05)
+"""Where the procedure starts: soft, slow, no feed-forward."""
+
+
+def configured(machine: Machine) -> Gains:
+    """What a machine file has."""
+    loop, control = machine.drive.speed_loop, machine.control
+    return Gains(
+        loop.kvp_nm_s_per_rad,
+        loop.tvi_ms * 1e-3,
+        control.kpp_per_s,
+        control.kvf,
+        machine.virtual_axis.acc_deg_s2,
+    )
+
+
+def machine_with(machine: Machine, gains: Gains) -> Machine:
+    """The machine with other gains.
+
+    Raises:
+        ConfigError: a value outside what the machine file allows.
+    """
+    changes = {
+        "drive.speed_loop.kvp_nm_s_per_rad": gains.kvp_nm_s_per_rad,
+        "drive.speed_loop.tvi_ms": _significant(gains.tvi_s * 1e3, 12),
+        "control.kpp_per_s": gains.kpp_per_s,
+        "control.kvf": gains.kvf,
+    }
+    if gains.acc_deg_s2 != machine.virtual_axis.acc_deg_s2:
+        changes |= {"virtual_axis.acc_deg_s2": gains.acc_deg_s2, "virtual_axis.dec_deg_s2": gains.acc_deg_s2}
+    return with_values(machine, changes)
+
+
+def settings_with(machine: Machine, gains: Gains) -> LoopSettings:
+    """The loop of a machine file with other gains, for the linear model."""
+    timing = loop_settings(machine)
+    return LoopSettings(
+        kvp_nm_s_per_rad=gains.kvp_nm_s_per_rad,
+        tvi_s=gains.tvi_s,
+        kpp_per_s=gains.kpp_per_s,
+        kvf=gains.kvf,
+        cycle_s=timing.cycle_s,
+        cycles_per_scan=timing.cycles_per_scan,
+        delay_cycles=timing.delay_cycles,
+        latency_s=timing.latency_s,
+    )
+
+
+def _significant(value: float, digits: int = _DIGITS) -> float:
+    """Rounded to so many significant digits."""
+    return round(value, digits - 1 - math.floor(math.log10(abs(value)))) if value else 0.0

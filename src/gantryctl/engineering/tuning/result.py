@@ -1,0 +1,132 @@
+"""One tuning from beginning to end: gains before and after, what they do on the axis, and on the uncertain plant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from gantryctl.engineering.analysis.models.robust import uncertain_plants
+from gantryctl.engineering.tuning.bench import Bench, MoveResult, bench_of_paper
+from gantryctl.engineering.tuning.by_margins import STATED, Conditions, Designed, by_margins
+from gantryctl.engineering.tuning.gains import PAPER, POOR, Gains, configured
+from gantryctl.engineering.tuning.judge import Verdict, judged, verdict_data
+from gantryctl.engineering.tuning.procedure import QUARTERS, Criteria, Tuned, paper_procedure
+from gantryctl.machine import Machine, config_hash
+
+PAPER_METHOD, MARGINS_METHOD = "paper", "margins"
+WITHIN: Final = 0.2
+"""Difference to the paper's gains that counts as the same."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One set of gains and everything that is known of it."""
+
+    name: str
+    gains: Gains
+    move: MoveResult
+    verdict: Verdict
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """The result.
+
+    Attributes:
+        machine: of the user; the proposal is it with other gains. bench: the axis that was tuned.
+        tuned: log of the paper's procedure. designed: of the method by margins; one of the two.
+        configured, proposal, paper: the candidates compared.
+    """
+
+    machine: Machine
+    method: str
+    bench: Bench
+    tuned: Tuned | None
+    designed: Designed | None
+    configured: Candidate
+    proposal: Candidate
+    paper: Candidate
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Those worth showing: the paper's gains once, when they are configured already."""
+        if replace(self.configured.gains, acc_deg_s2=0.0) == replace(PAPER, acc_deg_s2=0.0):
+            return (self.configured, self.proposal)
+        return (self.configured, self.proposal, self.paper)
+
+
+def tune(
+    machine: Machine,
+    method: str,
+    *,
+    as_paper: bool = False,
+    start: Gains = POOR,
+    criteria: Criteria = QUARTERS,
+    conditions: Conditions = STATED,
+) -> Tuning:
+    """Tune the axis of a machine file.
+
+    Args:
+        machine: see `Tuning`. method: "paper" or "margins".
+        as_paper: on the axis that the paper's drive saw, `bench_of_paper`.
+        start, criteria: of the paper's procedure. conditions: of the method by margins.
+
+    Raises:
+        UsageError: the axis does not bear the start, or no gains meet the conditions.
+    """
+    bench = bench_of_paper(machine) if as_paper else Bench(machine)
+    linear = bench.linear_machine
+    plants = uncertain_plants(linear)
+    tuned = paper_procedure(bench, start, criteria) if method == PAPER_METHOD else None
+    designed = None if tuned else by_margins(linear, conditions, plants)
+    found = tuned or designed
+    assert found is not None
+
+    def candidate(name: str, gains: Gains) -> Candidate:
+        return Candidate(name, gains, bench.move(gains), judged(linear, gains, plants))
+
+    present = configured(machine)
+    paper = replace(PAPER, acc_deg_s2=present.acc_deg_s2)
+    return Tuning(
+        machine,
+        method,
+        bench,
+        tuned,
+        designed,
+        candidate("configured", present),
+        candidate("proposal", found.gains),
+        candidate("paper", paper),
+    )
+
+
+def differences(tuning: Tuning) -> dict[str, float]:
+    """Relative difference of the proposal to the paper's Kvp, Tvi, Kpp."""
+    found = tuning.proposal.gains
+    return {
+        "Kvp": found.kvp_nm_s_per_rad / PAPER.kvp_nm_s_per_rad - 1.0,
+        "Tvi": found.tvi_s / PAPER.tvi_s - 1.0,
+        "Kpp": found.kpp_per_s / PAPER.kpp_per_s - 1.0,
+    }
+
+
+def tuning_data(tuning: Tuning) -> dict[str, Any]:
+    """For JSON."""
+    return {
+        "machine": tuning.machine.name,
+        "hash": config_hash(tuning.machine),
+        "method": tuning.method,
+        "speed_average_s": tuning.bench.speed_average_s,
+        "small_delays_s": tuning.bench.small_delays_s,
+        "fast_inertia_kg_m2": tuning.bench.fast_inertia_kg_m2,
+        "start": vars(tuning.tuned.start) if tuning.tuned else None,
+        "log": [trial._asdict() for trial in tuning.tuned.log] if tuning.tuned else [],
+        "candidates": {
+            c.name: {
+                "gains": vars(c.gains),
+                "move": c.move._asdict(),
+                "verdict": verdict_data(c.verdict),
+            }
+            for c in (tuning.configured, tuning.proposal, tuning.paper)
+        },
+        "difference_to_paper": differences(tuning),
+    }

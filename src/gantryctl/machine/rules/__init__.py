@@ -1,0 +1,1 @@
+"""What keys of a machine file demand of each other, one rule a function."""

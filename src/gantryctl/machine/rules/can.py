@@ -1,0 +1,95 @@
+"""Rules of [can]: bus, times, units; they hold only where the drive is on a bus."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gantryctl.machine.rules.book import RATIO, RuleBook, at_least, at_most, below
+
+if TYPE_CHECKING:
+    from gantryctl.machine.tables.model import Machine
+
+book = RuleBook()
+rule = book.rule
+
+_TRAVEL = ("axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
+_FEWEST_SCANS = 3.0
+"""A deadline shorter than this trips on an ordinary late scan."""
+
+
+@rule("can.node", "can.master_node", "drive.kind")
+def nodes_differ(m: Machine) -> str | None:
+    """Drive and controller have different node ids."""
+    return "must differ from the controller's" if _can(m) and m.can.node == m.can.master_node else None
+
+
+@rule("can.interface", "drive.kind")
+def interface_is_named(m: Machine) -> str | None:
+    """A CAN machine names its interface."""
+    return 'must name a python-can interface, or "simulated"' if _can(m) and not m.can.interface else None
+
+
+@rule("can.heartbeat_ms", "can.heartbeat_timeout_ms", "drive.kind")
+def heartbeat_within_timeout(m: Machine) -> str | None:
+    """At least two heartbeats fit into the time-out."""
+    return (
+        at_most(m.can.heartbeat_ms, m.can.heartbeat_timeout_ms / 2.0, "ms", "half its time-out")
+        if _can(m)
+        else None
+    )
+
+
+@rule("can.rpdo_deadline_ms", "control.scan_period_ms", "drive.kind")
+def deadline_outlasts_scans(m: Machine) -> str | None:
+    """The drive's deadline is longer than a few scans."""
+    least = _FEWEST_SCANS * m.control.scan_period_ms
+    return at_least(m.can.rpdo_deadline_ms, least, "ms", "three scans") if _can(m) else None
+
+
+@rule("can.answer_ms", "control.scan_period_ms", "drive.kind")
+def answers_fit_a_scan(m: Machine) -> str | None:
+    """Waiting for answers leaves time for the program."""
+    most = 0.75 * m.control.scan_period_ms
+    return below(m.can.answer_ms, most, "ms", "three quarters of the scan") if _can(m) else None
+
+
+@rule("can.increments_per_turn", *RATIO, *_TRAVEL, "drive.kind")
+def position_fits_32_bits(m: Machine) -> str | None:
+    """6064 has 32 bits: travel and wrap margins lie inside them."""
+    if not _can(m):
+        return None
+    travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
+    most = 2.0**32 / (travel / 360.0 * m.axis.ratio)
+    return at_most(m.can.increments_per_turn, most, "1/turn", "or the 32 bits of 6064 wrap within the travel")
+
+
+@rule("can.side_channel", "can.commissioning_required", "drive.kind")
+def truth_is_for_virtual_drives(m: Machine) -> str | None:
+    """A machine with a side channel is virtual."""
+    wrong = _can(m) and m.can.side_channel and m.can.commissioning_required
+    return (
+        "must be empty on a real drive; a virtual one has commissioning_required = false" if wrong else None
+    )
+
+
+@rule("can.interface", "brake.owner", "drive.kind")
+def somebody_works_the_brake(m: Machine) -> str | None:
+    """There is no digital output of the controller yet."""
+    wrong = _can(m) and m.brake.owner == "controller_output"
+    return (
+        "the controller has no output for the brake; the drive or object 60FE must work it" if wrong else None
+    )
+
+
+@rule("control.scan_period_ms", "drive.kind")
+def sync_period_can_be_told(m: Machine) -> str | None:
+    """60C2 takes 1 to 255 steps of a power of ten."""
+    if not _can(m):
+        return None
+    if m.control.scan_period_ms in range(1, 256):
+        return None
+    return "must be whole milliseconds, 1 to 255, as SYNC period"
+
+
+def _can(m: Machine) -> bool:
+    return m.drive.kind == "canopen"

@@ -1,0 +1,75 @@
+"""Rules of the compensations: what needs what."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gantryctl.machine.rules.book import RuleBook
+
+if TYPE_CHECKING:
+    from gantryctl.machine.tables.model import Machine
+
+book = RuleBook()
+rule = book.rule
+
+_AT = "control.compensation"
+_PROFILE = "virtual_axis.profile"
+_STEP = 'must go with [virtual_axis] profile = "jerk_limited": a step of the acceleration becomes a jump of the command'
+
+
+@rule(f"{_AT}.torque.acceleration", _PROFILE)
+def acceleration_torque_without_steps(m: Machine) -> str | None:
+    """Torque feed-forward of the acceleration needs a jerk-limited profile."""
+    wrong = m.control.compensation.torque.acceleration and m.virtual_axis.profile == "trapezoid"
+    return _STEP if wrong else None
+
+
+@rule(f"{_AT}.windup.active", _PROFILE)
+def windup_without_steps(m: Machine) -> str | None:
+    """Wind-up compensation needs a jerk-limited profile."""
+    wrong = m.control.compensation.windup.active and m.virtual_axis.profile == "trapezoid"
+    return _STEP if wrong else None
+
+
+@rule(f"{_AT}.damping.active", f"{_AT}.load_encoder.active")
+def damping_needs_the_load_encoder(m: Machine) -> str | None:
+    """Swing damping sees the load through the load-side encoder."""
+    c = m.control.compensation
+    wrong = c.damping.active and not c.load_encoder.active
+    return "must go with the load-side loop, whose encoder it reads: switch that on too" if wrong else None
+
+
+@rule(f"{_AT}.load_encoder.own_errors", f"{_AT}.load_encoder.active")
+def own_errors_need_the_load_encoder(m: Machine) -> str | None:
+    """The load-side encoder's own errors matter only where it is read."""
+    c = m.control.compensation.load_encoder
+    return "must go with the load-side loop: switch that on too" if c.own_errors and not c.active else None
+
+
+@rule(f"{_AT}.load_encoder.active", "plant.load_encoder.fitted", "drive.kind")
+def load_encoder_is_there(m: Machine) -> str | None:
+    """A load-side loop on the simulated drive needs a simulated load-side encoder."""
+    wrong = (
+        m.control.compensation.load_encoder.active
+        and m.drive.kind == "sim"
+        and not m.plant.load_encoder.fitted
+    )
+    return "must stay false: the simulated gantry has no encoder on its ring" if wrong else None
+
+
+_LIVE_ON_IT = (
+    "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
+    "load_encoder.own_errors", "damping.active",
+)  # fmt: skip
+
+
+@rule(f"{_AT}.calibration", *(f"{_AT}.{key}" for key in _LIVE_ON_IT))
+def calibration_is_named(m: Machine) -> str | None:
+    """What lives on identified values needs a calibration file."""
+    c = m.control.compensation
+    missing = c.needs_calibration and not c.calibration
+    return (
+        "must name the file that `gantryctl identify` writes: a compensation that is on needs identified values"
+        if (missing)
+        else None
+    )

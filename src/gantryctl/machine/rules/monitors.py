@@ -1,0 +1,130 @@
+"""Rules of the monitors and of the accuracy test: thresholds that could never act, or would always act."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from gantryctl.machine.rules.book import RATIO, RuleBook, above, at_least, at_most, below
+
+if TYPE_CHECKING:
+    from gantryctl.machine.tables.model import Machine
+
+book = RuleBook()
+rule = book.rule
+
+COUNT = ("encoder.counts_per_turn", *RATIO)
+
+
+@rule("monitors.standstill_window_deg", *COUNT)
+def standstill_above_resolution(m: Machine) -> str | None:
+    """The standstill window is at least two absolute encoder steps."""
+    return at_least(m.monitors.standstill_window_deg, 2.0 * _step_deg(m), "deg", "two encoder steps")
+
+
+@rule("monitors.in_position_window_deg", *COUNT)
+def in_position_above_resolution(m: Machine) -> str | None:
+    """The in-position window is at least two absolute encoder steps."""
+    return at_least(m.monitors.in_position_window_deg, 2.0 * _step_deg(m), "deg", "two encoder steps")
+
+
+@rule("brake.sag_max_deg", *COUNT)
+def sag_above_resolution(m: Machine) -> str | None:
+    """The permitted sag is at least two absolute encoder steps."""
+    return at_least(m.brake.sag_max_deg, 2.0 * _step_deg(m), "deg", "two encoder steps")
+
+
+@rule("monitors.in_position_window_deg", "monitors.following_error_base_deg")
+def in_position_inside_following_error(m: Machine) -> str | None:
+    """The in-position window is smaller than the following error at rest that trips."""
+    limit = m.monitors.following_error_base_deg
+    return below(m.monitors.in_position_window_deg, limit, "deg", "or the axis trips before it arrives")
+
+
+@rule("monitors.following_error_base_deg", "axis.over_travel_deg", "axis.pos_min_deg", "axis.pos_max_deg")
+def following_error_before_over_travel(m: Machine) -> str | None:
+    """At the ends of travel the following error trips before over-travel does."""
+    room = m.axis.over_travel_deg - max(-m.axis.pos_min_deg, m.axis.pos_max_deg)
+    return at_most(
+        m.monitors.following_error_base_deg, room, "deg", "the room between travel and over-travel"
+    )
+
+
+@rule("monitors.velocity_deviation_deg_s", "speed.setting_max_deg_s")
+def velocity_deviation_can_act(m: Machine) -> str | None:
+    """The permitted velocity deviation is below the highest setting, or it could never act."""
+    limit = m.speed.setting_max_deg_s
+    return below(m.monitors.velocity_deviation_deg_s, limit, "deg/s", "or it never acts")
+
+
+@rule("monitors.in_position_tolerance_time_s", "monitors.in_position_dwell_ms")
+def tolerance_longer_than_dwell(m: Machine) -> str | None:
+    """The time to come into position is longer than the dwell inside the window."""
+    need = m.monitors.in_position_dwell_ms / 1000.0
+    return above(m.monitors.in_position_tolerance_time_s, need, "s", "the in-position dwell")
+
+
+@rule("monitors.torque_saturation_time_ms", "drive.speed_loop.overload_time_s")
+def saturation_within_overload(m: Machine) -> str | None:
+    """Torque saturation trips before the overload time is used up."""
+    most = 1000.0 * m.drive.speed_loop.overload_time_s
+    return at_most(m.monitors.torque_saturation_time_ms, most, "ms", "the drive's overload time")
+
+
+@rule("monitors.brake_feedback_time_ms", "brake.close_time_ms")
+def feedback_waits_for_closing(m: Machine) -> str | None:
+    """The brake feedback is given the time the brake needs to close."""
+    return at_least(
+        m.monitors.brake_feedback_time_ms, m.brake.close_time_ms, "ms", "the brake's closing time"
+    )
+
+
+@rule("monitors.brake_feedback_time_ms", "brake.open_time_ms")
+def feedback_waits_for_opening(m: Machine) -> str | None:
+    """The brake feedback is given the time the brake needs to open."""
+    return at_least(m.monitors.brake_feedback_time_ms, m.brake.open_time_ms, "ms", "the brake's opening time")
+
+
+@rule("monitors.power_up_time_ms", "brake.open_time_ms", "control.scan_period_ms")
+def power_up_waits_for_brake(m: Machine) -> str | None:
+    """The power-up time covers the brake's opening and two scans."""
+    need = m.brake.open_time_ms + 2.0 * m.control.scan_period_ms
+    return at_least(m.monitors.power_up_time_ms, need, "ms", "the brake's opening time and two scans")
+
+
+@rule("monitors.lease_ms", "control.scan_period_ms")
+def lease_spans_scans(m: Machine) -> str | None:
+    """The lease lasts at least two scans."""
+    return at_least(m.monitors.lease_ms, 2.0 * m.control.scan_period_ms, "ms", "two scans")
+
+
+@rule("monitors.lease_ms", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
+def lease_within_stopping_angle(m: Machine) -> str | None:
+    """At the highest setting a lost lease acts before the permitted stopping angle is used up."""
+    most = 1000.0 * m.axis.stopping_angle_max_deg / m.speed.setting_max_deg_s
+    return at_most(m.monitors.lease_ms, most, "ms", "permitted stopping angle / highest setting")
+
+
+# --- accuracy test ------------------------------------------------------------------------------------------
+@rule("accuracy.average_s", "accuracy.dwell_s")
+def average_within_dwell(m: Machine) -> str | None:
+    """The averaged time lies inside the dwell."""
+    return at_most(m.accuracy.average_s, m.accuracy.dwell_s, "s", "the dwell")
+
+
+@rule("accuracy.average_s", "control.scan_period_ms")
+def average_spans_scans(m: Machine) -> str | None:
+    """The averaged time holds at least two scans."""
+    return at_least(m.accuracy.average_s, 0.002 * m.control.scan_period_ms, "s", "two scans")
+
+
+@rule("accuracy.dwell_s", "monitors.in_position_dwell_ms")
+def dwell_longer_than_arrival(m: Machine) -> str | None:
+    """The rest at each point is not shorter than the in-position dwell."""
+    return at_least(
+        m.accuracy.dwell_s, m.monitors.in_position_dwell_ms / 1000.0, "s", "the in-position dwell"
+    )
+
+
+def _step_deg(m: Machine) -> float:
+    """One absolute encoder step at the gantry."""
+    return 360.0 / (m.encoder.counts_per_turn * m.axis.ratio)

@@ -1,0 +1,137 @@
+"""Tables [control.compensation.*]: what the controller adds to the paper's position loop, each switched alone.
+
+What these laws know about the machine stands in the calibration file (`calibration.py`), never in [plant].
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from gantryctl.machine.tables.fields import SOURCE, UNIT, Table, number, switch, table, text
+
+MAX_FAST_WAVES = 6
+
+
+def _fast_cycles(default: tuple[float, ...], meaning: str) -> Any:
+    return Field(
+        default=default,
+        min_length=1,
+        max_length=MAX_FAST_WAVES,
+        description=meaning,
+        json_schema_extra={UNIT: "-", SOURCE: "derived"},
+    )
+
+
+class TorqueFeedForward(Table):
+    """[control.compensation.torque]: motor torque that is known beforehand, given to the drive."""
+
+    eccentric: bool = switch(False, "choice", "Feed forward the torque that carries the eccentric moment.")
+    acceleration: bool = switch(
+        False, "choice", "Feed forward the torque that accelerates; jerk-limited only."
+    )
+    limit_nm: float = number(60.0, 0.0, 500.0, "N m", "choice", "Largest torque fed forward, motor side.")
+
+
+class GearMap(Table):
+    """[control.compensation.gear_map]: gear error over the turn, from the calibration."""
+
+    active: bool = switch(False, "choice", "Apply the map.")
+    cycles_per_turn: tuple[Annotated[float, Field(ge=1.0, le=1e5)], ...] = _fast_cycles(
+        (338.0, 1144.0, 2288.0, 4576.0),
+        "Waves per gantry turn to identify beside the slow ones: tooth mesh, motor, wave generator.",
+    )
+    fade_hz: float = number(
+        8.0,
+        0.1,
+        100.0,
+        "Hz",
+        "choice",
+        "A wave that passes faster is no longer followed: torque for nothing.",
+    )
+    limit_deg: float = number(
+        0.05, 0.0, 0.5, "deg", "choice", "Largest correction of all maps together, the motor's lead."
+    )
+
+
+class Windup(Table):
+    """[control.compensation.windup]: what the transmission gives way, from the calibration."""
+
+    active: bool = switch(
+        False, "choice", "Wind-up under eccentric moment and acceleration; jerk-limited only."
+    )
+    reversal: bool = switch(False, "choice", "Lost motion of friction and backlash, by the last direction.")
+    reversal_length_deg: float = number(
+        0.01, 1e-4, 0.5, "deg", "choice", "Way over which the direction turns round."
+    )
+
+
+class LoadEncoderLoop(Table):
+    """[control.compensation.load_encoder]: slow outer loop through an encoder on the load."""
+
+    active: bool = switch(False, "choice", "Close the loop.")
+    own_errors: bool = switch(False, "choice", "Take the encoder's own errors out, from the calibration.")
+    integral_per_s: float = number(1.0, 0.01, 10.0, "1/s", "choice", "Integral gain.")
+    dead_band_deg: float = number(1e-4, 0.0, 0.005, "deg", "choice", "Errors below this are left alone.")
+    limit_deg: float = number(0.05, 0.0, 0.5, "deg", "choice", "Largest correction.")
+    disagreement_deg: float = number(
+        0.05,
+        0.001,
+        2.5,
+        "deg",
+        "choice",
+        "Difference of both encoders that trips; supervised if the loop is closed.",
+    )
+    disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "ms", "choice", "How long, before it trips.")
+
+
+class Damping(Table):
+    """[control.compensation.damping]: the motor yields to the swing of the load; needs the load encoder."""
+
+    active: bool = switch(False, "choice", "Damp the swing.")
+    gain: float = number(0.05, 0.0, 0.3, "-", "choice", "Part of the swing that the motor yields to.")
+    filter_ms: float = number(5.0, 0.1, 100.0, "ms", "choice", "Filter of the load speed.")
+    slow_s: float = number(1.0, 0.1, 50.0, "s", "choice", "Twist that lasts longer is no swing.")
+
+
+class Compensation(Table):
+    """[control.compensation]: file of identified values, and what holds for all."""
+
+    calibration: str = text(
+        "", 200, "choice", 'Calibration file beside this one, written by `gantryctl identify`; "" = none.'
+    )
+    latency_us: float = number(
+        0.0, 0.0, 2000.0, "us", "choice", "Age of encoder readings by their time stamp; 0 = not compensated."
+    )
+    torque: TorqueFeedForward = table("Torque feed-forward.", TorqueFeedForward)
+    gear_map: GearMap = table("Gear-error map.", GearMap)
+    windup: Windup = table("Wind-up and lost motion.", Windup)
+    load_encoder: LoadEncoderLoop = table("Load-side loop.", LoadEncoderLoop)
+    damping: Damping = table("Swing damping.", Damping)
+
+    @property
+    def any_active(self) -> bool:
+        """Whether the position loop is more than the paper's."""
+        return self.needs_calibration or self.load_encoder.active or self.latency_us > 0.0
+
+    @property
+    def moves_motor(self) -> bool:
+        """Whether the motor leaves the set-point on purpose, so that the load keeps it."""
+        windup = self.windup
+        moved = windup.active or windup.reversal or self.gear_map.active
+        return moved or self.load_encoder.active or self.damping.active
+
+    @property
+    def needs_calibration(self) -> bool:
+        """Whether something that is on lives on identified values."""
+        torque, windup, encoder = self.torque, self.windup, self.load_encoder
+        return (
+            torque.eccentric
+            or torque.acceleration
+            or self.gear_map.active
+            or windup.active
+            or windup.reversal
+            or encoder.own_errors
+            or self.damping.active
+        )

@@ -1,0 +1,50 @@
+"""Table [drive]: which drive there is, and the loops that belong to it."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from gantryctl.machine.tables.fields import Table, choice, number, switch, table
+
+
+class SpeedLoop(Table):
+    """[drive.speed_loop]: speed PI of the simulated drive; a real drive keeps its own."""
+
+    cycle_us: float = number(125.0, 10.0, 5000.0, "us", "catalogue", "Period of the drive's speed loop.")
+    kvp_nm_s_per_rad: float = number(
+        77.6959, 0.01, 2000.0, "N m s/rad", "paper", "Proportional gain, at the motor."
+    )
+    tvi_ms: float = number(10.0, 0.1, 500.0, "ms", "paper", "Integral time.")
+    delay_cycles: int = number(1, 0, 1, "-", "estimate", "Drive cycles from reading the speed to the torque.")
+    feedback: Literal["ideal", "interpolated", "counts"] = choice(
+        "interpolated",
+        "catalogue",
+        "Speed from the true angle, from lines x interpolation, or from counts_per_turn.",
+    )
+    overload_time_s: float = number(
+        60.0,
+        0.1,
+        600.0,
+        "s",
+        "estimate",
+        "How long the highest torque may be drawn, then rated torque (I2t).",
+    )
+
+
+class CurrentLoop(Table):
+    """[drive.current_loop]: first-order current loop of the simulated drive."""
+
+    bandwidth_hz: float = number(600.0, 10.0, 10000.0, "Hz", "catalogue", "Corner frequency of the torque.")
+    ideal: bool = switch(False, "choice", "true = the torque follows at once.")
+
+
+class Drive(Table):
+    """[drive]: the kind of drive and its loops."""
+
+    kind: Literal["sim", "ideal", "canopen"] = choice(
+        "sim",
+        "choice",
+        "Simulated drive with the gantry behind it, actual = set-point for trying programs, or a drive on a bus.",
+    )
+    speed_loop: SpeedLoop = table("Speed loop of the simulated drive.", SpeedLoop)
+    current_loop: CurrentLoop = table("Current loop of the simulated drive.", CurrentLoop)

@@ -1,0 +1,69 @@
+"""The whole machine file as one immutable object."""
+
+from __future__ import annotations
+
+from typing import Final, Self
+
+from pydantic import PrivateAttr, ValidationInfo, model_validator
+
+from gantryctl.machine.calibration import Calibration
+from gantryctl.machine.rules.lines import contradictions
+from gantryctl.machine.tables.axis import Axis, Identity, Speed, VirtualAxis
+from gantryctl.machine.tables.can import Can
+from gantryctl.machine.tables.control import Accuracy, Control, Monitors
+from gantryctl.machine.tables.drive import Drive
+from gantryctl.machine.tables.fields import Table, table
+from gantryctl.machine.tables.motor import Brake, Encoder, Motor, Reducer
+from gantryctl.machine.tables.plant import Plant
+
+RULES_LATER: Final = "rules_later"
+"""Key of the validation context: the caller checks the rules itself, because it wants the lines."""
+
+
+class Machine(Table):
+    """A complete machine; equal files give equal objects.
+
+    Made by `load_machine`, `parse_machine` and `with_values`, which answer with a line per problem. A machine
+    built in any other way obeys the same rules, except by `model_copy(update=...)`, which checks nothing.
+    """
+
+    machine: Identity = table("Name of the machine.")
+    axis: Axis = table("Travel, limits, ratio.")
+    speed: Speed = table("Speed chain.", Speed)
+    virtual_axis: VirtualAxis = table("Dynamics of the set-point.", VirtualAxis)
+    control: Control = table("Scan and position loop.", Control)
+    motor: Motor = table("Name plate of the motor.")
+    reducer: Reducer = table("Limits of the reducer.", Reducer)
+    encoder: Encoder = table("Motor encoder.")
+    brake: Brake = table("Holding brake.", Brake)
+    drive: Drive = table("Drive and its loops.", Drive)
+    can: Can = table("CANopen bus and drive.", Can)
+    monitors: Monitors = table("Supervision.", Monitors)
+    accuracy: Accuracy = table("Chord test.", Accuracy)
+    plant: Plant = table("Simulated physics.", Plant)
+
+    _calibration: Calibration | None = PrivateAttr(default=None)
+
+    @property
+    def name(self) -> str:
+        """Name of the machine."""
+        return self.machine.name
+
+    @property
+    def calibration(self) -> Calibration | None:
+        """The identified values, from the file that [control.compensation] names; None if there is none."""
+        return self._calibration
+
+    def calibrated(self, calibration: Calibration | None) -> Machine:
+        """The same machine with other identified values."""
+        copy = self.model_copy()
+        copy._calibration = calibration
+        return copy
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> Self:
+        if not (info.context or {}).get(RULES_LATER):
+            lines = contradictions(self, self.machine.name)
+            if lines:
+                raise ValueError("\n".join(lines))
+        return self

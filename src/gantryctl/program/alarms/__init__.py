@@ -1,0 +1,1 @@
+"""Alarms and refusals: codes, definitions, the log of an axis."""

@@ -1,0 +1,1 @@
+"""The axis: its states, its commands and the position loop of one scan."""

@@ -1,0 +1,256 @@
+"""Motion commands: checked, accepted whole or refused whole, and followed to their end."""
+
+from __future__ import annotations
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
+from gantryctl.program.axis.command import CommandStatus, MotionCommand
+from gantryctl.program.axis.command_checks import (
+    check_angle,
+    check_direction,
+    check_overdue,
+    check_speed,
+    check_way,
+)
+from gantryctl.program.axis.states import AxisState
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.power.phases import PowerPhase
+from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.settings import AxisSettings
+from gantryctl.program.virtual_axis import VirtualAxis
+from gantryctl.units import deg
+
+
+class MotionCommands:
+    """Takes commands for the virtual axis. Nothing is queued: a new command aborts the one before.
+
+    A command that is refused changes nothing. While the brake holds the axis at standstill, an accepted
+    command waits until the brake is open again; a stop, an alarm or power-off drops it.
+
+    Attributes:
+        current: the command under way, or None.
+        brake_overdue: the brake test is overdue: nothing moves fast.
+        stop_command: the Stop that holds the axis, or None.
+        state: the axis state, kept up by `Axis`.
+    """
+
+    __slots__ = (
+        "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_stop_execute", "_virtual",
+        "brake_overdue", "current", "scan", "state", "stop_command", "waiting",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        settings: AxisSettings,
+        virtual: VirtualAxis,
+        power: PowerSequence,
+        monitors: Monitors,
+        interlocks: Interlocks,
+        alarms: AlarmLog,
+    ) -> None:
+        self._settings = settings
+        self._virtual, self._power, self._monitors = virtual, power, monitors
+        self._interlocks, self._alarms = interlocks, alarms
+        self.current: MotionCommand | None = None
+        self.waiting: MotionCommand | None = None
+        self.stop_command: MotionCommand | None = None
+        self._stop_execute = self.brake_overdue = False
+        self.state = AxisState.DISABLED
+        self.scan = 0
+
+    # --- commands ---------------------------------------------------------------------------------
+
+    def move_absolute(self, target_rad: float, speed_rad_s: float) -> MotionCommand:
+        """To `target_rad` with `speed_rad_s`; linear, no shortest way."""
+        command = MotionCommand(AxisState.DISCRETE_MOTION, target_rad, speed_rad_s, settles=True)
+        return self._begin(command, check_angle("target", target_rad))
+
+    def move_relative(self, distance_rad: float, speed_rad_s: float) -> MotionCommand:
+        """By `distance_rad` from the set-point."""
+        target = self._virtual.pos_ref_rad + distance_rad
+        command = MotionCommand(AxisState.DISCRETE_MOTION, target, speed_rad_s, settles=True)
+        return self._begin(command, check_angle("distance", distance_rad))
+
+    def move_velocity(self, vel_rad_s: float) -> MotionCommand:
+        """With `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
+        travel = self._settings.travel
+        end = travel.pos_max_rad if vel_rad_s > 0.0 else travel.pos_min_rad
+        command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
+        return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
+
+    def change_speed(self, command: MotionCommand, speed_rad_s: float) -> Refusal | None:
+        """Another speed for a command under way."""
+        refused = self.check_speed(speed_rad_s)
+        if refused is None and command is self.current:
+            refused = self._virtual.change_speed(speed_rad_s, self.scan)
+        if refused is None:
+            command.speed_rad_s = speed_rad_s
+        return refused
+
+    def halt(self) -> MotionCommand:
+        """Come to rest on the normal ramp; another motion may take over before."""
+        command = MotionCommand(AxisState.DISCRETE_MOTION, 0.0, 0.0, settles=False)
+        refused = self._check_state()
+        if refused is not None:
+            return command.fail(refused)
+        self._virtual.stop(self._settings.ramps.normal(self._settings.speed.setting_max_rad_s), self.scan)
+        self._replace(command)
+        return command
+
+    def release(self, command: MotionCommand) -> None:
+        """A hold-to-run key was released: come to rest on the jog-release ramp."""
+        if command is self.waiting:
+            self.drop_waiting()
+        elif command is self.current:
+            command.endless = False
+            self._stop_on_jog_ramp()
+
+    def stop(self) -> MotionCommand:
+        """Come to rest on the jog-release ramp and take no other command until `release_stop`."""
+        command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
+        if self.state is AxisState.ERROR_STOP or not self._power.status:
+            return command.fail(self._not_ready())
+        self._stop_on_jog_ramp()
+        self._replace(None)
+        if self.stop_command is not None:
+            self.stop_command.status = CommandStatus.ABORTED
+        self.stop_command = command
+        self._stop_execute = True
+        return command
+
+    def release_stop(self, command: MotionCommand) -> None:
+        """Execute of Stop is FALSE: Stopping ends as soon as the axis is at rest."""
+        if command is self.stop_command:
+            self._stop_execute = False
+
+    def take(self, command: MotionCommand) -> None:
+        """A command that moves nothing takes over."""
+        self._replace(command)
+
+    # --- what happens to commands -----------------------------------------------------------------
+
+    def stop_by(self, reason: Refusal) -> None:
+        """HLT: end the motion with an error on the jog-release ramp; power stays on."""
+        if self.current is None and self.waiting is None:
+            return
+        state = AxisState.DISCRETE_MOTION if self.current is None else self.current.state
+        self._stop_on_jog_ramp()
+        self.fail_all(reason)
+        if not self._virtual.at_rest:  # the motion state lasts until the axis is at rest
+            self.current = MotionCommand(state, 0.0, 0.0, settles=False)
+
+    def abort_for_power_off(self) -> None:
+        """Power-off: come to rest first."""
+        self._stop_on_jog_ramp()
+        self._replace(None)
+
+    def fail_all(self, reason: Refusal) -> None:
+        """An alarm: every command ends with an error."""
+        for command in (self.current, self.waiting, self.stop_command):
+            if command is not None and command.alive:
+                command.fail(reason)
+        self.current = self.waiting = self.stop_command = None
+        self._stop_execute = False
+
+    def drop_waiting(self) -> None:
+        """Forget a command that waits for the brake."""
+        if self.waiting is not None:
+            self.waiting.status = CommandStatus.ABORTED
+            self.waiting = None
+
+    def progress(self) -> None:
+        """Once a scan, after the monitors: begin what waited, end what has arrived."""
+        if self.waiting is not None and self._power.phase is PowerPhase.ON:
+            command, self.waiting = self.waiting, None
+            command.status = CommandStatus.ACTIVE
+            self._begin(command, None)
+        if self._virtual.at_rest and not self._virtual.paused:
+            if self.current is not None:
+                self._arrived(self.current)
+            if self.stop_command is not None:
+                self.stop_command.status = CommandStatus.DONE
+                if not self._stop_execute:
+                    self.stop_command = None
+
+    def _arrived(self, command: MotionCommand) -> None:
+        if command.settles and not self._monitors.in_position:
+            if self._monitors.not_in_position:
+                alarm = self._alarms.active[Code.CTL_11]
+                command.fail(Refusal(Code.CTL_11, alarm.measured))
+                self.current = None
+            return
+        command.status = CommandStatus.DONE
+        self.current = None
+        if command.endless:
+            command.refusal = self._alarms.note(Code.LIM_01, measured=deg(self._virtual.pos_ref_rad))
+
+    def _begin(self, command: MotionCommand, refused: Refusal | None) -> MotionCommand:
+        refused = refused or self.check_speed(command.speed_rad_s) or self._check_state()
+        refused = refused or check_way(
+            self._virtual.pos_ref_rad, command.target_rad, self._settings.travel, self._interlocks
+        )
+        if refused is None:
+            if self._power.parked:
+                refused = self._virtual.check(command.target_rad, command.speed_rad_s)
+            else:
+                refused = self._virtual.move_to(command.target_rad, command.speed_rad_s, self.scan)
+        if refused is not None:
+            return command.fail(refused)
+        self._replace(None if self._power.parked else command)
+        if self._power.parked:
+            command.status = CommandStatus.WAITING
+            self.waiting = command
+            self._power.wake()
+        return command
+
+    def _replace(self, command: MotionCommand | None) -> None:
+        self.drop_waiting()
+        if self.current is not None:
+            self.current.status = CommandStatus.ABORTED
+        self.current = command
+
+    def _stop_on_jog_ramp(self) -> None:
+        speed = self._settings.speed.setting_max_rad_s
+        self._virtual.stop(self._settings.ramps.jog_release(speed), self.scan)
+
+    # --- checks: None, or why not -----------------------------------------------------------------
+
+    def check_resume(self) -> Refusal | None:
+        """Whether the motion that override 0 holds back may go on: it is judged as a new one."""
+        command = self.current
+        if command is None or not self._virtual.paused:
+            return None
+        here = self._virtual.pos_ref_rad
+        return (
+            self.check_speed(command.speed_rad_s)
+            or self._check_state()
+            or check_way(here, command.target_rad, self._settings.travel, self._interlocks)
+        )
+
+    def check_speed(self, speed_rad_s: float) -> Refusal | None:
+        """Above 0, at most the highest setting, and slow while the brake test is overdue; None when it is."""
+        refused = check_speed(speed_rad_s, self._settings.speed.setting_max_rad_s)
+        if refused is None and self.brake_overdue:
+            refused = check_overdue(speed_rad_s)
+        return refused
+
+    def _check_state(self) -> Refusal | None:
+        if self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None:
+            return self._not_ready()
+        if not self._power.status:
+            return self._not_ready()
+        if self.stop_command is not None:
+            return refusal(Code.CTL_14, measured="the axis is held by Stop: release it first")
+        blocking = self._alarms.blocking()
+        if blocking is not None:
+            text = f"{blocking.code} is active ({blocking.measured}): {blocking.definition.before_motion}"
+            return refusal(Code.CTL_14, measured=text)
+        return None
+
+    def _not_ready(self) -> Refusal:
+        first = self._alarms.first_out
+        if first is not None:
+            text = f"the axis is in ErrorStop by {first.code} ({first.measured}): reset first"
+            return refusal(Code.CTL_14, measured=text)
+        return refusal(Code.PWR_03)

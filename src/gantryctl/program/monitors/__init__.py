@@ -1,0 +1,1 @@
+"""Monitors of the axis, interlocks, and what a stop was like."""

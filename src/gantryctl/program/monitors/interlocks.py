@@ -1,0 +1,82 @@
+"""What must be right in every phase: emergency stop, mains, limit switches, drive faults."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.image import DigitalInputs, DriveState
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg
+
+_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+
+
+class Interlocks:
+    """Looks at inputs, drive faults and warnings once a scan; each acts on the first scan it is seen.
+
+    A limit switch stops the axis when it opens. It may stay open after a reset, or be open from the start: then only
+    the way back inward is open until it has closed again.
+
+    Attributes:
+        plus_open, minus_open: the way forward or back is open (its limit switch is closed).
+    """
+
+    __slots__ = (
+        "_alarms", "_feedback", "_inputs", "_overload_warning", "_told", "_was_minus", "_was_plus", "minus_open",
+        "plus_open",
+    )  # fmt: skip
+
+    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
+        self._feedback = feedback
+        self._alarms = alarms
+        self._overload_warning = settings.monitors.overload_warning
+        self._inputs: DigitalInputs | None = None
+        self._told = False
+        self._was_plus = self._was_minus = True
+        self.plus_open = self.minus_open = True
+
+    def scan(self, pos_rad: float, powered: bool) -> None:
+        """One look; the slow paths are entered only when something is not as it should be."""
+        feedback = self._feedback
+        inputs = feedback.inputs
+        if inputs is not self._inputs or False in inputs:
+            self._look_at(inputs, pos_rad, powered)
+        if feedback.state in _FAULTS:
+            self._fault()
+        elif self._told:
+            self._told = False
+        if feedback.warning:
+            self._alarms.raise_(Code.DRV_02)
+        if not feedback.overload < self._overload_warning:
+            limit = 100.0 * self._overload_warning
+            self._alarms.raise_(Code.THM_01, measured=100.0 * feedback.overload, limit=limit)
+
+    def _look_at(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
+        if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
+            self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
+        self._inputs = inputs
+        if not inputs.estop_ok:
+            self._alarms.raise_(Code.INT_03, measured=deg(pos_rad))
+        if powered and not inputs.mains_ready:
+            speed = deg(self._feedback.vel_rad_s)
+            self._alarms.raise_(Code.PWR_01, measured=deg(pos_rad), speed=speed)
+        self.plus_open, self.minus_open = inputs.limit_plus_ok, inputs.limit_minus_ok
+        opened_plus = self._was_plus and not self.plus_open
+        opened_minus = self._was_minus and not self.minus_open
+        self._was_plus, self._was_minus = self.plus_open, self.minus_open
+        if (opened_plus or opened_minus) and not (self.plus_open or self.minus_open):
+            self._alarms.raise_(Code.LIM_04, measured=deg(pos_rad))
+        elif opened_plus or opened_minus:
+            side = "plus" if opened_plus else "minus"
+            self._alarms.raise_(Code.LIM_03, measured=deg(pos_rad), side=side)
+
+    def _fault(self) -> None:
+        code = self._feedback.error_code
+        text = f"error {code} (hexadecimal {code:04X})" if code else "without an error code"
+        self._alarms.raise_(Code.DRV_01, measured=text)
+        if code and not self._told:  # some drives tell it some scans later
+            self._alarms.complete(Code.DRV_01, measured=text)
+        self._told = code != 0

@@ -1,0 +1,261 @@
+"""What is watched while the axis follows its set-point."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.settings import AxisSettings
+from gantryctl.program.virtual_axis import VirtualAxis
+from gantryctl.units import deg
+
+# A speed beyond this is none.
+_ANY_RAD_S: Final = 1e9
+
+
+class Monitors:
+    """Following error, speed, brake, torque and position while the axis follows.
+
+    `scan` is a flat row of cheap tests written so that NaN fails them; a method per monitor is entered only
+    when its test fails, counts there how many scans it lasts and decides.
+
+    Attributes:
+        in_position: at rest within the window for the dwell time.
+        not_in_position: the tolerance time ran out since the set-point arrived.
+        rest_scans: how long the set-point has been at rest.
+    """
+
+    __slots__ = (
+        "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
+        "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
+        "_feedback", "_following", "_following_scans", "_in_window", "_look_ahead", "_over_travel",
+        "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
+        "_power", "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
+        "_standstill_scans", "_tolerance_scans", "_torque_max", "_trip", "_virtual", "_warning_ratio",
+        "_window", "in_position", "not_in_position", "rest_scans",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        settings: AxisSettings,
+        feedback: Feedback,
+        virtual: VirtualAxis,
+        power: PowerSequence,
+        alarms: AlarmLog,
+    ) -> None:
+        monitors = settings.monitors
+        self._settings = monitors
+        self._feedback, self._virtual, self._power, self._alarms = feedback, virtual, power, alarms
+        self._period_s = settings.period_s
+        self._ratio = settings.law.ratio
+        self._band_base = monitors.following_error_base_rad
+        self._band_per_speed = monitors.following_error_per_speed_s
+        self._warning_ratio = monitors.following_error_warning_ratio
+        self._following_scans = settings.scans(monitors.following_error_time_s)
+        self._deviation = monitors.velocity_deviation_rad_s
+        self._deviation_scans = settings.scans(monitors.velocity_deviation_time_s)
+        self._trip = settings.speed.overspeed_trip_rad_s
+        self._overspeed_scans = settings.scans(monitors.overspeed_time_s)
+        self._saturation_scans = settings.scans(monitors.torque_saturation_time_s)
+        self._brake_scans = settings.scans(settings.power.brake_feedback_time_s)
+        self._window = monitors.in_position_window_rad
+        self._dwell_scans = settings.scans(monitors.in_position_dwell_s)
+        self._tolerance_scans = settings.scans(monitors.in_position_tolerance_time_s)
+        self._standstill_scans = settings.scans(monitors.standstill_time_s)
+        self._over_travel = settings.travel.over_travel_rad
+        self._look_ahead = 0.5 / settings.ramps.quick_dec_rad_s2
+        self._torque_max = 4.0 * settings.power.torque_max_nm  # beyond this a reading is no torque
+        self._over_travel_plus = self._over_travel
+        self._over_travel_minus = -self._over_travel
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all counts."""
+        self._following = self._deviation_count = self._overspeed = self._saturation = self._brake = 0
+        self._standstill = self._dwell = self.rest_scans = 0
+        self._error_at_saturation = 0.0
+        self._in_window = self._at_rest = False
+        self.in_position = self.not_in_position = False
+
+    def scan(self, pos_rad: float, pos_err_rad: float, vel_cmd_rad_s: float) -> None:
+        """Look at this scan; `vel_cmd_rad_s` is what the drive was told last scan, motor side."""
+        feedback, virtual = self._feedback, self._virtual
+        vel = feedback.vel_rad_s
+        vel_ref = virtual.vel_ref_rad_s
+        # Following error: the band grows with speed.
+        band = self._band_base + self._band_per_speed * (vel_ref if vel_ref >= 0.0 else -vel_ref)
+        warning = band * self._warning_ratio
+        if not -warning <= pos_err_rad <= warning:
+            self._following_error(pos_err_rad, band, vel_cmd_rad_s)
+        elif self._following:
+            self._following = 0
+        # The drive's speed against the one it was told.
+        deviation = vel - vel_cmd_rad_s / self._ratio
+        if not -self._deviation <= deviation <= self._deviation:
+            self._velocity_deviation(vel, vel_cmd_rad_s / self._ratio)
+        elif self._deviation_count:
+            self._deviation_count = 0
+        # Overspeed.
+        trip = self._trip
+        if not -trip <= vel <= trip:
+            self._too_fast(vel)
+        elif self._overspeed:
+            self._overspeed = 0
+        # Travel: where it is, and where a quick stop would end.
+        stop = pos_rad + vel * (vel if vel >= 0.0 else -vel) * self._look_ahead
+        low, high = self._over_travel_minus, self._over_travel_plus
+        if not (low <= pos_rad <= high and low <= stop <= high):
+            self._beyond_travel(pos_rad, stop, vel)
+        self._torque_and_brake(vel, pos_err_rad, warning)
+        # Standing.
+        if virtual.at_rest:
+            self._at_standstill(pos_err_rad)
+        elif self._at_rest:
+            self._leave_standstill()
+
+    def _torque_and_brake(self, vel: float, pos_err_rad: float, warning: float) -> None:
+        feedback, torque_max = self._feedback, self._torque_max
+        if not -torque_max <= feedback.torque_nm <= torque_max:
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
+        if feedback.torque_limited:
+            self._saturated(pos_err_rad)
+        elif self._saturation:
+            self._saturation = 0
+        if not feedback.brake_open:
+            self._brake_closed(vel, pos_err_rad, warning)
+        elif self._brake:
+            self._brake = 0
+
+    def scan_released(self, pos_rad: float) -> None:
+        """The look while the axis does not follow: readings that are no numbers."""
+        feedback = self._feedback
+        vel, torque_max = feedback.vel_rad_s, self._torque_max
+        if not -_ANY_RAD_S < vel < _ANY_RAD_S:
+            self._velocity_deviation(vel, 0.0)
+        if not -torque_max <= feedback.torque_nm <= torque_max:
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
+        self._arm_over_travel(pos_rad)
+
+    def _arm_over_travel(self, pos_rad: float) -> None:
+        """Back inside: the normal limit again, after a way back from outside."""
+        limit = self._over_travel
+        if -limit < pos_rad < limit:
+            self._over_travel_plus, self._over_travel_minus = limit, -limit
+
+    def open_the_way_back(self, pos_rad: float) -> None:
+        """Switched on outside the travel, by someone who knows: trip only when the axis goes further out."""
+        margin = self._settings.standstill_window_rad
+        if pos_rad > self._over_travel:
+            self._over_travel_plus = pos_rad + margin
+        elif pos_rad < -self._over_travel:
+            self._over_travel_minus = pos_rad - margin
+
+    # --- one method per monitor, entered when its cheap test failed -------------------------------
+
+    def _following_error(self, error: float, band: float, vel_cmd_rad_s: float) -> None:
+        size = abs(error)
+        if not size <= band:
+            self._following = self._feedback.lasting(self._following)
+            if self._following >= self._following_scans or math.isnan(size):
+                if self._feedback.unchanged_scans:  # a frozen encoder, not an axis that lags
+                    self._feedback.report_frozen(vel_cmd_rad_s)
+                    return
+                obeys = abs(self._feedback.vel_rad_s - vel_cmd_rad_s / self._ratio) <= self._deviation
+                reaction = Reaction.QUICK_STOP if obeys else Reaction.TORQUE_OFF
+                speed = deg(abs(self._virtual.vel_ref_rad_s))
+                self._alarms.raise_(Code.CTL_03, reaction, measured=deg(size), limit=deg(band), speed=speed)
+            return
+        self._following = 0
+        warning = deg(band * self._warning_ratio)
+        self._alarms.raise_(Code.CTL_12, measured=deg(size), limit=warning, trip=deg(band))
+
+    def _velocity_deviation(self, vel: float, command: float) -> None:
+        """Obeying with too little torque is slow the right way; everything else is disobedience."""
+        if not math.isfinite(vel):
+            self._feedback.position_valid = False
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="speed reading")
+            return
+        self._deviation_count = self._feedback.lasting(self._deviation_count)
+        if self._deviation_count < self._deviation_scans:
+            return
+        lags = self._feedback.torque_limited and abs(vel) < abs(command) and vel * command >= 0.0
+        if not lags:
+            limit = deg(self._deviation)
+            self._alarms.raise_(Code.CTL_05, measured=deg(vel), command=deg(command), limit=limit)
+
+    def _too_fast(self, vel: float) -> None:
+        self._overspeed = self._feedback.lasting(self._overspeed)
+        if self._overspeed >= self._overspeed_scans:
+            # 1.2 of the highest speed is 1.09 of the trip, which stands at 1.1 of it.
+            reaction = Reaction.TORQUE_OFF if abs(vel) > 1.2 / 1.1 * self._trip else None
+            self._alarms.raise_(Code.CTL_04, reaction, measured=deg(abs(vel)), limit=deg(self._trip))
+
+    def _beyond_travel(self, pos_rad: float, stop_rad: float, vel: float) -> None:
+        beyond = self._over_travel_plus if stop_rad > 0.0 else self._over_travel_minus
+        if not self._over_travel_minus <= pos_rad <= self._over_travel_plus:
+            self._alarms.raise_(Code.LIM_02, measured=deg(pos_rad), limit=deg(beyond))
+        elif not math.isnan(vel):
+            self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=deg(stop_rad), limit=deg(beyond))
+
+    def _saturated(self, error: float) -> None:
+        """The torque limit alone is no fault; a following error that grows at the limit is."""
+        size = abs(error)
+        if self._saturation == 0:
+            self._error_at_saturation = size
+        self._saturation = self._feedback.lasting(self._saturation)
+        if self._saturation >= self._saturation_scans and size > self._error_at_saturation + self._window:
+            time_ms = self._saturation * self._period_s * 1e3
+            self._alarms.raise_(Code.CTL_07, measured=deg(size), time_ms=time_ms)
+
+    def _brake_closed(self, vel: float, error: float, warning: float) -> None:
+        """Closed while commanded open: a fault at once when the axis feels it, else after a time."""
+        self._brake = self._feedback.lasting(self._brake)
+        moving = not self._virtual.at_rest
+        if moving and (self._feedback.torque_limited or not -warning <= error <= warning):
+            self._alarms.raise_(Code.BRK_05, measured=deg(vel), error=deg(abs(error)))
+        elif self._brake >= self._brake_scans:
+            if moving:
+                self._alarms.raise_(Code.BRK_05, measured=deg(vel), error=deg(abs(error)))
+            else:
+                time_ms = self._brake * self._period_s * 1e3
+                self._alarms.raise_(Code.BRK_06, measured="closed", command="open", time_ms=time_ms)
+
+    def _at_standstill(self, error: float) -> None:
+        """In-position, then standstill: the window must be kept once it was reached."""
+        self._at_rest = True
+        self.rest_scans = self._feedback.lasting(self.rest_scans)
+        size = abs(error)
+        if size <= self._window:
+            self._dwell = self._feedback.lasting(self._dwell)
+            if self._dwell >= self._dwell_scans:
+                self.in_position = self._in_window = True
+                self.not_in_position = False
+                self._power.learn()
+        else:
+            self._dwell = 0
+            self.in_position = False
+            overdue = self.rest_scans >= self._tolerance_scans
+            if overdue and not self._in_window and not self.not_in_position:
+                self.not_in_position = True
+                self._alarms.raise_(
+                    Code.CTL_11,
+                    measured=deg(size),
+                    limit=deg(self._window),
+                    time_s=self.rest_scans * self._period_s,
+                )
+        if self._in_window and not size <= self._settings.standstill_window_rad:
+            self._standstill = self._feedback.lasting(self._standstill)
+            if self._standstill >= self._standstill_scans:
+                limit = deg(self._settings.standstill_window_rad)
+                self._alarms.raise_(Code.CTL_13, measured=deg(size), limit=limit)
+        elif self._standstill:
+            self._standstill = 0
+
+    def _leave_standstill(self) -> None:
+        self._arm_over_travel(self._virtual.pos_ref_rad)
+        self._at_rest = self._in_window = self.in_position = self.not_in_position = False
+        self._dwell = self.rest_scans = self._standstill = 0

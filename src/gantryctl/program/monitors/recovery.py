@@ -1,0 +1,96 @@
+"""From ErrorStop back: how the stop went, and what Reset may do."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.image import DriveState
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.stop_record import StopRecord
+from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.settings import AxisSettings
+
+_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
+_FAULT_RESET_S: Final = 1.0
+
+
+class Recovery:
+    """Watches a stop to its end and runs a reset, which may take the drive some scans.
+
+    Reset never enables and never shortens a stop: while the axis is still stopping it is refused.
+
+    Attributes:
+        resetting: the drive is being asked to clear its fault.
+        failure: why the last reset failed after it was accepted, or None.
+    """
+
+    __slots__ = (
+        "_alarms", "_count", "_feedback", "_period_s", "_power", "_record", "_reset_scans", "failure",
+        "resetting", "service",
+    )  # fmt: skip
+
+    def __init__(
+        self, settings: AxisSettings, feedback: Feedback, power: PowerSequence, alarms: AlarmLog
+    ) -> None:
+        self._feedback, self._power, self._alarms = feedback, power, alarms
+        self._period_s = settings.period_s
+        self._reset_scans = settings.scans(_FAULT_RESET_S)
+        self._record: StopRecord | None = None
+        self._count = 0
+        self.resetting = False
+        self.service = False
+        self.failure: Refusal | None = None
+
+    def stop_begun(self, alarm: Alarm) -> None:
+        """Follow the stop that `alarm` began."""
+        self._abandon_reset(None)
+        if self._record is None or self._record.alarm is not alarm:
+            self._record = StopRecord(alarm, self._period_s, self._feedback)
+
+    def scan(self, scan: int, pos_rad: float) -> None:
+        """Once a scan while an alarm is latched."""
+        record = self._record
+        if record is not None and not record.finished:
+            record.scan(scan, pos_rad, self._feedback, self._power.falling)
+
+    def request(self, service: bool) -> Refusal | None:
+        """Begin a reset; None when it was accepted."""
+        refused = self._cause(service)
+        if refused is None:
+            self.service, self.resetting, self.failure, self._count = service, True, None, 0
+            self._power.fault_reset = self._feedback.state in _FAULTS
+        return refused
+
+    def finished(self) -> bool:
+        """One scan of a reset under way; True once, when nothing is in its way any more."""
+        if not self.resetting:
+            return False
+        if self._feedback.state not in _FAULTS:
+            self._abandon_reset(None)
+            return True
+        self._power.fault_reset = True  # also for a fault that shows only when a lost drive is heard again
+        self._count += self._feedback.periods
+        if self._count > self._reset_scans:
+            self._abandon_reset(refusal(Code.CTL_14, measured="the drive keeps its fault: read its display"))
+        return False
+
+    def _abandon_reset(self, failure: Refusal | None) -> None:
+        self.resetting = self._power.fault_reset = False
+        self.failure = failure
+
+    def _cause(self, service: bool) -> Refusal | None:
+        """Why a reset is not possible now."""
+        if self._power.falling:
+            return refusal(Code.CTL_14, measured="the axis is still stopping: reset when it is at rest")
+        active = self._alarms.active
+        for alarm in active.values():
+            if alarm.definition.lock and not service:
+                text = f"{alarm.code} ({alarm.measured}) may be reset by the service role only"
+                return refusal(Code.CTL_14, measured=text)
+        if Code.INT_03 in active and not self._feedback.inputs.estop_ok:
+            return refusal(Code.CTL_14, measured="the emergency-stop chain is still open: release it first")
+        if Code.ENC_05 in active and self._feedback.encoder_alarm:
+            return refusal(Code.CTL_14, measured="the encoder still reports its alarm: clear it there first")
+        return None

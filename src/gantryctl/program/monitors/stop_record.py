@@ -1,0 +1,82 @@
+"""How a stop by an alarm went: the sentence that the alarm says it with."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.image import DriveState
+from gantryctl.program.alarms.codes import Reaction
+from gantryctl.program.alarms.log import Alarm
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.power.power_state import REST_RAD_S
+from gantryctl.units import deg
+
+_ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+_REST_S: Final = 0.050
+
+
+class StopRecord:
+    """Follows one stop from its alarm to rest and writes `alarm.done`."""
+
+    __slots__ = (
+        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
+        "_was_open", "_was_torque", "alarm", "finished",
+    )  # fmt: skip
+
+    def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback) -> None:
+        self.alarm = alarm
+        self._period_s = period_s
+        self._was_open = feedback.brake_open
+        self._was_torque = feedback.state in _ENABLED
+        self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
+        self._rest_pos_rad = alarm.pos_rad
+        self._angle_known = True
+        self.finished = False
+
+    def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
+        """Look at one scan; `falling`: the stop is still under way."""
+        if self._brake_scan < 0 and not feedback.brake_open:
+            self._brake_scan = scan
+        if self._torque_scan < 0 and feedback.state not in _ENABLED:
+            self._torque_scan = scan
+        if not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S:
+            self._slow_scan = -1
+        elif self._slow_scan < 0:
+            self._slow_scan = scan
+        if not falling:
+            self._rest_pos_rad = pos_rad
+            self._angle_known = (
+                feedback.position_valid
+            )  # else speed and angle are of a wrong or frozen encoder
+            self.finished = True
+            self.alarm.done = self._text()
+
+    def _text(self) -> str:
+        alarm = self.alarm
+        steps = []
+        if self._slow_scan > alarm.scan and self._angle_known:
+            steps.append(("at rest", self._slow_scan))
+        if self._was_torque and alarm.reaction is not Reaction.HOLD:
+            steps.append(("torque off", self._torque_scan))
+        if self._was_open and alarm.reaction is not Reaction.HOLD:
+            steps.append(("brake closed", self._brake_scan))
+        parts = []
+        if alarm.reaction is Reaction.QUICK_STOP and self._was_torque:
+            parts.append("Quick stop")
+        elif alarm.reaction is Reaction.HOLD:
+            parts.append("Torque kept at zero speed")
+        steps.sort(key=lambda step: step[1])
+        parts += [f"{name} after {self._after(at):.0f} ms" for name, at in steps if at >= 0]
+        if not parts:
+            return "Nothing was switched on"
+        moved = deg(self._rest_pos_rad - alarm.pos_rad)
+        parts.append(
+            f"gantry moved {abs(moved):.2f} deg to {deg(self._rest_pos_rad):.2f} deg"
+            if self._angle_known
+            else "the angle is not known"
+        )
+        text = ", ".join(parts)
+        return text[0].upper() + text[1:]
+
+    def _after(self, scan: int) -> float:
+        return (scan - self.alarm.scan) * self._period_s * 1e3

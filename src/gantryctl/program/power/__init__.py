@@ -1,0 +1,1 @@
+"""Power: the way up and down, stops, holding torque, brake test."""

@@ -1,0 +1,1 @@
+"""Connections of clients to the controller: gateway and local socket alike."""

@@ -1,0 +1,160 @@
+"""The command line's end of the local socket: ask the running service, wait for the answer."""
+
+from __future__ import annotations
+
+import json
+import secrets
+import socket
+import time
+from pathlib import Path
+from typing import Any, Final
+
+from gantryctl.errors import CommandRefused, DeviceError
+from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.service.clients.local import PeerName
+from gantryctl.service.command.lease import RENEW_S
+
+_TIMEOUT_S: Final = 3.0
+
+
+class ServiceLink:
+    """A connection to the service of one machine; a context manager.
+
+    Args:
+        directory: the machine's state directory.
+
+    Attributes:
+        tags: the newest picture.
+        client: one's own id.
+
+    Raises:
+        DeviceError: no service runs, or it does not answer.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.settimeout(_TIMEOUT_S)
+        self._data = b""
+        self._seq = 0
+        self._replies: dict[int, dict[str, Any]] = {}
+        self.tags: dict[str, Any] = {}
+        self.client = ""
+        self.fresh = False
+
+    def __enter__(self) -> ServiceLink:
+        try:
+            with PeerName(self._directory) as address:
+                self._socket.connect(address)
+            self._socket.sendall(b'{"watch":true}\n')
+            welcome = self._next()
+            self.client = welcome["client"]
+            self.look()
+        except (OSError, KeyError, ValueError) as fault:
+            self._socket.close()
+            raise DeviceError(
+                f"no service answers at {self._directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
+            ) from fault
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._socket.close()
+
+    def look(self) -> dict[str, Any]:
+        """Wait for a picture that is newer than all so far; the tags."""
+        frame = self.tags.get("frame", -1)
+        until_s = time.monotonic() + _TIMEOUT_S
+        while self.tags.get("frame", -1) == frame or not self.fresh:
+            if time.monotonic() > until_s:
+                raise DeviceError("the service runs, but its controller is silent")
+            self._take(self._next())
+        return self.tags
+
+    def ask(self, kind: str, **values: Any) -> dict[str, Any]:
+        """Send a command and wait for its reply.
+
+        Raises:
+            CommandRefused: it was refused.
+            DeviceError: no answer.
+        """
+        seq = self.say(kind, **values)
+        until_s = time.monotonic() + _TIMEOUT_S
+        while seq not in self._replies:
+            if time.monotonic() > until_s:
+                raise DeviceError(f"the service does not answer to {kind}")
+            self._take(self._next())
+        reply = self._replies.pop(seq)
+        if not reply["ok"]:
+            raise CommandRefused(f"{reply['code']} · {reply['text']}")
+        self.tags["epoch"] = reply["epoch"]
+        return reply
+
+    def say(self, kind: str, **values: Any) -> int:
+        """Send a command and do not wait; its number."""
+        self._seq += 1
+        message = {
+            "type": kind,
+            "seq": self._seq,
+            "frame": self.tags["frame"],
+            "epoch": self.tags["epoch"],
+            **values,
+        }
+        if kind in ("alive", "stop", "quick_stop", "release"):
+            del message["epoch"]
+        try:
+            self._socket.sendall(json.dumps(message).encode() + b"\n")
+        except OSError as fault:
+            raise DeviceError(f"the connection to the service broke: {fault.strerror or fault}") from fault
+        return self._seq
+
+    def hold(self, forward: bool, seconds: float, stopped: Any) -> None:
+        """Hold a key for a time, or until `stopped()`; then let go."""
+        lease = secrets.token_hex(8)
+        self.ask("jog", lease=lease, direction="forward" if forward else "reverse")
+        until_s = time.monotonic() + seconds
+        self._socket.settimeout(RENEW_S)
+        try:
+            while time.monotonic() < until_s and not stopped():
+                self.say("renew", lease=lease)
+                self._drain()
+        finally:
+            self._socket.settimeout(_TIMEOUT_S)
+            self.ask("release", lease=lease)
+
+    def alive(self) -> None:
+        """Keep control: at least twice a second."""
+        self.say("alive")
+
+    def _drain(self) -> None:
+        """Take what comes within one renewal."""
+        until_s = time.monotonic() + RENEW_S
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            self._socket.settimeout(left_s)
+            try:
+                self._take(self._next())
+            except TimeoutError:
+                return
+
+    def _take(self, message: dict[str, Any]) -> None:
+        if message["type"] == "status":
+            self.fresh = message["fresh"]
+            self.tags.update(message["tags"])
+        elif message["type"] == "reply":
+            self._replies[message["seq"]] = message
+
+    def _next(self) -> dict[str, Any]:
+        while b"\n" not in self._data:
+            try:
+                more = self._socket.recv(65536)
+            except TimeoutError:
+                raise
+            except OSError as fault:
+                raise DeviceError(
+                    f"the connection to the service broke: {fault.strerror or fault}"
+                ) from fault
+            if not more:
+                raise DeviceError("the service has closed the connection")
+            self._data += more
+        line, self._data = self._data.split(b"\n", 1)
+        found: dict[str, Any] = json.loads(line)
+        return found

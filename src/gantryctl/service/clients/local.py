@@ -1,0 +1,126 @@
+"""The local socket: commands from this machine's command line, by whoever the operating system says it is.
+
+JSON lines, the messages of the WebSocket. The first line from the client is `{"watch": true}` or `{"watch": false}`:
+with status frames or without. A peer that runs as the service's own user or as root has the service role; anyone else
+of the group `gantry` is an operator. Without that group nobody else gets in.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import grp
+import json
+import os
+import pwd
+import socket
+import struct
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final
+
+from gantryctl.errors import StateError
+from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.service.clients.hub import Client, Flooded, Hub
+from gantryctl.service.protocol.messages import MESSAGE_MAX
+from gantryctl.service.protocol.roles import Role
+
+GROUP: Final = "gantry"
+_CREDENTIALS: Final = struct.Struct("3i")
+_CONNECTIONS: Final = 16
+_STUCK_S: Final = 5.0
+
+
+class PeerName:
+    """A path of any length as a socket address: through the directory's handle."""
+
+    def __init__(self, directory: Path) -> None:
+        self._handle = os.open(directory, os.O_PATH | os.O_DIRECTORY)
+        self.address = f"/proc/self/fd/{self._handle}/{SERVICE_SOCKET}"
+
+    def __enter__(self) -> str:
+        return self.address
+
+    def __exit__(self, *_: object) -> None:
+        os.close(self._handle)
+
+
+class LocalServer:
+    """Serves the local socket of one machine.
+
+    Args:
+        directory: the machine's state directory.
+        hub: of the source LOCAL.
+    """
+
+    def __init__(self, directory: Path, hub: Hub) -> None:
+        self._directory, self._hub = directory, hub
+        self._server: asyncio.Server | None = None
+
+    async def start(self) -> None:
+        """Listen; StateError when the socket cannot be made."""
+        path = self._directory / SERVICE_SOCKET
+        try:
+            path.unlink(missing_ok=True)  # the state directory is locked: nobody else serves it
+            made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+            with PeerName(self._directory) as address:
+                made.bind(address)
+            path.chmod(0o600)
+            with contextlib.suppress(KeyError, PermissionError):  # no such group, or we are not in it
+                os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
+                path.chmod(0o660)
+        except OSError as fault:
+            raise StateError(f"{path}: {fault.strerror or fault}") from fault
+        self._server = await asyncio.start_unix_server(self._serve, sock=made, limit=MESSAGE_MAX)
+
+    def close(self) -> None:
+        """Take no more connections."""
+        if self._server is not None:
+            self._server.close()
+        (self._directory / SERVICE_SOCKET).unlink(missing_ok=True)
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        user, role = peer(writer.get_extra_info("socket"))
+        if len(self._hub) >= _CONNECTIONS:
+            writer.close()
+            return
+        client = self._hub.connect(user, role, "local")
+        self._hub.events.put("login", f"{user} at the local socket", client.who)
+        sender: asyncio.Task[None] | None = None
+        try:
+            first = json.loads(await asyncio.wait_for(reader.readline(), _STUCK_S))
+            watch = isinstance(first, dict) and first.get("watch") is True
+            sender = asyncio.create_task(self._send(client, writer, watch=watch))
+            while line := await reader.readline():
+                client.take(line)
+        except (TimeoutError, ConnectionError, ValueError, Flooded, asyncio.CancelledError):
+            pass  # the connection ends, one way or another
+        finally:
+            if sender is not None:
+                sender.cancel()
+            self._hub.leave(client)
+            writer.close()
+
+    async def _send(self, client: Client, writer: asyncio.StreamWriter, *, watch: bool) -> None:
+        writer.write(self._hub.welcome(client.who).encode() + b"\n")
+        while True:
+            await client.wake.wait()
+            for text in client.outgoing():
+                if watch or '"type":"status"' not in text[:20]:
+                    writer.write(text.encode() + b"\n")
+            try:
+                await asyncio.wait_for(writer.drain(), _STUCK_S)
+            except (TimeoutError, ConnectionError):
+                writer.close()
+                return
+
+
+def peer(connection: socket.socket, own_uid: Callable[[], int] = os.getuid) -> tuple[str, Role]:
+    """Name and role of whoever is at the other end, as the system says."""
+    found = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    _, uid, _ = _CREDENTIALS.unpack(found)
+    try:
+        name = pwd.getpwuid(uid).pw_name
+    except KeyError:
+        name = f"uid {uid}"
+    return name, Role.SERVICE if uid in (0, own_uid()) else Role.OPERATOR

@@ -1,0 +1,1 @@
+"""Commands from people: control authority, permissions, arming, the operator of the scan."""

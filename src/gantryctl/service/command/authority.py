@@ -1,0 +1,67 @@
+"""Who has control, and the epoch: one holder, no command of the past."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.service.protocol.messages import Identity
+
+SILENCE_S: Final = 2.0
+"""A holder that is silent for longer has lost control."""
+
+
+class Authority:
+    """The one control authority.
+
+    Attributes:
+        holder: who has control, or None.
+        epoch: number of the present epoch; every command names it.
+    """
+
+    def __init__(self, epoch: int) -> None:
+        self.holder: Identity | None = None
+        self.epoch = epoch
+        self._alive_s = 0.0
+
+    def holds(self, who: Identity) -> bool:
+        """Whether this connection has control."""
+        return self.holder is not None and self.holder.client == who.client
+
+    def alive(self, who: Identity, now_s: float) -> None:
+        """A sign of life from a connection."""
+        if self.holds(who):
+            self._alive_s = now_s
+
+    def take(self, who: Identity, over: bool, at_rest: bool, now_s: float) -> tuple[str, str] | None:
+        """Give control to `who`; None when done, else code and reason.
+
+        The local console is always let in; the caller stops the axis first when it is moving.
+        """
+        held = self.holder
+        if held is not None and held.client != who.client and not who.local:
+            if not over:
+                return "SEC-07", f"{held.user} has control"
+            if held.local:
+                return "SEC-08", f"{held.user} has control at the local console"
+            if not at_rest:
+                return "SEC-08", f"{held.user} has control and the axis is moving"
+        if held is None or held.client != who.client:
+            self.new_epoch()
+        self.holder, self._alive_s = who, now_s
+        return None
+
+    def give(self, client: str) -> bool:
+        """Control is free again; False when this client did not have it."""
+        if self.holder is None or self.holder.client != client:
+            return False
+        self.holder = None
+        self.new_epoch()
+        return True
+
+    def silent(self, now_s: float) -> bool:
+        """Whether the holder has been silent for too long."""
+        return self.holder is not None and now_s - self._alive_s > SILENCE_S
+
+    def new_epoch(self) -> None:
+        """Everything sent before is of the past."""
+        self.epoch += 1

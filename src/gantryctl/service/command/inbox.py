@@ -1,0 +1,138 @@
+"""Commands out of the rings, replies and events back: what stands between the operator and the other processes."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict, deque
+from collections.abc import Sequence
+from typing import Any, Final, NamedTuple
+
+from gantryctl.service.command.waiting import Queue, Waiting
+from gantryctl.service.memory.events import EventLog, printable
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.protocol.messages import SILENT, Identity, Refused, checked, from_record
+
+_PER_SCAN: Final = 32
+"""Records looked at in one scan."""
+_CLIENTS: Final = 1024
+_FIRST: Final = ("stop", "quick_stop", "release")
+_KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
+
+
+class Gone(NamedTuple):
+    """A connection has ended; with `everyone`, all connections of a source."""
+
+    source: int
+    client: str
+    everyone: bool
+
+
+class Inbox:
+    """The scan's end of the command and reply rings.
+
+    Attributes:
+        first: stops and releases of this scan, by kind; always carried out, whatever their age.
+        others: commands that wait.
+        gone: connections that have ended.
+        time_s: nominal time of the present scan, as in the first column of a recording.
+    """
+
+    def __init__(self, commands: Sequence[Ring], replies: Sequence[Ring], events: EventLog) -> None:
+        self.events = events
+        self.first: dict[str, list[Waiting]] = {}
+        self.others = Queue()
+        self.gone: deque[Gone] = deque()
+        self.time_s = 0.0
+        self._commands, self._replies = commands, replies
+        self._last_seq: OrderedDict[str, int] = OrderedDict()
+
+    def receive(self, epoch: int, holder: str) -> None:
+        """Once a scan: sort what has come; `holder` is the client that has control."""
+        self.first.clear()
+        for source, ring in enumerate(self._commands):
+            if not len(ring):
+                continue
+            records = ring.peek(_PER_SCAN)
+            ring.advance(len(records))
+            for record in records:
+                if record is not None:
+                    self._sort(source, record, epoch, holder)
+
+    def _sort(self, source: int, record: bytes, epoch: int, holder: str) -> None:
+        try:
+            who, raw = from_record(record)
+        except (ValueError, KeyError, TypeError):
+            return
+        if raw.get("type") in ("gone", "restart"):  # of the gateway itself, about its connections
+            self._last_seq.pop(who.client, None)
+            self.gone.append(Gone(source, who.client, raw["type"] == "restart"))
+            return
+        try:
+            message = checked(raw)
+        except Refused as refused:
+            self._reply(source, who, raw.get("seq"), refused, 0, epoch)
+            return
+        waiting = Waiting(source, who, message)
+        if message.kind in _FIRST:
+            self.first.setdefault(message.kind, []).append(waiting)
+        elif message.kind in SILENT and who.client != holder:
+            if message.kind == "renew":
+                dead = Refused("SEC-09", "the lease has ended: release and press again")
+                self._reply(source, who, message.seq, dead, 0, epoch)
+        elif not self.others.append(waiting):
+            full = Refused("SEC-06", "the controller takes no commands now")
+            self._reply(source, who, message.seq, full, 0, epoch)
+
+    def check_sequence(self, waiting: Waiting) -> None:
+        """Each number of a connection once, and rising; raises Refused."""
+        client, seq = waiting.who.client, waiting.message.seq
+        if not seq > self._last_seq.get(client, -1):
+            raise Refused("SEC-04", f"sequence number {seq} was used before")
+        self._last_seq[client] = seq
+        self._last_seq.move_to_end(client)
+        if len(self._last_seq) > _CLIENTS:
+            self._last_seq.popitem(last=False)
+
+    def answer(self, waiting: Waiting, refused: Refused | None, epoch: int) -> None:
+        """One reply and one event for a command; nothing for those that are silent when all is well."""
+        silent = waiting.message.kind in SILENT
+        number = 0 if silent else self._event(waiting, refused)
+        if refused is not None or not silent:
+            self._reply(waiting.source, waiting.who, waiting.message.seq, refused, number, epoch)
+
+    def answer_all(self, together: Sequence[Waiting], epoch: int) -> None:
+        """A reply for each of the stops of one scan, and one event for each user: a flood does not fill the journal."""
+        of_user: dict[str, list[Waiting]] = {}
+        for each in together:
+            of_user.setdefault(each.who.user, []).append(each)
+        for same in of_user.values():
+            number = self._event(same[0], None, **({"count": len(same)} if len(same) > 1 else {}))
+            for each in same:
+                self._reply(each.source, each.who, each.message.seq, None, number, epoch)
+
+    def _event(self, waiting: Waiting, refused: Refused | None, **more: int) -> int:
+        """Its number. It has the time of the scan that carried it out: journal and recording belong together."""
+        message = waiting.message
+        outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
+        values = {name: value for name, value in message.values.items() if name != "lease"}
+        words = [str(value) for name, value in values.items() if name != "before"]
+        words += [f"(before: {values['before']:g})"] if "before" in values else []
+        asked = " ".join([message.kind, *words])
+        kind = _KINDS.get(message.kind, "command")
+        return self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, **more, time_s=self.time_s)
+
+    def _reply(
+        self, source: int, who: Identity, seq: Any, refused: Refused | None, number: int, epoch: int
+    ) -> None:
+        reply = {
+            "type": "reply",
+            "seq": seq if isinstance(seq, int) else 0,
+            "ok": refused is None,
+            "code": "" if refused is None else refused.code,
+            "text": "" if refused is None else printable(str(refused), 300),
+            "epoch": epoch,
+            "journal": number,
+        }
+        self._replies[source].put(
+            json.dumps([who.client, reply], separators=(",", ":"), ensure_ascii=False).encode()
+        )

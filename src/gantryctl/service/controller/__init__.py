@@ -1,0 +1,1 @@
+"""The controller process: the scan with its publisher, alarms and retained memory."""

@@ -1,0 +1,127 @@
+"""Alarm rows for people: from the program's log to what the tags `alarms` and `alarm_history` show."""
+
+from __future__ import annotations
+
+from collections import deque
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from gantryctl.program import Alarm, AlarmLog, Code
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.units import deg
+
+KEPT: Final = 50
+
+
+class _Row:
+    """One alarm with what the service knows about it."""
+
+    __slots__ = ("acknowledged_by", "alarm", "at", "number")
+
+    def __init__(self, number: int, alarm: Alarm) -> None:
+        self.number, self.alarm = number, alarm
+        self.at = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self.acknowledged_by = ""
+
+
+class AlarmView:
+    """Watches an alarm log: new alarms become events, and rows to be shown.
+
+    Attributes:
+        changed: something is to be shown anew.
+    """
+
+    def __init__(self, log: AlarmLog, events: EventLog) -> None:
+        self._log, self._events = log, events
+        self._rows: deque[_Row] = deque(maxlen=KEPT)
+        self._last: Alarm | None = None
+        self._done: dict[Code, str] = {}
+        self._active = 0
+        self._number = 0
+        self.changed = True
+
+    def scan(self) -> None:
+        """Once a scan: cheap when nothing happened."""
+        log = self._log
+        if len(log.active) != self._active:
+            self._active, self.changed = len(log.active), True
+        self._account()
+        if not log.history or log.history[-1] is self._last:
+            return
+        fresh: list[Alarm] = []
+        for alarm in reversed(log.history):
+            if alarm is self._last:
+                break
+            fresh.append(alarm)
+        for alarm in reversed(fresh):
+            self._number += 1
+            self._rows.append(_Row(self._number, alarm))
+            self._events.put(
+                "alarm",
+                alarm.text,
+                None,
+                code=str(alarm.code),
+                time_s=alarm.time_s,
+                pos_deg=round(deg(alarm.pos_rad), 5),
+            )
+        self._last, self.changed = log.history[-1], True
+
+    def _account(self) -> None:
+        """What was done about an alarm is complete when the axis has come to rest: then it is shown anew, and kept."""
+        active = self._log.active
+        if not active:
+            self._done.clear()
+        for code, alarm in active.items():
+            known = self._done.get(code)
+            if known is not alarm.done:
+                self._done[code], self.changed = alarm.done, True
+                if known is not None:
+                    self._events.put("alarm", f"{code} · {alarm.done}", None, code=str(code))
+
+    def acknowledge(self, number: int, who: Identity) -> None:
+        """Somebody has seen it.
+
+        Raises:
+            Refused: there is no such row any more.
+        """
+        for row in self._rows:
+            if row.number == number:
+                row.acknowledged_by = row.acknowledged_by or who.user
+                self.changed = True
+                return
+        raise Refused("SEC-05", f"there is no alarm number {number} (any more)")
+
+    def rows(self) -> dict[str, Any]:
+        """Both tags."""
+        active = {id(alarm) for alarm in self._log.active.values()}
+        first = self._log.first_out
+        history = [self._row(row, active, first) for row in reversed(self._rows)]
+        shown = sorted(
+            (row for row in history if row["active"]), key=lambda row: (not row["first_out"], -row["id"])
+        )
+        return {"alarms": shown, "alarm_history": history}
+
+    @staticmethod
+    def _row(row: _Row, active: set[int], first: Alarm | None) -> dict[str, Any]:
+        alarm, definition = row.alarm, row.alarm.definition
+        follows = first is not None and any(alarm is each for each in first.consequences)
+        return {
+            "id": row.number,
+            "code": str(alarm.code),
+            "severity": definition.severity.value,
+            "title": definition.title,
+            "measured": alarm.measured,
+            "done": alarm.done,
+            "to_do": definition.to_do,
+            "cause": definition.cause,
+            "text": alarm.text,
+            "at": row.at,
+            "time_s": round(alarm.time_s, 6),
+            "pos_act_deg": round(deg(alarm.pos_rad), 5),
+            "active": id(alarm) in active,
+            "first_out": alarm is first,
+            "follows": str(first.code) if follows and first is not None else "",
+            "lock": definition.lock,
+            "acknowledged_by": row.acknowledged_by,
+        }

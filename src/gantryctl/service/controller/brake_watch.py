@@ -1,0 +1,112 @@
+"""The brake test of a machine in service: what is retained of it, when it is due, what the tags say."""
+
+from __future__ import annotations
+
+import math
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from gantryctl.machine import Machine
+from gantryctl.operation.brake_policy import BrakeDue, after_test, judge_due
+from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult
+from gantryctl.runtime import Retained
+from gantryctl.service.memory.events import EventLog
+from gantryctl.units import deg
+
+JUDGE_S: Final = 60.0
+"""How often it is looked whether the test has become due."""
+
+
+class BrakeWatch:
+    """Watches the program's brake tests.
+
+    Attributes:
+        due: when the next one is due.
+        changed: rises when a tag has changed.
+    """
+
+    def __init__(self, machine: Machine, axis: Axis, events: EventLog, retained: Retained) -> None:
+        self._machine, self._axis, self._events = machine, axis, events
+        self._untestable = axis.settings.power.untestable
+        self._tests = 0
+        self._judged_s = -math.inf
+        self._retained = retained
+        self.changed = 0
+        self.due = BrakeDue("", None, overdue=False)
+        self.judge(retained, retained.power_ups)
+
+    @property
+    def untestable(self) -> str:
+        """Why the brake cannot be tested here, as a refusal, or ""."""
+        return f"not testable here: {self._untestable}" if self._untestable else ""
+
+    def judge(self, retained: Retained, power_ups: int) -> None:
+        """Whether the test is due, by date and power-ups."""
+        self._retained = retained
+        before = self.due.overdue
+        self.due = judge_due(self._machine, self._axis, retained, power_ups)
+        if self.due.overdue and not before:
+            self._events.put("brake_test", f"brake test {self.due.words}")
+        self.changed += 1
+
+    def scan(self, retained: Retained, power_ups: int, time_s: float) -> Retained:
+        """After a scan; the memory, changed when a test has ended."""
+        power = self._axis.power
+        result = power.brake_test_result
+        if power.brake_tests != self._tests and result is not None:
+            self._tests = power.brake_tests
+            retained = after_test(retained, result, power_ups, datetime.now(UTC))
+            self.judge(retained, power_ups)
+            self._write(result)
+        elif time_s - self._judged_s >= JUDGE_S:
+            self._judged_s = time_s
+            self.judge(retained, power_ups)
+        return retained
+
+    def _write(self, result: BrakeTestResult) -> None:
+        """Into the journal."""
+        values: dict[str, Any] = {
+            "level_nm": self._axis.power.brake_test.level_nm,
+            "plus_nm": _rounded(result.plus_nm),
+            "minus_nm": _rounded(result.minus_nm),
+            "moved_deg": _rounded(deg(result.moved_rad)),
+            "due_at": self.due.at,
+        }
+        text = f"brake test {result.outcome.name.lower()}: {result.text}; {self.due.words}"
+        self._events.put("brake_test", text, **values)
+
+    def fast(self) -> dict[str, float]:
+        """The 20 Hz tags."""
+        power = self._axis.power
+        law = power.brake_test
+        return {
+            "brake_test_phase": power.test_phase,
+            "brake_test_left_s": law.left_s if power.testing else 0.0,
+            "brake_test_torque_nm": law.on_brake_nm,
+            "brake_test_moved_deg": deg(law.moved_rad),
+        }
+
+    def slow(self) -> dict[str, Any]:
+        """Those that are sent on change. The last test may be one of an earlier start."""
+        law, kept = self._axis.power.brake_test, self._retained
+        word = kept.brake_test_text.partition(":")[0]
+        known = word.upper() in BrakeTestOutcome.__members__
+        return {
+            "brake_test_available": not self._untestable,
+            "brake_test_blocked": self._untestable,
+            "brake_test_level_nm": law.level_nm,
+            "brake_test_limit_deg": _rounded(deg(law.moved_max_rad)),
+            "brake_test_result": word if known else BrakeTestOutcome.NONE.name.lower(),
+            "brake_tests": self._tests,
+            "brake_test_text": kept.brake_test_text,
+            "brake_test_plus_nm": None if kept.brake_plus_nm is None else _rounded(kept.brake_plus_nm),
+            "brake_test_minus_nm": None if kept.brake_minus_nm is None else _rounded(kept.brake_minus_nm),
+            "brake_tested_at": kept.brake_tested_at,
+            "brake_test_due_at": self.due.at,
+            "brake_test_cycles_left": self.due.power_ups_left,
+            "brake_test_overdue": self.due.overdue,
+        }
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, 6) + 0.0 if math.isfinite(value) else None

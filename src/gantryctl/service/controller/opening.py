@@ -1,0 +1,115 @@
+"""From a state directory to an engine that people can command, and what keeps it from being switched on."""
+
+from __future__ import annotations
+
+import secrets
+import time
+from typing import Final, NamedTuple
+
+from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.errors import CommandRefused
+from gantryctl.image import DriveFeedback, DriveIdentity
+from gantryctl.machine import Machine
+from gantryctl.operation import StateStore
+from gantryctl.operation.brake_policy import restore_failure
+from gantryctl.operation.bus import judge_bus
+from gantryctl.operation.home_reference import RestVerdict, evaluate, refusal, unwrapped
+from gantryctl.operation.virtual import encoder_scale, open_machine
+from gantryctl.ports import Drive
+from gantryctl.program import GantryProgram
+from gantryctl.runtime import Engine, Retained
+from gantryctl.service.command.operator import ServiceOperator
+from gantryctl.service.command.rules import rules_of
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.wiring import build_engine
+
+BUS: Final = "CFG-CAN"
+"""Beginning of a refusal that comes from the bus."""
+
+
+class Opened(NamedTuple):
+    """Everything of one machine in service."""
+
+    engine: Engine
+    operator: ServiceOperator
+    drive: Drive
+    retained: Retained
+    recorder: RingRecorder
+    notes: tuple[str, ...]
+
+
+def open_service(
+    machine: Machine, store: StateStore, memory: SharedMemory, *, second_person: bool = False
+) -> Opened:
+    """The machine as the last run left it, with power off.
+
+    Raises:
+        StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
+    """
+    virtual = open_machine(machine, store)
+    retained, drive = virtual.retained, virtual.drive
+    counts = drive.read().pos_act_counts
+    scale = encoder_scale(machine, drive)
+    reading = evaluate(scale, counts, retained)
+    zero = retained.zero_offset_counts
+    zero_counts = counts if zero is None else zero + counts - unwrapped(scale, counts, zero)
+    rules = rules_of(machine, time.monotonic(), retained.speed_rad_s, retained.increment_rad)
+    moved = reading.verdict is RestVerdict.MOVED  # a reset acknowledges it, and nothing else of the encoder
+    wrong = refusal(reading) or ""
+    rules.lock = ("" if moved else wrong) or bus_refusal(machine, store, drive)
+    held = [wrong] if moved else []
+    if retained.error_stop:
+        held.append(f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset")
+    rules.held = "; ".join(held)
+    for ring in memory.commands:
+        ring.clear()  # what was sent to a controller that is gone
+    events = EventLog(memory.events[Source.CONTROLLER])
+    operator = ServiceOperator(
+        memory.commands, memory.replies, events, rules, secrets.randbits(40), second_person=second_person
+    )
+    recorders: list[RingRecorder] = []
+
+    def recorder(columns: tuple[str, ...]) -> RingRecorder:
+        recorders.append(RingRecorder(memory.rows, columns))
+        return recorders[-1]
+
+    engine = build_engine(
+        machine,
+        operator=operator,
+        drive=drive,
+        zero_counts=zero_counts,
+        holding_torque_nm=retained.holding_torque_nm or 0.0,
+        recorder=recorder,
+        real_time=True,
+    )
+    assert isinstance(engine.program, GantryProgram)
+    operator.attach(engine.program)
+    restore_failure(engine.program.axis, retained)
+    return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)
+
+
+def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
+    """Why a drive on a bus may not be enabled, or ""."""
+    if isinstance(drive, CanopenDrive):
+        try:
+            judge_bus(machine, store, drive)
+        except CommandRefused as reason:
+            return f"{BUS} {' '.join(str(reason).split())}"
+    return ""
+
+
+class LastRead:
+    """What the last scan has read: a drive on a bus is read once a scan and no more."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def identity(self) -> DriveIdentity:
+        """Encoder."""
+        return self._engine.drive.identity()
+
+    def read(self) -> DriveFeedback:
+        """The reading of the last scan."""
+        return self._engine.image.drive

@@ -1,0 +1,278 @@
+"""What the controller shows: the values of all tags, computed after a scan."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from typing import Any, Final
+
+from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.image import Mode
+from gantryctl.machine import Machine, short_hash
+from gantryctl.program import GantryProgram
+from gantryctl.runtime import Engine
+from gantryctl.service.command.arming import Armed
+from gantryctl.service.command.operator import ServiceOperator
+from gantryctl.service.controller.alarm_view import AlarmView
+from gantryctl.service.controller.brake_watch import BrakeWatch
+from gantryctl.service.controller.torque_model import TorqueModel
+from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.snapshot import publish_fast, publish_json
+from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.service.protocol.tags import BY_NAME
+from gantryctl.units import deg
+
+FAST_S: Final = 0.010
+FRAME_S: Final = 0.050
+SLOW_S: Final = 1.0
+RECENT_S: Final = 10.0
+"""Over so long the usual lateness and run time are shown."""
+_DIGITS: Final = 6
+
+
+class Publisher:
+    """Publishes after every scan what is due.
+
+    Args:
+        real_time: whether the system granted scheduling and memory.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        engine: Engine,
+        operator: ServiceOperator,
+        alarms: AlarmView,
+        brake: BrakeWatch,
+        recorder: RingRecorder,
+        memory: SharedMemory,
+        *,
+        real_time: bool,
+        version: str,
+    ) -> None:
+        assert isinstance(engine.program, GantryProgram)
+        self._program, self._axis = engine.program, engine.program.axis
+        self._machine, self._engine, self._operator = machine, engine, operator
+        self._alarms, self._recorder, self._memory = alarms, recorder, memory
+        self._brake = brake
+        self._model = TorqueModel(self._axis.settings.law.ratio, machine.motor.torque_rated_nm)
+        self._fast_scans = max(1, round(FAST_S / engine.period_s))
+        self._frame_scans = max(1, round(FRAME_S / engine.period_s))
+        self._slow_scans = max(1, round(SLOW_S / engine.period_s))
+        self._fixed = _fixed(machine) | {"real_time": real_time, "version": version}
+        self._before: deque[tuple[list[int], list[int]]] = deque(maxlen=round(RECENT_S / SLOW_S))
+        self._statistics = self._timing()
+        self._shown: tuple[object, ...] = ()
+        self._scan = self._scan_before = engine.scan
+
+    def scan(self) -> None:
+        """After a scan: fast tags every 10 ms, the rest every 50 ms when it changed, statistics every second."""
+        self._scan_before, self._scan = self._scan, self._engine.scan
+        self._alarms.scan()
+        if self._due(self._fast_scans):
+            publish_fast(self._memory.fast, self.fast())
+        if self._due(self._frame_scans):
+            self._learn()
+            self._publish_slow(self._due(self._slow_scans))
+        elif self._due(self._frame_scans, 1) and self._alarms.changed:
+            self._alarms.changed = False
+            publish_json(self._memory.alarms, self._alarms.rows())
+
+    def _due(self, scans: int, offset: int = 0) -> bool:
+        """Every so many scans, also where their numbers leave some out."""
+        return (self._scan - offset) // scans != (self._scan_before - offset) // scans
+
+    def _learn(self) -> None:
+        axis, virtual = self._axis, self._axis.virtual
+        if virtual.following:
+            self._model.add(
+                axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, axis.feedback.torque_nm
+            )
+
+    def _expected_nm(self) -> float:
+        """With the power off the brake holds the load: then nothing is expected of the motor."""
+        axis, virtual = self._axis, self._axis.virtual
+        if not virtual.following:
+            return math.nan
+        return self._model.expected_nm(axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2)
+
+    def _publish_slow(self, due: bool) -> None:
+        operator = self._operator
+        if due:
+            self._statistics = self._timing()
+        levels = operator.levels
+        shown = (
+            operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
+            levels.override, self._axis.virtual.acc_setting_rad_s2, operator.rules.blocked_by,
+            self._axis.refusal_count, self._armed(), operator.rules.locked(), self._brake.changed,
+        )  # fmt: skip
+        if due or shown != self._shown:
+            self._shown = shown
+            publish_json(self._memory.slow, self.slow())
+
+    def fast(self) -> dict[str, float]:
+        """The 20 Hz tags as numbers; nan where nothing is known."""
+        return {**self._moving(), **self._switched(), **self._counted(), **self._brake.fast()}
+
+    def _moving(self) -> dict[str, float]:
+        axis, engine = self._axis, self._engine
+        virtual, feedback = axis.virtual, axis.feedback
+        vel = feedback.vel_rad_s
+        pos = deg(axis.pos_act_rad)
+        end_s = virtual.start_scan * engine.period_s + virtual.plan.duration
+        monitors, travel = axis.settings.monitors, self._machine.axis
+        trip = monitors.following_error_base_rad + monitors.following_error_per_speed_s * abs(
+            virtual.vel_ref_rad_s
+        )
+        return {
+            "pos_act_deg": pos,
+            "vel_act_deg_s": deg(vel),
+            "pos_ref_deg": deg(virtual.pos_ref_rad),
+            "vel_ref_deg_s": deg(virtual.vel_ref_rad_s),
+            "acc_ref_deg_s2": deg(virtual.acc_ref_rad_s2),
+            "vel_cmd_deg_s": deg(axis.vel_cmd_rad_s / axis.settings.law.ratio),
+            "pos_err_deg": deg(axis.pos_err_rad),
+            "torque_act_nm": feedback.torque_nm,
+            "torque_expected_nm": self._expected_nm(),
+            "overload": feedback.overload,
+            "target_deg": deg(virtual.plan.pos_end) if virtual.following else pos,
+            "time_left_s": max(0.0, end_s - engine.time_s) if virtual.following else 0.0,
+            "stopping_angle_deg": deg(axis.stopping_angle_rad()),
+            "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
+            "travel_left_minus_deg": pos - travel.pos_min_deg,
+            "travel_left_plus_deg": travel.pos_max_deg - pos,
+            "following_error_trip_deg": deg(trip),
+        }
+
+    def _switched(self) -> dict[str, float]:
+        axis, operator = self._axis, self._operator
+        feedback, inputs = axis.feedback, axis.feedback.inputs
+        return {
+            "axis_state": axis.state,
+            "drive_state": feedback.state,
+            "power_phase": axis.power.phase.value,
+            "power": axis.power.status,
+            "brake_open": feedback.brake_open,
+            "brake_open_cmd": axis.power.brake_open,
+            "at_rest": operator.at_rest,
+            "in_position": axis.in_position,
+            "torque_limited": feedback.torque_limited,
+            "position_valid": feedback.position_valid
+            and not operator.rules.blocked_by.startswith(("ENC", "CFG")),
+            "estop_ok": inputs.estop_ok,
+            "enabling_switch": inputs.enabling_switch,
+            "limit_minus_ok": inputs.limit_minus_ok,
+            "limit_plus_ok": inputs.limit_plus_ok,
+            "mains_ready": inputs.mains_ready,
+        }
+
+    def _armed(self) -> Armed | None:
+        operator = self._operator
+        return operator.arming.now(operator.authority.epoch, operator.now())
+
+    def _counted(self) -> dict[str, float]:
+        axis, engine, operator, memory = self._axis, self._engine, self._operator, self._memory
+        events = memory.events[2]
+        now_s = operator.now()
+        return {
+            "frame": operator.frame(),
+            "epoch": operator.authority.epoch,
+            "scan": engine.scan,
+            "time_s": engine.time_s,
+            "lease_left_ms": operator.hold.left_s(now_s) * 1e3,
+            "armed_left_s": operator.arming.left_s(operator.authority.epoch, now_s),
+            "alarm_count": len(axis.alarms.active),
+            "refusal_count": axis.refusal_count,
+            "feedback_age_ms": engine.image.drive.age_scans * engine.period_s * 1e3,
+            "heartbeat_age_ms": self._heartbeat_age_ms(),
+            "journal_sequence": events.written,
+            "journal_committed": events.done,
+            "journal_state": memory.words[Word.JOURNAL_STATE],
+            "recording": self._recorder.number > 0 and not memory.words[Word.RECORDING_STOPPED],
+        }
+
+    def _heartbeat_age_ms(self) -> float:
+        drive = self._engine.drive
+        if not isinstance(drive, CanopenDrive):
+            return math.nan
+        return drive.node.heartbeat_age * self._engine.period_s * 1e3
+
+    def slow(self) -> dict[str, Any]:
+        """Everything else but the alarms, as JSON values."""
+        operator, levels, axis = self._operator, self._operator.levels, self._axis
+        holder, armed = operator.authority.holder, self._armed()
+        moment, angle = self._model.eccentric()
+        return {
+            **self._fixed,
+            **self._statistics,
+            **self._brake.slow(),
+            "authority_user": holder.user if holder else "",
+            "authority_client": holder.client if holder else "",
+            "authority_local": bool(holder and holder.local),
+            "armed_action": str(armed.action) if armed else "none",
+            "armed_by": armed.who.user if armed else "",
+            "armed_client": armed.who.client if armed else "",
+            "second_person": operator.arming.second_person,
+            "reset_locked": operator.rules.locked(),
+            "mode": Mode(self._program.mode).name.lower(),
+            "speed_setting_deg_s": _rounded(deg(levels.speed_rad_s)),
+            "increment_deg": _rounded(deg(levels.increment_rad)),
+            "override_percent": _rounded(levels.override * 100.0),
+            "acc_setting_deg_s2": _rounded(deg(axis.virtual.acc_setting_rad_s2)),
+            "blocked_by": operator.rules.blocked_by,
+            "eccentric_moment_nm": _rounded(moment),
+            "eccentric_angle_deg": _rounded(deg(angle)),
+            "refusal_text": f"{axis.refusal.code} · {axis.refusal.text}" if axis.refusal else "",
+        }
+
+    def _timing(self) -> dict[str, Any]:
+        """Counts and the latest scan since the start, the rest over `RECENT_S`."""
+        found, top = self._engine.statistics, self._machine.speed.setting_max_deg_s
+        late = found.lateness
+        before = self._before[0] if self._before else ([0] * len(late.counts), [0] * len(late.counts))
+        recent, run = late.since(before[0]), found.run_time.since(before[1])
+        self._before.append((list(late.counts), list(found.run_time.counts)))
+        p99_s = recent.quantile_s(0.99)
+        return {
+            "scan_period_ms": _rounded(found.period_s * 1e3),
+            "scan_lateness_p50_us": _rounded(recent.quantile_s(0.5) * 1e6),
+            "scan_lateness_p99_us": _rounded(p99_s * 1e6),
+            "scan_lateness_max_us": _rounded(late.worst_s * 1e6),
+            "scan_lateness_p99_deg": _rounded(p99_s * top),
+            "scan_lateness_max_deg": _rounded(late.worst_s * top),
+            "scan_run_p50_us": _rounded(run.quantile_s(0.5) * 1e6),
+            "scan_run_p99_us": _rounded(run.quantile_s(0.99) * 1e6),
+            "scan_overruns": found.overruns,
+            "scan_skipped": found.skipped,
+            "trace_rows_lost": self._recorder.lost,
+            "events_lost": self._operator.events.lost,
+        }
+
+
+def _rounded(value: float) -> float | None:
+    return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None
+
+
+def _fixed(machine: Machine) -> dict[str, Any]:
+    """What never changes while the controller runs."""
+    speed, axis, virtual, motor = machine.speed, machine.axis, machine.virtual_axis, machine.motor
+    found = {
+        "machine": machine.name,
+        "drive_kind": machine.drive.kind,
+        "config_hash": short_hash(machine),
+        "speed_min_deg_s": speed.setting_min_deg_s,
+        "speed_max_deg_s": speed.setting_max_deg_s,
+        "speed_cap_deg_s": 1.0,
+        "acc_min_deg_s2": _rounded(0.1 * virtual.acc_deg_s2),
+        "acc_max_deg_s2": virtual.acc_deg_s2,
+        "increment_max_deg": axis.pos_max_deg - axis.pos_min_deg,
+        "pos_min_deg": axis.pos_min_deg,
+        "pos_max_deg": axis.pos_max_deg,
+        "over_travel_deg": axis.over_travel_deg,
+        "limit_switch_deg": axis.limit_switch_deg,
+        "mechanical_stop_deg": axis.mechanical_stop_deg,
+        "torque_rated_nm": motor.torque_rated_nm,
+        "torque_max_nm": motor.torque_max_nm,
+    }
+    assert set(found) <= set(BY_NAME)
+    return found

@@ -1,0 +1,118 @@
+"""What the controller remembers over power-off: counted in the scan, written beside it."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import deque
+from dataclasses import replace
+from typing import Final
+
+from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.errors import AlarmStop, GantryctlError
+from gantryctl.machine import Machine
+from gantryctl.operation import StateStore
+from gantryctl.operation.ending import RunEnd, retained_after
+from gantryctl.operation.virtual import ReadDrive, keep_machine
+from gantryctl.program import AxisState
+from gantryctl.runtime import Engine, Retained
+from gantryctl.service.command.operator import ServiceOperator
+from gantryctl.service.controller.opening import LastRead, Opened
+from gantryctl.units import rad
+
+_TRAVEL_STEP_RAD: Final = rad(0.001)
+_MOVING: Final = (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
+
+
+class Retainer:
+    """Retained memory of one run.
+
+    Args:
+        opened: the machine as it was opened.
+
+    Attributes:
+        retained: what is remembered from before, with what has been acknowledged or tested since.
+        faults: what the disk did not take, for the scan to say: it is the only writer of events.
+    """
+
+    def __init__(self, machine: Machine, store: StateStore, opened: Opened) -> None:
+        self._machine, self._store, self._drive = machine, store, opened.drive
+        self._engine: Engine = opened.engine
+        self._operator: ServiceOperator = opened.operator
+        self._axis = opened.operator.program.axis
+        self.retained: Retained = opened.retained
+        self.faults: deque[str] = deque()
+        self._power_ups = self._moves = 0
+        self._moving = False
+        self._way_rad, self._last_pos_rad = 0.0, math.nan
+        self._thread: threading.Thread | None = None
+
+    @property
+    def power_ups(self) -> int:
+        """Of the machine, this run included."""
+        return self.retained.power_ups + self._power_ups
+
+    def powered_up(self) -> None:
+        """Power was switched on."""
+        self._power_ups += 1
+
+    def scan(self) -> None:
+        """Count motions and way."""
+        axis = self._axis
+        moving = axis.state in _MOVING
+        if moving is not self._moving:
+            self._moving = moving
+            self._moves += moving
+        pos = axis.pos_act_rad
+        if abs(pos - self._last_pos_rad) > _TRAVEL_STEP_RAD:
+            self._way_rad += abs(pos - self._last_pos_rad)
+            self._last_pos_rad = pos
+        elif self._last_pos_rad != self._last_pos_rad:
+            self._last_pos_rad = pos
+
+    def start(self, why: str) -> None:
+        """Write the state, beside the scan: the disk may take its time."""
+        if self._thread is None or not self._thread.is_alive():
+            self._thread = threading.Thread(target=self._write, args=(self._state(why),))
+            self._thread.start()
+
+    def join(self) -> None:
+        """Until what was started is on the disk, or is not."""
+        if self._thread is not None:
+            self._thread.join()
+
+    def finish(self, failure: AlarmStop | None) -> None:
+        """Write the state at the end of the run, and wait for it."""
+        self.join()
+        result = "shut down" if failure is None else f"stopped by an alarm: {failure}"
+        self._write(self._state(result, failure))
+
+    def _write(self, record: Retained) -> None:
+        try:
+            keep_machine(self._machine, self._store, self._drive, record)
+        except GantryctlError as fault:
+            self.faults.append(str(fault))
+
+    def _state(self, result: str, alarm: AlarmStop | None = None) -> Retained:
+        """What the controller remembers of this run so far."""
+        end = RunEnd(result, alarm, self._power_ups, self._moves, self._engine.time_s)
+        levels, kept = self._operator.levels, self.retained
+        on_bus = isinstance(self._drive, CanopenDrive)
+        seen: ReadDrive = LastRead(self._engine) if on_bus else self._drive
+        record = replace(
+            retained_after(self._machine, kept, self._axis, seen, end),
+            speed_rad_s=levels.speed_rad_s,
+            increment_rad=levels.increment_rad,
+            travelled_rad=kept.travelled_rad + self._way_rad,
+        )
+        if not self._operator.rules.blocked_by:
+            return record
+        if not record.error_stop:
+            record = replace(record, error_stop=kept.error_stop)
+        if not self._power_ups:  # nobody has said that the angle is right: the next start must ask again
+            record = replace(
+                record,
+                rest_position_counts=kept.rest_position_counts,
+                zero_offset_counts=kept.zero_offset_counts,
+            )
+        return record

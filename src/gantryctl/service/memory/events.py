@@ -1,0 +1,84 @@
+"""Events on their way to the journal: one JSON record each, written by whoever saw it happen."""
+
+from __future__ import annotations
+
+import json
+import time
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.protocol.messages import Identity
+
+TEXT_MAX: Final = 500
+"""Longest text of an event, bytes."""
+RESERVE: Final = 2048
+"""Places in the ring that are kept for stops and alarms: below it nothing new is begun."""
+
+
+class EventLog:
+    """The writer's end of one event ring.
+
+    Events that found no place are declared by the next one that finds two: the gap stands in the journal where it is.
+
+    Attributes:
+        lost: events that found no place. New motion is refused long before.
+    """
+
+    def __init__(self, ring: Ring) -> None:
+        self._ring = ring
+        self.lost = self._declared = 0
+
+    @property
+    def written(self) -> int:
+        """Number of the newest event of this source."""
+        return self._ring.written
+
+    @property
+    def room(self) -> bool:
+        """Whether there is room for more than the reserve."""
+        return self._ring.slots - len(self._ring) > RESERVE
+
+    def put(self, kind: str, text: str, who: Identity | None = None, **values: Any) -> int:
+        """Hand one event to the journal; its number, 0 when it was lost.
+
+        Args:
+            kind: one word: command, alarm, authority, setting, login, user, service.
+            values: numbers and short texts.
+        """
+        if self.lost > self._declared:
+            if self._ring.slots - len(self._ring) < 2:
+                self.lost += 1
+                return 0
+            missing, self._declared = self.lost - self._declared, self.lost
+            self.put(
+                "service", f"{missing} events are missing here: they found no place to wait for the recorder"
+            )
+        record = {
+            "utc": datetime.now(UTC).isoformat(timespec="milliseconds"),
+            "monotonic_ns": time.monotonic_ns(),
+            "kind": kind,
+            "user": printable(who.user if who else "", 64),
+            "role": str(who.role) if who else "",
+            "client": printable(who.client if who else "", 32),
+            "place": who.place if who else "",
+            "text": printable(text, TEXT_MAX),
+            "values": values,
+        }
+        data = _json(record)
+        if len(data) > self._ring.record_max:
+            data = _json({**record, "text": printable(text, TEXT_MAX // 2), "values": {}})
+        if not self._ring.put(data):
+            self.lost += 1
+            return 0
+        return self._ring.written
+
+
+def _json(record: dict[str, Any]) -> bytes:
+    return json.dumps(record, separators=(",", ":"), ensure_ascii=False).encode()
+
+
+def printable(text: str, length: int = TEXT_MAX) -> str:
+    """At most `length` bytes of one line without control characters: what a name or message may bring into a log."""
+    clean = "".join(c if c.isprintable() else "\ufffd" for c in text[:length])
+    return clean.encode(errors="replace")[:length].decode(errors="ignore")

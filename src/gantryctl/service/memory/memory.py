@@ -1,0 +1,114 @@
+"""The shared memory of the service: one anonymous file that the supervisor makes and every process inherits."""
+
+from __future__ import annotations
+
+import mmap
+import os
+import sys
+from enum import IntEnum
+from typing import Final
+
+from gantryctl.errors import DeviceError
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.memory.seqlock import SequenceLock
+
+COMMAND_BYTES: Final = 1024
+"""Slot of a command or reply."""
+EVENT_BYTES: Final = 1024
+ROW_BYTES: Final = 8 * 66
+"""Slot of a trace row: up to 64 columns, the number of the recording, the header."""
+
+_FAST: Final = 4096
+_SLOW: Final = 64 * 1024
+_ALARMS: Final = 256 * 1024
+_COMMANDS: Final = 192 + 256 * COMMAND_BYTES
+_EVENTS: Final = 192 + 10240 * EVENT_BYTES
+_ROWS: Final = 192 + 16384 * ROW_BYTES
+_WORDS: Final = 512
+
+
+class Source(IntEnum):
+    """Who writes commands and events."""
+
+    WEB = 0
+    """The gateway."""
+    LOCAL = 1
+    """The local socket, in the supervisor."""
+    CONTROLLER = 2
+    """Events only."""
+    OPCUA = 3
+    """Events only."""
+
+
+class Word(IntEnum):
+    """Single numbers, each with one writer."""
+
+    RECORDER_NS = 0
+    """CLOCK_MONOTONIC when the recorder was last alive."""
+    BOOT = 1
+    """Random number of this start of the service."""
+    JOURNAL_STATE = 4
+    """Number of a label of `journal_state`."""
+    CONTROLLER_CLEAN = 5
+    """1 when the last controller was shut down, and ended at rest with the brake closed."""
+    GATEWAY_NS = 6
+    """CLOCK_MONOTONIC when the gateway was last alive."""
+    RECORDING_STOPPED = 7
+    """1 while the disk is too full to record."""
+
+
+_AREAS: Final = (
+    ("words", _WORDS), ("fast", _FAST), ("slow", _SLOW), ("alarms", _ALARMS), ("columns", 8192),
+    ("commands0", _COMMANDS), ("commands1", _COMMANDS), ("replies0", _COMMANDS), ("replies1", _COMMANDS),
+    ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS), ("rows", _ROWS),
+)  # fmt: skip
+
+
+class SharedMemory:
+    """All areas by name.
+
+    Attributes:
+        words: numbers by `Word`.
+        fast: tags of 20 Hz, packed. slow: the other tags, JSON. alarms: alarm rows, JSON.
+        columns: names of the trace's columns, JSON.
+        commands, replies: one ring each for WEB and LOCAL. events: one ring a source.
+        rows: trace rows.
+    """
+
+    def __init__(self, handle: int) -> None:
+        self.handle = handle
+        self._map = mmap.mmap(handle, sum(size for _, size in _AREAS))
+        whole = memoryview(self._map)
+        area: dict[str, memoryview] = {}
+        at = 0
+        for name, size in _AREAS:
+            area[name] = whole[at : at + size]
+            at += size
+        self.words = area["words"].cast("Q")
+        self.fast, self.slow = SequenceLock(area["fast"]), SequenceLock(area["slow"])
+        self.alarms, self.columns = SequenceLock(area["alarms"]), SequenceLock(area["columns"])
+        self.commands = tuple(Ring(area[f"commands{n}"], COMMAND_BYTES) for n in range(2))
+        self.replies = tuple(Ring(area[f"replies{n}"], COMMAND_BYTES) for n in range(2))
+        self.events = tuple(Ring(area[f"events{n}"], EVENT_BYTES) for n in range(4))
+        self.rows = Ring(area["rows"], ROW_BYTES)
+
+    @classmethod
+    def create(cls) -> SharedMemory:
+        """New memory, all zero; it has no name and is gone with its last process.
+
+        Raises:
+            DeviceError: the system has none.
+        """
+        if sys.platform != "linux":
+            raise DeviceError("`gantryctl serve` needs Linux: its processes share an anonymous memory file")
+        try:
+            handle = os.memfd_create("gantryctl")
+            os.set_inheritable(handle, True)
+            os.ftruncate(handle, sum(size for _, size in _AREAS))
+        except OSError as fault:
+            raise DeviceError(f"shared memory of the service: {fault.strerror or fault}") from fault
+        return cls(handle)
+
+    def close(self) -> None:
+        """This process needs it no more."""
+        os.close(self.handle)

@@ -1,0 +1,83 @@
+"""The controller's picture of itself as tags: packed numbers every 10 ms, the rest as JSON when it changes."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import time
+from collections.abc import Mapping
+from typing import Any, Final
+
+from gantryctl.service.memory.memory import SharedMemory
+from gantryctl.service.memory.seqlock import SequenceLock
+from gantryctl.service.protocol.tags import BY_NAME, TAGS
+
+FAST: Final = tuple(tag.name for tag in TAGS if tag.rate == "20 Hz")
+"""Tags of the packed record, in this order."""
+_PACKED: Final = struct.Struct(f"<Q{len(FAST)}d")
+_DIGITS: Final = 6
+
+
+def publish_fast(lock: SequenceLock, values: Mapping[str, float]) -> None:
+    """Pack the 20 Hz tags with the time on CLOCK_MONOTONIC."""
+    lock.publish(_PACKED.pack(time.monotonic_ns(), *[values[name] for name in FAST]))
+
+
+def publish_json(lock: SequenceLock, values: object) -> None:
+    """Publish what changes rarely."""
+    lock.publish(json.dumps(values, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode())
+
+
+class Picture:
+    """What a reader of the shared memory sees: the tags as plain JSON values.
+
+    Attributes:
+        version: rises when a tag that is sent on change has changed.
+    """
+
+    def __init__(self, memory: SharedMemory) -> None:
+        self._memory = memory
+        self._slow: dict[str, Any] = {}
+        self._alarms: dict[str, Any] = {"alarms": [], "alarm_history": []}
+        self._seen = (0, 0)
+        self.version = 0
+
+    def fast(self) -> tuple[dict[str, Any], float]:
+        """The 20 Hz tags, and their age in ms; empty and inf before the controller has published any."""
+        found = self._memory.fast.read()
+        if found is None or len(found.data) != _PACKED.size:
+            return {}, math.inf
+        stamp, *numbers = _PACKED.unpack(found.data)
+        age_ms = (time.monotonic_ns() - stamp) * 1e-6
+        return {name: shown(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
+
+    def slow(self) -> dict[str, Any]:
+        """All other tags; look at `version` to know whether they changed."""
+        now = (self._memory.slow.version, self._memory.alarms.version)
+        if now != self._seen:
+            slow, alarms = self._memory.slow.read(), self._memory.alarms.read()
+            if slow is not None:
+                self._slow = json.loads(slow.data)
+            if alarms is not None:
+                self._alarms = json.loads(alarms.data)
+            self._seen = now
+            self.version += 1
+        return {**self._slow, **self._alarms}
+
+
+def shown(name: str, number: float) -> Any:
+    """A packed number as its tag says: word, flag, whole number, rounded number, or None."""
+    tag = BY_NAME[name]
+    if not math.isfinite(number):
+        return None
+    match tag.kind:
+        case "enum":
+            index = int(number)
+            return tag.labels[index] if 0 <= index < len(tag.labels) else None
+        case "bool":
+            return number != 0.0
+        case "int":
+            return int(number)
+        case _:
+            return round(number, _DIGITS) + 0.0

@@ -1,0 +1,1 @@
+"""What travels between service and clients: messages, tags, roles."""

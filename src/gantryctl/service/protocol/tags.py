@@ -1,0 +1,238 @@
+"""The one table of tags: page, REST, OPC UA and local socket show these names and no others.
+
+A tag that says `both` is set by a command; its role is the lowest one that may set it. All others are read only.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final, Literal, NamedTuple, TypeAlias
+
+from gantryctl.image import DriveState, Mode
+from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
+from gantryctl.service.protocol.messages import ARMABLE
+
+Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows"]
+Rate: TypeAlias = Literal["20 Hz", "1 Hz", "on change"]
+
+
+class Tag(NamedTuple):
+    """One value that the service shows.
+
+    Attributes:
+        unit: "" where there is none.
+        direction: `out` is shown only, `both` can be set by a command too.
+        rate: how often it is computed anew; `on change` is sent once and then when it changes.
+        role: who may read it, or set it where the direction is `both`.
+        labels: the words of an enum, in the order of their numbers.
+    """
+
+    name: str
+    unit: str
+    kind: Kind
+    direction: Literal["out", "both"]
+    rate: Rate
+    role: str
+    meaning: str
+    labels: tuple[str, ...] = ()
+
+
+def _labels(kind: type[Enum]) -> tuple[str, ...]:
+    return tuple(member.name.lower() for member in kind)
+
+
+def _out(name: str, unit: str, kind: Kind, rate: Rate, meaning: str, labels: tuple[str, ...] = ()) -> Tag:
+    return Tag(name, unit, kind, "out", rate, "viewer", meaning, labels)
+
+
+def _set(name: str, unit: str, kind: Kind, role: str, meaning: str, labels: tuple[str, ...] = ()) -> Tag:
+    return Tag(name, unit, kind, "both", "on change", role, meaning, labels)
+
+
+_FRAME: Final = (
+    _out(
+        "frame",
+        "",
+        "int",
+        "20 Hz",
+        "Status frame number of the controller, one every 50 ms. Commands echo it.",
+    ),
+    _out("epoch", "", "int", "20 Hz", "Command epoch. Commands of another epoch are refused."),
+    _out("scan", "", "int", "20 Hz", "Scans since the controller started."),
+    _out("time_s", "s", "float", "20 Hz", "Nominal time of the scan since the controller started."),
+)
+
+_MOTION: Final = (
+    _out("pos_act_deg", "deg", "float", "20 Hz", "Measured angle of the gantry, motor side."),
+    _out("vel_act_deg_s", "deg/s", "float", "20 Hz", "Measured speed of the gantry, motor side."),
+    _out("pos_ref_deg", "deg", "float", "20 Hz", "Set-point angle."),
+    _out("vel_ref_deg_s", "deg/s", "float", "20 Hz", "Set-point speed."),
+    _out("acc_ref_deg_s2", "deg/s2", "float", "20 Hz", "Set-point acceleration."),
+    _out("vel_cmd_deg_s", "deg/s", "float", "20 Hz", "Speed command to the drive, at the gantry."),
+    _out("pos_err_deg", "deg", "float", "20 Hz", "Following error: set-point minus measured angle."),
+    _out("torque_act_nm", "N m", "float", "20 Hz", "Motor torque that the drive reports."),
+    _out("torque_expected_nm", "N m", "float", "20 Hz",
+         "Motor torque expected from the motion so far (learned); null until learned."),
+    _out("overload", "", "float", "20 Hz", "Part of the drive's overload budget used, 0..1."),
+    _out("target_deg", "deg", "float", "20 Hz", "Where the present set-point plan ends."),
+    _out("time_left_s", "s", "float", "20 Hz", "Until the set-point plan ends; 0 at rest."),
+    _out("stopping_angle_deg", "deg", "float", "20 Hz", "Way to rest if the key were released or Stop pressed now."),
+    _out("quick_stop_angle_deg", "deg", "float", "20 Hz", "Way to rest with a quick stop now: rigid, no reaction."),
+    _out("travel_left_minus_deg", "deg", "float", "20 Hz", "Cable left in the minus direction."),
+    _out("travel_left_plus_deg", "deg", "float", "20 Hz", "Cable left in the plus direction."),
+)  # fmt: skip
+
+_STATE: Final = (
+    _out("axis_state", "", "enum", "20 Hz", "PLCopen axis state.", _labels(AxisState)),
+    _out("drive_state", "", "enum", "20 Hz", "CiA 402 state of the drive.", _labels(DriveState)),
+    _out("power_phase", "", "enum", "20 Hz", "Where the power sequence is.", _labels(PowerPhase)),
+    _out("power", "", "bool", "20 Hz", "Power is on: the axis follows commands."),
+    _out("brake_open", "", "bool", "20 Hz", "Brake feedback contact."),
+    _out("brake_open_cmd", "", "bool", "20 Hz", "Brake release command."),
+    _out("at_rest", "", "bool", "20 Hz", "The set-point is at rest and no motion waits."),
+    _out("in_position", "", "bool", "20 Hz", "At rest within the window for the dwell time."),
+    _out("torque_limited", "", "bool", "20 Hz", "The drive is at its torque limit."),
+    _out("position_valid", "", "bool", "20 Hz", "The encoder can be believed."),
+    _out("estop_ok", "", "bool", "20 Hz", "Emergency-stop chain closed."),
+    _out("enabling_switch", "", "bool", "20 Hz", "Enabling switch pressed; see `speed_cap_deg_s`."),
+    _out("limit_minus_ok", "", "bool", "20 Hz", "Limit switch minus not reached."),
+    _out("limit_plus_ok", "", "bool", "20 Hz", "Limit switch plus not reached."),
+    _out("mains_ready", "", "bool", "20 Hz", "Mains ready."),
+    _out("lease_left_ms", "ms", "float", "20 Hz", "What is left of the hold-to-run lease; 0 when none lives."),
+    _out("alarm_count", "", "int", "20 Hz", "Active alarms."),
+    _out("refusal_count", "", "int", "20 Hz", "Commands refused by the program since the start."),
+)  # fmt: skip
+
+_HEALTH: Final = (
+    _out("feedback_age_ms", "ms", "float", "20 Hz", "Age of the drive's process data (TPDO) in this scan."),
+    _out("heartbeat_age_ms", "ms", "float", "20 Hz", "Age of the drive's last heartbeat; null without a bus."),
+    _out("scan_period_ms", "ms", "float", "1 Hz", "Nominal scan period."),
+    _out("scan_lateness_p50_us", "us", "float", "1 Hz", "Lateness of the scans of the last 10 s, median."),
+    _out("scan_lateness_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),
+    _out("scan_lateness_max_us", "us", "float", "1 Hz", "The latest scan since the start."),
+    _out("scan_lateness_p99_deg", "deg", "float", "1 Hz", "The same 99 % as an angle at the highest speed."),
+    _out("scan_lateness_max_deg", "deg", "float", "1 Hz", "The latest scan as an angle at the highest speed."),
+    _out("scan_run_p50_us", "us", "float", "1 Hz", "Time a scan takes, median of the last 10 s."),
+    _out("scan_run_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),
+    _out("scan_overruns", "", "int", "1 Hz", "Scans that ended after the next one was due."),
+    _out("scan_skipped", "", "int", "1 Hz", "Deadlines that passed without a scan."),
+    _out("real_time", "", "bool", "1 Hz", "SCHED_FIFO and locked memory were granted."),
+    _out("journal_sequence", "", "int", "20 Hz", "Events handed to the journal by the controller."),
+    _out("journal_committed", "", "int", "20 Hz", "The last of them that is safe on the disk."),
+    _out("journal_state", "", "enum", "20 Hz", "Health of the journal; anything but ok or slow refuses new motion.",
+         ("ok", "slow", "full", "failed", "locked")),
+    _out("recording", "", "bool", "20 Hz", "A trace is being recorded."),
+    _out("trace_rows_lost", "", "int", "1 Hz", "Rows that found no place in the trace ring."),
+    _out("events_lost", "", "int", "1 Hz", "Events of the controller that found no place in the event ring."),
+)  # fmt: skip
+
+_AUTHORITY: Final = (
+    _out("authority_user", "", "text", "on change", "Who has control; empty when nobody."),
+    _out(
+        "authority_client", "", "text", "on change", "Client id of the holder; `welcome.client` is one's own."
+    ),
+    _out("authority_local", "", "bool", "on change", "The holder sits at the local console."),
+    _set("mode", "", "enum", "operator", "Motion mode; changes at standstill only.", _labels(Mode)),
+    _set("speed_setting_deg_s", "deg/s", "float", "operator", "Speed of moves, keys and increments."),
+    _set("increment_deg", "deg", "float", "operator", "One increment."),
+    _set("override_percent", "%", "float", "operator", "Speed override, 0..100."),
+    _set(
+        "acc_setting_deg_s2",
+        "deg/s2",
+        "float",
+        "physicist",
+        "Acceleration and deceleration of normal motion.",
+    ),
+)
+
+_ARMED: Final = (
+    _out("armed_action", "", "enum", "on change", "What is armed: the next step executes it.", ("none", *ARMABLE)),
+    _out("armed_by", "", "text", "on change", "Who armed it; empty when nothing is armed."),
+    _out("armed_client", "", "text", "on change", "Client id of whoever armed it."),
+    _out("armed_left_s", "s", "float", "20 Hz", "How long it stays armed; 0 when nothing is."),
+    _out("second_person", "", "bool", "on change", "Another user than the one who armed must execute."),
+    _out("reset_locked", "", "bool", "on change",
+         "A reset now meets something locked: it needs the service role, and `arm` first."),
+)  # fmt: skip
+
+_BRAKE: Final = (
+    _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
+    _out("brake_test_blocked", "", "text", "on change", "Why it cannot be tested here; empty when it can."),
+    _out("brake_test_phase", "", "enum", "20 Hz", "Where the brake test is; idle when none is under way.",
+         _labels(BrakeTestPhase)),
+    _out("brake_test_left_s", "s", "float", "20 Hz", "Until the test under way ends; 0 when none is."),
+    _out("brake_test_torque_nm", "N m", "float", "20 Hz",
+         "Torque that the test puts on the brake now; the motor's own is `torque_act_nm`."),
+    _out("brake_test_moved_deg", "deg", "float", "20 Hz", "Farthest way during the test under way or the last one."),
+    _out("brake_test_level_nm", "N m", "float", "on change", "Torque that the closed brake must hold, both ways."),
+    _out("brake_test_limit_deg", "deg", "float", "on change", "The axis may move this far under it."),
+    _out("brake_test_result", "", "enum", "on change", "How the last test ended; aborted ones show nothing.",
+         _labels(BrakeTestOutcome)),
+    _out("brake_tests", "", "int", "on change", "Tests that have ended since the controller started."),
+    _out("brake_test_text", "", "text", "on change", "The last test in one sentence, with what was measured."),
+    _out("brake_test_plus_nm", "N m", "float", "on change",
+         "Torque on the brake in the plus direction, mean while held; null when it was not held."),
+    _out("brake_test_minus_nm", "N m", "float", "on change", "The same in the minus direction."),
+    _out("brake_tested_at", "", "text", "on change",
+         "Date and time (UTC) of the last test that passed or failed; empty when there was none."),
+    _out("brake_test_due_at", "", "text", "on change",
+         "The next test is due then (UTC) at the latest; empty where it cannot be tested or never was."),
+    _out("brake_test_cycles_left", "", "int", "on change", "It is due after so many power-ups at the latest."),
+    _out("brake_test_overdue", "", "bool", "on change", "It is overdue: nothing moves faster than 1 deg/s."),
+)  # fmt: skip
+
+_LIMITS: Final = (
+    _out("speed_min_deg_s", "deg/s", "float", "on change", "Lowest speed setting."),
+    _out("speed_max_deg_s", "deg/s", "float", "on change", "Highest speed setting."),
+    _out("speed_cap_deg_s", "deg/s", "float", "on change",
+         "Keys and increments above this need the enabling switch."),
+    _out("acc_min_deg_s2", "deg/s2", "float", "on change", "Lowest acceleration setting."),
+    _out("acc_max_deg_s2", "deg/s2", "float", "on change", "Highest acceleration setting, that of the machine file."),
+    _out("increment_max_deg", "deg", "float", "on change", "Largest increment."),
+    _out("pos_min_deg", "deg", "float", "on change", "The set-point never passes this."),
+    _out("pos_max_deg", "deg", "float", "on change", "The set-point never passes this."),
+    _out("over_travel_deg", "deg", "float", "on change", "The measured angle trips beyond +- this."),
+    _out("limit_switch_deg", "deg", "float", "on change", "Limit switches stand at +- this."),
+    _out("mechanical_stop_deg", "deg", "float", "on change", "Mechanical stops stand at +- this."),
+    _out("following_error_trip_deg", "deg", "float", "20 Hz", "Following error that stops the axis, at this speed."),
+    _out("torque_rated_nm", "N m", "float", "on change", "Motor torque for ever."),
+    _out("torque_max_nm", "N m", "float", "on change", "Motor torque limit."),
+)  # fmt: skip
+
+_MACHINE: Final = (
+    _out("machine", "", "text", "on change", "Name of the machine."),
+    _out("drive_kind", "", "text", "on change", "sim, ideal or canopen."),
+    _out("config_hash", "", "text", "on change", "Short hash of the machine file in force."),
+    _out("version", "", "text", "on change", "Version of gantryctl."),
+    _out("blocked_by", "", "text", "on change", "Why power cannot be switched on; empty when it can."),
+    _out("eccentric_moment_nm", "N m", "float", "1 Hz",
+         "Eccentric moment at the gantry, learned from the torque; null until learned."),
+    _out("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it would come to rest by itself; null until learned."),
+    _out("refusal_text", "", "text", "on change", "The last command that the program refused, and why."),
+    _out("alarms", "", "rows", "on change", "Active alarms, the first-out first (rows below)."),
+    _out("alarm_history", "", "rows", "on change", "The last 50 alarms, newest first (rows below)."),
+)  # fmt: skip
+
+TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_ARMED, *_BRAKE, *_LIMITS, *_MACHINE)
+BY_NAME: Final = {tag.name: tag for tag in TAGS}
+
+ALARM_ROW: Final = {
+    "id": "number of the alarm since the controller started",
+    "code": "stable code, e.g. CTL-03",
+    "severity": "INFO, WARNING, REFUSED or STOP",
+    "title": "two or three words",
+    "measured": "what was measured against which limit",
+    "done": "what gantryctl did about it",
+    "to_do": "what to do",
+    "cause": "what it means",
+    "text": "the whole line",
+    "at": "date and time, UTC",
+    "time_s": "time of the scan",
+    "pos_act_deg": "angle at the alarm",
+    "active": "still latched or present",
+    "first_out": "it stopped the axis",
+    "follows": "code of the first-out alarm that it follows, or empty",
+    "lock": "only service may reset it",
+    "acknowledged_by": "who has seen it, or empty",
+}
+"""Keys of one row of `alarms` and `alarm_history`."""

@@ -1,0 +1,1 @@
+"""The recorder process: journal and recordings on the disk."""

@@ -1,0 +1,290 @@
+"""The journal: every command, alarm, change of control or setting and login, each bound to the one before.
+
+SQLite in WAL mode with `synchronous=FULL`: what `append` has returned for survives a kill and a power cut. Row n holds
+the SHA-256 over row n-1's hash and its own content, so any single edit shows.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from gantryctl.errors import DeviceError
+from gantryctl.service.recorder import journal_file as file
+
+KEPT_LEAST: Final = 1000
+"""Events that stay whatever their age and size."""
+PRUNED_MOST: Final = 20_000
+"""Events taken out in one commit: no longer than a second."""
+OWN: Final = 9
+"""Source of the events that the journal's writer adds."""
+DAMAGED: Final = "JRN-05"
+"""The first event of a journal begins with it when the one before was damaged."""
+
+
+class JournalFault(DeviceError):
+    """The journal cannot keep events now: disk full, read-only, failing."""
+
+
+class Entry(NamedTuple):
+    """One row."""
+
+    seq: int
+    values: dict[str, Any]
+    hash: str
+
+
+class Anchor(NamedTuple):
+    """One event's number and hash, to be kept where nobody who can write the journal can change it."""
+
+    seq: int
+    hash: str
+    utc: str
+
+
+class Verdict(NamedTuple):
+    """What `verify` found.
+
+    Attributes:
+        rows: rows looked at.
+        wrong: the first thing that is wrong, or "".
+        first: number of the first row; above 1 when older ones were taken out by age or size.
+        anchors: how many of the anchors given were found in the chain.
+    """
+
+    rows: int
+    wrong: str
+    first: int = 1
+    anchors: int = 0
+
+
+class Journal:
+    """The one writer's journal of a directory; a damaged one is moved aside and a new one begun.
+
+    Attributes:
+        moved_aside: where the damaged one went, or None.
+
+    Args:
+        connect: opens the database, in autocommit; a test puts a file system of its own under it.
+
+    Raises:
+        JournalFault: the directory cannot be used.
+    """
+
+    def __init__(self, directory: Path, connect: Callable[[Path], sqlite3.Connection] | None = None) -> None:
+        self.path = directory / file.FILE
+        connect = connect or file.connect
+        self.moved_aside: Path | None = None
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+            self._db = file.open_file(self.path, connect)
+        except (file.Damaged, sqlite3.Error, OSError, ValueError, TypeError) as fault:
+            if not file.is_damage(fault):
+                raise JournalFault(f"{self.path}: {fault}") from fault
+            self.moved_aside = file.move_aside(self.path)
+            self._db = file.open_file(self.path, connect)
+        self._seq, self._hash = self._db.execute("SELECT seq, hash FROM head").fetchone()
+
+    def append(self, boot: int, source: int, first: int, records: Sequence[bytes | None]) -> None:
+        """Keep events; on the disk when this returns. Those that are there already are left out.
+
+        Args:
+            boot: number of this start of the service. source: who wrote them.
+            first: number of the first one, counted by its source.
+            records: as `EventLog.put` made them; None for one that was damaged on the way.
+
+        Raises:
+            JournalFault: nothing of it was kept.
+        """
+        seq, last = self._seq, self._hash
+        try:
+            with self._db:  # commits, or rolls back
+                self._db.execute("BEGIN IMMEDIATE")
+                for number, record in enumerate(records, first):
+                    values = file.row_of(boot, source, number, record)
+                    known = "SELECT 1 FROM events WHERE boot = ? AND source = ? AND number = ?"
+                    if self._db.execute(known, (boot, source, number)).fetchone():
+                        continue
+                    seq, last = seq + 1, file.chained(last, seq + 1, values)
+                    self._db.execute(file.INSERT, (seq, *values, last))
+                self._db.execute("UPDATE head SET seq = ?, hash = ?", (seq, last))
+        except sqlite3.Error as fault:
+            raise JournalFault(f"{self.path}: {fault}") from fault
+        self._seq, self._hash = seq, last
+
+    def prune(self, before_utc: str, bytes_max: int) -> int:
+        """Take out the oldest events, and write down which and their hash in the same commit; how many.
+
+        The newest `KEPT_LEAST` stay, whatever the limits; one call takes `PRUNED_MOST` at most.
+
+        Args:
+            before_utc: events of before this time go, ISO 8601; "" for no limit.
+            bytes_max: what the events may occupy. The file does not shrink: its room is used again.
+
+        Raises:
+            JournalFault: nothing was changed.
+        """
+        db, head = self._db, self._seq
+        try:
+            base = db.execute("SELECT seq FROM base").fetchone()[0]
+            upto = max(file.older(db, before_utc, base), file.surplus(db, bytes_max, base, head))
+            upto = min(upto, head - KEPT_LEAST, base + PRUNED_MOST)
+            if upto <= base:
+                return 0
+            last = db.execute("SELECT hash FROM events WHERE seq = ?", (upto,)).fetchone()[0]
+            said = file.own_record(
+                "journal", f"events {base + 1} to {upto} were taken out by age or size", base=upto, hash=last
+            )
+            values = file.row_of(0, OWN, time.time_ns(), said)
+            seq, head_hash = head + 1, file.chained(self._hash, head + 1, values)
+            with db:
+                db.execute("BEGIN IMMEDIATE")
+                db.execute(file.INSERT, (seq, *values, head_hash))
+                db.execute("UPDATE head SET seq = ?, hash = ?", (seq, head_hash))
+                db.execute("DELETE FROM events WHERE seq <= ?", (upto,))
+                db.execute("UPDATE base SET seq = ?, hash = ?", (upto, last))
+        except sqlite3.Error as fault:
+            raise JournalFault(f"{self.path}: {fault}") from fault
+        self._seq, self._hash = seq, head_hash
+        return int(upto - base)
+
+    def locked(self) -> bool:
+        """It was begun because the one before was damaged, and nobody has acknowledged that yet."""
+        first = self._db.execute("SELECT text FROM events WHERE seq = 1").fetchone()
+        if first is None or not first[0].startswith(DAMAGED):
+            return False
+        acknowledged = "SELECT 1 FROM events WHERE kind = 'journal' AND source <> ? LIMIT 1"
+        return self._db.execute(acknowledged, (OWN,)).fetchone() is None
+
+    def note(self, kind: str, text: str) -> None:
+        """Keep an event of the recorder's own."""
+        self.append(0, OWN, time.time_ns(), [file.own_record(kind, text)])
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+
+def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: bool = False) -> list[Entry]:
+    """Rows by number, from another process than the writer's.
+
+    Raises:
+        DeviceError: there is none, or it cannot be read.
+    """
+    order = "DESC" if newest else "ASC"
+    query = f"SELECT * FROM events WHERE seq > ? ORDER BY seq {order} LIMIT ?"
+    with _reading(directory) as rows:
+        found = [_entry(row) for row in rows(query, (after, limit))]
+    return found[::-1] if newest else found
+
+
+def anchor(directory: Path) -> Anchor:
+    """The newest event.
+
+    Raises:
+        DeviceError: there is no journal, or it is empty.
+    """
+    newest = read_journal(directory, limit=1, newest=True)
+    if not newest:
+        raise DeviceError(f"{directory / file.FILE}: no event yet")
+    return Anchor(newest[0].seq, newest[0].hash, newest[0].values["utc"])
+
+
+def verify(directory: Path, anchors: Sequence[Anchor] = (), newest: int = 0) -> Verdict:
+    """Look at every row and its hash, whether the end is there, and whether what was taken out was written down.
+
+    Args:
+        anchors: events that must be in it as they were. Those from before its first row are not looked for.
+        newest: only so many, for a first look; 0 for all.
+
+    Raises:
+        DeviceError: there is none.
+    """
+    try:
+        with _reading(directory) as rows:
+            return _verified(rows, {each.seq: each for each in anchors}, newest)
+    except file.Damaged as fault:
+        return Verdict(0, str(fault))
+
+
+def _verified(rows: _Rows, anchors: dict[int, Anchor], newest: int) -> Verdict:
+    base, base_hash = next(iter(rows("SELECT seq, hash FROM base", ())), (0, file.START))
+    written_down, said = base == 0, json.dumps({"base": base, "hash": base_hash})
+    if newest:
+        before = "SELECT seq, hash FROM events WHERE seq = (SELECT seq FROM head) - ?"
+        base, base_hash = next(iter(rows(before, (newest,))), (base, base_hash))
+        written_down = True
+    count, last, found = base, base_hash, 0
+
+    def verdict(wrong: str) -> Verdict:
+        return Verdict(count - base, wrong, base + 1, found)
+
+    if base in anchors and anchors[base].hash != base_hash:
+        return verdict(f"event {base} is another one than on {anchors[base].utc}")
+    for row in rows("SELECT * FROM events WHERE seq > ? ORDER BY seq", (base,)):
+        count += 1
+        if row[0] != count:
+            return verdict(f"row {count} is missing")
+        last = file.chained(last, count, row[1:-1])
+        if last != row[-1]:
+            return verdict(f"row {count} was changed, or one before it was taken out or put in")
+        known = anchors.get(count)
+        if known is not None and known.hash != last:
+            return verdict(f"event {count} is another one than on {known.utc}")
+        found += known is not None
+        written_down = written_down or row[-2] == said
+    wrong = _end(rows, anchors, count, last)
+    if not (wrong or written_down):
+        wrong = f"rows up to {base} were taken out, and no event says so"
+    return verdict(wrong)
+
+
+def _end(rows: _Rows, anchors: dict[int, Anchor], count: int, last: str) -> str:
+    """What is wrong with the end, or ""."""
+    head = next(iter(rows("SELECT seq, hash FROM head", ())), None)
+    if head != (count, last):
+        return f"the end is missing: {count} rows, {head[0] if head else 'none'} were written"
+    beyond = [each for each in anchors.values() if each.seq > count]
+    return (
+        f"the end is missing: {count} rows, event {beyond[0].seq} was there on {beyond[0].utc}"
+        if beyond
+        else ""
+    )
+
+
+@contextmanager
+def _reading(directory: Path) -> Iterator[_Rows]:
+    """The journal as it is now: `rows(query, values)` yields tuples."""
+    path = directory / file.FILE
+    if not path.is_file():
+        raise DeviceError(f"{path}: there is no journal yet")
+    try:
+        db = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
+    except sqlite3.Error as fault:
+        raise DeviceError(f"{path}: {fault}") from fault
+    with closing(db):
+        try:
+            db.execute("BEGIN")  # one picture, whatever is written meanwhile
+        except sqlite3.Error as fault:
+            raise DeviceError(f"{path}: {fault}") from fault
+        yield _Rows(db, path)
+
+
+class _Rows:
+    def __init__(self, db: sqlite3.Connection, path: Path) -> None:
+        self._db, self._path = db, path
+
+    def __call__(self, query: str, values: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
+        try:
+            yield from self._db.execute(query, values)
+        except (sqlite3.Error, ValueError) as fault:
+            raise file.Damaged(f"{self._path}: {fault}") from fault
+
+
+def _entry(row: tuple[Any, ...]) -> Entry:
+    return Entry(row[0], dict(zip(file.FIELDS, row[1:-1], strict=True)), row[-1])

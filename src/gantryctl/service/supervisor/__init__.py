@@ -1,0 +1,1 @@
+"""The parent process: starts, watches and ends the others; users and certificates."""

@@ -1,0 +1,193 @@
+"""The parent of the service's processes: starts them, starts them again, ends them; serves the local socket.
+
+The controller ends first when the service ends, so that the axis is at rest while the journal still takes events.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import signal
+import sys
+import time
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gantryctl.errors import DeviceError
+from gantryctl.machine import Machine, config_hash
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.clients.local import LocalServer
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.supervisor.certificates import CertificateWatch
+from gantryctl.service.supervisor.child import Child
+from gantryctl.service.supervisor.notify import notify
+from gantryctl.service.supervisor.user_watch import UserWatch
+from gantryctl.service.supervisor.users import Users
+
+READY_S: Final = 20.0
+_CONTROLLER_END_S: Final = 25.0
+_END_S: Final = 8.0
+_CERTIFICATES_S: Final = 3600.0
+_LOOK_S: Final = 1.0
+_HELD_UP_S: Final = 3.0
+"""Whoever looks so late was held up, and so were the others: nobody is judged by it."""
+
+
+class Options(NamedTuple):
+    """What the service is told beside where it listens.
+
+    Attributes:
+        keeping: how much the recorder keeps.
+        certificates: the files whose end is watched, as they are now.
+        second_person: what one user arms, another one executes.
+        users: whose changes are written down.
+    """
+
+    keeping: Keeping
+    certificates: Callable[[], list[Path]]
+    second_person: bool
+    users: Users
+
+
+class Supervisor:
+    """The service of one machine.
+
+    Args:
+        config: the machine file that the controller loads. directory: the machine's state directory.
+        gateway: command line of the gateway without the handle, or None for a service without a page.
+        listener: handle of its listening socket. opcua: command line of the OPC UA server, or None.
+        say: gets one line for whoever started the service.
+        options: the rest.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        config: Path,
+        directory: Path,
+        gateway: Sequence[str] | None,
+        listener: int,
+        opcua: Sequence[str] | None,
+        say: Callable[[str], None],
+        options: Options,
+    ) -> None:
+        self.memory = SharedMemory.create()
+        self.memory.words[Word.BOOT] = secrets.randbits(62)
+        self.memory.words[Word.CONTROLLER_CLEAN] = 1
+        handle = self.memory.handle
+        run = [sys.executable, "-m"]
+        wanted = config_hash(machine)
+        self.controller = Child(
+            "controller",
+            [*run, "gantryctl.service.controller", str(handle), str(config), wanted]
+            + (["--second-person"] if options.second_person else []),
+            [handle],
+            critical=True,
+        )
+        recorder = [
+            *run,
+            "gantryctl.service.recorder",
+            str(handle),
+            str(directory),
+            options.keeping.to_json(),
+        ]
+        self.recorder = Child(
+            "recorder", recorder, [handle], beat_ns=lambda: self.memory.words[Word.RECORDER_NS]
+        )
+        self.gateway: Child | None = None
+        if gateway is not None:
+            self.gateway = Child(
+                "gateway",
+                [*run, *gateway, str(handle)],
+                [handle, listener],
+                beat_ns=lambda: self.memory.words[Word.GATEWAY_NS],
+            )
+        self.opcua: Child | None = None
+        if opcua is not None:
+            self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle])
+        self._directory, self._say, self._options = directory, say, options
+        self.hub: Hub
+
+    async def run(self, ready: Callable[[], None]) -> int:
+        """Run until a signal or until the controller cannot be kept running; the exit code.
+
+        Raises:
+            DeviceError: the controller does not start.
+        """
+        ended = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            loop.add_signal_handler(number, ended.set)
+        self.hub = Hub(self.memory, Source.LOCAL)
+        server = LocalServer(self._directory, self.hub)
+        keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
+        own = [asyncio.create_task(work) for work in (self.hub.run(), self._watch(), ended.wait())]
+        try:
+            await self._until_ready(keepers[self.controller], ended)
+            await server.start()
+            if not ended.is_set():
+                ready()
+                notify("READY")
+            await asyncio.wait({*own, keepers[self.controller]}, return_when=asyncio.FIRST_COMPLETED)
+            for task in own:
+                if task.done() and (fault := task.exception()) is not None:
+                    raise DeviceError(f"the first process of the service failed: {fault!r}")
+            return 0 if ended.is_set() else DeviceError.exit_code
+        finally:
+            notify("STOPPING")
+            await self._end()
+            server.close()
+            for task in (*own, *keepers.values()):
+                task.cancel()
+
+    def _children(self) -> list[Child]:
+        return [
+            child for child in (self.recorder, self.controller, self.gateway, self.opcua) if child is not None
+        ]
+
+    def _tell(self, text: str) -> None:
+        self._say(text)
+        self.hub.events.put("service", text)
+
+    async def _watch(self) -> None:
+        """Once a second: processes that hang, users that were changed, certificates that end; a word to systemd."""
+        certificates, users = CertificateWatch(), UserWatch(self._options.users)
+        before_s = certificates_s = time.monotonic() - _CERTIFICATES_S
+        while True:
+            now_s = time.monotonic()
+            if now_s - before_s < _HELD_UP_S:
+                for child in self._children():
+                    child.end_hung(self._tell, time.monotonic_ns())
+            before_s = now_s
+            for text in users.changes():
+                self.hub.events.put("user", text)
+            if now_s - certificates_s >= _CERTIFICATES_S:
+                certificates_s = now_s
+                for text in certificates.due(self._options.certificates(), datetime.now(UTC)):
+                    self._say(text)
+                    self.hub.events.put("alarm", text)
+            if self.hub.fresh:
+                notify("WATCHDOG")
+            await asyncio.sleep(_LOOK_S)
+
+    async def _until_ready(self, keeper: asyncio.Task[None], ended: asyncio.Event) -> None:
+        until_s = time.monotonic() + READY_S
+        while not (self.hub.fresh or ended.is_set()):
+            if time.monotonic() > until_s or keeper.done():
+                raise DeviceError("the controller does not start; what it said stands above")
+            await asyncio.sleep(0.02)
+
+    async def _end(self) -> None:
+        """Axis first, then page, then journal."""
+        self.hub.events.put("service", "the service ends")
+        lookers = [child for child in (self.gateway, self.opcua) if child is not None]
+        for child in lookers:
+            child.leave()
+        await self.controller.end(_CONTROLLER_END_S)
+        for child in lookers:
+            await child.end(_END_S)
+        await self.recorder.end(_END_S)
+        self.memory.close()

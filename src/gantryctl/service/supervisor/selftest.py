@@ -1,0 +1,107 @@
+"""What is looked at before the service starts; nothing here moves or writes anything of the machine."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gantryctl.errors import GantryctlError
+from gantryctl.machine import Machine
+from gantryctl.operation import StateStore
+from gantryctl.operation.virtual import is_simulated
+from gantryctl.service.memory.memory import SharedMemory
+from gantryctl.service.recorder.journal import verify
+from gantryctl.service.recorder.journal_file import FILE
+from gantryctl.service.recorder.retention import MB, Keeping, free_of
+from gantryctl.service.supervisor.users import Users
+
+_NEWEST: Final = 100_000
+
+
+class Check(NamedTuple):
+    """One thing looked at; `vital` ones stop the start when they fail."""
+
+    name: str
+    ok: bool
+    text: str
+    vital: bool = True
+
+
+def self_test(machine: Machine, store: StateStore, root: Path, keeping: Keeping) -> list[Check]:
+    """All checks, none left out when one fails."""
+    return [
+        _memory(),
+        _clock(),
+        _state(machine, store),
+        _disk(store.directory, keeping),
+        _journal(store.directory),
+        _users(root),
+    ]
+
+
+def _memory() -> Check:
+    """A record through a ring and a picture through the sequence lock."""
+    try:
+        memory = SharedMemory.create()
+    except GantryctlError as fault:
+        return Check("shared memory", False, str(fault))
+    token = os.urandom(200)
+    memory.slow.publish(token)
+    found = memory.slow.read()
+    whole = memory.commands[0].put(token) and memory.commands[0].take() == token
+    memory.close()
+    return Check("shared memory", bool(whole and found and found.data == token), "ring and sequence lock")
+
+
+def _clock() -> Check:
+    """The monotonic clock must be finer than a scan."""
+    step_s = time.get_clock_info("monotonic").resolution
+    return Check("clock", step_s < 1e-5, f"CLOCK_MONOTONIC, resolution {step_s:.1e} s")
+
+
+def _state(machine: Machine, store: StateStore) -> Check:
+    """Nobody else runs this machine, and its memory can be read."""
+    try:
+        with store:
+            retained, plant = store.load_retained(), store.load_plant()
+    except GantryctlError as fault:
+        return Check("state", False, str(fault))
+    if not is_simulated(machine):
+        return Check("state", True, "no retained memory yet" if retained is None else "retained memory read")
+    if (retained is None) != (plant is None):
+        return Check(
+            "state", False, "retained memory and simulated plant do not belong together: gantryctl sim reset"
+        )
+    return Check("state", True, "a new machine" if retained is None else "retained memory and plant read")
+
+
+def _disk(directory: Path, keeping: Keeping) -> Check:
+    free_mb, least = free_of(directory)() / MB, keeping.event_reserve_mb
+    return Check("disk", free_mb >= least, f"{free_mb:.0f} MB free, at least {least:g} MB for the journal")
+
+
+def _journal(directory: Path) -> Check:
+    """A damaged journal does not stop the start: it is moved aside, and motion waits for service.
+
+    The newest events are looked at, which takes a second at most; `gantryctl journal verify` looks at all.
+    """
+    if not (directory / FILE).exists():
+        return Check("journal", True, "a new one", vital=False)
+    try:
+        verdict = verify(directory, newest=_NEWEST)
+    except GantryctlError as fault:
+        return Check("journal", False, str(fault), vital=False)
+    return Check(
+        "journal", not verdict.wrong, verdict.wrong or f"{verdict.rows} events, chain intact", vital=False
+    )
+
+
+def _users(root: Path) -> Check:
+    try:
+        count = len(Users(root).all())
+    except (GantryctlError, json.JSONDecodeError) as fault:
+        return Check("users", False, str(fault))
+    return Check("users", True, f"{count} users" if count else "no users yet: nobody can log in", vital=False)

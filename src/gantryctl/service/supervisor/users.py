@@ -1,0 +1,151 @@
+"""Users of the service: one file with names, roles and scrypt hashes, written by the local command line only."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+import os
+import re
+import secrets
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Final, NamedTuple
+
+from gantryctl.errors import StateError, UsageError
+from gantryctl.service.protocol.roles import Role
+
+FILE: Final = "users.json"
+FORMAT: Final = "gantryctl users, version 1"
+PASSWORD_MIN: Final = 12
+PASSWORD_MAX: Final = 256
+_NAME: Final = re.compile(r"[a-z][a-z0-9._-]{0,31}")
+_N, _R, _P = 2**15, 8, 1
+_MEMORY: Final = 128 * 2**20
+
+
+class User(NamedTuple):
+    """One user.
+
+    Attributes:
+        salt, key: scrypt, hexadecimal. n, r, p: its cost.
+        since: when the password was set, UTC.
+    """
+
+    name: str
+    role: Role
+    salt: str
+    key: str
+    n: int
+    r: int
+    p: int
+    since: str
+
+
+class Users:
+    """The users of a state root; read anew whenever it is asked.
+
+    Args:
+        root: directory of the file.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.path = root / FILE
+
+    def all(self) -> dict[str, User]:
+        """By name.
+
+        Raises:
+            StateError: the file is damaged.
+        """
+        try:
+            found = json.loads(self.path.read_text(encoding="utf-8"))
+            if found["format"] != FORMAT:
+                raise ValueError(f"format {found['format']!r}")
+            return {name: _user(name, values) for name, values in found["users"].items()}
+        except FileNotFoundError:
+            return {}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError) as fault:
+            raise StateError(f"{self.path}: users cannot be read: {fault}") from fault
+
+    def add(self, name: str, role: Role, password: str) -> None:
+        """A new user.
+
+        Raises:
+            UsageError: the name is taken or not possible, or the password is too short.
+        """
+        if not _NAME.fullmatch(name):
+            raise UsageError(f"user name {name!a}: a small letter, then at most 31 of a-z 0-9 . _ -")
+        users = self.all()
+        if name in users:
+            raise UsageError(
+                f"there is a user {name} already: `gantryctl user passwd {name}`, or remove it first"
+            )
+        self._store({**users, name: made(name, role, password)})
+
+    def remove(self, name: str) -> None:
+        """Take a user out; UsageError when there is none."""
+        users = self.all()
+        _known(users, name)
+        self._store({other: user for other, user in users.items() if other != name})
+
+    def set_password(self, name: str, password: str) -> None:
+        """Another password; ends the sessions of this user. UsageError when there is no such user."""
+        users = self.all()
+        self._store({**users, name: made(name, _known(users, name).role, password)})
+
+    def check(self, name: str, password: str) -> User | None:
+        """The user if the password is right. Takes the same time for a name that is not there."""
+        user = self.all().get(name)
+        against = user or _NOBODY
+        right = hmac.compare_digest(_key(password, against), bytes.fromhex(against.key))
+        return user if right and user is not None else None
+
+    def _store(self, users: dict[str, User]) -> None:
+        values = {
+            name: {k: v for k, v in user._asdict().items() if k != "name"} for name, user in users.items()
+        }
+        text = json.dumps({"format": FORMAT, "users": values}, indent=1) + "\n"
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            handle, partial = tempfile.mkstemp(dir=self.path.parent, prefix=FILE)  # 0600
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(partial, self.path)
+        except OSError as fault:
+            raise StateError(f"{self.path}: users cannot be written: {fault.strerror or fault}") from fault
+
+
+def made(name: str, role: Role, password: str) -> User:
+    """A user with a fresh salt; UsageError for a password that is too short or too long."""
+    if not PASSWORD_MIN <= len(password) <= PASSWORD_MAX:
+        raise UsageError(
+            f"a password has {PASSWORD_MIN} to {PASSWORD_MAX} characters, this one has {len(password)}"
+        )
+    if password.lower().strip() == name:
+        raise UsageError("the password must not be the name")
+    when = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    user = User(name, role, secrets.token_hex(16), "", _N, _R, _P, when)
+    return user._replace(key=_key(password, user).hex())
+
+
+def _key(password: str, user: User) -> bytes:
+    salt, secret = bytes.fromhex(user.salt), password[: PASSWORD_MAX + 1].encode(errors="surrogatepass")
+    return hashlib.scrypt(secret, salt=salt, n=user.n, r=user.r, p=user.p, maxmem=_MEMORY, dklen=32)
+
+
+def _user(name: str, values: dict[str, Any]) -> User:
+    bytes.fromhex(values["salt"]), bytes.fromhex(values["key"])
+    return User(name, Role(values["role"]), **{k: values[k] for k in ("salt", "key", "n", "r", "p", "since")})
+
+
+def _known(users: dict[str, User], name: str) -> User:
+    if name not in users:
+        raise UsageError(f"there is no user {name!a}; there are: {', '.join(sorted(users)) or 'none'}")
+    return users[name]
+
+
+_NOBODY: Final = User("", Role.VIEWER, "00" * 16, "00" * 32, _N, _R, _P, "")

@@ -1,0 +1,126 @@
+"""Machine file to the settings of the PLC program, in SI. Nothing of [plant] is read here."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.machine import Machine
+from gantryctl.program.settings import (
+    AxisSettings,
+    Hold,
+    LawSettings,
+    MonitorSettings,
+    PowerSettings,
+    RampSettings,
+    SpeedSettings,
+    TravelSettings,
+)
+from gantryctl.units import rad
+from gantryctl.wiring.compensation import compensation_settings
+from gantryctl.wiring.simulator import counts_per_turn, total_ratio
+
+_MS: Final = 1e-3
+
+
+def axis_settings(
+    machine: Machine, holding_torque_nm: float = 0.0, torque_preload: bool = True
+) -> AxisSettings:
+    """The settings of one axis.
+
+    Args:
+        holding_torque_nm: learned holding torque from retained memory, motor side: the preload at the first
+            release of the brake.
+        torque_preload: the drive takes a torque beside the speed.
+    """
+    axis, speed, encoder = machine.axis, machine.speed, machine.encoder
+    return AxisSettings(
+        period_s=machine.control.scan_period_ms * _MS,
+        travel=TravelSettings(rad(axis.pos_min_deg), rad(axis.pos_max_deg), rad(axis.over_travel_deg)),
+        speed=SpeedSettings(
+            setting_min_rad_s=rad(speed.setting_min_deg_s),
+            setting_max_rad_s=rad(speed.setting_max_deg_s),
+            command_clamp_rad_s=rad(speed.command_clamp_deg_s),
+            overspeed_trip_rad_s=rad(speed.overspeed_trip_deg_s),
+        ),
+        ramps=_ramps(machine),
+        law=LawSettings(
+            kpp_per_s=machine.control.kpp_per_s,
+            kvf=machine.control.kvf,
+            ratio=total_ratio(machine),
+            counts_per_turn=counts_per_turn(machine),
+            turns=encoder.turns,
+            wrap_margin_rad=rad(encoder.wrap_margin_min_deg),
+        ),
+        power=_power(machine, holding_torque_nm, torque_preload),
+        monitors=_monitors(machine),
+        compensation=compensation_settings(machine),
+    )
+
+
+def _ramps(machine: Machine) -> RampSettings:
+    virtual = machine.virtual_axis
+    return RampSettings(
+        acc_rad_s2=rad(virtual.acc_deg_s2),
+        dec_rad_s2=rad(virtual.dec_deg_s2),
+        jerk_rad_s3=rad(virtual.jerk_deg_s3) if virtual.profile == "jerk_limited" else math.inf,
+        jog_release_dec_rad_s2=rad(virtual.jog_release_dec_deg_s2),
+        jog_release_jerk_rad_s3=rad(virtual.jog_release_jerk_deg_s3),
+        quick_dec_rad_s2=rad(virtual.quick_dec_deg_s2),
+    )
+
+
+def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> PowerSettings:
+    brake, monitors = machine.brake, machine.monitors
+    return PowerSettings(
+        torque_max_nm=machine.motor.torque_max_nm,
+        hold=Hold(brake.hold),
+        hold_brake_after_s=brake.hold_brake_after_s,
+        torque_preload=torque_preload,
+        proof_torque_nm=brake.proof_torque_nm,
+        holding_torque_nm=holding_torque_nm,
+        sag_max_rad=rad(brake.sag_max_deg),
+        brake_open_time_s=brake.open_time_ms * _MS,
+        brake_close_time_s=brake.close_time_ms * _MS,
+        brake_feedback_time_s=monitors.brake_feedback_time_ms * _MS,
+        test_torque_nm=brake.test_torque_nm,
+        untestable=untestable(machine, torque_preload),
+        power_up_time_s=monitors.power_up_time_ms * _MS,
+    )
+
+
+def untestable(machine: Machine, torque_preload: bool = True) -> str:
+    """Why the controller cannot test the brake, or nothing: it must keep it closed while the drive gives torque.
+
+    The simulated drive of this process always does what the brake command says, whoever owns the brake.
+    """
+    if machine.drive.kind != "canopen":
+        return ""
+    if machine.brake.owner != "object_60FE":
+        return (
+            f'[brake] owner = "{machine.brake.owner}": the drive works the brake itself and opens it whenever it is '
+            "enabled; use the drive's own brake test"
+        )
+    if not torque_preload:
+        return "the drive takes no torque beside the speed (60B2, 6077); use the drive's own brake test"
+    return ""
+
+
+def _monitors(machine: Machine) -> MonitorSettings:
+    m = machine.monitors
+    return MonitorSettings(
+        following_error_base_rad=rad(m.following_error_base_deg),
+        following_error_per_speed_s=m.following_error_per_speed_s,
+        following_error_warning_ratio=m.following_error_warning_ratio,
+        following_error_time_s=m.following_error_time_ms * _MS,
+        velocity_deviation_rad_s=rad(m.velocity_deviation_deg_s),
+        velocity_deviation_time_s=m.velocity_deviation_time_ms * _MS,
+        overspeed_time_s=m.overspeed_time_ms * _MS,
+        standstill_window_rad=rad(m.standstill_window_deg),
+        standstill_time_s=m.standstill_time_ms * _MS,
+        in_position_window_rad=rad(m.in_position_window_deg),
+        in_position_dwell_s=m.in_position_dwell_ms * _MS,
+        in_position_tolerance_time_s=m.in_position_tolerance_time_s,
+        torque_saturation_time_s=m.torque_saturation_time_ms * _MS,
+        lease_s=m.lease_ms * _MS,
+    )

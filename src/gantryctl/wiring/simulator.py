@@ -1,0 +1,218 @@
+"""Machine file to kernel parameters of the simulator: the one conversion to SI."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl import _core
+from gantryctl.engineering.instruments.load_encoder import SCALE_TERMS
+from gantryctl.machine import Machine
+from gantryctl.machine.tables.plant import GearError, Plant
+from gantryctl.motion import MotionLimits
+from gantryctl.units import rad
+
+GRAVITY_M_S2: Final = 9.81
+_RIPPLE_FULL_TORQUE_NM: Final = 20.0  # plant equations S5: below this the ripple shrinks with the torque
+
+
+def total_ratio(machine: Machine) -> float:
+    """Motor turns per gantry turn."""
+    return machine.axis.reducer_ratio * machine.axis.ring_ratio
+
+
+def fine_counts_per_turn(machine: Machine) -> int:
+    """Fine encoder counts per motor turn, as the drive evaluates them."""
+    return machine.encoder.lines * machine.encoder.interpolation
+
+
+def counts_per_turn(machine: Machine) -> int:
+    """Counts per motor turn that the controller reads: on a bus, increments of the drive."""
+    on_bus = machine.drive.kind == "canopen"
+    return machine.can.increments_per_turn if on_bus else fine_counts_per_turn(machine)
+
+
+def eccentric_moment_nm(machine: Machine) -> float:
+    """T_u, signed: the torque on the load is T_u sin(theta - eccentric angle) (plant equations S1)."""
+    load = machine.plant.load
+    return load.eccentric_sign * load.mass_kg * GRAVITY_M_S2 * load.eccentricity_m
+
+
+def plant_params(machine: Machine) -> _core.PlantParams:
+    """The plant of the simulator; a switch that is off makes its effect exactly absent (plant equations S6)."""
+    plant, switch = machine.plant, machine.plant.switches
+    p = _core.PlantParams()
+    p.ratio = total_ratio(machine)
+    p.reducer_ratio = machine.axis.reducer_ratio
+    p.inertia_load = plant.load.inertia_kg_m2
+    p.inertia_motor = machine.motor.inertia_kg_m2 + plant.motor.wave_generator_inertia_kg_m2
+    p.eccentric_moment = eccentric_moment_nm(machine) if switch.eccentric_moment else 0.0
+    p.eccentric_angle = rad(plant.load.eccentric_angle_deg)
+    p.ripple = switch.torque_ripple
+    p.ripple_torque = plant.motor.torque_ripple_nm
+    p.ripple_order = plant.motor.torque_ripple_order
+    p.ripple_full_torque = _RIPPLE_FULL_TORQUE_NM
+    p.brake_torque = machine.brake.torque_nm * machine.plant.brake.torque_share
+    p.brake_presliding = plant.brake.presliding_rad
+    p.rigid = switch.rigid
+    current = machine.drive.current_loop
+    p.current_bandwidth = 0.0 if current.ideal else 2.0 * math.pi * current.bandwidth_hz
+    _transmission(p, machine)
+    _gear_error(p, plant.gear_error, machine.axis.ring_ratio)
+    p.gear_error = switch.gear_error and not switch.rigid
+    _friction(p, plant)
+    _base(p, plant)
+    return p
+
+
+def _transmission(p: _core.PlantParams, machine: Machine) -> None:
+    t, switch = machine.plant.transmission, machine.plant.switches
+    ring = machine.axis.ring_ratio
+
+    def at_gantry(reducer_stiffness: float) -> float:
+        return 1.0 / (1.0 / (ring * ring * reducer_stiffness) + 1.0 / t.rest_stiffness_nm_per_rad)
+
+    p.stiffness_1 = at_gantry(t.reducer_stiffness_1_nm_per_rad)
+    p.stiffness_2 = at_gantry(t.reducer_stiffness_2_nm_per_rad) if switch.three_slopes else p.stiffness_1
+    p.stiffness_3 = at_gantry(t.reducer_stiffness_3_nm_per_rad) if switch.three_slopes else p.stiffness_1
+    p.torque_1 = t.reducer_torque_1_nm * ring
+    p.torque_2 = t.reducer_torque_2_nm * ring
+    p.damping = 2.0 * t.damping_ratio * math.sqrt(p.stiffness_1 * p.inertia_load)
+    p.hysteresis = switch.hysteresis
+    p.hysteresis_torque = t.hysteresis_torque_nm
+    p.hysteresis_load_ratio = t.hysteresis_load_ratio
+    p.hysteresis_length = t.hysteresis_length_rad
+    p.backlash = switch.backlash and t.backlash_mm > 0.0
+    p.half_backlash = (
+        0.5 * t.backlash_mm * 1e-3 / machine.plant.gear_error.ring_radius_m if p.backlash else 0.0
+    )
+
+
+def _gear_error(p: _core.PlantParams, g: GearError, ring_ratio: float) -> None:
+    phases = g.phases_rad
+    per_um = g.scale * 1e-6 / g.ring_radius_m
+    ring = [um * per_um for um in g.ring_um]
+    p.error_ring = ring + [0.0] * (12 - len(ring))
+    p.phase_ring = list(phases[:12])
+    p.error_reducer_2x = g.scale * g.reducer_2x_rad / ring_ratio
+    p.error_reducer_1x = g.scale * g.reducer_1x_rad / ring_ratio
+    p.error_reducer_4x = g.scale * g.reducer_4x_rad / ring_ratio
+    p.error_pinion = g.scale * g.output_1x_rad / ring_ratio + g.pinion_1x_um * per_um
+    p.error_mesh = g.mesh_um * per_um
+    p.phase_reducer_2x, p.phase_reducer_1x, p.phase_reducer_4x, p.phase_pinion, p.phase_mesh = phases[12:17]
+    p.pinion_teeth = g.pinion_teeth
+
+
+def _friction(p: _core.PlantParams, plant: Plant) -> None:
+    roller, motor = plant.roller_friction, plant.motor_friction
+    p.roller_friction = plant.switches.roller_friction and roller.coulomb_nm > 0.0
+    p.roller_coulomb = roller.coulomb_nm
+    p.roller_breakaway = roller.breakaway_nm
+    p.roller_stribeck = rad(roller.stribeck_deg_s)
+    p.roller_viscous = roller.viscous_nm_s_per_rad
+    p.roller_presliding = roller.presliding_rad
+    p.roller_micro_damping = roller.micro_damping
+    p.motor_friction = plant.switches.motor_friction and motor.coulomb_nm > 0.0
+    p.motor_coulomb = motor.coulomb_nm
+    p.motor_breakaway = motor.breakaway_nm
+    p.motor_stribeck = motor.stribeck_rad_s
+    p.motor_viscous = motor.viscous_nm_s_per_rad
+    p.motor_load_ratio = motor.load_ratio
+    p.motor_presliding = motor.presliding_rad
+    p.motor_micro_damping = motor.micro_damping
+
+
+def _base(p: _core.PlantParams, plant: Plant) -> None:
+    omega = 2.0 * math.pi * plant.base.frequency_hz
+    p.base = plant.switches.base
+    p.base_inertia = plant.base.inertia_kg_m2
+    p.base_stiffness = plant.base.inertia_kg_m2 * omega * omega
+    p.base_damping = 2.0 * plant.base.damping_ratio * omega * plant.base.inertia_kg_m2
+
+
+def drive_params(machine: Machine) -> _core.DriveParams:
+    """The simulated drive: speed PI, torque limit, encoder evaluation, brake times."""
+    loop, motor, encoder = machine.drive.speed_loop, machine.motor, machine.encoder
+    ratio = total_ratio(machine)
+    fine = 2.0 * math.pi / fine_counts_per_turn(machine)
+    coarse = 2.0 * math.pi / encoder.counts_per_turn
+    count = {"ideal": 0.0, "interpolated": fine, "counts": coarse}[loop.feedback]
+    p = _core.DriveParams()
+    p.cycle_s = loop.cycle_us * 1e-6
+    p.kvp = loop.kvp_nm_s_per_rad
+    p.tvi_s = loop.tvi_ms * 1e-3
+    p.torque_rated = motor.torque_rated_nm
+    p.torque_max = motor.torque_max_nm
+    p.overload_time_s = loop.overload_time_s
+    p.vel_max = rad(machine.speed.drive_ceiling_deg_s) * ratio
+    p.quick_dec = rad(machine.virtual_axis.quick_dec_deg_s2) * ratio
+    p.speed_count = count
+    p.position_count = count
+    p.latency_s = machine.plant.encoder.latency_us * 1e-6
+    p.brake_close_s = machine.brake.close_time_ms * 1e-3
+    p.brake_open_s = machine.brake.open_time_ms * 1e-3
+    p.delay_cycles = loop.delay_cycles
+    return p
+
+
+def position_law(machine: Machine) -> _core.PositionLaw:
+    """The position loop of the controller (eq. 4); reads nothing of [plant]."""
+    ratio = total_ratio(machine)
+    return _core.PositionLaw(
+        kpp_per_s=machine.control.kpp_per_s,
+        kvf=machine.control.kvf,
+        ratio=ratio,
+        counts_per_turn=counts_per_turn(machine),
+        vel_max_rad_s=rad(machine.speed.command_clamp_deg_s) * ratio,
+    )
+
+
+def gantry_sim(
+    machine: Machine, plant: _core.PlantParams | None = None, drive: _core.DriveParams | None = None
+) -> _core.GantrySim:
+    """Drive and plant behind a simulated drive port; of the machine file unless other parameters are given."""
+    integration = machine.plant.integration
+    sim = _core.GantrySim(
+        plant or plant_params(machine),
+        drive or drive_params(machine),
+        machine.control.scan_period_ms * 1e-3,
+        integration.scheme,
+        integration.rk4_steps,
+    )
+    sim.count_offset = float(machine.plant.encoder.mounting_turns * fine_counts_per_turn(machine))
+    if machine.plant.load_encoder.fitted:
+        fit_load_encoder(machine, sim)
+    return sim
+
+
+def fit_load_encoder(machine: Machine, sim: _core.GantrySim) -> None:
+    """Put the encoder of [plant.load_encoder] on the simulated ring, zeroed at 0 deg."""
+    encoder = machine.plant.load_encoder
+    scale = [(waves, gain * encoder.scale_error_rad, phase) for waves, gain, phase in SCALE_TERMS]
+    sim.fit_load_encoder(
+        2.0 * math.pi / 2.0**encoder.bits, encoder.noise_rad, encoder.latency_us * 1e-6, scale
+    )
+
+
+def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLimits:
+    """Speed, acceleration, deceleration and jerk of a normal move, SI at the gantry.
+
+    Args:
+        vel_deg_s: speed of the move; the highest speed setting when not given.
+    """
+    axis = machine.virtual_axis
+    return MotionLimits(
+        vel_rad_s=rad(vel_deg_s or machine.speed.setting_max_deg_s),
+        acc_rad_s2=rad(axis.acc_deg_s2),
+        dec_rad_s2=rad(axis.dec_deg_s2),
+        jerk_rad_s3=rad(axis.jerk_deg_s3) if axis.profile == "jerk_limited" else math.inf,
+    )
+
+
+def ramps_deg(machine: Machine, speed_deg_s: float) -> float:
+    """Way to reach a speed and to stop again, deg: the shortest move that reaches it."""
+    axis = machine.virtual_axis
+    way = 0.5 * speed_deg_s**2 * (1.0 / axis.acc_deg_s2 + 1.0 / axis.dec_deg_s2)
+    if axis.profile == "jerk_limited":
+        way += 0.5 * speed_deg_s * (axis.acc_deg_s2 + axis.dec_deg_s2) / axis.jerk_deg_s3
+    return way

@@ -1,0 +1,46 @@
+"""Machine file to the hardware behind a virtual CANopen drive."""
+
+from __future__ import annotations
+
+from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine
+from gantryctl.units import rad, rad_s_from_r_min
+from gantryctl.wiring.simulator import drive_params, fine_counts_per_turn, plant_params, total_ratio
+
+
+def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
+    """Motor, brake, encoder and gantry of a machine, standing still at an angle with the brake closed.
+
+    Raises:
+        UsageError: the brake hangs on an output of the controller, which a virtual drive cannot have.
+    """
+    owner = machine.brake.owner
+    if owner == "controller_output":
+        raise UsageError(
+            '[brake] owner = "controller_output": there is no wire from a controller to a virtual drive; '
+            'use "drive" or "object_60FE"'
+        )
+    motor, encoder, ratio = machine.motor, machine.encoder, total_ratio(machine)
+    return Hardware(
+        plant=plant_params(machine),
+        drive=drive_params(machine),
+        scheme=machine.plant.integration.scheme,
+        rk4_steps=machine.plant.integration.rk4_steps,
+        fine_counts_per_turn=fine_counts_per_turn(machine),
+        turns=encoder.turns,
+        count_offset=float(machine.plant.encoder.mounting_turns * fine_counts_per_turn(machine)),
+        torque_rated_nm=motor.torque_rated_nm,
+        torque_max_nm=motor.torque_max_nm,
+        overload_time_s=machine.drive.speed_loop.overload_time_s,
+        current_rated_a=motor.current_rated_a,
+        speed_max_rad_s=rad_s_from_r_min(motor.speed_max_r_min),
+        quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2) * ratio,
+        normal_acc_rad_s2=rad(machine.virtual_axis.acc_deg_s2) * ratio,
+        brake_open_s=machine.brake.open_time_ms * 1e-3,
+        brake_close_s=machine.brake.close_time_ms * 1e-3,
+        limit_switch_rad=rad(machine.axis.limit_switch_deg),
+        brake_owner=owner,
+        start_angle_rad=start_angle_rad,
+        encoder_serial=f"SIM-{machine.name}",
+    )

@@ -1,0 +1,194 @@
+"""Chromium on the built page against the real service, and a proxy that can freeze the network between them."""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import socket
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from playwright.sync_api import Browser, BrowserContext, Page, Playwright
+
+from support.service_process import Page as Watcher
+from support.service_process import Service
+
+CHROMIUM = "/usr/bin/chromium"
+FLAGS = [
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
+FOREIGN = "foreign.example"
+"""A name that leads to this machine and is not one of the service's: as after DNS rebinding."""
+SIZE = {"width": 1024, "height": 768}
+MOVING_DEG_S = 0.05
+"""Above this the set-point moves; at rest it is exactly 0."""
+
+
+class Proxy:
+    """Forwards bytes to the service; while frozen it keeps them, as a network that has stalled does.
+
+    Attributes:
+        lag_s: everything arrives so much later, in order and at the same rate.
+    """
+
+    def __init__(self, port: int) -> None:
+        self._target = ("127.0.0.1", port)
+        self.lag_s = 0.0
+        self._flowing = threading.Event()
+        self._flowing.set()
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.port = self._server.getsockname()[1]
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def freeze(self) -> None:
+        self._flowing.clear()
+
+    def thaw(self) -> None:
+        self._flowing.set()
+
+    def frozen_for(self, seconds: float) -> None:
+        """Freeze, and thaw after that time; returns at once."""
+        self.freeze()
+        threading.Timer(seconds, self.thaw).start()
+
+    def close(self) -> None:
+        self.thaw()
+        self._server.close()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._server.accept()
+                far = socket.create_connection(self._target)
+                for end in (near, far):
+                    end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=self._forward, args=(one, other), daemon=True).start()
+
+    def _forward(self, one: socket.socket, other: socket.socket) -> None:
+        waiting: queue.SimpleQueue[tuple[float, bytes]] = queue.SimpleQueue()
+        threading.Thread(target=self._deliver, args=(waiting, one, other), daemon=True).start()
+        data = b"first"
+        while data:
+            try:
+                data = one.recv(65536)
+            except OSError:
+                data = b""
+            waiting.put((time.monotonic(), data))
+
+    def _deliver(
+        self, waiting: queue.SimpleQueue[tuple[float, bytes]], one: socket.socket, other: socket.socket
+    ) -> None:
+        """Hand on what has waited long enough; the end of one side ends both."""
+        with suppress(OSError):
+            while True:
+                came_s, data = waiting.get()
+                time.sleep(max(0.0, came_s + self.lag_s - time.monotonic()))
+                self._flowing.wait()
+                if not data:
+                    break
+                other.sendall(data)
+        for end in (one, other):
+            with suppress(OSError):
+                end.shutdown(socket.SHUT_RDWR)
+            end.close()
+
+
+def launch(playwright: Playwright, service: Service, proxy: Proxy) -> Browser:
+    """Chromium for which `localhost` is the service behind the proxy, and 127.0.0.1 and a foreign name the service."""
+    port = service.address.rsplit(":", 1)[1]
+    rule = f"--host-resolver-rules=MAP localhost:{port} 127.0.0.1:{proxy.port},MAP {FOREIGN} 127.0.0.1"
+    return playwright.chromium.launch(executable_path=CHROMIUM, args=[*FLAGS, rule])
+
+
+def address(service: Service, *, frozen: bool = False) -> str:
+    """Where the page is: directly, or behind the proxy."""
+    port = service.address.rsplit(":", 1)[1]
+    return f"http://{'localhost' if frozen else '127.0.0.1'}:{port}/"
+
+
+def enter(
+    context: BrowserContext, service: Service, role: str, area: str = "operation", *, frozen: bool = False
+) -> Page:
+    """A page of somebody who has logged in."""
+    url = address(service, frozen=frozen)
+    context.add_cookies([{"name": "gantryctl_session", "value": service.log_in(role), "url": url}])
+    page = context.new_page()
+    page.goto(f"{url}#{area}")
+    page.locator("[data-stale=false]").wait_for()
+    return page
+
+
+def ready_to_jog(page: Page) -> None:
+    """Take control, power on, continuous mode: by the buttons that a person uses."""
+    page.get_by_role("button", name="Take control").click()
+    power = page.get_by_role("button", name="Power on")
+    page.get_by_role("button", name="Give back").wait_for()
+    if page.locator("[data-tag=power_phase]").inner_text() != "on":
+        power.click()
+    page.get_by_text("Power: on").wait_for()
+    page.get_by_role("button", name="continuous", exact=True).click()
+    page.locator("[data-hold=forward]:enabled").wait_for()
+
+
+def press(page: Page, direction: str = "forward") -> None:
+    """Mouse button down on a key."""
+    page.locator(f"[data-hold={direction}]").hover()
+    page.mouse.down()
+
+
+def until_moving(watcher: Watcher) -> None:
+    """The set-point moves."""
+    watcher.until(lambda tags: abs(tags["vel_ref_deg_s"]) > MOVING_DEG_S)
+
+
+def look_on(watcher: Watcher, frames: int) -> list[float]:
+    """Speeds of the set-point in the next frames."""
+    return [watcher.look()["vel_ref_deg_s"] for _ in range(frames)]
+
+
+def farthest_deg(watcher: Watcher, lease_s: float = 0.25, late_s: float = 0.15) -> float:
+    """Where the axis must have come to rest from now on: lease, two frames and a busy machine, then the ramp.
+
+    The lease may live 250 ms; what is read is up to 50 ms old, and so is the stopping angle.
+    """
+    tags = watcher.look()
+    speed = abs(tags["speed_setting_deg_s"])
+    return float(tags["pos_ref_deg"] + speed * (lease_s + late_s) + _ramp_deg(watcher))
+
+
+def _ramp_deg(watcher: Watcher) -> float:
+    """Stopping angle from the full speed setting, seen while moving at it."""
+    return float(max(watcher.look()["stopping_angle_deg"], 0.13 * watcher.tags["speed_setting_deg_s"] / 0.6))
+
+
+@contextmanager
+def browser_to_kill(playwright: Playwright, folder: Path) -> Iterator[BrowserContext]:
+    """A browser of its own that a test may kill."""
+    context = playwright.chromium.launch_persistent_context(
+        str(folder), executable_path=CHROMIUM, args=FLAGS, viewport=SIZE
+    )
+    try:
+        yield context
+    finally:
+        with suppress(Exception):
+            context.close()
+
+
+def kill(folder: Path) -> None:
+    """SIGKILL for every process of the browser that keeps its data in that folder."""
+    for process in Path("/proc").glob("[0-9]*"):
+        with suppress(OSError):
+            words = (process / "cmdline").read_bytes().decode(errors="replace")
+            if f"--user-data-dir={folder}" in words:
+                os.kill(int(process.name), signal.SIGKILL)

@@ -1,0 +1,148 @@
+"""Pictures of every area for the documentation, of the real page on the real service.
+
+    python tests/support/page_screenshots.py docs/hmi
+
+Chinese texts need a font that has them (Debian: fonts-wqy-microhei).
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+from support.browser import SIZE, Proxy, enter, launch, press, ready_to_jog, until_moving
+from support.service_process import Page as Watcher
+from support.service_process import Service, add_users
+
+COLOURS = 96
+AREAS = ("display", "operation", "settings", "alarms", "diagnosis")
+
+
+class Album:
+    """A folder of small pictures."""
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self._folder = folder
+
+    def take(self, page: Page, name: str) -> None:
+        picture = Image.open(io.BytesIO(page.screenshot(animations="disabled"))).convert("RGB")
+        small = picture.quantize(COLOURS, dither=Image.Dither.NONE)
+        small.save(self._folder / f"{name}.png", optimize=True)
+
+
+def show(page: Page, area: str) -> None:
+    page.locator(f"#tab-{area}").click()
+    page.locator(f"[data-area={area}]").wait_for()
+
+
+def move(page: Page, angle: str) -> None:
+    show(page, "operation")
+    page.get_by_label("Target").fill(angle)
+    page.get_by_role("button", name=f"Move to {angle.replace('-', '−')}.00°").click()
+
+
+def learn(page: Page, watcher: Watcher) -> None:
+    """There and back at the top speed: then load and friction can be told apart."""
+    show(page, "settings")
+    speed = page.locator("form.setting").filter(has=page.locator("#speed_setting_deg_s"))
+    speed.get_by_role("textbox").fill("1")
+    speed.get_by_role("textbox").press("Enter")
+    watcher.until(lambda tags: tags["speed_setting_deg_s"] == 6.0)
+    move(page, "70")
+    watcher.until(lambda tags: tags["pos_act_deg"] > 60.0)
+    watcher.until(lambda tags: tags["in_position"])
+    move(page, "-120")
+    show(page, "display")
+    page.get_by_label("Quantity").select_option(label="Torque")
+    watcher.until(lambda tags: tags["eccentric_moment_nm"] is not None and tags["pos_act_deg"] < -40.0)
+
+
+def in_motion(page: Page, watcher: Watcher, album: Album) -> None:
+    """A jog and moves on the way, light and dark."""
+    show(page, "operation")
+    ready_to_jog(page)
+    press(page)
+    until_moving(watcher)
+    watcher.until(lambda tags: tags["vel_ref_deg_s"] > 0.59)
+    album.take(page, "operation")
+    page.mouse.up()
+    watcher.until(lambda tags: tags["at_rest"])
+    learn(page, watcher)
+    album.take(page, "display")
+    page.get_by_role("button", name="Dark").click()
+    album.take(page, "display_dark")
+    show(page, "operation")
+    page.get_by_role("button", name="中文").click()
+    album.take(page, "operation_chinese")
+    page.get_by_role("button", name="English").click()
+    for area in ("settings", "diagnosis"):
+        show(page, area)
+        album.take(page, f"{area}_dark")
+    page.get_by_role("button", name="Dark").click()
+    for area in ("settings", "diagnosis"):
+        show(page, area)
+        album.take(page, area)
+
+
+def after_a_stop(page: Page, watcher: Watcher, album: Album) -> None:
+    """Alarms of a quick stop in motion."""
+    page.get_by_role("button", name="Quick stop").click()
+    watcher.until(lambda tags: tags["at_rest"] and tags["power_phase"] == "off")
+    show(page, "alarms")
+    album.take(page, "alarms")
+    page.get_by_role("button", name="Dark").click()
+    album.take(page, "alarms_dark")
+    page.get_by_role("button", name="Dark").click()
+    page.get_by_role("button", name="中文").click()
+    album.take(page, "alarms_chinese")
+    page.get_by_role("button", name="English").click()
+
+
+def brake_test(page: Page, watcher: Watcher, album: Album) -> None:
+    """The test under way, in the second direction; it ends before this returns."""
+    page.get_by_role("button", name="Reset", exact=True).click()
+    watcher.until(lambda tags: tags["alarm_count"] == 0)
+    show(page, "operation")
+    page.get_by_role("button", name="1 · Arm test").click()
+    page.get_by_role("button", name="2 · Execute test").click()
+    watcher.until(lambda tags: tags["brake_test_phase"] == "minus_held")
+    album.take(page, "brake_test")
+    watcher.until(lambda tags: tags["brake_test_result"] == "passed" and tags["power_phase"] == "off")
+    page.get_by_text("passed").wait_for()
+    page.get_by_text("Power: off").wait_for()
+
+
+def main() -> int:
+    """Start everything, take the pictures, stop everything."""
+    album = Album(Path(sys.argv[1]))
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        root = Path(folder)
+        add_users(root)
+        with Service(root) as service, service.page("viewer", queue=None) as watcher:
+            proxy = Proxy(int(service.address.rsplit(":", 1)[1]))
+            with launch(playwright, service, proxy) as browser:
+                page = browser.new_context(viewport=SIZE, locale="en-GB").new_page()
+                page.goto(f"http://{service.address}/")
+                page.get_by_label("Password").wait_for()
+                album.take(page, "login")
+                page = enter(
+                    browser.new_context(viewport=SIZE, locale="en-GB"), service, "physicist", frozen=True
+                )
+                in_motion(page, watcher, album)
+                after_a_stop(page, watcher, album)
+                brake_test(page, watcher, album)
+                proxy.freeze()
+                page.locator("[data-stale=true]").wait_for()
+                album.take(page, "stale")
+                proxy.thaw()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,149 @@
+"""The service's operator in front of the real program on the virtual gantry, in virtual time: no process, no clock."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from gantryctl.image import Mode
+from gantryctl.machine import default_machine
+from gantryctl.program import AxisState, GantryProgram
+from gantryctl.service.command.operator import ServiceOperator
+from gantryctl.service.command.rules import rules_of
+from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.ring import Ring
+from gantryctl.service.protocol.messages import Identity, to_record
+from gantryctl.service.protocol.roles import Role
+from gantryctl.wiring import build_engine
+
+MACHINE = default_machine()
+EPOCH = 1000
+LEASE = "00000000000000aa"
+SPEED_DEG_S = 3.0
+# Jog-release ramp of the machine file: v / a plus the time that the jerk adds, and a scan or two.
+RAMP_S = SPEED_DEG_S / MACHINE.virtual_axis.jog_release_dec_deg_s2 + (
+    MACHINE.virtual_axis.jog_release_dec_deg_s2 / MACHINE.virtual_axis.jog_release_jerk_deg_s3
+)
+
+
+def ring(slots: int, slot: int = 1024) -> Ring:
+    return Ring(memoryview(bytearray(192 + slots * slot)), slot)
+
+
+class Bench:
+    """One axis with the operator of the service; `scans` goes on in time.
+
+    Attributes:
+        epoch, frame: what a page sees now.
+        lively: whoever has control gives a sign of life twice a second.
+        stops: how often the axis has come to rest.
+    """
+
+    def __init__(self, *, second_person: bool = False) -> None:
+        self.commands, self.replies = (ring(512), ring(64)), (ring(512), ring(64))
+        self.event_ring = ring(4096)
+        self.events = EventLog(self.event_ring)
+        rules = rules_of(MACHINE, 0.0, None, None)
+        self.operator = ServiceOperator(
+            self.commands,
+            self.replies,
+            self.events,
+            rules,
+            EPOCH,
+            now=lambda: self.engine.time_s,
+            second_person=second_person,
+        )
+        self.engine = build_engine(MACHINE, operator=self.operator)
+        assert isinstance(self.engine.program, GantryProgram)
+        self.program = self.engine.program
+        self.axis = self.program.axis
+        self.operator.attach(self.program)
+        log = self.axis.alarms
+        rules.locked = lambda: any(alarm.definition.lock for alarm in log.active.values())
+        self.seq = 0
+        self.lively = True
+        self.stops = 0
+        self._before = AxisState.DISABLED
+
+    @property
+    def epoch(self) -> int:
+        return self.operator.authority.epoch
+
+    @property
+    def frame(self) -> int:
+        return self.operator.frame()
+
+    def who(self, role: Role = Role.OPERATOR, client: str = "", place: str = "loopback") -> Identity:
+        return Identity(client or f"{role}-{place}", str(role), role, place)
+
+    def scans(self, count: int) -> None:
+        """So many scans (1 ms each)."""
+        self.engine.run_until(self._after, count * self.engine.period_s)
+
+    def _after(self, _: object) -> bool:
+        self.operator.settle()
+        state, before = self.axis.state, self._before
+        self._before = state
+        self.stops += state is AxisState.STANDSTILL and before not in (
+            AxisState.STANDSTILL,
+            AxisState.DISABLED,
+        )
+        holder = self.operator.authority.holder
+        if self.lively and holder is not None and self.engine.scan % 500 == 0:
+            self.send(holder, "alive")
+        return False
+
+    def until(self, state: AxisState, limit_s: float = 60.0) -> None:
+        def reached(_: object) -> bool:
+            self._after(_)
+            return self.axis.state is state
+
+        assert self.engine.run_until(reached, limit_s), self.axis.state
+
+    def send(self, who: Identity, kind: str, **values: Any) -> int:
+        """Put a message into the ring as the gateway does."""
+        self.seq += 1
+        raw = {"type": kind, "seq": self.seq, "frame": self.frame, "epoch": self.epoch, **values}
+        if kind in ("alive", "stop", "quick_stop", "release"):
+            raw.pop("epoch")
+        assert self.commands[1 if who.place == "local" else 0].put(to_record(who, raw))
+        return int(raw["seq"])
+
+    def ask(self, who: Identity, kind: str, **values: Any) -> dict[str, Any]:
+        """Send and let a few scans pass; the reply."""
+        seq = self.send(who, kind, **values)
+        self.scans(3)
+        for each in self.replies:
+            while (record := each.take()) is not None:
+                client, reply = json.loads(record)
+                if (client, reply["seq"]) == (who.client, seq):
+                    return dict(reply)
+        raise AssertionError(f"no reply to {kind}")
+
+    def do(self, who: Identity, kind: str, **values: Any) -> None:
+        reply = self.ask(who, kind, **values)
+        assert reply["ok"], reply
+
+    def refused(self, who: Identity, kind: str, **values: Any) -> str:
+        reply = self.ask(who, kind, **values)
+        assert not reply["ok"], reply
+        return str(reply["code"])
+
+    def powered(self, who: Identity, mode: Mode = Mode.CONTINUOUS) -> None:
+        """Control taken, power on, mode chosen."""
+        self.do(who, "take", over=False)
+        self.do(who, "power", on=True)
+        self.until(AxisState.STANDSTILL)
+        self.do(who, "mode", mode=mode.name.lower())
+
+    def hold(self, seconds: float) -> None:
+        """Renew every 30 ms."""
+        for _ in range(round(seconds / 0.030)):
+            self.send(self.who(), "renew", lease=LEASE)
+            self.scans(30)
+
+    def rest_after_s(self) -> float:
+        """Time until the axis stands."""
+        begin = self.engine.time_s
+        self.until(AxisState.STANDSTILL, 10.0)
+        return self.engine.time_s - begin

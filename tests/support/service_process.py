@@ -1,0 +1,243 @@
+"""The service as a user starts it, and a page that is a few lines of Python: what the system tests share."""
+
+from __future__ import annotations
+
+import http.cookiejar
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from contextlib import AbstractContextManager, suppress
+from pathlib import Path
+from typing import Any
+
+from websockets.sync.client import ClientConnection, connect
+
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import Users
+
+PASSWORD = "correct horse battery"
+PATIENCE_S = 30.0
+
+
+def add_users(root: Path) -> None:
+    """One user for every role, named like it."""
+    users = Users(root)
+    for role in Role:
+        users.add(str(role), role, PASSWORD)
+
+
+def on_own_disk(size_mb: int, place: Path) -> list[str]:
+    """What to put before a command so that it alone sees a disk of that size at a place; [] where nobody may."""
+    mounted = f'mount -t tmpfs -o size={size_mb}m tmpfs "$0" && exec "$@"'
+    for private in (["unshare", "--mount"], ["unshare", "--mount", "--map-root-user"]):
+        command = [*private, "sh", "-c", mounted, str(place)]
+        with suppress(OSError):
+            if subprocess.run([*command, "true"], capture_output=True, check=False).returncode == 0:
+                return command
+    return []
+
+
+class Service:
+    """`gantryctl serve` on a free port of loopback, with its own state directory; a context manager.
+
+    Args:
+        root: state root, and where its errors go.
+        disk_mb: the state root is `disk` below it instead, a disk of its own of that size that nobody else sees.
+    """
+
+    def __init__(self, root: Path, *options: str, disk_mb: int = 0) -> None:
+        self.root, self.directory = root, root / "hust_gantry"
+        command = [sys.executable, "-m", "gantryctl", "serve", "--listen", "127.0.0.1:0", *options]
+        state = root
+        if disk_mb:
+            state = root / "disk"
+            state.mkdir()
+            private = (
+                ["unshare", "--mount"] if os.geteuid() == 0 else ["unshare", "--mount", "--map-root-user"]
+            )
+            mounted = f'mount -t tmpfs -o size={disk_mb}m tmpfs "$0" && exec "$@"'
+            command = [*private, "sh", "-c", mounted, str(state), *command]
+        environment = {**os.environ, "GANTRYCTL_STATE": str(state), "PYTHONUNBUFFERED": "1"}
+        with (root / "errors").open("wb") as errors:
+            self.process = subprocess.Popen(
+                command, env=environment, stdout=subprocess.PIPE, stderr=errors, text=True
+            )
+        self.said: list[str] = []
+        self.address = ""
+
+    def __enter__(self) -> Service:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.said.append(line)
+            found = re.search(r"page: https?://(\S+)/", line)
+            self.address = found[1] if found else self.address
+            if line.startswith("Ctrl-C"):
+                return self
+        raise AssertionError("".join(self.said) + self.errors())
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """Ctrl-C, and wait; may be called twice."""
+        assert self.process.stdout is not None
+        if self.process.stdout.closed:
+            return
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+        with self.process.stdout:
+            self.process.wait(PATIENCE_S)
+
+    def errors(self) -> str:
+        """What it wrote on standard error."""
+        return (self.root / "errors").read_text(encoding="utf-8")
+
+    def child(self, name: str) -> int:
+        """Process number of `controller`, `recorder` or `gateway`."""
+        found = subprocess.run(
+            ["ps", "-o", "pid=,args=", "--ppid", str(self.process.pid)],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        for line in found.stdout.splitlines():
+            if f"gantryctl.service.{name} " in line or f"gantryctl.{name} " in line:
+                return int(line.split()[0])
+        raise AssertionError(f"no {name} in:\n{found.stdout}")
+
+    def request(
+        self, method: str, path: str, body: object = None, cookie: str = "", **headers: str
+    ) -> tuple[int, bytes, dict[str, str]]:
+        """One HTTP request."""
+        data = json.dumps(body).encode() if body is not None else None
+        if data is not None:
+            headers.setdefault("Content-Type", "application/json")
+        if cookie:
+            headers["Cookie"] = f"gantryctl_session={cookie}"
+        asked = urllib.request.Request(f"http://{self.address}{path}", data, headers, method=method)
+        try:
+            with urllib.request.urlopen(asked, timeout=PATIENCE_S) as answer:
+                return answer.status, answer.read(), dict(answer.headers)
+        except urllib.error.HTTPError as refused:
+            with refused:
+                return refused.code, refused.read(), dict(refused.headers)
+
+    def log_in(self, user: str) -> str:
+        """The cookie of a new session."""
+        jar = http.cookiejar.CookieJar()
+        opener = urllib.request.build_opener(urllib.request.HTTPCookieProcessor(jar))
+        asked = urllib.request.Request(
+            f"http://{self.address}/api/v1/login",
+            json.dumps({"user": user, "password": PASSWORD}).encode(),
+            {"Content-Type": "application/json"},
+        )
+        with opener.open(asked, timeout=PATIENCE_S):
+            return str(next(iter(jar)).value)
+
+    def page(self, user: str, source: str = "127.0.0.1", queue: int | None = 16) -> Page:
+        """A page with a session of its own, from an address of this machine.
+
+        Who does not read for ten seconds is ended, unless `queue`, the messages that wait, has no limit.
+        """
+        cookie = self.log_in(user)
+        host, port = self.address.split(":")
+        return Page(
+            connect(
+                f"ws://{self.address}/api/v1/socket",
+                origin=f"http://{self.address}",  # type: ignore[arg-type]
+                additional_headers={"Cookie": f"gantryctl_session={cookie}"},
+                sock=socket.create_connection((host, int(port)), PATIENCE_S, (source, 0)),
+                max_queue=queue,
+            )
+        )
+
+
+class Page:
+    """A connection that does what the page must do; a context manager."""
+
+    def __init__(self, connecting: AbstractContextManager[ClientConnection]) -> None:
+        self._connecting = connecting
+        self.socket = connecting.__enter__()
+        self.tags: dict[str, Any] = {}
+        self.frame = self.seq = 0
+        self.replies: dict[int, dict[str, Any]] = {}
+        self.welcome = json.loads(self.socket.recv())
+        self.look()
+
+    def __enter__(self) -> Page:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._connecting.__exit__(None, None, None)
+
+    def look(self) -> dict[str, Any]:
+        """The next picture."""
+        while not self.take(self.socket.recv(PATIENCE_S)):
+            pass
+        return self.tags
+
+    def take(self, text: str | bytes) -> bool:
+        """One message; whether it was a picture."""
+        message = json.loads(text)
+        if message["type"] == "status":
+            self.frame = message["frame"]
+            self.tags.update(message["tags"])
+            return True
+        self.replies[message["seq"]] = message
+        return False
+
+    def say(self, kind: str, **values: Any) -> int:
+        """Send a message; values may replace `frame`, `epoch` and `seq`."""
+        with suppress(TimeoutError):
+            while True:
+                self.take(self.socket.recv(0))
+        self.seq += 1
+        message = {"type": kind, "seq": self.seq, "frame": self.frame, "epoch": self.tags["epoch"], **values}
+        if kind in ("alive", "stop", "quick_stop", "release"):
+            message.pop("epoch")
+        self.socket.send(json.dumps(message))
+        return int(message["seq"])
+
+    def ask(self, kind: str, **values: Any) -> dict[str, Any]:
+        """Send a message and wait for its reply."""
+        seq = self.say(kind, **values)
+        while seq not in self.replies:
+            self.take(self.socket.recv(PATIENCE_S))
+        reply = self.replies.pop(seq)
+        if reply["epoch"] is not None:
+            self.tags["epoch"] = reply["epoch"]
+        return reply
+
+    def do(self, kind: str, **values: Any) -> None:
+        """A command that must be accepted."""
+        reply = self.ask(kind, **values)
+        assert reply["ok"], reply
+
+    def refused(self, kind: str, **values: Any) -> str:
+        """A command that must be refused; its code."""
+        reply = self.ask(kind, **values)
+        assert not reply["ok"], reply
+        return str(reply["code"])
+
+    def until(self, holds: Callable[[dict[str, Any]], bool], renew: str = "") -> dict[str, Any]:
+        """Look until something holds, alive, with a lease renewed where there is one."""
+        end_s = time.monotonic() + PATIENCE_S
+        while not holds(self.look()):
+            assert time.monotonic() < end_s, self.tags
+            self.say("renew", lease=renew) if renew else self.say("alive")
+        return self.tags
+
+    def power_up(self, mode: str = "continuous") -> None:
+        """Take control and switch on."""
+        self.do("take", over=False)
+        self.do("power", on=True)
+        self.until(lambda tags: bool(tags["power"]))
+        self.do("mode", mode=mode)

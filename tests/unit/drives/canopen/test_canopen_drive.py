@@ -1,0 +1,300 @@
+"""The CANopen master against the virtual drive: setting up, refusing, quirks, and what breaks on the bus."""
+
+from __future__ import annotations
+
+import math
+
+import can
+import pytest
+
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveRequest, DriveState, LinkFlag
+from gantryctl.wiring import canopen_drive
+from unit.drives.canopen.canopen_bench import ENABLE, SYNC_S, Bench
+
+USABLE = [
+    "plain", "self-starting", "zero-status", "step-by-step", "level-reset", "frozen-reset", "lagging", "cycle-time",
+    "halting", "early-enabled", "silent-faults", "sparse", "array-mapping", "odd-identity", "no-1005", "odd-1005",
+    "dangerous-defaults", "standstill-torque", "short-frames", "slow-save", "dead-after-quick-stop",
+]  # fmt: skip
+CHANGES = {"standstill-torque": (("can.torque_reference", 1.2),)}
+
+
+@pytest.mark.parametrize("quirk", USABLE)
+def test_a_drive_with_this_quirk_is_set_up_and_runs(quirk: str) -> None:
+    bench = Bench(quirk, changes=CHANGES.get(quirk, ())).open()
+    assert bench.drive.refusals == ()
+    bench.enable()
+    before = bench.load_deg
+    feedback = bench.ramp_to(0.6)
+    assert math.degrees(feedback.vel_act_rad_s) / bench.ratio == pytest.approx(0.6, rel=0.05)
+    assert bench.load_deg - before > 0.2
+    bench.drive.close()
+    assert not bench.virtual.motor.brake_open
+
+
+def test_another_unit_of_speed_is_a_matter_of_the_machine_file() -> None:
+    bench = Bench("rpm", changes=(("can.velocity_unit", "0.1 r/min"), ("can.increments_per_turn", 65536)))
+    bench.open().enable()
+    feedback = bench.ramp_to(0.6)
+    assert math.degrees(feedback.vel_act_rad_s) / bench.ratio == pytest.approx(0.6, rel=0.05)
+    bench.drive.close()
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_inverted_motor_turns_the_right_way(sign: int) -> None:
+    bench = Bench(changes=(("can.inverted", sign < 0),)).open().enable()
+    before = bench.drive.read().pos_act_counts
+    bench.ramp_to(0.6)
+    assert bench.drive.read().pos_act_counts > before
+    assert bench.load_deg * sign > 0.2
+    bench.drive.close()
+
+
+# --- refusing -----------------------------------------------------------------------------------------------------
+
+
+def test_a_drive_without_csv_is_never_enabled() -> None:
+    bench = Bench("no-csv").open()
+    assert any("6502" in line for line in bench.drive.refusals)
+    assert bench.run(0.4).state is DriveState.SWITCH_ON_DISABLED
+
+
+def test_wrong_units_are_refused_by_name() -> None:
+    bench = Bench("rpm").open()
+    assert [line[:7] for line in bench.drive.refusals] == ["608F:01", "60A9:00"]
+
+
+def test_a_parameter_that_does_not_take_is_refused() -> None:
+    bench = Bench()
+    bench.ask("write", index=0x6007, value=0)
+
+    def refuse(_value: int) -> None:
+        raise SdoAbort(Abort.STATE)
+
+    bench.virtual.od.checks[0x6007, 0] = refuse
+    bench.open()
+    assert any(line.startswith("6007:00") and "have 0" in line for line in bench.drive.refusals)
+    bench.drive.close()
+
+
+def test_a_drive_that_runs_already_is_left_alone() -> None:
+    bench = Bench().open().enable()
+    other = type(bench.drive)(bench.link, bench.drive.settings, bench.virtual)
+    with pytest.raises(DeviceError, match="operation enabled already"):
+        other.open()
+
+
+def test_nobody_there_is_said_in_words() -> None:
+    bench = Bench()
+    bench.inject("silence")
+    with pytest.raises(DeviceError, match=r"node 2 does not answer.*can scan"):
+        bench.open()
+
+
+def test_the_drive_of_a_machine_file_stands_where_it_was_asked_to() -> None:
+    drive = canopen_drive(Bench(angle_deg=30.0).machine, 30.0)
+    assert math.degrees(drive.truth()[0]) == pytest.approx(30.0, abs=1e-6)  # type: ignore[attr-defined]
+    drive.close()
+
+
+# --- what breaks --------------------------------------------------------------------------------------------------
+
+
+def test_a_restart_in_motion_is_told_at_once_and_never_enables_again() -> None:
+    bench = Bench().open().enable()
+    bench.ramp_to(0.6)
+    bench.event("reset")
+    feedback = bench.scan(ENABLE, 0.6)
+    assert feedback.link & LinkFlag.RESTARTED
+    assert feedback.state is DriveState.UNKNOWN
+    bench.run(1.0, ENABLE, 0.6)
+    assert not bench.virtual.motor.brake_open
+    assert bench.virtual.axis.state.name == "SWITCH_ON_DISABLED"
+
+
+def test_a_dead_drive_ages_and_its_heartbeat_is_missed() -> None:
+    bench = Bench().open().enable()
+    bench.inject("silence")
+    ages = [bench.scan().age_scans for _ in range(10)]
+    assert ages == list(range(1, 11))
+    lost = next(k for k in range(200) if bench.scan().link & LinkFlag.HEARTBEAT_LOST)
+    assert (10 + lost) * SYNC_S <= 0.170  # E9: time-out 150 ms and not much more
+
+
+def test_a_bus_that_goes_down_in_motion_and_comes_back_never_moves_the_axis_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The controller can do nothing; the drive's own watch stops the axis, and the bus recovers without motion."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    begun = bench.load_deg
+
+    def gone(*_: object, **__: object) -> None:
+        raise can.CanOperationError("bus-off")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(bench.link._bus, "send", gone)
+        flags = LinkFlag.NONE
+        for _ in range(250):
+            flags |= bench.scan(ENABLE, 1.0).link
+            bench.virtual.advance(4000)  # no SYNC steps it any more: its time goes on by itself
+    assert flags & LinkFlag.BUS_DOWN
+    way = bench.load_deg - begun
+    # 1 deg/s for the deadline of 50 ms and its granularity, the ramp of 5.4 deg/s2, some swing
+    assert 0.0 < way < 1.0 * 0.07 + 1.0 / (2.0 * 5.4) + 0.05
+    assert bench.virtual.axis.state.name == "FAULT"
+    stood = bench.virtual.motor.counts
+    bench.run(1.0, ENABLE, 1.0)  # the bus is back, and somebody still wants to move
+    assert not bench.virtual.motor.brake_open
+    # The load swings on against the braked motor, which gives way by less than a thousandth of a turn.
+    assert abs(bench.virtual.motor.counts - stood) < 1e-3 * bench.virtual.hardware.fine_counts_per_turn
+
+
+def test_a_node_that_leaves_operational_is_noticed() -> None:
+    bench = Bench().open().enable()
+    bench.event("nmt", state="PRE_OPERATIONAL")
+    seen = [bench.scan().link for _ in range(20)]  # its next heartbeat says so: 50 ms
+    assert any(flags & LinkFlag.NOT_OPERATIONAL for flags in seen)
+
+
+@pytest.mark.parametrize("state", ["PRE_OPERATIONAL", "STOPPED"])
+def test_a_turning_drive_that_leaves_operational_is_stopped_by_its_own_watch(state: str) -> None:
+    """It takes no process data any more: the controller falls silent, and the drive sees that."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    begun = bench.load_deg
+    bench.event("nmt", state=state)
+    bench.run(1.0, ENABLE, 1.0)
+    # 1 deg/s for its heartbeat (50 ms), ours (50 ms) and its time-out (150 ms), the ramp of 5.4 deg/s2, some swing
+    assert bench.load_deg - begun < 1.0 * 0.26 + 1.0 / (2.0 * 5.4) + 0.05
+    assert bench.virtual.axis.state.name == "FAULT"
+    assert not bench.virtual.motor.brake_open
+
+
+def test_missing_and_doubled_telegrams_are_counted_and_bridged() -> None:
+    bench = Bench().open().enable()
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=1)
+    assert [bench.scan().age_scans for _ in range(3)] == [1, 0, 0]
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="duplicate", count=3)
+    assert [bench.scan().age_scans for _ in range(4)] == [0, 0, 0, 0]
+    counters = bench.drive.counters()
+    assert counters.missed[0] == 1
+    assert counters.duplicated[0] == 3
+    bench.drive.close()
+
+
+def test_a_missing_position_goes_on_with_its_speed_but_not_for_long() -> None:
+    bench = Bench().open().enable()
+    bench.ramp_to(6.0)
+    per_deg = bench.drive.identity().counts_per_turn * bench.ratio / 360.0
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=20)
+    begun = bench.drive.read().pos_act_counts
+    way = [(bench.scan(ENABLE, 6.0).pos_act_counts - begun) / per_deg for _ in range(10)]
+    # The speed of this moment is steady to some hundredths of a deg/s: over 28 ms a thousandth of a degree.
+    assert way[:7] == pytest.approx([6.0 * SYNC_S * k for k in range(1, 8)], abs=0.002)
+    assert way[7:] == pytest.approx([6.0 * 0.030] * 3, abs=0.002)
+    bench.drive.close()
+
+
+def test_ages_and_heartbeats_count_the_periods_that_were_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After a gap our heartbeat is due at once; the drive's is lost by the clock, not by the number of scans."""
+    bench = Bench().open().enable()
+    now_s = [bench.link.now_s()]
+    bench.link.stepped = False
+    monkeypatch.setattr(bench.link, "now_s", lambda: now_s[0])
+    sent: list[int] = []
+    send = bench.link.send
+    monkeypatch.setattr(bench.link, "send", lambda can_id, data: (sent.append(can_id), send(can_id, data)))
+
+    def scan(periods: int) -> int:
+        now_s[0] += periods * SYNC_S
+        return bench.scan().age_scans
+
+    assert [scan(1), scan(4), scan(1)] == [0, 0, 0]
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="drop", count=2)
+    assert [scan(1), scan(4), scan(1)] == [1, 5, 0]
+    sent.clear()
+    scan(13)
+    assert 0x700 + bench.drive.settings.master_node in sent
+    for _ in range(13):  # its heartbeat comes every 12
+        scan(1)
+    bench.inject("silence")
+    assert [scan(20), bench.scan().link] == [20, LinkFlag.NONE]
+    assert scan(20) == 41
+    assert bench.scan().link & LinkFlag.HEARTBEAT_LOST  # 150 ms
+
+
+def test_a_telegram_of_the_wrong_length_is_never_decoded() -> None:
+    bench = Bench().open().enable()
+    before = bench.drive.read().pos_act_counts
+    bench.ask("inject", fault="tpdo", tpdo=1, kind="length", amount=3, count=2)
+    assert [bench.scan().age_scans for _ in range(3)] == [1, 2, 0]
+    assert bench.drive.read().pos_act_counts == pytest.approx(before, abs=50)
+    assert bench.drive.counters().wrong_length[0] == 2
+    bench.drive.close()
+
+
+def test_a_drive_that_stops_following_is_told() -> None:
+    bench = Bench().open().enable()
+    bench.inject("ignore_target")
+    assert any(bench.scan().link & LinkFlag.IGNORES_COMMAND for _ in range(3))
+
+
+@pytest.mark.parametrize("quirk", ["plain", "short-frames"])
+def test_a_fault_is_named_by_its_emergency_message(quirk: str) -> None:
+    bench = Bench(quirk).open().enable()
+    bench.event("fault", code=0x7305)
+    feedback = bench.run(0.02)
+    assert feedback.state is DriveState.FAULT
+    assert feedback.error_code == 0x7305
+    assert bench.run(0.2, DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED
+
+
+def test_a_fault_without_an_emergency_message_is_named_by_603f() -> None:
+    bench = Bench().open().enable()
+    bench.drive.node.listen(0x082, lambda data: None)  # its emergency messages are lost
+    bench.event("fault", code=0x7305)
+    codes = [bench.scan().error_code for _ in range(5)]
+    assert codes[0] == 0
+    assert codes[-1] == 0x7305
+    assert bench.run(0.2, DriveRequest.FAULT_RESET).error_code == 0
+    bench.event("fault", code=0x3210)
+    assert bench.run(0.05).error_code == 0x3210
+    bench.drive.close()
+
+
+def test_another_master_is_noticed() -> None:
+    bench = Bench().open().enable()
+    bench.event("frame", can_id=0x202, data="0F00E8030000")
+    assert bench.scan().link & LinkFlag.OTHER_MASTER
+
+
+# --- silence ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("what", ["silent_process_data", "silent_heartbeat"])
+def test_either_silence_alone_stops_the_axis_and_brakes_it(what: str) -> None:
+    """The drive ramps down by itself: reaction (50 or 150 ms), then 5.4 deg/s2, and the brake."""
+    bench = Bench().open().enable()
+    bench.ramp_to(1.0)
+    begun = bench.load_deg
+    setattr(bench.drive, what, True)
+    for _ in range(round(1.0 / SYNC_S)):
+        bench.scan(ENABLE, 1.0)
+    deadline = 0.05 if what == "silent_process_data" else 0.15
+    # Computed: the speed times the deadline and its granularity (one heartbeat, two SYNCs), and the ramp's triangle;
+    # the load swings beyond it by some hundredths of a degree.
+    most = 1.0 * (deadline + 0.06) + 1.0**2 / (2.0 * 5.4) + 0.05
+    assert 0.0 < bench.load_deg - begun < most
+    assert bench.virtual.axis.state.name == "FAULT"
+    assert not bench.virtual.motor.brake_open
+
+
+def test_an_orderly_leave_is_no_fault() -> None:
+    bench = Bench().open().enable()
+    bench.drive.close()
+    bench.virtual.advance(2_000_000)
+    assert bench.virtual.axis.state.name == "SWITCH_ON_DISABLED"
+    assert bench.virtual.od.number(0x1003) == 0  # nothing in the drive's error history

@@ -1,0 +1,91 @@
+"""What is compared with what, and that random plants are what they claim."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.engineering.comparison import (
+    FIGURES,
+    Figures,
+    check_same_plant,
+    random_plant,
+    variants,
+    without_load_encoder,
+)
+from gantryctl.engineering.comparison.ensemble import Ensemble, ensemble
+from gantryctl.engineering.comparison.figures import move_figures
+from gantryctl.errors import UsageError
+from gantryctl.machine import default_machine, effective_values, with_values
+from support.improved import improved_machine
+
+
+def test_every_figure_has_a_meaning() -> None:
+    assert tuple(FIGURES) == Figures._fields
+
+
+def test_two_machines_that_differ_in_the_plant_are_not_compared() -> None:
+    other = with_values(improved_machine(), {"plant.load.inertia_kg_m2": 2.0e6})
+    with pytest.raises(UsageError, match=r"plant\.load\.inertia_kg_m2"):
+        check_same_plant(default_machine(), other)
+    check_same_plant(default_machine(), improved_machine())
+
+
+def test_every_compensation_has_a_row_with_it_alone() -> None:
+    rows = variants(default_machine(), improved_machine())
+    names = [row.name for row in rows]
+    assert names[0] == "hust_gantry, as it is"
+    assert names[-1] == "hust_improved, as it is"
+    assert sum(name.endswith("alone") for name in names) == 10  # the profile, and nine compensations
+    assert rows[1].machine.control.compensation.any_active is False
+    gear = rows[names.index("gear map alone")].machine.control.compensation
+    assert gear.gear_map.active
+    assert not (gear.windup.active)
+    assert not (gear.windup.reversal)
+    assert not (gear.load_encoder.active)
+    assert not (gear.torque.eccentric)
+
+
+def test_without_its_encoder_the_machine_reads_none() -> None:
+    config = without_load_encoder(improved_machine()).control.compensation
+    assert not (config.load_encoder.active)
+    assert not (config.load_encoder.own_errors)
+    assert not (config.damping.active)
+    assert config.gear_map.active
+
+
+def test_a_random_plant_is_within_20_per_cent_and_the_same_for_both_controls() -> None:
+    nominal = effective_values(default_machine())
+    for seed in range(1, 6):
+        ours, theirs = (
+            effective_values(random_plant(machine, seed))
+            for machine in (default_machine(), improved_machine())
+        )
+        plant = [
+            path for path in nominal if path.startswith("plant.") and path != "plant.load_encoder.fitted"
+        ]
+        assert all(ours[path] == theirs[path] for path in plant)
+        inertia = float(str(ours["plant.load.inertia_kg_m2"])) / 2.18e6
+        assert 0.8 <= inertia <= 1.2
+        assert inertia != 1.0
+        assert ours["plant.gear_error.phases_rad"] != nominal["plant.gear_error.phases_rad"]
+
+
+def test_quantiles_are_those_of_the_plants() -> None:
+    rows = tuple(Figures(*(float(k),) * len(FIGURES)) for k in range(101))
+    found = Ensemble(tuple(range(101)), {"a": rows}).quantiles("a")
+    assert found["a_true_a"] == pytest.approx((5.0, 50.0, 95.0))
+
+
+def test_an_ensemble_of_one_is_refused() -> None:
+    with pytest.raises(UsageError, match="at least 2"):
+        ensemble(default_machine(), improved_machine(), 1)
+
+
+def test_a_move_of_the_paper_has_the_figures_of_the_reference() -> None:
+    """An independent computation of the same plant gives 30.25 s, 0.056 and 0.0064 deg/s, 165 and 65 um, 0.85 s."""
+    move = move_figures(default_machine(), 0.0, 90.0)
+    assert move.time_s == pytest.approx(30.25, abs=0.01)
+    assert move.load_error_deg_s == pytest.approx(0.056, rel=0.15)
+    assert move.base_um == pytest.approx(165.0, rel=0.15)
+    assert move.residual_um == pytest.approx(65.0, rel=0.15)
+    assert move.settling_s == pytest.approx(0.85, rel=0.15)

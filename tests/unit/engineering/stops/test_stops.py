@@ -1,0 +1,140 @@
+"""Every stop on the full plant: closed forms where there are any, ratings, and the machine file held to them."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.engineering.stops import (
+    REACTION_S,
+    StopClass,
+    check_quick_stop,
+    find_quick_dec,
+    run_stop,
+    stop_table,
+    worst_stop,
+)
+from gantryctl.engineering.stops.limits import hardest_quick_stop, within_ratings
+from gantryctl.errors import ConfigError
+from gantryctl.machine import Machine, default_machine, with_values
+
+MACHINE = default_machine()
+TOP = MACHINE.speed.setting_max_deg_s
+
+
+def test_the_table_has_every_class_at_three_speeds() -> None:
+    rows = stop_table(MACHINE)
+    assert [(row.stop.stop_class, row.stop.speed_deg_s) for row in rows] == [
+        (stop_class, pytest.approx(speed)) for stop_class in StopClass for speed in (0.6, 3.0, 6.0)
+    ]
+    for row in rows:
+        assert row.angle_with_reaction_deg == pytest.approx(
+            row.stop.angle_deg + row.stop.speed_deg_s * REACTION_S
+        )
+
+
+def test_other_speeds_may_be_asked_for() -> None:
+    rows = stop_table(MACHINE, (1.0,))
+    assert {row.stop.speed_deg_s for row in rows} == {1.0}
+    assert len(rows) == len(StopClass)
+
+
+@pytest.mark.parametrize("speed", [0.6, 3.0, 6.0])
+def test_the_normal_ramp_takes_v_squared_over_2a(speed: float) -> None:
+    stop = worst_stop(MACHINE, StopClass.NORMAL, speed)
+    dec = MACHINE.virtual_axis.dec_deg_s2
+    assert stop.angle_deg == pytest.approx(speed**2 / (2.0 * dec), rel=0.02)
+    assert stop.time_s == pytest.approx(speed / dec, rel=0.15)
+
+
+@pytest.mark.parametrize("speed", [3.0, 6.0])
+def test_the_jog_release_ramp_takes_its_deceleration_and_its_jerk(speed: float) -> None:
+    axis = MACHINE.virtual_axis
+    dec, jerk = axis.jog_release_dec_deg_s2, axis.jog_release_jerk_deg_s3
+    stop = worst_stop(MACHINE, StopClass.JOG_RELEASE, speed)
+    assert stop.angle_deg == pytest.approx(speed**2 / (2.0 * dec) + speed * dec / (2.0 * jerk), rel=0.02)
+
+
+def test_the_quick_stop_of_the_reference_machine_is_about_3_3_deg_from_full_speed() -> None:
+    stop = worst_stop(MACHINE, StopClass.QUICK, TOP)
+    assert stop.angle_deg == pytest.approx(3.33, abs=0.15)
+    assert stop.angle_deg + TOP * REACTION_S < MACHINE.axis.stopping_angle_max_deg
+    assert within_ratings(MACHINE, stop)
+    assert stop.brake_energy_kj == 0.0
+
+
+def test_a_brake_stop_is_shorter_and_above_the_ratings_of_the_reducer() -> None:
+    stop = worst_stop(MACHINE, StopClass.BRAKE, TOP)
+    assert stop.angle_deg < worst_stop(MACHINE, StopClass.QUICK, TOP).angle_deg
+    assert stop.time_s == pytest.approx(0.8, abs=0.15)
+    assert stop.torque_reducer_nm > MACHINE.reducer.torque_momentary_nm
+    assert not within_ratings(MACHINE, stop)
+
+
+def test_the_energy_of_a_brake_stop_is_the_kinetic_energy_and_no_more() -> None:
+    """All that turns, at 6 deg/s; friction takes a part of it, the eccentric moment gives or takes a little."""
+    stop = run_stop(MACHINE, StopClass.BRAKE, TOP, 0.0)
+    inertia = MACHINE.plant.load.inertia_kg_m2 + 0.362 * 1144.0**2
+    kinetic_kj = 0.5 * inertia * 0.10472**2 * 1e-3
+    assert 0.6 * kinetic_kj < stop.brake_energy_kj < 1.2 * kinetic_kj
+
+
+def test_a_harder_quick_stop_is_shorter_and_costs_more() -> None:
+    soft, hard = (run_stop(MACHINE, StopClass.QUICK, TOP, 90.0, dec) for dec in (3.0, 5.0))
+    assert hard.angle_deg < soft.angle_deg
+    assert hard.torque_motor_nm > soft.torque_motor_nm
+    assert hard.torque_reducer_nm > soft.torque_reducer_nm
+
+
+def test_the_worst_of_four_is_the_worst_of_four() -> None:
+    four = [
+        run_stop(MACHINE, StopClass.QUICK, sign * 3.0, at) for sign in (1.0, -1.0) for at in (90.0, -90.0)
+    ]
+    worst = worst_stop(MACHINE, StopClass.QUICK, 3.0)
+    assert worst.angle_deg == max(stop.angle_deg for stop in four)
+    assert worst.torque_reducer_nm == max(stop.torque_reducer_nm for stop in four)
+
+
+def test_the_reference_machine_keeps_what_it_promises() -> None:
+    assert check_quick_stop(MACHINE) == hardest_quick_stop(MACHINE)
+
+
+def test_the_default_is_the_largest_that_can_be_found() -> None:
+    found = find_quick_dec(MACHINE)
+    assert found == pytest.approx(MACHINE.virtual_axis.quick_dec_deg_s2)
+    assert within_ratings(MACHINE, hardest_quick_stop(MACHINE, found))
+    assert not within_ratings(MACHINE, hardest_quick_stop(MACHINE, found + 0.1))
+
+
+def changed(**changes: object) -> Machine:
+    return with_values(MACHINE, {path.replace("__", "."): value for path, value in changes.items()})
+
+
+@pytest.mark.parametrize(
+    ("machine", "words"),
+    [
+        (changed(virtual_axis__quick_dec_deg_s2=6.5), "the motor cannot give it"),
+        (changed(virtual_axis__quick_dec_deg_s2=6.5), "the reducer cannot give it"),
+        (changed(virtual_axis__quick_dec_deg_s2=4.6), "stopping_angle_max_deg = 4 deg"),
+        (changed(axis__stopping_angle_max_deg=3.5), "stop harder, go slower or permit more"),
+    ],
+)
+def test_a_quick_stop_that_cannot_be_is_refused_with_the_key_and_the_way_out(
+    machine: Machine, words: str
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        check_quick_stop(machine)
+    assert words in str(refused.value)
+    for line in refused.value.problems:
+        assert line.startswith("hust_gantry: [virtual_axis] quick_dec_deg_s2 = ")
+
+
+def test_a_motor_that_cannot_stop_the_load_at_all_is_said() -> None:
+    # the eccentric moment of the check alone, with next to no reducer torque left for stopping
+    weak = changed(
+        reducer__torque_momentary_nm=17600.0,
+        plant__load__eccentric_check_moment_nm=220e3,
+        motor__torque_max_nm=500.0,  # enough to test a brake for such a load
+        brake__test_torque_nm=260.0,
+    )
+    with pytest.raises(ConfigError, match="choose a larger motor or reducer"):
+        find_quick_dec(weak)

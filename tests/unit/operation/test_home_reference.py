@@ -1,0 +1,172 @@
+"""From a raw reading to an angle, and whether it may be believed: fault catalogue A9 to A14."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gantryctl.machine import default_machine
+from gantryctl.operation.home_reference import (
+    ACCEPTED_DEG,
+    AMBIGUOUS_DEG,
+    TURN_DEG,
+    EncoderScale,
+    RestVerdict,
+    evaluate,
+    refusal,
+    unwrapped,
+)
+from gantryctl.operation.virtual import encoder_scale, new_machine
+from gantryctl.runtime import Retained
+
+MACHINE = default_machine()
+FRESH = new_machine(MACHINE, 20.0)
+SCALE = encoder_scale(MACHINE, FRESH.drive)
+REST = FRESH.retained
+RAW = FRESH.drive.read().pos_act_counts
+TURN = SCALE.identity.counts_per_turn
+
+
+def reading_after(moved_deg: float, retained: Retained | None = REST, scale: EncoderScale = SCALE) -> float:
+    """The raw reading when the gantry has moved while off."""
+    return (RAW + moved_deg / scale.deg_per_count) % scale.range_counts
+
+
+def verdict(moved_deg: float, retained: Retained | None = REST) -> RestVerdict:
+    return evaluate(SCALE, reading_after(moved_deg), retained).verdict
+
+
+def test_the_scale_is_that_of_the_reference_encoder() -> None:
+    assert SCALE.turn_deg == pytest.approx(0.3147, abs=1e-4)
+    assert SCALE.deg_per_count * TURN == pytest.approx(SCALE.turn_deg)
+    assert SCALE.range_counts == 2048 * 2048 * 4096
+
+
+def test_unmoved_is_believed_with_angle_turn_and_step() -> None:
+    reading = evaluate(SCALE, RAW, REST)
+    assert reading.verdict is RestVerdict.OK
+    assert refusal(reading) is None
+    assert reading.angle_deg == pytest.approx(20.0, abs=0.01)
+    assert reading.moved_deg == 0.0
+    assert reading.multi_turn * TURN + reading.single_turn * (TURN // 8192) == pytest.approx(RAW, abs=512)
+    assert 0 <= reading.single_turn < 8192
+    assert reading.margin_minus_deg == pytest.approx(464.5, abs=0.5)
+    assert reading.margin_plus_deg == pytest.approx(464.5, abs=0.5)
+
+
+# --- A11, A12, A13: moved while off -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("moved_deg", "expected"),
+    [
+        (0.03, RestVerdict.OK),
+        (-0.0499, RestVerdict.OK),
+        (0.0501, RestVerdict.MOVED),
+        (0.3, RestVerdict.MOVED),
+        (-0.99, RestVerdict.MOVED),
+        (1.01, RestVerdict.NOT_VALID),
+        (-3.0, RestVerdict.NOT_VALID),
+        (91.1, RestVerdict.NOT_VALID),
+        (-150.0, RestVerdict.NOT_VALID),
+    ],
+)
+def test_a_motion_while_off_is_judged_by_its_size(moved_deg: float, expected: RestVerdict) -> None:
+    assert verdict(moved_deg) is expected
+
+
+@given(st.floats(-360.0, 360.0))
+def test_no_motion_above_the_limit_is_accepted_in_silence(moved_deg: float) -> None:
+    reading = evaluate(SCALE, reading_after(moved_deg), REST)
+    if abs(moved_deg) > ACCEPTED_DEG + 1e-6:
+        text = refusal(reading)
+        assert text is not None
+        assert text.startswith(("ENC-08 ·", "ENC-09 ·", "ENC-10 ·"))
+    if abs(moved_deg) > AMBIGUOUS_DEG + 1e-6:
+        assert reading.verdict in (RestVerdict.NOT_VALID, RestVerdict.TURNS)
+
+
+def test_the_ambiguity_of_the_range_is_never_a_proof() -> None:
+    """Moved by the whole range of the encoder: no reading can show it, so it must not be mechanically possible."""
+    whole_range_deg = SCALE.range_counts * SCALE.deg_per_count
+    assert whole_range_deg > 2 * 2 * SCALE.mechanical_stop_deg
+    assert verdict(whole_range_deg) is RestVerdict.OK
+
+
+def test_without_a_stored_rest_position_nothing_proves_the_angle() -> None:
+    reading = evaluate(SCALE, RAW, replace(REST, rest_position_counts=None))
+    assert reading.verdict is RestVerdict.NOT_VALID
+    assert "no rest position" in str(refusal(reading))
+
+
+def test_an_angle_beyond_the_mechanical_stops_cannot_be_true() -> None:
+    """Zero offset of elsewhere, rest position moved along: only the angle itself can tell."""
+    shifted = round(RAW - 300.0 / SCALE.deg_per_count)
+    reading = evaluate(SCALE, RAW, replace(REST, zero_offset_counts=shifted))
+    assert reading.verdict is RestVerdict.NOT_VALID
+    assert "beyond the mechanical stops" in str(refusal(reading))
+
+
+# --- A10: lost turns --------------------------------------------------------------------------------------------------
+
+
+@given(st.integers(-400, 400).filter(bool), st.floats(-0.9 * TURN_DEG, 0.9 * TURN_DEG))
+def test_lost_turns_are_not_a_motion_to_be_acknowledged(turns: int, settling_deg: float) -> None:
+    reading = evaluate(SCALE, reading_after(turns * SCALE.turn_deg + settling_deg), REST)
+    assert reading.verdict is RestVerdict.TURNS
+    assert str(refusal(reading)).startswith("ENC-08 ·")
+    assert "set-zero" in str(refusal(reading))
+
+
+# --- A14: another encoder ---------------------------------------------------------------------------------------------
+
+
+def test_another_serial_is_refused_even_where_the_reading_fits() -> None:
+    reading = evaluate(SCALE, RAW, replace(REST, encoder_serial="SIM-0002"))
+    assert reading.verdict is RestVerdict.OTHER_ENCODER
+    assert str(refusal(reading)).startswith("ENC-11 · the encoder is SIM-0001")
+
+
+@pytest.mark.parametrize("retained", [None, replace(REST, zero_offset_counts=None)])
+def test_without_a_zero_there_is_no_angle(retained: Retained | None) -> None:
+    reading = evaluate(SCALE, RAW, retained)
+    assert reading.verdict is RestVerdict.NO_ZERO
+    assert reading.angle_deg is None
+    assert str(refusal(reading)).startswith("ENC-10 ·")
+
+
+# --- A9: the wrap of the range ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("below", [True, False])
+@pytest.mark.parametrize(
+    ("distance_deg", "fits"), [(5.01, True), (4.99, False), (0.0, False), (-30.0, False)]
+)
+def test_a_wrap_near_the_travel_is_refused(below: bool, distance_deg: float, fits: bool) -> None:
+    """The zero offset that puts the end of the encoder's range so far from the travel's end."""
+    edge_deg = SCALE.pos_min_deg - distance_deg if below else SCALE.pos_max_deg + distance_deg
+    zero = round(-edge_deg / SCALE.deg_per_count) % SCALE.range_counts
+    at_zero = replace(REST, zero_offset_counts=zero, rest_position_counts=zero)
+    reading = evaluate(SCALE, zero, at_zero)
+    assert reading.verdict is (RestVerdict.OK if fits else RestVerdict.WRAP)
+    if not fits:
+        assert str(refusal(reading)).startswith("CFG-ENC-01 ·")
+
+
+@given(st.floats(-500.0, 500.0), st.integers(0, SCALE.range_counts - 1))
+def test_unwrapping_never_jumps_wherever_the_wrap_is(angle_deg: float, zero: int) -> None:
+    """Forced all the same, a wrap inside the travel still gives the true angle."""
+    raw = (zero + angle_deg / SCALE.deg_per_count) % SCALE.range_counts
+    back = (unwrapped(SCALE, raw, zero) - zero) * SCALE.deg_per_count
+    assert back == pytest.approx(angle_deg, abs=1e-6)
+
+
+def test_the_angle_is_the_same_from_every_branch() -> None:
+    for turns in (-4096, 0, 4096):
+        reading = evaluate(SCALE, (RAW + turns * TURN) % SCALE.range_counts, REST)
+        assert reading.angle_deg == pytest.approx(20.0, abs=0.01)
+    assert math.isclose(SCALE.centred(SCALE.range_counts - 1), -1.0)
