@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 from gantryctl.errors import StateError
+from gantryctl.files import write_whole
 
 
 class Outcome(StrEnum):
@@ -87,9 +87,4 @@ def load_progress(path: Path) -> Progress | None:
 
 def store_progress(path: Path, progress: Progress) -> None:
     """Keep it, whole or not at all."""
-    draft = path.with_suffix(".new")
-    try:
-        draft.write_text(json.dumps(progress.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        os.replace(draft, path)
-    except OSError as fault:
-        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+    write_whole(path, json.dumps(progress.as_dict(), indent=1, allow_nan=False) + "\n")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import tomllib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import CommandRefused, StateError
+from gantryctl.files import write_whole
 from gantryctl.machine import Machine
 
 _PROVEN: Final = ("axis", "control", "motor", "encoder", "brake", "drive", "can")
@@ -64,12 +64,7 @@ def load_record(path: Path) -> CommissioningRecord | None:
 def store_record(path: Path, record: CommissioningRecord) -> None:
     """Write the record, whole or not at all."""
     lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in asdict(record).items()]
-    draft = path.with_suffix(".new")
-    try:
-        draft.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        os.replace(draft, path)
-    except OSError as fault:
-        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+    write_whole(path, "\n".join(lines) + "\n")
 
 
 def check_record(machine: Machine, record: CommissioningRecord | None, drive_key: str) -> None:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
 import random
 from pathlib import Path
 from typing import NamedTuple
 
 from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.drives.canopen.setup.mark import MARKS, write_mark
-from gantryctl.errors import CommandRefused, StateError
+from gantryctl.errors import CommandRefused
+from gantryctl.files import write_whole
 from gantryctl.machine import Machine
 from gantryctl.operation.state import now_text
 
@@ -42,12 +42,7 @@ def store_silence(path: Path, drive: CanopenDrive) -> SilenceProof:
     mark = random.SystemRandom().choice(MARKS)
     marked = write_mark(drive.node.sdo, drive.settings.node, mark)
     proof = SilenceProof(drive.opened.identity.key, mark if marked else None, now_text())
-    draft = path.with_suffix(".new")
-    try:
-        draft.write_text(json.dumps(proof._asdict()) + "\n", encoding="utf-8")
-        os.replace(draft, path)
-    except OSError as fault:
-        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+    write_whole(path, json.dumps(proof._asdict()) + "\n")
     return proof
 
 

@@ -9,12 +9,12 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from pathlib import Path
 from types import TracebackType
 from typing import Final
 
 from gantryctl.errors import StateError, UsageError
+from gantryctl.files import write_whole
 from gantryctl.machine import Machine
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
 
@@ -128,18 +128,7 @@ class StateStore:
     def store_plant(self, state: dict[str, float]) -> None:
         """Keep the simulated plant; floats survive bit for bit."""
         text = json.dumps({"plant": self._plant_hash, "state": state}, allow_nan=False, indent=1)
-        handle, name = tempfile.mkstemp(dir=self.directory, prefix=_PLANT_FILE)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(name, self.directory / _PLANT_FILE)
-        except OSError as fault:
-            Path(name).unlink(missing_ok=True)
-            raise StateError(
-                f"{self.directory}: the plant cannot be stored: {fault.strerror or fault}"
-            ) from fault
+        write_whole(self.directory / _PLANT_FILE, text, private=True)
 
     def forget(self) -> None:
         """Remove plant and retained memory: the next run starts from a new machine."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-import sys
 import zlib
 from pathlib import Path
 from typing import Final, NamedTuple
 
 from gantryctl.errors import StateError
+from gantryctl.files import write_whole
 from gantryctl.runtime.retained import Retained, from_json_values, to_json_values
 
 COPIES: Final = ("retain.a.json", "retain.b.json")
@@ -89,15 +88,7 @@ class RetainedMemory:
         newest = max(copies, key=lambda name: copies[name].sequence, default=COPIES[1])
         sequence = copies[newest].sequence + 1 if copies else 1
         older = COPIES[1 - COPIES.index(newest)]
-        data = encode(record, sequence)
-        try:
-            self.directory.mkdir(parents=True, exist_ok=True)
-            _write_through(self.directory / older, data)
-        except OSError as fault:
-            reason = fault.strerror or fault
-            raise StateError(
-                f"retained memory {self.directory / older} cannot be written: {reason}"
-            ) from fault
+        write_whole(self.directory / older, encode(record, sequence), make_folder=True)
 
     def _copies(self) -> dict[str, _Copy]:
         """The valid copies by file name; fills `notes`."""
@@ -125,19 +116,3 @@ class RetainedMemory:
             notes.append(f"{missing[0]} is missing")
         self.notes = tuple(f"{note}; the other copy is used" for note in notes)
         return copies
-
-
-def _write_through(path: Path, data: bytes) -> None:
-    """Replace a file so that after a power cut either the old or the new one is there, whole."""
-    partial = path.with_name(path.name + ".part")
-    with partial.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
-    if sys.platform != "win32":  # Windows cannot sync a directory
-        handle = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)

@@ -5,15 +5,14 @@ from __future__ import annotations
 import hashlib
 import hmac
 import json
-import os
 import re
 import secrets
-import tempfile
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from gantryctl.errors import StateError, UsageError
+from gantryctl.files import write_whole
 from gantryctl.service.protocol.roles import Role
 
 FILE: Final = "users.json"
@@ -107,16 +106,7 @@ class Users:
             name: {k: v for k, v in user._asdict().items() if k != "name"} for name, user in users.items()
         }
         text = json.dumps({"format": FORMAT, "users": values}, indent=1) + "\n"
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            handle, partial = tempfile.mkstemp(dir=self.path.parent, prefix=FILE)  # 0600
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(partial, self.path)
-        except OSError as fault:
-            raise StateError(f"{self.path}: users cannot be written: {fault.strerror or fault}") from fault
+        write_whole(self.path, text, private=True, make_folder=True)
 
 
 def made(name: str, role: Role, password: str) -> User:

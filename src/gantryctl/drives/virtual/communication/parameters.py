@@ -12,6 +12,7 @@ from gantryctl.drives.virtual.axis.setpoint import MODES
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.store import ParameterStore
+from gantryctl.errors import StateError
 
 SAVE: Final = 0x65766173
 """The bytes "save"."""
@@ -64,7 +65,7 @@ class Parameters:
         first, last = _GROUPS[sub]
         try:
             self._store.save(self._od.storable(first, last), first, last)
-        except OSError:
+        except StateError:
             raise SdoAbort(Abort.STORE) from None
         self._to_drop.discard(sub)
         self._saving()
@@ -86,7 +87,7 @@ class Parameters:
         for sub in sorted(self._to_drop):
             try:
                 self._store.drop(*_GROUPS[sub])
-            except OSError:
+            except StateError:
                 written = False
         self._to_drop.clear()
         self._od.reset(self._store.values(), communication_only)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
 from gantryctl.drives.virtual.communication.dictionary import Key
+from gantryctl.files import write_whole
 
 _FORMAT: Final = 1
 
@@ -36,7 +36,7 @@ class ParameterStore:
         """Replace what is stored of a range of indices.
 
         Raises:
-            OSError: the file cannot be written.
+            StateError: the file cannot be written.
         """
         self._replace(
             {key: v for key, v in self._values.items() if not first <= key[0] <= last} | dict(values)
@@ -46,16 +46,14 @@ class ParameterStore:
         """Forget a range of indices.
 
         Raises:
-            OSError: the file cannot be written.
+            StateError: the file cannot be written.
         """
         self._replace({key: v for key, v in self._values.items() if not first <= key[0] <= last})
 
     def _replace(self, values: dict[Key, int]) -> None:
         if self._path is not None:
             text = {f"{index:04X}:{sub:02X}": value for (index, sub), value in sorted(values.items())}
-            new = self._path.with_name(self._path.name + ".new")
-            new.write_text(json.dumps({"format": _FORMAT, "values": text}, indent=1))
-            os.replace(new, self._path)
+            write_whole(self._path, json.dumps({"format": _FORMAT, "values": text}, indent=1))
         self._values = values
 
     def _load(self, path: Path) -> None:

@@ -1,0 +1,49 @@
+"""Writing a file so that a power cut leaves the old one or the new one, whole."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import sys
+from pathlib import Path
+
+from gantryctl.errors import StateError
+
+
+def write_whole(path: Path, data: bytes | str, *, private: bool = False, make_folder: bool = False) -> None:
+    """Replace a file, or leave it as it was; it is on the disk when this returns.
+
+    Args:
+        data: its content, text as UTF-8.
+        private: only the user of this process may read it.
+        make_folder: make the folder of the file where it is missing.
+
+    Raises:
+        StateError: the disk does not take it. The old file is whole, and nothing is left beside it.
+    """
+    partial = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")  # two writers do not meet in it
+    mode = 0o600 if private else 0o666
+    try:
+        if make_folder:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        with open(partial, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
+            file.write(data.encode() if isinstance(data, str) else data)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+        _sync_folder(path.parent)
+    except OSError as fault:
+        with contextlib.suppress(OSError):
+            partial.unlink()
+        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+
+
+def _sync_folder(folder: Path) -> None:
+    # A rename is an entry of the folder: without this it may be lost although the file itself was synchronised.
+    if sys.platform != "win32":  # Windows cannot open a folder
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
