@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections import deque
+from collections.abc import Mapping
 from typing import Final, NamedTuple
 
 from gantryctl.errors import CommandRefused
@@ -15,30 +16,38 @@ HISTORY_LENGTH: Final = 200
 
 
 class Refusal(NamedTuple):
-    """A command that was refused: why, in one sentence."""
+    """The reason why a command was refused: a code with the values of its message."""
 
     code: Code
-    text: str
+    values: Mapping[str, object]
+
+    @property
+    def text(self) -> str:
+        """The message of the code with its values."""
+        return ALARMS[self.code].message.format(**self.values)
+
+    def __str__(self) -> str:
+        return self.text
 
 
 class Alarm:
     """One alarm: what was measured, when and where; what was done about it grows while it is being done."""
 
-    __slots__ = ("code", "consequences", "done", "measured", "pos_rad", "reaction", "scan", "time_s")
+    __slots__ = ("code", "consequences", "done", "pos_rad", "reaction", "scan", "time_s", "values")
 
     def __init__(
         self,
         code: Code,
         time_s: float,
-        measured: str,
+        values: Mapping[str, object],
         reaction: Reaction,
         scan: int = 0,
         pos_rad: float = 0.0,
     ) -> None:
         self.code = code
         self.time_s = time_s
-        self.measured = measured
-        """What was measured against which limit, with units."""
+        self.values = values
+        """What was measured against which limit, in the units of the message."""
         self.reaction = reaction
         self.scan = scan
         self.pos_rad = pos_rad
@@ -51,6 +60,16 @@ class Alarm:
     def definition(self) -> Definition:
         """Its row in the table."""
         return ALARMS[self.code]
+
+    @property
+    def refusal(self) -> Refusal:
+        """The same code and values as the reason of a refusal."""
+        return Refusal(self.code, self.values)
+
+    @property
+    def measured(self) -> str:
+        """What was measured against which limit, with units."""
+        return ALARMS[self.code].message.format(**self.values)
 
     @property
     def text(self) -> str:
@@ -114,7 +133,7 @@ class AlarmLog:
         if known is not None:
             known.reaction = reaction
             return
-        alarm = Alarm(code, self.time_s, row.message.format(**values), reaction, self.scan, self.pos_rad)
+        alarm = Alarm(code, self.time_s, values, reaction, self.scan, self.pos_rad)
         self.history.append(alarm)
         self.active[code] = alarm
         if self.first_out is not None:
@@ -127,14 +146,12 @@ class AlarmLog:
         """Say of an active alarm what was not known yet when it was raised."""
         alarm = self.active.get(code)
         if alarm is not None:
-            alarm.measured = ALARMS[code].message.format(**values)
+            alarm.values = values
 
     def note(self, code: Code, /, **values: object) -> Refusal:
         """Put something worth knowing into the history; nothing is latched."""
-        row = ALARMS[code]
-        text = row.message.format(**values)
-        self.history.append(Alarm(code, self.time_s, text, row.reaction, self.scan, self.pos_rad))
-        return Refusal(code, text)
+        self.history.append(Alarm(code, self.time_s, values, ALARMS[code].reaction, self.scan, self.pos_rad))
+        return Refusal(code, values)
 
     def clear(self) -> None:
         """Forget what is active; the history stays."""
@@ -151,8 +168,8 @@ class AlarmLog:
 
 
 def refusal(code: Code, /, **values: object) -> Refusal:
-    """The refusal `code` with its numbers filled in."""
-    return Refusal(code, ALARMS[code].message.format(**values))
+    """The refusal `code` with the values of its message."""
+    return Refusal(code, values)
 
 
 def all_codes() -> tuple[str, ...]:

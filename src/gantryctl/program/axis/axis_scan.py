@@ -178,12 +178,12 @@ class AxisScan:
         reaction, self.alarms.pending = self.alarms.pending, Reaction.W
         first = self.alarms.first_out
         if reaction is Reaction.HLT and (blocking := self.alarms.blocking()) is not None:
-            self.motion.stop_by(Refusal(blocking.code, blocking.measured))
+            self.motion.stop_by(blocking.refusal)
         if first is None or reaction < Reaction.QUICK_STOP:
             return
         self._error = True
         self._switching_off = False
-        self.motion.fail_all(Refusal(first.code, first.measured))
+        self.motion.fail_all(first.refusal)
         self.recovery.stop_begun(first)
         self.power.react(reaction)
 

@@ -176,8 +176,7 @@ class MotionCommands:
     def _arrived(self, command: MotionCommand) -> None:
         if command.settles and not self._monitors.in_position:
             if self._monitors.not_in_position:
-                alarm = self._alarms.active[Code.CTL_11]
-                command.fail(Refusal(Code.CTL_11, alarm.measured))
+                command.fail(self._alarms.active[Code.CTL_11].refusal)
                 self.current = None
             return
         command.status = CommandStatus.DONE

@@ -27,7 +27,7 @@ class Block:
 
     def _fail(self, reason: Refusal | None) -> None:
         self.error = reason is not None
-        self.error_id, self.error_text = (None, "") if reason is None else reason
+        self.error_id, self.error_text = (None, "") if reason is None else (reason.code, reason.text)
 
     def _refused(self, reason: Refusal) -> None:
         """An error at once: the command was refused and nothing changed."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import Refusal
+from gantryctl.program.alarms.log import refusal
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.blocks.base import Block
 from gantryctl.program.power.brake_test import BrakeTestOutcome, BrakeTestPhase
@@ -74,7 +74,7 @@ class BrakeTest(Block):
         self.done = outcome is BrakeTestOutcome.PASSED
         self.command_aborted = outcome is BrakeTestOutcome.ABORTED
         if outcome is BrakeTestOutcome.FAILED:
-            self._fail(Refusal(Code.BRK_08, law.text))
+            self._fail(refusal(Code.BRK_08, measured=law.text))
 
     def _clear(self) -> None:
         self.done = self.busy = self.command_aborted = self._final = False
