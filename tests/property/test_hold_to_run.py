@@ -5,11 +5,13 @@ from __future__ import annotations
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from gantryctl.service.command.authority import SILENCE_S, Authority
-from gantryctl.service.command.lease import LEASE_S, HoldToRun
+from gantryctl.service.command.authority import Authority
+from gantryctl.service.command.lease import HoldToRun
+from gantryctl.service.protocol.limits import SILENCE_S
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
 
+LEASE_S = 0.250
 LEASES = [f"{n:016x}" for n in range(6)]
 CLIENTS = ["a", "b"]
 PLACES = {"a": "loopback", "b": "loopback", "c": "local"}
@@ -20,7 +22,7 @@ class Leases(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.hold = HoldToRun()
+        self.hold = HoldToRun(LEASE_S)
         self.now = 100.0
         self.dead: set[str] = set()
         self.live: tuple[str, str] | None = None

@@ -18,7 +18,7 @@ import pytest
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder.journal import Journal, read_journal, verify
-from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.recorder.retention import RetentionPolicy
 from support.power_cut import Disk, Step
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="anonymous memory files")
@@ -101,7 +101,7 @@ def kills(directory: Path, count: int) -> dict[str, object]:
     memory, chance = SharedMemory.create(), random.Random(2)
     memory.words[Word.BOOT] = 9
     log = EventLog(memory.events[2])
-    arguments = [str(memory.handle), str(directory), Keeping().to_json()]
+    arguments = [str(memory.handle), str(directory), RetentionPolicy().to_json()]
     command = [sys.executable, "-m", "gantryctl.service.recorder", *arguments]
     written = kills_in_work = 0
     for _ in range(count):

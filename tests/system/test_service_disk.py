@@ -14,7 +14,7 @@ import pytest
 from gantryctl.service.memory.memory import Source
 from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.service.recorder.journal_file import FILE
-from gantryctl.service.recorder.retention import MB, Keeping
+from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.trace import read_trace
 from support.service_process import Page, Service, add_users, on_own_disk
 
@@ -53,10 +53,10 @@ def use_up(page: Page, disk: Path) -> None:
     page.do("set", tag="speed_setting_deg_s", value=0.6)
     page.do("move", target_deg=3.0)
     page.until(lambda tags: tags["vel_act_deg_s"] > 0.3 and tags["recording"])
-    fill(disk, Keeping().reserve_mb - 10)
+    fill(disk, RetentionPolicy().reserve_mb - 10)
     page.until(lambda tags: not tags["recording"])
     assert page.tags["journal_state"] == "ok"
-    fill(disk, Keeping().event_reserve_mb - 10)
+    fill(disk, RetentionPolicy().event_reserve_mb - 10)
     page.until(lambda tags: tags["journal_state"] == "full")
     fill(disk, 0)
     while page.tags["journal_state"] != "failed":

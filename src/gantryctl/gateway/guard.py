@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
-from collections import OrderedDict
-from collections.abc import Callable
 from typing import Any, Final
 
 from starlette.datastructures import MutableHeaders
@@ -14,6 +11,7 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gantryctl.gateway.settings import BODY_MAX, REQUESTS_PER_S, REQUESTS_RESERVE, Settings, neighbourhood
+from gantryctl.service.protocol.limits import RateLimiter
 
 CSP: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
@@ -28,7 +26,6 @@ _HEADERS: Final = {
     "cross-origin-resource-policy": "same-origin",
     "permissions-policy": "camera=(), microphone=(), geolocation=()",
 }
-_ADDRESSES: Final = 10_000
 
 
 def error(status: int, code: str, text: str, **headers: str) -> Response:
@@ -38,36 +35,12 @@ def error(status: int, code: str, text: str, **headers: str) -> Response:
     return Response(body, status, named, media_type="application/json")
 
 
-class RateLimit:
-    """So many requests a second for each address, with a reserve."""
-
-    def __init__(
-        self,
-        per_s: float = REQUESTS_PER_S,
-        reserve: float = REQUESTS_RESERVE,
-        now: Callable[[], float] = time.monotonic,
-    ) -> None:
-        self._per_s, self._reserve, self._now = per_s, reserve, now
-        self._left: OrderedDict[str, tuple[float, float]] = OrderedDict()
-
-    def wait_s(self, address: str) -> float:
-        """0 and one request less, or how long this address must wait."""
-        now_s = self._now()
-        left, at_s = self._left.pop(address, (self._reserve, now_s))
-        left = min(self._reserve, left + (now_s - at_s) * self._per_s)
-        allowed = left >= 1.0
-        self._left[address] = (left - 1.0 if allowed else left, now_s)
-        if len(self._left) > _ADDRESSES:
-            self._left.popitem(last=False)
-        return 0.0 if allowed else (1.0 - left) / self._per_s
-
-
 class Guard:
     """The outermost layer of the application."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app, self._settings = app, settings
-        self._hosts, self._limit = settings.hosts, RateLimit()
+        self._hosts, self._limit = settings.hosts, RateLimiter(REQUESTS_PER_S, REQUESTS_RESERVE)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request or WebSocket."""

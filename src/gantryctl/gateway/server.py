@@ -14,7 +14,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from gantryctl.gateway.door import WAITING, Door, Place
 from gantryctl.gateway.settings import HEADER_S, Settings
-from gantryctl.service.protocol.messages import MESSAGE_MAX
+from gantryctl.service.protocol.limits import MESSAGE_MAX
 
 HANDLES: Final = 4096
 """Open files: places, WebSockets, files, and some."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gantryctl.gateway.guard import RateLimit
 from gantryctl.gateway.sessions import FAILURES, IDLE_S, WHOLE_S, LockOut, Sessions
+from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import Users
 
@@ -89,7 +89,7 @@ def test_a_flood_of_names_does_not_fill_the_memory() -> None:
 
 def test_the_rate_limit_gives_its_reserve_then_its_rate_to_each_address() -> None:
     clock = Clock()
-    limit = RateLimit(10.0, 40.0, clock)
+    limit = RateLimiter(10.0, 40.0, clock)
     assert [limit.wait_s("a") for _ in range(40)] == [0.0] * 40
     assert limit.wait_s("a") == 0.1
     assert limit.wait_s("b") == 0.0

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gantryctl.service.command.arming import ARMED_S, Arming
-from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.service.command.arming import Arming
+from gantryctl.service.protocol.limits import ARMED_S
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
 
 ANNA, BELA = (Identity(name, name, Role.SERVICE, "loopback") for name in ("anna", "bela"))
@@ -22,7 +23,7 @@ def armed(*, second_person: bool = False) -> Arming:
 def allowed(arming: Arming, action: Action, who: Identity, epoch: int = 7, now_s: float = 101.0) -> bool:
     try:
         arming.check(action, who, epoch, now_s)
-    except Refused as refused:
+    except MessageRefused as refused:
         return refused.code != "SEC-10"
     return True
 

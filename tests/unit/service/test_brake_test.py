@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.image import DriveRequest
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, Code, PowerPhase
-from gantryctl.service.command.arming import ARMED_S
+from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.roles import Action, Role, may
 from support.service_bench import Bench
 

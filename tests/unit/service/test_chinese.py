@@ -82,7 +82,9 @@ def said_in(path: Path) -> Iterator[tuple[str, str]]:
         values: list[ast.expr] = []
         if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[-1] == "refusal":
             values = [key.value for key in node.keywords if key.arg == "measured"]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func) == "Refused" and len(node.args) == 2:
+        elif (
+            isinstance(node, ast.Call) and ast.unparse(node.func) == "MessageRefused" and len(node.args) == 2
+        ):
             if ast.unparse(node.args[0]) != "'SEC-05'":  # the page never sends what is not understood
                 values = [node.args[1]]
         elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) in (

@@ -7,10 +7,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from gantryctl.service.clients.bucket import Bucket
 from gantryctl.service.clients.hub import Client, Flooded, Hub
-from gantryctl.service.command.waiting import OF_CLIENT, OF_SOURCE
+from gantryctl.service.command.inbox import OF_CLIENT, OF_SOURCE
 from gantryctl.service.memory.memory import SharedMemory, Source
+from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.roles import Role
 from support.service_bench import Bench
 
@@ -137,11 +137,11 @@ def test_a_connection_sends_so_many_of_each_kind_and_what_is_more_does_not_reach
         flood(client)
 
 
-def test_a_bucket_gives_its_rate() -> None:
+def test_a_rate_limiter_gives_its_rate() -> None:
     now_s = [0.0]
-    bucket = Bucket(10.0, lambda: now_s[0])
-    assert [bucket.take() for _ in range(11)] == [True] * 10 + [False]
+    limiter = RateLimiter(10.0, now=lambda: now_s[0])
+    assert [limiter.wait_s() == 0.0 for _ in range(11)] == [True] * 10 + [False]
     now_s[0] = 0.25  # two and a half come back
-    assert [bucket.take() for _ in range(3)] == [True, True, False]
+    assert [limiter.wait_s() == 0.0 for _ in range(3)] == [True, True, False]
     now_s[0] = 100.0
-    assert sum(bucket.take() for _ in range(20)) == 10
+    assert sum(limiter.wait_s() == 0.0 for _ in range(20)) == 10

@@ -20,7 +20,7 @@ from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import Journal, JournalFault, read_journal, verify
 from gantryctl.service.recorder.journal_file import FIELDS, FILE
 from gantryctl.service.recorder.process import FAILED, FULL, LOCKED, OK, EventWriter
-from gantryctl.service.recorder.retention import MB, Keeping
+from gantryctl.service.recorder.retention import MB, RetentionPolicy
 
 PLENTY = 10**12
 
@@ -150,7 +150,7 @@ def test_an_event_leaves_the_ring_only_when_it_is_kept(
 
 
 def test_the_state_says_what_keeps_the_journal_from_working(tmp_path: Path) -> None:
-    _, made, _ = writer(tmp_path, free=int(Keeping().event_reserve_mb * MB) - 1)
+    _, made, _ = writer(tmp_path, free=int(RetentionPolicy().event_reserve_mb * MB) - 1)
     assert made.state == FULL
     made.failed = True
     assert made.state == FAILED

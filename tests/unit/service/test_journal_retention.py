@@ -19,7 +19,7 @@ from gantryctl.service.recorder import process as recorder
 from gantryctl.service.recorder.journal import Anchor, Journal, anchor, read_journal, verify
 from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.process import OK, SLOW, EventWriter
-from gantryctl.service.recorder.retention import MB, Keeping
+from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from support.power_cut import Disk, Step
 
 PLENTY = 10**12
@@ -146,7 +146,7 @@ class Bench:
         self.memory, self.free = SharedMemory.create(), PLENTY
         self.memory.words[Word.BOOT] = 5
         self.log = EventLog(self.memory.events[2])
-        self.writer = EventWriter(self.memory, directory, lambda: self.free, Keeping(), connect)
+        self.writer = EventWriter(self.memory, directory, lambda: self.free, RetentionPolicy(), connect)
         self.directory = directory
 
     def texts(self) -> list[str]:

@@ -6,7 +6,7 @@ import pytest
 
 from gantryctl.image import Mode
 from gantryctl.program import AxisState, Code
-from gantryctl.service.command.lease import HELD_S
+from gantryctl.service.protocol.limits import HELD_S
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.units import deg
 from support.service_bench import LEASE, RAMP_S, SPEED_DEG_S, Bench

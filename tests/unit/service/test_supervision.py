@@ -23,13 +23,11 @@ from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.roles import Role
-from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor import child as module
-from gantryctl.service.supervisor.child import HANG_S, START_S, Child
-from gantryctl.service.supervisor.notify import notify
+from gantryctl.service.supervisor.child import HANG_S, START_S, Child, notify
 from gantryctl.service.supervisor.process import Options, Supervisor
-from gantryctl.service.supervisor.user_watch import UserWatch
-from gantryctl.service.supervisor.users import Users
+from gantryctl.service.supervisor.users import Users, UserWatch
 
 PASSWORD = "correct horse battery"
 SLEEPER = [sys.executable, "-c", "import time; time.sleep(60)"]
@@ -173,7 +171,7 @@ def test_a_first_process_whose_local_socket_is_mute_ends_the_service_in_order(
 
     monkeypatch.setattr(Hub, "run", fail)
     monkeypatch.setattr(Hub, "fresh", True)
-    options = Options(Keeping(), list, second_person=False, users=Users(tmp_path))
+    options = Options(RetentionPolicy(), list, second_person=False, users=Users(tmp_path))
     supervisor = Supervisor(default_machine(), tmp_path, tmp_path, None, -1, None, lambda _: None, options)
     supervisor.controller = Child("controller", SLEEPER, [], critical=True)
     supervisor.recorder = Child("recorder", SLEEPER, [])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.memory.snapshot import publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
-from gantryctl.service.recorder.retention import MB, Keeping
+from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.recorder.trace_writer import TraceWriter
 from gantryctl.trace import read_trace
 
@@ -144,7 +144,7 @@ def test_the_oldest_recordings_go_when_all_need_more_than_the_quota(tmp_path: Pa
     for day in range(1, 6):
         (tmp_path / f"service-2026010{day}T000000000.parquet").write_bytes(bytes(300 * 1024))
     (tmp_path / "somebody-elses.parquet").write_bytes(bytes(MB))
-    TraceWriter(bench.memory, tmp_path, lambda: PLENTY, Keeping(traces_mb=1)).drain(at_once=True)
+    TraceWriter(bench.memory, tmp_path, lambda: PLENTY, RetentionPolicy(traces_mb=1)).drain(at_once=True)
     kept = sorted(file.name for file in tmp_path.iterdir())
     assert kept == ["service-20260103T000000000.parquet", "service-20260104T000000000.parquet",
                     "service-20260105T000000000.parquet", "somebody-elses.parquet"]  # fmt: skip
@@ -153,7 +153,7 @@ def test_the_oldest_recordings_go_when_all_need_more_than_the_quota(tmp_path: Pa
 
 def test_a_recording_that_needs_the_whole_quota_alone_is_left(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
-    bench.writer = TraceWriter(bench.memory, tmp_path, lambda: PLENTY, Keeping(traces_mb=0))
+    bench.writer = TraceWriter(bench.memory, tmp_path, lambda: PLENTY, RetentionPolicy(traces_mb=0))
     bench.rows(10)
     bench.writer.drain(at_once=True)
     assert not bench.memory.words[Word.RECORDING_STOPPED]

@@ -13,7 +13,7 @@ from gantryctl.cli.options import print_json
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation.requests import check_direction, check_speed, check_target, way_note
-from gantryctl.service.command.lease import HELD_S
+from gantryctl.service.protocol.limits import HELD_S
 
 _SAME_DEG: Final = 0.01
 """An axis that has moved by more is not where it was when the person was asked."""

@@ -92,9 +92,9 @@ def serve(
     TLS and users (`gantryctl user add`). Ctrl-C brings the axis to rest, closes the brake and closes the journal.
     """
     from gantryctl.cli.service.serving import Listen, run_service
-    from gantryctl.service.recorder.retention import Keeping
+    from gantryctl.service.recorder.retention import RetentionPolicy
 
     machine = proven_machine(config_file)
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
-    keeping = Keeping(journal_size, journal_days, traces_size, reserve, event_reserve)
+    keeping = RetentionPolicy(journal_size, journal_days, traces_size, reserve, event_reserve)
     return run_service(machine, config_file, page, opcua, keeping=keeping, second_person=second_person)

@@ -17,7 +17,7 @@ from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine_path, short_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.store import state_root
-from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import refuse_expired
 from gantryctl.service.supervisor.process import Options, Supervisor
 from gantryctl.service.supervisor.selftest import self_test
@@ -39,7 +39,7 @@ def run_service(
     page: Listen | None,
     opcua: str | None,
     *,
-    keeping: Keeping,
+    keeping: RetentionPolicy,
     second_person: bool = False,
 ) -> int:
     """Check, start, say where, wait for the end; the exit code.

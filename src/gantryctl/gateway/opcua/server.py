@@ -23,10 +23,10 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from gantryctl.gateway.opcua.people import People
 from gantryctl.gateway.opcua.trust import TrustList
 from gantryctl.program import AxisState
-from gantryctl.service.clients.hub import STALE_S
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source
-from gantryctl.service.memory.snapshot import Picture
+from gantryctl.service.memory.snapshot import Snapshot
+from gantryctl.service.protocol.limits import STALE_S
 from gantryctl.service.protocol.tags import TAGS, Tag
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.supervisor.users import Users
@@ -213,7 +213,7 @@ async def make_server(settings: Settings, events: EventLog) -> tuple[Server, Add
 async def serve(settings: Settings, memory: SharedMemory) -> None:
     """Serve until cancelled."""
     server, space, trust = await make_server(settings, EventLog(memory.events[Source.OPCUA]))
-    picture, turn = Picture(memory), 0
+    picture, turn = Snapshot(memory), 0
     async with server:
         while True:
             fast, age_ms = picture.fast()

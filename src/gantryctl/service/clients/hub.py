@@ -15,26 +15,34 @@ from collections import deque
 from importlib.metadata import version
 from typing import Any, Final
 
-from gantryctl.service.clients.bucket import Bucket
-from gantryctl.service.command.lease import LEASE_S, RENEW_S
-from gantryctl.service.command.rules import FRAME_S, FRAMES_MAX, FRAMES_MAX_JOG
 from gantryctl.service.memory.events import EventLog
-from gantryctl.service.memory.memory import SharedMemory, Source
-from gantryctl.service.memory.snapshot import Picture
-from gantryctl.service.protocol.messages import FREE, SILENT, Identity, Refused, action_of, parse, to_record
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.memory.snapshot import Snapshot
+from gantryctl.service.protocol.limits import (
+    ANSWER_S,
+    COMMANDS_PER_S,
+    FLOOD_PER_S,
+    FRAME_S,
+    FRAMES_MAX,
+    FRAMES_MAX_JOG,
+    RENEW_S,
+    SIGNS_PER_S,
+    STALE_S,
+    RateLimiter,
+)
+from gantryctl.service.protocol.messages import (
+    FREE,
+    SILENT,
+    Identity,
+    MessageRefused,
+    action_of,
+    parse,
+    to_record,
+)
 from gantryctl.service.protocol.roles import MAY, Role, may
 
-STALE_S: Final = 0.5
-ANSWER_S: Final = 1.0
-"""A controller that does not answer for so long is silent."""
-COMMANDS_PER_S: Final = 20.0
-"""Of a connection; stop, quick stop and release each have as many of their own."""
-_SIGNS_PER_S: Final = 50.0
-"""Signs of life of each kind; what is more is dropped. A key renews 33 times a second."""
 _QUICK_S: Final = 0.002
 _OUT_MAX: Final = 200
-_FLOOD: Final = 200.0
-"""Messages a second, of any kind, that end a connection."""
 
 
 class Flooded(Exception):
@@ -57,8 +65,8 @@ class Client:
         self._replies: deque[str] = deque()
         self._asked: dict[int, float] = {}
         self._sent_frame = self._sent_slow = -1
-        self._all, self._commands = Bucket(_FLOOD), Bucket(COMMANDS_PER_S)
-        self._free = {kind: Bucket(_SIGNS_PER_S if kind in SILENT else COMMANDS_PER_S) for kind in FREE}
+        self._all = RateLimiter(FLOOD_PER_S)
+        self._commands, self._signs = RateLimiter(COMMANDS_PER_S), RateLimiter(SIGNS_PER_S)
 
     def take(self, text: str | bytes) -> None:
         """One message of this connection: refused here, or handed to the controller.
@@ -66,24 +74,25 @@ class Client:
         Raises:
             Flooded: the connection is to be closed.
         """
-        if not self._all.take():
+        if self._all.wait_s() > 0.0:
             raise Flooded
         seq = 0
         try:
             message = parse(text)
             seq = message.seq
-            if not self._free.get(message.kind, self._commands).take():
+            limit = self._signs if message.kind in SILENT else self._commands
+            if limit.wait_s(message.kind if message.kind in FREE else "command") > 0.0:
                 if message.kind in SILENT:
                     return
-                raise Refused("SEC-06", f"more than {COMMANDS_PER_S:g} commands in a second")
+                raise MessageRefused("SEC-06", f"more than {COMMANDS_PER_S:g} commands in a second")
             if not may(self.who.role, action_of(message)):
-                raise Refused("SEC-01", f"the role {self.who.role} may not do this")
+                raise MessageRefused("SEC-01", f"the role {self.who.role} may not do this")
             raw: dict[str, Any] = {"type": message.kind, "seq": seq, "frame": message.frame, **message.values}
             if message.epoch is not None:
                 raw["epoch"] = message.epoch
             if not self._hub.send(self.who, raw):
-                raise Refused("SYS-11", "the controller takes no commands now")
-        except Refused as refused:
+                raise MessageRefused("SYS-11", "the controller takes no commands now")
+        except MessageRefused as refused:
             self.answer(refusal_of(seq or refused.seq, refused))
             return
         if message.kind not in SILENT:
@@ -101,7 +110,7 @@ class Client:
     def overdue(self, now_s: float) -> None:
         """Answer for a controller that does not."""
         for seq in [seq for seq, due_s in self._asked.items() if now_s > due_s]:
-            self.answer(refusal_of(seq, Refused("SYS-11", "the controller does not answer")))
+            self.answer(refusal_of(seq, MessageRefused("SYS-11", "the controller does not answer")))
 
     @property
     def waiting(self) -> bool:
@@ -133,7 +142,7 @@ class Hub:
         self._memory, self._source = memory, source
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
-        self._picture = Picture(memory)
+        self._picture = Snapshot(memory)
         self._clients: dict[str, Client] = {}
         self.tick = self.slow_version = 0
         self._fast: dict[str, Any] = {}
@@ -178,7 +187,7 @@ class Hub:
             "may": [str(action) for action, roles in MAY.items() if who.role in roles],
             "version": version("gantryctl"),
             "frame_ms": round(FRAME_S * 1e3),
-            "lease_ms": round(LEASE_S * 1e3),
+            "lease_ms": self._memory.words[Word.LEASE_MS],
             "renew_ms": round(RENEW_S * 1e3),
             "frames_max_jog": FRAMES_MAX_JOG,
             "frames_max": FRAMES_MAX,
@@ -262,7 +271,7 @@ class Hub:
                 await asyncio.wait_for(self._expected.wait(), FRAME_S)
 
 
-def refusal_of(seq: int, refused: Refused) -> dict[str, Any]:
+def refusal_of(seq: int, refused: MessageRefused) -> dict[str, Any]:
     """A reply that refuses."""
     return {
         "type": "reply",

@@ -12,7 +12,7 @@ from typing import Any, Final
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.clients.local import PeerName
-from gantryctl.service.command.lease import RENEW_S
+from gantryctl.service.protocol.limits import RENEW_S
 
 _TIMEOUT_S: Final = 3.0
 

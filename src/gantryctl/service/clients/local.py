@@ -22,7 +22,7 @@ from typing import Final
 from gantryctl.errors import StateError
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.clients.hub import Client, Flooded, Hub
-from gantryctl.service.protocol.messages import MESSAGE_MAX
+from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Role
 
 GROUP: Final = "gantry"

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
-from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.service.protocol.limits import ARMED_S
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action
-
-ARMED_S: Final = 10.0
-"""How long something stays armed."""
 
 
 class Armed(NamedTuple):
@@ -52,16 +50,18 @@ class Arming:
         """Whether this person may execute the action now.
 
         Raises:
-            Refused: SEC-10, with what is to be done first.
+            MessageRefused: SEC-10, with what is to be done first.
         """
         armed = self.now(epoch, now_s)
         if armed is None or armed.action is not action:
             by = "another user must arm it first" if self.second_person else "arm it first"
-            raise Refused("SEC-10", f"{action} is not armed: {by}, then execute within {ARMED_S:g} s")
+            raise MessageRefused("SEC-10", f"{action} is not armed: {by}, then execute within {ARMED_S:g} s")
         if self.second_person and armed.who.user == who.user:
-            raise Refused("SEC-10", f"{action} was armed by {who.user}: another user must execute it")
+            raise MessageRefused("SEC-10", f"{action} was armed by {who.user}: another user must execute it")
         if not self.second_person and armed.who.client != who.client:
-            raise Refused("SEC-10", f"{action} was armed by {armed.who.user} at another screen: arm it here")
+            raise MessageRefused(
+                "SEC-10", f"{action} was armed by {armed.who.user} at another screen: arm it here"
+            )
 
     def use(self) -> None:
         """It is executed: armed no more."""

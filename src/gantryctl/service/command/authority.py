@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Final
-
+from gantryctl.service.protocol.limits import SILENCE_S
 from gantryctl.service.protocol.messages import Identity
-
-SILENCE_S: Final = 2.0
-"""A holder that is silent for longer has lost control."""
 
 
 class Authority:

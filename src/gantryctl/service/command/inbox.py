@@ -3,20 +3,84 @@
 from __future__ import annotations
 
 import json
-from collections import OrderedDict, deque
+from collections import Counter, OrderedDict, deque
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
-from gantryctl.service.command.waiting import Queue, Waiting
 from gantryctl.service.memory.events import EventLog, printable
 from gantryctl.service.memory.ring import Ring
-from gantryctl.service.protocol.messages import SILENT, Identity, Refused, checked, from_record
+from gantryctl.service.protocol.messages import (
+    SILENT,
+    Identity,
+    Message,
+    MessageRefused,
+    checked,
+    from_record,
+)
 
 _PER_SCAN: Final = 32
 """Records looked at in one scan."""
 _CLIENTS: Final = 1024
+OF_CLIENT: Final = 16
+OF_SOURCE: Final = 128
+"""PendingCommand at most. The console of the machine has places of its own: no page fills them."""
 _FIRST: Final = ("stop", "quick_stop", "release")
 _KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
+
+
+class PendingCommand(NamedTuple):
+    """A message with its sender, and the source that its reply goes to."""
+
+    source: int
+    who: Identity
+    message: Message
+
+
+class CommandQueue:
+    """Commands that wait."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[PendingCommand] = deque()
+        self._count: Counter[str | int] = Counter()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def append(self, waiting: PendingCommand) -> bool:
+        """CommandQueue one; False when too many wait already. Of signs of life only the newest of a client waits."""
+        client, source = waiting.who.client, waiting.source
+        if waiting.message.kind in SILENT:
+            self._drop(client, waiting.message.kind)
+        if self._count[client] >= OF_CLIENT or self._count[source] >= OF_SOURCE:
+            return False
+        self._waiting.append(waiting)
+        self._count[client] += 1
+        self._count[source] += 1
+        return True
+
+    def take(self) -> PendingCommand:
+        """The oldest one."""
+        waiting = self._waiting.popleft()
+        self._leave(waiting)
+        return waiting
+
+    def clear(self) -> None:
+        """None waits any more."""
+        self._waiting.clear()
+        self._count.clear()
+
+    def _drop(self, client: str, kind: str) -> None:
+        for each in self._waiting:
+            if each.who.client == client and each.message.kind == kind:
+                self._waiting.remove(each)
+                self._leave(each)
+                return
+
+    def _leave(self, waiting: PendingCommand) -> None:
+        for key in (waiting.who.client, waiting.source):
+            self._count[key] -= 1
+            if not self._count[key]:
+                del self._count[key]
 
 
 class Gone(NamedTuple):
@@ -39,8 +103,8 @@ class Inbox:
 
     def __init__(self, commands: Sequence[Ring], replies: Sequence[Ring], events: EventLog) -> None:
         self.events = events
-        self.first: dict[str, list[Waiting]] = {}
-        self.others = Queue()
+        self.first: dict[str, list[PendingCommand]] = {}
+        self.others = CommandQueue()
         self.gone: deque[Gone] = deque()
         self.time_s = 0.0
         self._commands, self._replies = commands, replies
@@ -69,40 +133,40 @@ class Inbox:
             return
         try:
             message = checked(raw)
-        except Refused as refused:
+        except MessageRefused as refused:
             self._reply(source, who, raw.get("seq"), refused, 0, epoch)
             return
-        waiting = Waiting(source, who, message)
+        waiting = PendingCommand(source, who, message)
         if message.kind in _FIRST:
             self.first.setdefault(message.kind, []).append(waiting)
         elif message.kind in SILENT and who.client != holder:
             if message.kind == "renew":
-                dead = Refused("SEC-09", "the lease has ended: release and press again")
+                dead = MessageRefused("SEC-09", "the lease has ended: release and press again")
                 self._reply(source, who, message.seq, dead, 0, epoch)
         elif not self.others.append(waiting):
-            full = Refused("SEC-06", "the controller takes no commands now")
+            full = MessageRefused("SEC-06", "the controller takes no commands now")
             self._reply(source, who, message.seq, full, 0, epoch)
 
-    def check_sequence(self, waiting: Waiting) -> None:
-        """Each number of a connection once, and rising; raises Refused."""
+    def check_sequence(self, waiting: PendingCommand) -> None:
+        """Each number of a connection once, and rising; raises MessageRefused."""
         client, seq = waiting.who.client, waiting.message.seq
         if not seq > self._last_seq.get(client, -1):
-            raise Refused("SEC-04", f"sequence number {seq} was used before")
+            raise MessageRefused("SEC-04", f"sequence number {seq} was used before")
         self._last_seq[client] = seq
         self._last_seq.move_to_end(client)
         if len(self._last_seq) > _CLIENTS:
             self._last_seq.popitem(last=False)
 
-    def answer(self, waiting: Waiting, refused: Refused | None, epoch: int) -> None:
+    def answer(self, waiting: PendingCommand, refused: MessageRefused | None, epoch: int) -> None:
         """One reply and one event for a command; nothing for those that are silent when all is well."""
         silent = waiting.message.kind in SILENT
         number = 0 if silent else self._event(waiting, refused)
         if refused is not None or not silent:
             self._reply(waiting.source, waiting.who, waiting.message.seq, refused, number, epoch)
 
-    def answer_all(self, together: Sequence[Waiting], epoch: int) -> None:
+    def answer_all(self, together: Sequence[PendingCommand], epoch: int) -> None:
         """A reply for each of the stops of one scan, and one event for each user: a flood does not fill the journal."""
-        of_user: dict[str, list[Waiting]] = {}
+        of_user: dict[str, list[PendingCommand]] = {}
         for each in together:
             of_user.setdefault(each.who.user, []).append(each)
         for same in of_user.values():
@@ -110,7 +174,7 @@ class Inbox:
             for each in same:
                 self._reply(each.source, each.who, each.message.seq, None, number, epoch)
 
-    def _event(self, waiting: Waiting, refused: Refused | None, **more: int) -> int:
+    def _event(self, waiting: PendingCommand, refused: MessageRefused | None, **more: int) -> int:
         """Its number. It has the time of the scan that carried it out: journal and recording belong together."""
         message = waiting.message
         outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
@@ -122,7 +186,7 @@ class Inbox:
         return self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, **more, time_s=self.time_s)
 
     def _reply(
-        self, source: int, who: Identity, seq: Any, refused: Refused | None, number: int, epoch: int
+        self, source: int, who: Identity, seq: Any, refused: MessageRefused | None, number: int, epoch: int
     ) -> None:
         reply = {
             "type": "reply",

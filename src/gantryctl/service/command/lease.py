@@ -8,10 +8,8 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Final
 
-LEASE_S: Final = 0.250
-RENEW_S: Final = 0.030
-HELD_S: Final = 30.0
-"""Nobody is believed to hold a key for longer."""
+from gantryctl.service.protocol.limits import HELD_S
+
 _REMEMBERED: Final = 10_000
 
 
@@ -26,7 +24,7 @@ class HoldToRun:
         too_long: it was because the key was held for too long.
     """
 
-    def __init__(self, lease_s: float = LEASE_S) -> None:
+    def __init__(self, lease_s: float) -> None:
         self.lease_s = lease_s
         self.forward = self.reverse = False
         self.count = 0

@@ -10,10 +10,10 @@ from typing import Final
 
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.program import Code, PowerPhase
-from gantryctl.service.command.lease import HELD_S
+from gantryctl.service.command.inbox import PendingCommand
 from gantryctl.service.command.operator_state import OperatorState
-from gantryctl.service.command.waiting import Waiting
-from gantryctl.service.protocol.messages import ARMABLE, Identity, Refused
+from gantryctl.service.protocol.limits import HELD_S
+from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, may
 
 _PER_SCAN: Final = 8
@@ -98,18 +98,18 @@ class ServiceOperator(OperatorState):
             self._set(power=False)
         elif kind == "set":
             self._set(override=axis.virtual.override)
-        self._answer(acting, Refused(str(reason.code), reason.text))
+        self._answer(acting, MessageRefused(str(reason.code), reason.text))
 
     # --- everything else --------------------------------------------------------------------------
 
-    def _carry_out(self, waiting: Waiting, now_s: float) -> None:
+    def _carry_out(self, waiting: PendingCommand, now_s: float) -> None:
         """Judge one command, then do it at once or put it on the levels of this scan."""
         try:
             self._check_fresh(waiting)
             self.authority.alive(waiting.who, now_s)
             self.rules.check(self, waiting.who, waiting.message)
             done = self._do(waiting, now_s)
-        except Refused as refused:
+        except MessageRefused as refused:
             self._answer(waiting, refused)
             return
         if done:
@@ -117,12 +117,12 @@ class ServiceOperator(OperatorState):
         else:
             self._acting = waiting
 
-    def _check_fresh(self, waiting: Waiting) -> None:
+    def _check_fresh(self, waiting: PendingCommand) -> None:
         message = waiting.message
         self._inbox.check_sequence(waiting)
         self.rules.check_age(message, self.frame())
         if message.epoch is not None and message.epoch != self.authority.epoch:
-            raise Refused(
+            raise MessageRefused(
                 "SEC-03", "sent before the last stop, reset or change of control: look, then ask again"
             )
 
@@ -130,7 +130,7 @@ class ServiceOperator(OperatorState):
         """Status frame number now."""
         return self.rules.frame(self.now())
 
-    def _do(self, waiting: Waiting, now_s: float) -> bool:
+    def _do(self, waiting: PendingCommand, now_s: float) -> bool:
         """True: done. False: the program decides in this scan."""
         who, message = waiting.who, waiting.message
         values = message.values
@@ -162,7 +162,7 @@ class ServiceOperator(OperatorState):
                 return self._edge(waiting)
         return True
 
-    def _edge(self, waiting: Waiting) -> bool:
+    def _edge(self, waiting: PendingCommand) -> bool:
         """Commands that the program takes as an edge; True when there is nothing to do."""
         who, values = waiting.who, waiting.message.values
         match waiting.message.kind:
@@ -196,7 +196,7 @@ class ServiceOperator(OperatorState):
         self._set(reset=True)
 
     def check_armed(self, action: Action, who: Identity) -> None:
-        """Whether `who` may execute this now; raises Refused."""
+        """Whether `who` may execute this now; raises MessageRefused."""
         self.arming.check(action, who, self.authority.epoch, self.now())
 
     def _take(self, who: Identity, over: bool, now_s: float) -> None:
@@ -206,7 +206,7 @@ class ServiceOperator(OperatorState):
             self.stop()
         refused = self.authority.take(who, over, self.at_rest, now_s)
         if refused is not None:
-            raise Refused(*refused)
+            raise MessageRefused(*refused)
         self._set(remote=who.place == "remote")
 
     def _power(self, on: bool) -> bool:
@@ -222,4 +222,4 @@ class ServiceOperator(OperatorState):
     @staticmethod
     def _lease(reason: str | None) -> None:
         if reason is not None:
-            raise Refused("SEC-09", reason)
+            raise MessageRefused("SEC-09", reason)

@@ -11,14 +11,13 @@ from gantryctl.program import GantryProgram
 from gantryctl.program.power.phases import RISING
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
-from gantryctl.service.command.inbox import Gone, Inbox
+from gantryctl.service.command.inbox import Gone, Inbox, PendingCommand
 from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.rules import Rules
-from gantryctl.service.command.waiting import Waiting
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import Source
 from gantryctl.service.memory.ring import Ring
-from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 
 
 class OperatorState:
@@ -59,7 +58,7 @@ class OperatorState:
         self.program: GantryProgram
         self.now = now
         self._inbox = Inbox(commands, replies, events)
-        self._acting: Waiting | None = None
+        self._acting: PendingCommand | None = None
         self._refusals = 0
         self._gap = False
         self._stop_scans = 0
@@ -81,7 +80,7 @@ class OperatorState:
         """A brake test is under way."""
         return self.program.axis.power.testing
 
-    def _answer(self, waiting: Waiting, refused: Refused | None) -> None:
+    def _answer(self, waiting: PendingCommand, refused: MessageRefused | None) -> None:
         self._inbox.answer(waiting, refused, self.authority.epoch)
 
     def _gone(self, gone: Gone) -> None:
@@ -111,7 +110,7 @@ class OperatorState:
             self._begin_stop()
         return True
 
-    def _stop_now(self, together: Sequence[Waiting]) -> None:
+    def _stop_now(self, together: Sequence[PendingCommand]) -> None:
         """All stops of one kind in this scan are one stop; every release counts."""
         kind = together[0].message.kind
         if kind == "release":

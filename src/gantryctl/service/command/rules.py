@@ -10,16 +10,14 @@ from gantryctl.image import Mode
 from gantryctl.machine import Machine
 from gantryctl.program import Code
 from gantryctl.program.alarms.log import refusal
-from gantryctl.service.protocol.messages import Identity, Message, Refused, action_of
+from gantryctl.service.protocol.limits import FRAME_S, FRAMES_MAX, FRAMES_MAX_JOG
+from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, action_of
 from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, may
 from gantryctl.units import deg, rad
 
 if TYPE_CHECKING:
     from gantryctl.service.command.operator import ServiceOperator
 
-FRAME_S: Final = 0.050
-FRAMES_MAX: Final = 10
-FRAMES_MAX_JOG: Final = 6
 _ACC_PART: Final = 0.1
 """The lowest acceleration setting as a part of that of the machine file."""
 _NEW_MOTION: Final = frozenset({Action.POWER, Action.JOG, Action.MOVE, Action.BRAKE_TEST})
@@ -43,7 +41,7 @@ class Rules:
         untestable: why the brake cannot be tested here, or "".
         locked: whether a reset now meets something locked.
         journal_keeps: whether the journal is able to keep events.
-        acknowledge: marks an alarm row as seen; raises Refused for a row that is not there.
+        acknowledge: marks an alarm row as seen; raises MessageRefused for a row that is not there.
     """
 
     limits: dict[str, tuple[float, float]]
@@ -77,22 +75,22 @@ class Rules:
         most = FRAMES_MAX_JOG if message.kind in ("jog", "renew") else FRAMES_MAX
         behind = frame - message.frame
         if not 0 <= behind <= most:
-            raise Refused("SEC-02", f"status frame {message.frame} is {behind} behind, at most {most}")
+            raise MessageRefused("SEC-02", f"status frame {message.frame} is {behind} behind, at most {most}")
 
     def check(self, operator: ServiceOperator, who: Identity, message: Message) -> None:
         """Role, control, and what the service knows better than the program.
 
         Raises:
-            Refused: with the reason.
+            MessageRefused: with the reason.
         """
         action = action_of(message)
         if not may(who.role, action):
-            raise Refused("SEC-01", f"the role {who.role} may not do this ({action})")
+            raise MessageRefused("SEC-01", f"the role {who.role} may not do this ({action})")
         power_off = message.kind == "power" and not message.values["on"]
         needs_control = action in NEEDS_AUTHORITY and not power_off and message.kind != "arm"
         if needs_control and not operator.authority.holds(who):
             held = operator.authority.holder
-            raise Refused("SEC-07", f"{held.user} has control" if held else "take control first")
+            raise MessageRefused("SEC-07", f"{held.user} has control" if held else "take control first")
         begins = action in _NEW_MOTION and not power_off and message.kind not in ("renew", "arm")
         if begins or (action is Action.OVERRIDE and operator.program.axis.paused):
             self._check_motion(operator, who, message)
@@ -102,23 +100,25 @@ class Rules:
     def _check_motion(self, operator: ServiceOperator, who: Identity, message: Message) -> None:
         """Whether anything new may begin."""
         if not (self.journal_keeps() and operator.events.room):
-            raise Refused("JRN-02", "the journal cannot keep events now: no new motion; see `journal_state`")
+            raise MessageRefused(
+                "JRN-02", "the journal cannot keep events now: no new motion; see `journal_state`"
+            )
         if operator.shutdown:
-            raise Refused("SYS-07", "the service is being shut down")
+            raise MessageRefused("SYS-07", "the service is being shut down")
         if message.kind in ("power", "brake_test") and self.blocked_by:
-            raise Refused(str(Code.PWR_04), self.blocked_by)
+            raise MessageRefused(str(Code.PWR_04), self.blocked_by)
         if message.kind == "brake_test":
             self._check_brake_test(operator, who)
         wanted = {"jog": Mode.CONTINUOUS, "increment": Mode.INCREMENTAL}.get(message.kind)
         mode = operator.program.mode
         if wanted is not None and mode is not wanted and mode is not Mode.NONE:
             words = f"{message.kind} needs the mode {wanted.name.lower()}, it is {mode.name.lower()}"
-            raise Refused(str(Code.CTL_16), words)
+            raise MessageRefused(str(Code.CTL_16), words)
 
     def _check_brake_test(self, operator: ServiceOperator, who: Identity) -> None:
         """A brake test where the brake can be kept closed, and armed."""
         if self.untestable:
-            raise Refused(str(Code.CTL_14), self.untestable)
+            raise MessageRefused(str(Code.CTL_14), self.untestable)
         operator.check_armed(Action.BRAKE_TEST, who)
 
     @staticmethod
@@ -139,7 +139,7 @@ class Rules:
         if not low <= value <= high:
             allowed = f"within {low:.4g} and {high:.4g} {unit}"
             reason = refusal(Code.CTL_01, name=name, allowed=allowed, measured=f"{value:.6g} {unit}")
-            raise Refused(str(reason.code), reason.text)
+            raise MessageRefused(str(reason.code), reason.text)
         levels = operator.levels
         match tag:
             case "speed_setting_deg_s":
@@ -152,7 +152,7 @@ class Rules:
                 axis = operator.program.axis
                 refused = axis.set_acceleration(rad(value))
                 if refused is not None:
-                    raise Refused(str(refused.code), refused.text)
+                    raise MessageRefused(str(refused.code), refused.text)
 
 
 def rules_of(

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from gantryctl.program import Alarm, AlarmLog, Code
 from gantryctl.service.memory.events import EventLog
-from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.units import deg
 
 KEPT: Final = 50
@@ -83,14 +83,14 @@ class AlarmView:
         """Somebody has seen it.
 
         Raises:
-            Refused: there is no such row any more.
+            MessageRefused: there is no such row any more.
         """
         for row in self._rows:
             if row.number == number:
                 row.acknowledged_by = row.acknowledged_by or who.user
                 self.changed = True
                 return
-        raise Refused("SEC-05", f"there is no alarm number {number} (any more)")
+        raise MessageRefused("SEC-05", f"there is no alarm number {number} (any more)")
 
     def rows(self) -> dict[str, Any]:
         """Both tags."""

@@ -31,8 +31,8 @@ from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.controller.retainer import Retainer
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Word
-from gantryctl.service.memory.snapshot import Picture, publish_json
-from gantryctl.service.protocol.messages import Identity, Refused
+from gantryctl.service.memory.snapshot import Snapshot, publish_json
+from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
 
 RECORDER_S: Final = 10.0
@@ -184,7 +184,7 @@ class Controller:
 
     def _say_hello(self) -> None:
         """Start in the journal, and how the run before ended when nobody closed it."""
-        before, age_ms = Picture(self.memory).fast()
+        before, age_ms = Snapshot(self.memory).fast()
         if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
             text = (
                 f"SYS-05 INFO · the previous run of the controller was not shut down; {age_ms * 1e-3:.1f} s ago it "
@@ -233,12 +233,12 @@ class Controller:
         if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and service:
             self.events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
         if rules.lock:
-            raise Refused(rules.lock.partition(" ")[0], rules.lock)
+            raise MessageRefused(rules.lock.partition(" ")[0], rules.lock)
         if not rules.held:
             return ""
         if self._held_by_locked() and not service:
             code = self.retainer.retained.error_stop
-            raise Refused("CTL-14", f"{code} ({rules.held}) may be reset by the service role only")
+            raise MessageRefused("CTL-14", f"{code} ({rules.held}) may be reset by the service role only")
         said, rules.held = rules.held, ""
         self.retainer.retained = replace(self.retainer.retained, error_stop="")
         self.engine.overrun_stop = None

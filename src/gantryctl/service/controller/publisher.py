@@ -19,11 +19,11 @@ from gantryctl.service.controller.torque_model import TorqueModel
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.memory.snapshot import publish_fast, publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
+from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.tags import BY_NAME
 from gantryctl.units import deg
 
 FAST_S: Final = 0.010
-FRAME_S: Final = 0.050
 SLOW_S: Final = 1.0
 RECENT_S: Final = 10.0
 """Over so long the usual lateness and run time are shown."""

@@ -53,6 +53,8 @@ class Word(IntEnum):
     """1 when the last controller was shut down, and ended at rest with the brake closed."""
     GATEWAY_NS = 6
     """CLOCK_MONOTONIC when the gateway was last alive."""
+    LEASE_MS = 2
+    """Hold-to-run lease of the machine, for clients to know before the controller runs."""
     RECORDING_STOPPED = 7
     """1 while the disk is too full to record."""
 

@@ -29,7 +29,7 @@ def publish_json(lock: SequenceLock, values: object) -> None:
     lock.publish(json.dumps(values, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode())
 
 
-class Picture:
+class Snapshot:
     """What a reader of the shared memory sees: the tags as plain JSON values.
 
     Attributes:
@@ -50,7 +50,7 @@ class Picture:
             return {}, math.inf
         stamp, *numbers = _PACKED.unpack(found.data)
         age_ms = (time.monotonic_ns() - stamp) * 1e-6
-        return {name: shown(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
+        return {name: decode(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
 
     def slow(self) -> dict[str, Any]:
         """All other tags; look at `version` to know whether they changed."""
@@ -66,7 +66,7 @@ class Picture:
         return {**self._slow, **self._alarms}
 
 
-def shown(name: str, number: float) -> Any:
+def decode(name: str, number: float) -> Any:
     """A packed number as its tag says: word, flag, whole number, rounded number, or None."""
     tag = BY_NAME[name]
     if not math.isfinite(number):

@@ -12,14 +12,13 @@ from typing import Any, Final, NamedTuple, TypeAlias
 
 from gantryctl.errors import GantryctlError
 from gantryctl.image import Mode
+from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Action, Role
 
-MESSAGE_MAX: Final = 16 * 1024
-"""Longest message, bytes."""
 _SAFE_INTEGER: Final = 2**53
 
 
-class Refused(GantryctlError):
+class MessageRefused(GantryctlError):
     """A message that is refused; `code` is stable."""
 
     exit_code = 2
@@ -149,17 +148,17 @@ def parse(text: str | bytes) -> Message:
     """One message.
 
     Raises:
-        Refused: SEC-05, with the key that is wrong.
+        MessageRefused: SEC-05, with the key that is wrong.
     """
     if len(text) > MESSAGE_MAX:
-        raise Refused("SEC-05", f"a message of {len(text)} bytes: at most {MESSAGE_MAX}")
+        raise MessageRefused("SEC-05", f"a message of {len(text)} bytes: at most {MESSAGE_MAX}")
     try:
         found = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_twins)
     except (ValueError, RecursionError):
-        raise Refused("SEC-05", "not one JSON object with finite numbers") from None
+        raise MessageRefused("SEC-05", "not one JSON object with finite numbers") from None
     try:
         return checked(found)
-    except Refused as refused:
+    except MessageRefused as refused:
         seq = found.get("seq") if isinstance(found, dict) else 0
         refused.seq = seq if _whole(seq) and isinstance(seq, int) else 0
         raise
@@ -168,18 +167,18 @@ def parse(text: str | bytes) -> Message:
 def checked(found: object) -> Message:
     """The same for a message that is JSON values already."""
     if not isinstance(found, dict):
-        raise Refused("SEC-05", "a message is one JSON object")
+        raise MessageRefused("SEC-05", "a message is one JSON object")
     kind = found.get("type")
     fields = FIELDS.get(kind) if isinstance(kind, str) else None
     if fields is None or not isinstance(kind, str):
-        raise Refused("SEC-05", "unknown type of message")
+        raise MessageRefused("SEC-05", "unknown type of message")
     known: dict[str, Check] = {"seq": _whole, "frame": _whole, **fields}
     if kind not in WITHOUT_EPOCH:
         known["epoch"] = _whole
     wrong = sorted((set(found) - {"type", "epoch"}) ^ (set(known) - {"epoch"}))
     wrong += [name for name in known if name not in found or not known[name](found[name])]
     if wrong:
-        raise Refused("SEC-05", f"{kind}: {wrong[0][:40]!a} is missing, unknown or of a wrong type")
+        raise MessageRefused("SEC-05", f"{kind}: {wrong[0][:40]!a} is missing, unknown or of a wrong type")
     values = {name: found[name] for name in fields}
     epoch = found["epoch"] if "epoch" in known else None
     return Message(kind, found["seq"], found["frame"], epoch, values)

@@ -21,7 +21,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.journal import DAMAGED, Journal, JournalFault
-from gantryctl.service.recorder.retention import ENOUGH, MB, Keeping, free_of
+from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
 OK, SLOW, FULL, FAILED, LOCKED = range(5)
@@ -50,11 +50,11 @@ class EventWriter:
         memory: SharedMemory,
         directory: Path,
         free_bytes: Callable[[], int],
-        keeping: Keeping | None = None,
+        keeping: RetentionPolicy | None = None,
         connect: Callable[[Path], sqlite3.Connection] | None = None,
     ) -> None:
         self._memory, self._directory, self._free = memory, directory, free_bytes
-        self._keeping, self._connect = keeping or Keeping(), connect
+        self._keeping, self._connect = keeping or RetentionPolicy(), connect
         self._journal: Journal | None = None
         self._locked = False
         self.began_s: float | None = None
@@ -175,7 +175,7 @@ class EventWriter:
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory, directory = SharedMemory(int(arguments[0])), Path(arguments[1])
-    keeping = Keeping.from_json(arguments[2])
+    keeping = RetentionPolicy.from_json(arguments[2])
     die_with_parent()
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):

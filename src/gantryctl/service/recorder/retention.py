@@ -15,7 +15,7 @@ ENOUGH: Final = 1.1
 """There is room again when there is so much more than the reserve: nothing comes and goes at the edge of it."""
 
 
-class Keeping(NamedTuple):
+class RetentionPolicy(NamedTuple):
     """Sizes in MB of 2^20 bytes. Events come before recordings: those end first, and have no part in their room.
 
     Attributes:
@@ -36,7 +36,7 @@ class Keeping(NamedTuple):
         """0 for room enough, 1 for none for recordings, 2 for none for new motion either."""
         return (free_mb < self.reserve_mb) + (free_mb < self.event_reserve_mb)
 
-    def checked(self) -> Keeping:
+    def checked(self) -> RetentionPolicy:
         """The same; UsageError for sizes that contradict each other."""
         if not self.reserve_mb >= self.event_reserve_mb:
             raise UsageError(
@@ -46,7 +46,7 @@ class Keeping(NamedTuple):
         return self
 
     @classmethod
-    def from_json(cls, text: str) -> Keeping:
+    def from_json(cls, text: str) -> RetentionPolicy:
         """From the argument of the process."""
         return cls(**json.loads(text))
 

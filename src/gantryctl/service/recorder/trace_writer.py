@@ -17,7 +17,7 @@ from gantryctl.errors import DeviceError, GantryctlError
 from gantryctl.runtime import ArrowRecorder
 from gantryctl.runtime.recorder import FLUSH_ROWS
 from gantryctl.service.memory.memory import SharedMemory, Word
-from gantryctl.service.recorder.retention import ENOUGH, MB, Keeping
+from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy
 from gantryctl.trace.files import LIVE_SUFFIX
 
 BLOCK_S: Final = 1.0
@@ -43,10 +43,10 @@ class TraceWriter:
         memory: SharedMemory,
         directory: Path,
         free_bytes: Callable[[], int],
-        keeping: Keeping | None = None,
+        keeping: RetentionPolicy | None = None,
     ) -> None:
         self._memory, self._directory, self._free = memory, directory, free_bytes
-        self._keeping = keeping or Keeping()
+        self._keeping = keeping or RetentionPolicy()
         self._file: ArrowRecorder | None = None
         self._number = 0.0
         self._unpack: Callable[[bytes], tuple[Any, ...]] | None = None

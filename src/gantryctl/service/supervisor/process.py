@@ -20,12 +20,10 @@ from gantryctl.machine import Machine, config_hash
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.clients.local import LocalServer
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
-from gantryctl.service.recorder.retention import Keeping
+from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import CertificateWatch
-from gantryctl.service.supervisor.child import Child
-from gantryctl.service.supervisor.notify import notify
-from gantryctl.service.supervisor.user_watch import UserWatch
-from gantryctl.service.supervisor.users import Users
+from gantryctl.service.supervisor.child import Child, notify
+from gantryctl.service.supervisor.users import Users, UserWatch
 
 READY_S: Final = 20.0
 _CONTROLLER_END_S: Final = 25.0
@@ -46,7 +44,7 @@ class Options(NamedTuple):
         users: whose changes are written down.
     """
 
-    keeping: Keeping
+    keeping: RetentionPolicy
     certificates: Callable[[], list[Path]]
     second_person: bool
     users: Users
@@ -77,6 +75,7 @@ class Supervisor:
         self.memory = SharedMemory.create()
         self.memory.words[Word.BOOT] = secrets.randbits(62)
         self.memory.words[Word.CONTROLLER_CLEAN] = 1
+        self.memory.words[Word.LEASE_MS] = round(machine.monitors.lease_ms)
         handle = self.memory.handle
         run = [sys.executable, "-m"]
         wanted = config_hash(machine)

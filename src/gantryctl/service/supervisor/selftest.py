@@ -15,7 +15,7 @@ from gantryctl.operation.virtual import is_simulated
 from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.recorder.journal import verify
 from gantryctl.service.recorder.journal_file import FILE
-from gantryctl.service.recorder.retention import MB, Keeping, free_of
+from gantryctl.service.recorder.retention import MB, RetentionPolicy, free_of
 from gantryctl.service.supervisor.users import Users
 
 _NEWEST: Final = 100_000
@@ -30,7 +30,7 @@ class Check(NamedTuple):
     vital: bool = True
 
 
-def self_test(machine: Machine, store: StateStore, root: Path, keeping: Keeping) -> list[Check]:
+def self_test(machine: Machine, store: StateStore, root: Path, keeping: RetentionPolicy) -> list[Check]:
     """All checks, none left out when one fails."""
     return [
         _memory(),
@@ -78,7 +78,7 @@ def _state(machine: Machine, store: StateStore) -> Check:
     return Check("state", True, "a new machine" if retained is None else "retained memory and plant read")
 
 
-def _disk(directory: Path, keeping: Keeping) -> Check:
+def _disk(directory: Path, keeping: RetentionPolicy) -> Check:
     free_mb, least = free_of(directory)() / MB, keeping.event_reserve_mb
     return Check("disk", free_mb >= least, f"{free_mb:.0f} MB free, at least {least:g} MB for the journal")
 

@@ -1,0 +1,68 @@
+"""Periods, ages and rates of the protocol, each number in this one place.
+
+The lease and the speed caps belong to the machine: `[monitors] lease_ms` and `wiring`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Final
+
+MESSAGE_MAX: Final = 16 * 1024
+"""Longest message, bytes."""
+
+FRAME_S: Final = 0.050
+"""Period of the status frames: commands are as old as the frame that their sender saw."""
+FRAMES_MAX: Final = 10
+FRAMES_MAX_JOG: Final = 6
+"""Oldest status frame that a command may name, in frames behind: less for a key that is being held."""
+STALE_S: Final = 0.5
+"""Older snapshots are stale: no client shows them as the present state."""
+
+RENEW_S: Final = 0.030
+"""Period in which a client renews its lease."""
+HELD_S: Final = 30.0
+"""Longest time that a key may be held: a page that hangs may go on renewing."""
+SILENCE_S: Final = 2.0
+"""A holder of control that is silent for longer loses it."""
+ARMED_S: Final = 10.0
+"""Time between arming and executing."""
+ANSWER_S: Final = 1.0
+"""A controller that takes longer to reply counts as silent."""
+
+COMMANDS_PER_S: Final = 20.0
+"""Of one connection; stop, quick stop and release each have as many of their own."""
+SIGNS_PER_S: Final = 50.0
+"""Signs of life of each kind; surplus ones are dropped. A held key renews 33 times a second."""
+FLOOD_PER_S: Final = 200.0
+"""Messages of any kind; a connection that sends more is closed."""
+_SENDERS: Final = 10_000
+
+
+class RateLimiter:
+    """Token buckets, one for each sender.
+
+    Args:
+        per_s: refill rate, in messages a second.
+        reserve: size of a bucket, the burst after a pause; as large as one second's refill when not given.
+    """
+
+    def __init__(
+        self, per_s: float, reserve: float | None = None, now: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._per_s, self._reserve, self._now = per_s, per_s if reserve is None else reserve, now
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def wait_s(self, sender: str = "") -> float:
+        """Take one token; 0 when there was one, else the time until there is."""
+        now_s = self._now()
+        left, filled_s = self._buckets.pop(sender, (self._reserve, now_s))
+        left = min(self._reserve, left + (now_s - filled_s) * self._per_s)
+        allowed = left >= 1.0
+        self._buckets[sender] = (left - 1.0 if allowed else left, now_s)
+        # A scan of the address space must not fill the memory: the sender that was quiet longest is forgotten.
+        if len(self._buckets) > _SENDERS:
+            self._buckets.popitem(last=False)
+        return 0.0 if allowed else (1.0 - left) / self._per_s
