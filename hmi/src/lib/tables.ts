@@ -212,7 +212,7 @@ export interface Tags {
   brake_test_due_at: string | null;
   /** It is due after so many power-ups at the latest. */
   brake_test_cycles_left: number | null;
-  /** It is overdue: nothing moves faster than 1 deg/s. */
+  /** It is overdue: slow motion only. */
   brake_test_overdue: boolean | null;
   /** Lowest speed setting. [deg/s] */
   speed_min_deg_s: number | null;

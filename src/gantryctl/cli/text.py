@@ -30,3 +30,8 @@ def paragraph(text: str) -> None:
     import textwrap
 
     click.echo(textwrap.fill(text, 110, initial_indent="- ", subsequent_indent="  "))
+
+
+def shown(value: float, digits: int) -> float:
+    """Round a number for people: no minus before a zero."""
+    return round(value, digits) + 0.0

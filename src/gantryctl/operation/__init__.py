@@ -5,7 +5,6 @@ from gantryctl.operation.bus import bus_lines
 from gantryctl.operation.motions import Motion, Snapshot, Stop
 from gantryctl.operation.notices import all_codes, explain
 from gantryctl.operation.programs import load_program
-from gantryctl.operation.requests import way_note
 from gantryctl.operation.session import AxisSession
 from gantryctl.operation.state import (
     encoder_report,
@@ -17,7 +16,7 @@ from gantryctl.operation.state import (
     set_encoder_zero,
 )
 from gantryctl.operation.store import StateStore, last_recording
-from gantryctl.operation.summary import MotionSummary, summarise
+from gantryctl.operation.summary import MotionSummary, summarise, way_note
 from gantryctl.wiring import ProgramFactory
 
 __all__ = [

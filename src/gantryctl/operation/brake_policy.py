@@ -11,7 +11,8 @@ from gantryctl.machine import Machine
 from gantryctl.operation.virtual import is_simulated
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.runtime import Retained
-from gantryctl.wiring import untestable
+from gantryctl.units import deg
+from gantryctl.wiring import speed_settings, untestable
 
 LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
 """Codes that only service may reset, also when they are of an earlier run."""
@@ -24,12 +25,13 @@ class BrakeDue(NamedTuple):
     Attributes:
         at: UTC, or "" where only the power-ups count, or nothing is ever due.
         power_ups_left: until it is due; None where the brake cannot be tested here.
-        overdue: nothing moves fast until it was done.
+        overdue: nothing moves faster than `overdue_deg_s` until the brake has passed a test.
     """
 
     at: str
     power_ups_left: int | None
     overdue: bool
+    overdue_deg_s: float = math.nan
 
     @property
     def words(self) -> str:
@@ -37,7 +39,7 @@ class BrakeDue(NamedTuple):
         if self.power_ups_left is None:
             return "not testable here"
         if self.overdue:
-            return "overdue: nothing moves faster than 1 deg/s"
+            return f"overdue: nothing moves faster than {self.overdue_deg_s:g} deg/s"
         cycles = f"after {self.power_ups_left} more power-ups"
         return f"due {self.at}, or {cycles}" if self.at else f"due {cycles}"
 
@@ -62,20 +64,20 @@ def brake_due(machine: Machine, reason: str, retained: Retained, power_ups: int,
     """
     if reason:
         return BrakeDue("", None, overdue=False)
-    brake = machine.brake
+    brake, slow_deg_s = machine.brake, deg(speed_settings(machine).brake_overdue_rad_s)
     left = brake.test_interval_power_ups - (power_ups - retained.brake_tested_power_ups)
     tested = _time(retained.brake_tested_at)
     if tested is None:
         overdue = left <= 0 or not is_simulated(machine) or bool(retained.brake_tested_at)
-        return BrakeDue("", max(0, left), overdue)
+        return BrakeDue("", max(0, left), overdue, slow_deg_s)
     due = tested + timedelta(days=brake.test_interval_days)
-    return BrakeDue(due.strftime(TIME_FORMAT), max(0, left), left <= 0 or now >= due)
+    return BrakeDue(due.strftime(TIME_FORMAT), max(0, left), left <= 0 or now >= due, slow_deg_s)
 
 
 def judge_due(machine: Machine, axis: Axis, retained: Retained, power_ups: int) -> BrakeDue:
     """When the next test is due as of now; the axis is told whether it is overdue."""
     due = brake_due(machine, axis.settings.power.untestable, retained, power_ups, datetime.now(UTC))
-    axis.motion.brake_overdue = due.overdue
+    axis.judge_brake(overdue=due.overdue)
     return due
 
 

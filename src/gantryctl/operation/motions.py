@@ -5,7 +5,8 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import NamedTuple
 
-from gantryctl.program import AxisState
+from gantryctl.errors import CommandRefused
+from gantryctl.program import AxisState, Refusal
 
 
 class Stop(IntEnum):
@@ -31,6 +32,12 @@ class Snapshot(NamedTuple):
 def state_words(state: AxisState) -> str:
     """An axis state as people read it."""
     return state.name.lower().replace("_", " ")
+
+
+def require(refused: Refusal | None) -> None:
+    """Raise CommandRefused with the reason, unless there is none."""
+    if refused is not None:
+        raise CommandRefused(refused.text)
 
 
 class Motion(NamedTuple):

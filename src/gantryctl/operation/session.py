@@ -8,11 +8,10 @@ from typing import Any, Final
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.operation.brake_policy import after_test, judge_due
-from gantryctl.operation.motions import Motion, Stop
-from gantryctl.operation.requests import check_direction, check_speed, check_target
+from gantryctl.operation.motions import Motion, Stop, require
 from gantryctl.operation.run import REST_S, AxisRun
 from gantryctl.program import BrakeTestResult
-from gantryctl.program.axis.command_checks import check_overdue
+from gantryctl.program.axis.command_checks import check_direction, check_overdue, check_setting, check_target
 from gantryctl.units import deg, rad
 
 _TEST_S: Final = 30.0  # the brake test has time limits of its own; this is only a net below them
@@ -29,17 +28,15 @@ class AxisSession(AxisRun):
             AlarmStop: an alarm ended it; the axis is at rest.
         """
         wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
-        check_speed(self.machine, wanted)
-        self._check_overdue(wanted)
-        check_target(self.machine, self.angle_deg, target_deg)
+        self._check_speed(wanted)
+        require(check_target(rad(self.angle_deg), rad(target_deg), self.axis.settings.travel))
         if not 0.0 < override <= 1.0:
             raise UsageError(f"override {override:g}: above 0 and at most 1")
         return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=rad(wanted), override=override)
 
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> Motion:
         """One increment in the incremental mode."""
-        check_speed(self.machine, speed_deg_s)
-        self._check_overdue(speed_deg_s)
+        self._check_speed(speed_deg_s)
         self.power_up()
         self._command(mode=Mode.INCREMENTAL)
         self.engine.step()
@@ -53,9 +50,9 @@ class AxisSession(AxisRun):
             CommandRefused: the speed is outside the setting range, or no way is left; nothing moved.
             AlarmStop: an alarm ended it; the axis is at rest.
         """
-        check_speed(self.machine, speed_deg_s)
-        self._check_overdue(speed_deg_s)
-        check_direction(self.machine, self.angle_deg, forward)
+        self._check_speed(speed_deg_s)
+        direction = 1.0 if forward else -1.0
+        require(check_direction(rad(self.angle_deg), direction, self.axis.settings.travel))
         self.power_up()
         if self.stop is not Stop.NO:
             return self._not_begun()
@@ -91,8 +88,10 @@ class AxisSession(AxisRun):
         self._raise_alarm()
         return result
 
-    def _check_overdue(self, speed_deg_s: float) -> None:
-        reason = check_overdue(rad(speed_deg_s)) if self.brake_due.overdue else None
+    def _check_speed(self, speed_deg_s: float) -> None:
+        speed = self.axis.settings.speed
+        require(check_setting(rad(speed_deg_s), speed))
+        reason = check_overdue(rad(speed_deg_s), speed) if self.brake_due.overdue else None
         if reason is not None:
             raise CommandRefused(f"{reason.code} · {reason.text}; `gantryctl brake-test` tests it")
 

@@ -7,6 +7,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command import MotionCommand
+from gantryctl.program.axis.command_checks import check_setting
 from gantryctl.program.blocks import BrakeTest, Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
 from gantryctl.program.program import AxisProgram
 from gantryctl.units import deg
@@ -47,7 +48,6 @@ class GantryProgram(AxisProgram):
         self.inch = Inch(axis)
         self.brake_test = BrakeTest(axis)
         speed = axis.settings.speed
-        self._speed_min, self._speed_max = speed.setting_min_rad_s, speed.setting_max_rad_s
         self._without_switch = speed.without_enabling_switch_rad_s
         self._lease_scans = axis.settings.scans(axis.settings.monitors.lease_s)
         self._last = OperatorCommand()
@@ -205,11 +205,7 @@ class GantryProgram(AxisProgram):
         return refusal(Code.INT_05, measured=deg(op.speed_rad_s), limit=deg(self._without_switch))
 
     def _check_setting(self, op: OperatorCommand) -> Refusal | None:
-        if self._speed_min <= op.speed_rad_s <= self._speed_max:
-            return None
-        allowed = f"within {deg(self._speed_min):.2f} and {deg(self._speed_max):.2f} deg/s"
-        measured = f"{deg(op.speed_rad_s):.6g} deg/s"
-        return refusal(Code.CTL_01, name="speed", allowed=allowed, measured=measured)
+        return check_setting(op.speed_rad_s, self.axis.settings.speed)
 
     def _check_not_jogging(self) -> Refusal | None:
         if self.jog.busy:

@@ -50,6 +50,8 @@ class SpeedSettings:
     """Slow enough to count as standing for a new reference."""
     without_enabling_switch_rad_s: float = 1.0 * _DEG
     """Hold-to-run and increments up to this speed need no enabling switch."""
+    brake_overdue_rad_s: float = 1.0 * _DEG
+    """Highest speed while the brake test is overdue."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from gantryctl.wiring.canopen import (
 from gantryctl.wiring.compensation import check_calibration, compensation, lead_deg
 from gantryctl.wiring.drives import delivered_zero_counts, drive_around, drive_of, ideal_drive, sim_drive
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
-from gantryctl.wiring.program import axis_settings, untestable
+from gantryctl.wiring.program import axis_settings, speed_settings, travel_settings, untestable
 from gantryctl.wiring.simulator import (
     counts_per_turn,
     drive_params,
@@ -56,7 +56,9 @@ __all__ = [
     "position_law",
     "ramps_deg",
     "sim_drive",
+    "speed_settings",
     "total_ratio",
+    "travel_settings",
     "untestable",
     "virtual_node",
 ]

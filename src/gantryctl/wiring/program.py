@@ -33,16 +33,11 @@ def axis_settings(
             release of the brake.
         torque_preload: the drive takes a torque beside the speed.
     """
-    axis, speed, encoder = machine.axis, machine.speed, machine.encoder
+    encoder = machine.encoder
     return AxisSettings(
         period_s=machine.control.scan_period_ms * _MS,
-        travel=TravelSettings(rad(axis.pos_min_deg), rad(axis.pos_max_deg), rad(axis.over_travel_deg)),
-        speed=SpeedSettings(
-            setting_min_rad_s=rad(speed.setting_min_deg_s),
-            setting_max_rad_s=rad(speed.setting_max_deg_s),
-            command_clamp_rad_s=rad(speed.command_clamp_deg_s),
-            overspeed_trip_rad_s=rad(speed.overspeed_trip_deg_s),
-        ),
+        travel=travel_settings(machine),
+        speed=speed_settings(machine),
         ramps=_ramps(machine),
         law=LawSettings(
             kpp_per_s=machine.control.kpp_per_s,
@@ -55,6 +50,23 @@ def axis_settings(
         power=_power(machine, holding_torque_nm, torque_preload),
         monitors=_monitors(machine),
         compensation=compensation_settings(machine),
+    )
+
+
+def travel_settings(machine: Machine) -> TravelSettings:
+    """Limits of the angle."""
+    axis = machine.axis
+    return TravelSettings(rad(axis.pos_min_deg), rad(axis.pos_max_deg), rad(axis.over_travel_deg))
+
+
+def speed_settings(machine: Machine) -> SpeedSettings:
+    """The speed chain."""
+    speed = machine.speed
+    return SpeedSettings(
+        setting_min_rad_s=rad(speed.setting_min_deg_s),
+        setting_max_rad_s=rad(speed.setting_max_deg_s),
+        command_clamp_rad_s=rad(speed.command_clamp_deg_s),
+        overspeed_trip_rad_s=rad(speed.overspeed_trip_deg_s),
     )
 
 

@@ -304,14 +304,14 @@ def test_power_and_a_new_reference_wait_for_its_end():
 
 def test_an_overdue_test_allows_slow_motion_only():
     rig = Rig()
-    rig.axis.motion.brake_overdue = True
+    rig.axis.judge_brake(overdue=True)
     rig.power_up()
     rig.move(1.0, speed_deg_s=1.01)
     assert "overdue: up to 1.00 deg/s only, asked for 1.01 deg/s" in rig.refused()
     assert rig.axis.state is AxisState.STANDSTILL
     rig.move(1.0, speed_deg_s=1.0)
     rig.until(lambda: rig.program.move.done, 10.0)
-    rig.axis.motion.brake_overdue = False
+    rig.axis.judge_brake(overdue=False)
     rig.move(-1.0, speed_deg_s=6.0)
     rig.until(lambda: rig.program.move.done, 10.0)
 

@@ -79,8 +79,8 @@ def test_move_takes_over_from_a_move():
             -180.01,
             "target -180.01 deg is beyond -180.00 deg; you are at -90.00 deg, so 90.00 deg are left",
         ),
-        (0.0, math.nan, "target must be a finite angle, got nan"),
-        (0.0, -math.inf, "target must be a finite angle, got -inf"),
+        (0.0, math.nan, "target must be within -180.00 and 180.00 deg, got nan deg"),
+        (0.0, -math.inf, "target must be within -180.00 and 180.00 deg, got -inf deg"),
     ],
 )
 def test_a_target_that_cannot_be(at_deg, target_deg, text):

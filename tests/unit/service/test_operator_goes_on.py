@@ -60,12 +60,12 @@ def test_raising_the_override_from_0_is_new_motion() -> None:
     bench.operator.rules.journal_keeps = lambda: False
     assert bench.refused(who, "set", tag="override_percent", value=100) == "JRN-02"
     bench.operator.rules.journal_keeps = lambda: True
-    bench.axis.motion.brake_overdue = True
+    bench.axis.judge_brake(overdue=True)
     assert bench.refused(who, "set", tag="override_percent", value=100) == "BRK-12"
     assert bench.operator.levels.override == 0.0  # what is shown is what holds
     bench.scans(1000)
     assert bench.axis.virtual.vel_ref_rad_s == 0.0
-    bench.axis.motion.brake_overdue = False
+    bench.axis.judge_brake(overdue=False)
     bench.do(who, "set", tag="override_percent", value=100)
     bench.until(AxisState.STANDSTILL)
     assert deg(bench.axis.pos_act_rad) == pytest.approx(20.0, abs=0.01)  # in-position window

@@ -12,8 +12,12 @@ from gantryctl.cli.axis.remote import RemoteAxis, look_first
 from gantryctl.cli.options import print_json
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine
-from gantryctl.operation.requests import check_direction, check_speed, check_target, way_note
+from gantryctl.operation import way_note
+from gantryctl.operation.motions import require
+from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.service.protocol.limits import HELD_S
+from gantryctl.units import rad
+from gantryctl.wiring import speed_settings, travel_settings
 
 _SAME_DEG: Final = 0.01
 """An axis that has moved by more is not where it was when the person was asked."""
@@ -31,7 +35,7 @@ def remote_move(
 ) -> int:
     """Move the axis of the service; the exit code."""
     wanted = machine.speed.setting_max_deg_s if speed is None else speed
-    check_speed(machine, wanted)
+    require(check_setting(rad(wanted), speed_settings(machine)))
     start = math.nan
     if not yes:
         tags = look_first(machine, take_over=take_over)
@@ -53,7 +57,6 @@ def remote_move(
             )
         target = end(start)
         axis.power_up()
-        tags = axis.link.tags
         tags = axis.link.tags
         before = tags["speed_setting_deg_s"], tags["override_percent"]
         axis.set("speed_setting_deg_s", wanted)
@@ -80,8 +83,8 @@ def remote_jog(
         axis.come_to_rest()
         start = axis.link.tags["pos_act_deg"]
         wanted = machine.speed.setting_min_deg_s if speed is None else speed
-        check_speed(machine, wanted)
-        check_direction(machine, start, forward)
+        require(check_setting(rad(wanted), speed_settings(machine)))
+        require(check_direction(rad(start), 1.0 if forward else -1.0, travel_settings(machine)))
         axis.power_up()
         axis.link.ask("mode", mode="continuous")
         axis.set("speed_setting_deg_s", wanted)
@@ -94,7 +97,7 @@ def remote_jog(
 def _way(machine: Machine, tags: dict[str, Any], target: float, speed: float) -> str:
     """What a move would do; CommandRefused for one that cannot be."""
     start = tags["pos_act_deg"]
-    check_target(machine, start, target)
+    require(check_target(rad(start), rad(target), travel_settings(machine)))
     note = way_note(machine, start, target)
     return (
         f"{tags['machine']} ({tags['drive_kind']}): from {start:.3f} to {target:.3f} deg, way "

@@ -15,6 +15,7 @@ import click
 
 from gantryctl.cli.axis.display import Display
 from gantryctl.cli.options import directory, print_json
+from gantryctl.cli.text import shown
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError
 from gantryctl.machine import Machine, short_hash
 from gantryctl.operation import (
@@ -27,7 +28,6 @@ from gantryctl.operation import (
     bus_lines,
     summarise,
 )
-from gantryctl.operation.requests import shown
 from gantryctl.ports import Recorder
 from gantryctl.runtime import ArrowRecorder, MemoryRecorder
 from gantryctl.trace import Metadata, read_trace

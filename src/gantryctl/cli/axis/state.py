@@ -32,8 +32,8 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
         from gantryctl.cli.axis.remote_state import remote_status
 
         return remote_status(machine_of(config_file), as_json)
+    from gantryctl.cli.text import shown
     from gantryctl.operation import machine_status
-    from gantryctl.operation.requests import shown
 
     found = machine_status(machine_of(config_file))
     if as_json:

@@ -100,6 +100,13 @@ class Axis(AxisScan):
         power.begin_test()
         return None
 
+    def judge_brake(self, *, overdue: bool) -> None:
+        """Limit the speed of later commands while the brake test is overdue (BRK-12).
+
+        The program has no calendar (decision 14): the caller judges date and power-ups.
+        """
+        self.motion.brake_overdue = overdue
+
     def abort_brake_test(self, why: str) -> None:
         """End a brake test that is under way: torque back, off, drive disabled."""
         self.power.abort_test(why)

@@ -1,62 +1,57 @@
-"""What a motion command must be: None, or why it is refused."""
+"""Checks of a motion command: None, or the reason for its refusal.
+
+The axis judges every command with them. A command line judges with the same checks before it switches power on, which
+spares a power cycle that would end in a refusal.
+"""
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.monitors.interlocks import Interlocks
-from gantryctl.program.settings import TravelSettings
+from gantryctl.program.settings import SpeedSettings, TravelSettings
 from gantryctl.units import deg, rad
 
-OVERDUE_RAD_S: Final = rad(1.0)
-"""Nothing moves faster while the brake test is overdue."""
-# A way shorter than this is none: less than one fine count at the gantry.
+# A way shorter than one fine encoder count at the gantry, 1.3e-9 rad, is no way.
 _NO_WAY_RAD: Final = 1e-9
+# Beyond this the refusal names the range, not the distance left: "target 1e300 deg" has 300 digits.
+_ABSURD_RAD: Final = rad(1e6)
 
 
-def check_angle(name: str, angle_rad: float) -> Refusal | None:
-    """A number at all."""
-    if math.isfinite(angle_rad):
+def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
+    """Refuse a target that is not finite, or absurdly far away."""
+    if -_ABSURD_RAD <= target_rad <= _ABSURD_RAD:
         return None
-    return refusal(Code.CTL_01, name=name, allowed="a finite angle", measured=angle_rad)
+    return _out_of_range("target", target_rad, travel.pos_min_rad, travel.pos_max_rad, "deg")
 
 
-def check_speed(speed_rad_s: float, top_rad_s: float) -> Refusal | None:
-    """Above 0 and no more than the highest speed setting."""
-    if 0.0 < speed_rad_s <= top_rad_s:
-        return None
-    allowed = f"above 0 and at most {deg(top_rad_s):.2f} deg/s"
-    return refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{deg(speed_rad_s):.6g} deg/s")
-
-
-def check_overdue(speed_rad_s: float) -> Refusal | None:
-    """Slow enough for a brake whose test is overdue."""
-    if speed_rad_s <= OVERDUE_RAD_S * (1.0 + 1e-9):
-        return None
-    return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(OVERDUE_RAD_S))
-
-
-def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
-    """A motion with a speed only: forward and back are judged by the sign, not by the target."""
-    if vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side="reverse")
-    if vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side="forward")
-    return None
+def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:
+    """Refuse a target outside the travel, unless it is nearer to the travel than here."""
+    low, high = travel.pos_min_rad, travel.pos_max_rad
+    if target_rad > high and target_rad >= here_rad:
+        limit_rad, left_rad = high, high - here_rad
+    elif target_rad < low and target_rad <= here_rad:
+        limit_rad, left_rad = low, here_rad - low
+    else:
+        return check_range(target_rad, travel)
+    return check_range(target_rad, travel) or refusal(
+        Code.CTL_09,
+        measured=deg(target_rad),
+        limit=deg(limit_rad),
+        position=round(deg(here_rad), 2) + 0.0,  # never "-0.00"
+        left=max(0.0, deg(left_rad)),
+    )
 
 
 def check_way(
     here_rad: float, target_rad: float, travel: TravelSettings, interlocks: Interlocks
 ) -> Refusal | None:
-    """Inside the travel, or at least nearer to it than here; not towards an open limit switch."""
-    low, high = travel.pos_min_rad, travel.pos_max_rad
-    if target_rad > high and target_rad >= here_rad:
-        return _beyond(here_rad, target_rad, high, high - here_rad)
-    if target_rad < low and target_rad <= here_rad:
-        return _beyond(here_rad, target_rad, low, here_rad - low)
+    """Refuse a target outside the travel, and motion towards an open limit switch."""
+    refused = check_target(here_rad, target_rad, travel)
+    if refused is not None:
+        return refused
     if target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open:
         return refusal(Code.LIM_05, measured=deg(here_rad), side="reverse")
     if target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open:
@@ -64,11 +59,38 @@ def check_way(
     return None
 
 
-def _beyond(here_rad: float, target_rad: float, limit_rad: float, left_rad: float) -> Refusal:
-    return refusal(
-        Code.CTL_09,
-        measured=deg(target_rad),
-        limit=deg(limit_rad),
-        position=deg(here_rad),
-        left=max(0.0, deg(left_rad)),
-    )
+def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
+    """Refuse a speed towards the end of the travel at which the axis stands; its sign is the direction."""
+    if vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD:
+        return refusal(Code.LIM_05, measured=deg(here_rad), side="reverse")
+    if vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD:
+        return refusal(Code.LIM_05, measured=deg(here_rad), side="forward")
+    return None
+
+
+def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
+    """Refuse a speed of 0 or above the highest setting: a program may creep below the lowest one."""
+    if 0.0 < speed_rad_s <= speed.setting_max_rad_s:
+        return None
+    allowed = f"above 0 and at most {deg(speed.setting_max_rad_s):.2f} deg/s"
+    return refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{deg(speed_rad_s):.6g} deg/s")
+
+
+def check_setting(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
+    """Refuse a speed outside the range of the speed setting; it is never clamped."""
+    if speed.setting_min_rad_s <= speed_rad_s <= speed.setting_max_rad_s:
+        return None
+    return _out_of_range("speed", speed_rad_s, speed.setting_min_rad_s, speed.setting_max_rad_s, "deg/s")
+
+
+def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
+    """Refuse a speed that is too high for a brake whose test is overdue."""
+    limit_rad_s = speed.brake_overdue_rad_s
+    if speed_rad_s <= limit_rad_s * (1.0 + 1e-9):
+        return None
+    return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))
+
+
+def _out_of_range(name: str, value: float, low: float, high: float, unit: str) -> Refusal:
+    allowed = f"within {deg(low):.2f} and {deg(high):.2f} {unit}"
+    return refusal(Code.CTL_01, name=name, allowed=allowed, measured=f"{deg(value):.10g} {unit}")

@@ -6,9 +6,9 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.axis.command_checks import (
-    check_angle,
     check_direction,
     check_overdue,
+    check_range,
     check_speed,
     check_way,
 )
@@ -64,13 +64,13 @@ class MotionCommands:
     def move_absolute(self, target_rad: float, speed_rad_s: float) -> MotionCommand:
         """To `target_rad` with `speed_rad_s`; linear, no shortest way."""
         command = MotionCommand(AxisState.DISCRETE_MOTION, target_rad, speed_rad_s, settles=True)
-        return self._begin(command, check_angle("target", target_rad))
+        return self._begin(command, check_range(target_rad, self._settings.travel))
 
     def move_relative(self, distance_rad: float, speed_rad_s: float) -> MotionCommand:
         """By `distance_rad` from the set-point."""
         target = self._virtual.pos_ref_rad + distance_rad
         command = MotionCommand(AxisState.DISCRETE_MOTION, target, speed_rad_s, settles=True)
-        return self._begin(command, check_angle("distance", distance_rad))
+        return self._begin(command, check_range(target, self._settings.travel))
 
     def move_velocity(self, vel_rad_s: float) -> MotionCommand:
         """With `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
@@ -229,10 +229,9 @@ class MotionCommands:
 
     def check_speed(self, speed_rad_s: float) -> Refusal | None:
         """Above 0, at most the highest setting, and slow while the brake test is overdue; None when it is."""
-        refused = check_speed(speed_rad_s, self._settings.speed.setting_max_rad_s)
-        if refused is None and self.brake_overdue:
-            refused = check_overdue(speed_rad_s)
-        return refused
+        speed = self._settings.speed
+        refused = check_speed(speed_rad_s, speed)
+        return check_overdue(speed_rad_s, speed) if refused is None and self.brake_overdue else refused
 
     def _check_state(self) -> Refusal | None:
         if self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None:

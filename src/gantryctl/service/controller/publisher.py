@@ -22,6 +22,7 @@ from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.tags import BY_NAME
 from gantryctl.units import deg
+from gantryctl.wiring import speed_settings
 
 FAST_S: Final = 0.010
 SLOW_S: Final = 1.0
@@ -262,7 +263,7 @@ def _fixed(machine: Machine) -> dict[str, Any]:
         "config_hash": short_hash(machine),
         "speed_min_deg_s": speed.setting_min_deg_s,
         "speed_max_deg_s": speed.setting_max_deg_s,
-        "speed_cap_deg_s": 1.0,
+        "speed_cap_deg_s": _rounded(deg(speed_settings(machine).without_enabling_switch_rad_s)),
         "acc_min_deg_s2": _rounded(0.1 * virtual.acc_deg_s2),
         "acc_max_deg_s2": virtual.acc_deg_s2,
         "increment_max_deg": axis.pos_max_deg - axis.pos_min_deg,

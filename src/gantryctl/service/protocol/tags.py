@@ -178,7 +178,7 @@ _BRAKE: Final = (
     _out("brake_test_due_at", "", "text", "on change",
          "The next test is due then (UTC) at the latest; empty where it cannot be tested or never was."),
     _out("brake_test_cycles_left", "", "int", "on change", "It is due after so many power-ups at the latest."),
-    _out("brake_test_overdue", "", "bool", "on change", "It is overdue: nothing moves faster than 1 deg/s."),
+    _out("brake_test_overdue", "", "bool", "on change", "It is overdue: slow motion only."),
 )  # fmt: skip
 
 _LIMITS: Final = (

@@ -1,4 +1,4 @@
-"""What is refused before power is switched on, and that the axis would say the same."""
+"""Checks of a command, before power is switched on and by the axis: the same refusals in the same words."""
 
 from __future__ import annotations
 
@@ -6,16 +6,22 @@ import math
 
 import pytest
 
-from gantryctl.errors import CommandRefused
+from gantryctl.cli.text import shown
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
-from gantryctl.operation.requests import check_direction, check_speed, check_target, shown, way_note
-from gantryctl.program import GantryProgram
+from gantryctl.operation import way_note
+from gantryctl.program import GantryProgram, Refusal
+from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.runtime import HeldOperator
 from gantryctl.units import deg, rad
-from gantryctl.wiring import build_engine, ideal_drive
+from gantryctl.wiring import build_engine, ideal_drive, speed_settings, travel_settings
 
 MACHINE = default_machine()
+TRAVEL, SPEED = travel_settings(MACHINE), speed_settings(MACHINE)
+
+
+def check(here_deg: float, target_deg: float) -> Refusal | None:
+    return check_target(rad(here_deg), rad(target_deg), TRAVEL)
 
 
 @pytest.mark.parametrize(
@@ -30,16 +36,16 @@ MACHINE = default_machine()
     ],
 )  # fmt: skip
 def test_a_target_beyond_the_travel_is_refused_in_these_words(here: float, target: float, text: str) -> None:
-    with pytest.raises(CommandRefused) as refused:
-        check_target(MACHINE, here, target)
-    assert str(refused.value) == text
+    refused = check(here, target)
+    assert refused is not None
+    assert refused.text == text
 
 
 @pytest.mark.parametrize(
     ("here", "target"), [(0.0, 180.0), (0.0, -180.0), (0.0, -0.0), (186.0, 185.0), (186.0, 0.0)]
 )
 def test_inside_the_travel_and_back_towards_it_is_open(here: float, target: float) -> None:
-    check_target(MACHINE, here, target)
+    assert check(here, target) is None
 
 
 TARGETS = (0.0, -0.0, 179.99, 180.0, 180.01, 181.0, 184.0, 185.5, 187.0, 399.0, -180.0, -180.01, -185.5, -1e5)
@@ -57,32 +63,28 @@ def test_the_axis_itself_refuses_the_same_targets_in_the_same_words(here: float)
     for target in TARGETS:
         here = deg(axis.virtual.pos_ref_rad)
         command = axis.motion.move_absolute(rad(target), rad(6.0))
-        own = None if command.refusal is None else command.refusal.text.replace("-0.00", "0.00")
-        try:
-            check_target(machine, here, target)
-            refused = None
-        except CommandRefused as reason:
-            refused = str(reason)
-        assert own == refused, target
+        assert command.refusal == check(here, target), target
 
 
 @pytest.mark.parametrize("speed", [0.6, 6.0, 3.3])
 def test_the_speed_setting_reaches_from_a_tenth_to_one_turn_a_minute(speed: float) -> None:
-    check_speed(MACHINE, speed)
+    assert check_setting(rad(speed), SPEED) is None
 
 
 @pytest.mark.parametrize("speed", [0.59, 6.01, 0.0, -3.0, math.nan, math.inf])
 def test_a_speed_outside_is_refused_never_clamped(speed: float) -> None:
-    with pytest.raises(CommandRefused, match=r"speed must be within 0.60 and 6.00 deg/s, got"):
-        check_speed(MACHINE, speed)
+    refused = check_setting(rad(speed), SPEED)
+    assert refused is not None
+    assert refused.text.startswith("speed must be within 0.60 and 6.00 deg/s, got")
 
 
 def test_at_the_end_of_the_travel_only_the_way_back_is_open() -> None:
-    for here, forward in ((180.0, True), (-180.0, False), (185.0, True)):
-        with pytest.raises(CommandRefused, match="only motion"):
-            check_direction(MACHINE, here, forward)
-        check_direction(MACHINE, here, not forward)
-    check_direction(MACHINE, 179.9, True)
+    for here, direction in ((180.0, 1.0), (-180.0, -1.0), (185.0, 1.0)):
+        refused = check_direction(rad(here), direction, TRAVEL)
+        assert refused is not None
+        assert "only motion" in refused.text
+        assert check_direction(rad(here), -direction, TRAVEL) is None
+    assert check_direction(rad(179.9), 1.0, TRAVEL) is None
 
 
 @pytest.mark.parametrize(
