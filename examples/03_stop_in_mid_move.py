@@ -2,11 +2,11 @@
 
 from gantryctl import OperatorCommand, build_engine, default_machine, stop_table
 from gantryctl.program import AxisState
-from gantryctl.runtime import HeldOperator
+from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
 
 machine = default_machine()
-operator = HeldOperator(OperatorCommand(power=True))
+operator = FixedOperator(OperatorCommand(power=True))
 engine = build_engine(machine, operator=operator)
 axis = engine.program.axis
 engine.run_until(lambda engine: axis.state is AxisState.STANDSTILL, timeout_s=5.0)

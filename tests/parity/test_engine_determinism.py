@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gantryctl.machine import default_machine
 from gantryctl.operation.scripting import move
-from gantryctl.runtime import HeldOperator, MemoryRecorder, RealClock
+from gantryctl.runtime import FixedOperator, MemoryRecorder, RealClock
 from gantryctl.trace import Trace
 from gantryctl.units import rad
 from gantryctl.wiring import build_engine
@@ -16,23 +16,19 @@ from gantryctl.wiring import build_engine
 
 def run(clock: RealClock | None, seconds: float = 2.0) -> Trace:
     """Power up and begin a move."""
-    recorders: list[MemoryRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
-        recorders.append(MemoryRecorder(columns))
-        return recorders[0]
-
-    engine = build_engine(default_machine(), recorder=recorder)
+    engine = build_engine(default_machine(), recorder=MemoryRecorder)
+    recorder = engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
     if clock is not None:
         engine.clock = clock
-    assert isinstance(engine.operator, HeldOperator)
+    assert isinstance(engine.operator, FixedOperator)
     engine.operator.command = engine.operator.command._replace(power=True)
     engine.run_for(0.8)
     engine.operator.command = engine.operator.command._replace(
         move=True, target_rad=rad(2.0), speed_rad_s=rad(3.0)
     )
     engine.run_for(seconds - 0.8)
-    return recorders[0].trace()
+    return recorder.trace()
 
 
 class FakeTime:

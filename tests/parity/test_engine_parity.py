@@ -13,7 +13,7 @@ from gantryctl import _core
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
-from gantryctl.runtime import Engine, HeldOperator, MemoryRecorder
+from gantryctl.runtime import Engine, FixedOperator, MemoryRecorder
 from gantryctl.units import rad
 from gantryctl.wiring import build_engine, counts_per_turn, position_law, sim_drive
 from parity.machines import factor
@@ -38,23 +38,19 @@ class Rig:
 
     def command(self, **levels: object) -> None:
         operator = self.engine.operator
-        assert isinstance(operator, HeldOperator)
+        assert isinstance(operator, FixedOperator)
         operator.command = operator.command._replace(**levels)  # type: ignore[arg-type]
 
 
 def powered(machine: Machine, angle_deg: float = 0.0) -> Rig:
     """Power up to the scan in which the axis begins to follow."""
-    recorders: list[MemoryRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
-        recorders.append(MemoryRecorder(columns))
-        return recorders[0]
-
     drive = sim_drive(machine, angle_deg)
-    engine = build_engine(machine, drive=drive, keep_plans=True, recorder=recorder)
+    engine = build_engine(machine, drive=drive, keep_plans=True, recorder=MemoryRecorder)
+    recorder = engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
     program = engine.program
     assert isinstance(program, GantryProgram)
-    rig = Rig(machine, engine, program, recorders[0], drive.sim, 0)
+    rig = Rig(machine, engine, program, recorder, drive.sim, 0)
     rig.command(power=True)
     # the scan before the axis follows ends with the plant that the compiled loop starts from
     axis = program.axis

@@ -28,14 +28,8 @@ class Run:
     """A session on a new machine, with its trace and the drive's side channel."""
 
     def __init__(self, **changes: object) -> None:
-        self.recorders: list[MemoryRecorder] = []
-
-        def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
-            self.recorders.append(MemoryRecorder(columns))
-            return self.recorders[-1]
-
         machine = with_values(MACHINE, {key.replace("__", "."): value for key, value in changes.items()})
-        self.session = AxisSession(machine, recorder=recorder)
+        self.session = AxisSession(machine, recorder=MemoryRecorder)
         drive = self.session.drive
         assert isinstance(drive, SimulatedCanDrive)
         self.node = drive.virtual
@@ -70,7 +64,9 @@ def test_two_runs_are_equal_bit_for_bit() -> None:
         run = Run()
         run.session.move(3.0)
         run.session.close("done")
-        traces.append(run.recorders[0].trace())
+        recorder = run.session.engine.recorder
+        assert isinstance(recorder, MemoryRecorder)
+        traces.append(recorder.trace())
     assert all(np.array_equal(traces[0][name], traces[1][name]) for name in traces[0].columns)
 
 

@@ -37,13 +37,9 @@ class _Run(NamedTuple):
 
 def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> _Run:
     """A session of its own: power up, every target, power down."""
-    recorders: list[MemoryRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
-        recorders.append(MemoryRecorder(columns))
-        return recorders[-1]
-
-    session = AxisSession(c.machine, c.store, recorder=recorder, commissioning=True)
+    session = AxisSession(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
+    recorder = session.engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
     result, alarm, done = "commissioning", None, True
     try:
         start = session.angle_deg
@@ -56,7 +52,7 @@ def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool =
         raise
     finally:
         session.close(result, alarm)
-    return _Run(recorders[0].trace(), end, done)
+    return _Run(recorder.trace(), end, done)
 
 
 def loop(c: Context) -> StepResult:
@@ -136,19 +132,15 @@ def _measured_stop(c: Context, what: str, speed: float) -> float:
 
 def _jog_release(c: Context, speed: float) -> float:
     """From the end of constant speed to rest, in the set-point's own trace."""
-    recorders: list[MemoryRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
-        recorders.append(MemoryRecorder(columns))
-        return recorders[-1]
-
-    session = AxisSession(c.machine, c.store, recorder=recorder, commissioning=True)
+    session = AxisSession(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
+    recorder = session.engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
     try:
         session.jog(session.angle_deg < 0.0, speed, 3.0)
         session.power_down()
     finally:
         session.close("commissioning")
-    trace = recorders[0].trace()
+    trace = recorder.trace()
     vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
     cruising = np.flatnonzero(vel >= np.max(vel) * (1.0 - 1e-9))
     return abs(deg(float(pos[-1] - pos[cruising[-1]])))

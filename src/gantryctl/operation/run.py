@@ -30,7 +30,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase, Reaction
-from gantryctl.runtime import AlarmEntry, Engine, HeldOperator, keeps_time
+from gantryctl.runtime import AlarmEntry, Engine, FixedOperator, keeps_time
 from gantryctl.units import deg
 from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, in_virtual_time
 
@@ -107,7 +107,7 @@ class AxisRun:
         assert zero is not None
         assert reading.angle_deg is not None
         self._opened_deg = reading.angle_deg
-        self.operator = HeldOperator()
+        self.operator = FixedOperator()
         self.engine: Engine = build_engine(
             machine,
             program=program,

@@ -7,7 +7,6 @@ from typing import NamedTuple
 from gantryctl.machine import Machine
 from gantryctl.operation.session import AxisSession
 from gantryctl.operation.summary import MotionSummary, summarise
-from gantryctl.ports import Recorder
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
 from gantryctl.wiring import total_ratio
@@ -30,19 +29,15 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
         CommandRefused: a target or the speed is not possible.
         AlarmStop: an alarm stopped the axis.
     """
-    recorders: list[MemoryRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> Recorder:
-        recorders.append(MemoryRecorder(columns))
-        return recorders[-1]
-
-    session = AxisSession(machine, recorder=recorder)
+    session = AxisSession(machine, recorder=MemoryRecorder)
+    recorder = session.engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
     try:
         session.power_up()
         motions = [session.move(target, speed_deg_s) for target in targets_deg]
     finally:
         session.close("script")
-    trace = recorders[0].trace()
+    trace = recorder.trace()
     last = motions[-1] if motions else None
     begin, end = (last.from_s, last.to_s) if last is not None else (0.0, session.engine.time_s)
     summary = summarise(trace, begin, end, total_ratio(machine))

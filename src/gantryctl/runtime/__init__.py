@@ -3,7 +3,7 @@
 from gantryctl.runtime.clocks import RealClock, VirtualClock
 from gantryctl.runtime.engine import NOTHING_READ, Engine, failure_text, trace_columns
 from gantryctl.runtime.lock import StateLock
-from gantryctl.runtime.operators import HeldOperator, ScriptedOperator
+from gantryctl.runtime.operators import FixedOperator, ScriptedOperator
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
 from gantryctl.runtime.priority import keeps_time
 from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
@@ -16,7 +16,7 @@ __all__ = [
     "AlarmEntry",
     "ArrowRecorder",
     "Engine",
-    "HeldOperator",
+    "FixedOperator",
     "Histogram",
     "MemoryRecorder",
     "OverrunLimits",

@@ -22,7 +22,7 @@ from gantryctl.image import (
 )
 from gantryctl.ports import Clock, Drive, Operator, Program, Recorder, Truth
 from gantryctl.runtime.clocks import VirtualClock
-from gantryctl.runtime.interrupts import HeldInterrupt
+from gantryctl.runtime.interrupts import DeferredInterrupt
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
 from gantryctl.runtime.statistics import ScanStatistics
 from gantryctl.runtime.stopping import StopProgram, quick_stop_output
@@ -98,7 +98,7 @@ class Engine:
         self._truth = truth.truth if truth is not None and recorder is not None else tuple
         self._overruns = RecentOverruns()
         self._waited = 0
-        self._hold = HeldInterrupt()
+        self._interrupt = DeferredInterrupt()
 
     @property
     def time_s(self) -> float:
@@ -139,14 +139,13 @@ class Engine:
 
     def _run(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         """Scan up to `end` or until the condition holds; Ctrl-C takes effect between scans."""
-        with self._hold:
+        with self._interrupt:
             return self._guarded(end, condition)
 
     def _guarded(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         """Whatever a scan raises, the drive is told to stop first."""
-        loop = self._virtual if isinstance(self.clock, VirtualClock) else self._timed
         try:
-            return loop(end, condition)
+            return self._scan_until(end, condition)
         except BaseException as failure:
             scan, time_s = self.scan, self.time_s
             silent = self._stop_drive(failure)
@@ -159,78 +158,55 @@ class Engine:
                 raise
             raise AlarmStop(failure_text(failure, scan, time_s)) from failure
 
-    def _virtual(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
-        """Scans in virtual time: the same as `_timed` without the clock, for speed."""
-        read, write, poll = self.drive.read, self.drive.write, self.operator.poll
-        program_scan, trace_row, truth = self._active.scan, self._active.trace_row, self._truth
-        hold, period_s, record = self._hold, self.period_s, self._record
-        scan = self.scan
-        while scan < end and not hold.pending:
-            time_s = scan * period_s
-            image = self.image = _new(InputImage, (scan, time_s, read(), poll(time_s)))
-            output = program_scan(image)
-            true_row = truth()
-            write(output)
-            self.output = output
-            self.scan = scan = scan + 1
-            if record is not None:
-                try:
-                    record((time_s, *trace_row(), *true_row))
-                except DeviceError as fault:
-                    record = None
-                    self._stop_recording(fault)
-            if condition is not None and condition(self):
-                return True
-        return False
-
-    def _timed(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
-        """Scans paced by the clock, measured, under the overrun policy."""
-        clock, hold = self.clock, self._hold
-        if self.scan == 0:
+    def _scan_until(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
+        clock, interrupt, scan = self.clock, self._interrupt, self._scan
+        paced = not isinstance(clock, VirtualClock)
+        if paced and self.scan == 0:
             clock.start()
-        while self.scan < end and not hold.pending:
-            scan, lateness_s, skipped = self._begin_scan()
-            time_s = self.time_s
-            if self.overrun_policy is OverrunPolicy.QUICK_STOP and self.overrun_stop is None:
-                self.overrun_stop = self._overruns.reason_to_stop(time_s, lateness_s, self.overrun_limits)
-            feedback = self.drive.read()
-            command = self.operator.poll(time_s)
-            if self.overrun_stop is not None:
-                command = command._replace(quick_stop=True)
-            self.image = InputImage(scan, time_s, feedback, command)
-            output = self._active.scan(self.image)
-            if self.overrun_stop is not None and output.request is DriveRequest.ENABLE:
-                output = quick_stop_output(output.brake_open)
-            true_row = self._truth()
-            self.drive.write(output)
-            self.output = output
-            self.scan = scan + 1
-            if self._record is not None:
-                try:
-                    self._record((time_s, *self._active.trace_row(), *true_row))
-                except DeviceError as fault:
-                    self._stop_recording(fault)
-            if self.statistics.add(scan, lateness_s, clock.elapsed_s(), skipped):
-                self._overruns.add(time_s)
+        while self.scan < end and not interrupt.pending:
+            if paced:
+                late_s, skipped = self._wait()
+            scan()
+            if paced and self.statistics.add(self.image.scan, late_s, clock.elapsed_s(), skipped):
+                self._overruns.add(self.image.time_s)
             if condition is not None and condition(self):
                 return True
         return False
 
-    def _begin_scan(self) -> tuple[int, float, int]:
-        """Wait for the next scan: its number, how late it was looked for, s, and how many deadlines were skipped."""
+    def _wait(self) -> tuple[float, int]:
+        """Wait for the next scan: how late it was looked for, s, and how many deadlines were skipped."""
         wanted = self.scan + self._waited
         deadline, late_s = self.clock.wait_for(wanted)
         skipped = deadline - wanted
         if self.overrun_policy is OverrunPolicy.QUICK_STOP:
             self.scan += skipped
+            if self.overrun_stop is None:
+                self.overrun_stop = self._overruns.reason_to_stop(self.time_s, late_s, self.overrun_limits)
         else:
             self._waited += skipped
-        return self.scan, late_s, skipped
+        return late_s, skipped
 
-    def _stop_recording(self, fault: DeviceError) -> None:
-        """The axis is more important than its recording."""
-        self.recording_fault = f"recording ended at t = {self.time_s:.3f} s: {fault}"
-        self._record = None
+    def _scan(self) -> None:
+        """Read, program, write, record: the one place that says in which order."""
+        drive, scan, stopping = self.drive, self.scan, self.overrun_stop is not None
+        time_s = scan * self.period_s
+        feedback, command = drive.read(), self.operator.poll(time_s)
+        if stopping:
+            command = command._replace(quick_stop=True)
+        self.image = image = _new(InputImage, (scan, time_s, feedback, command))
+        output = self._active.scan(image)
+        if stopping and output.request is DriveRequest.ENABLE:
+            output = quick_stop_output(output.brake_open)
+        true_row = self._truth()  # before the write: a simulated plant moves on inside it
+        drive.write(output)
+        self.output = output
+        self.scan = scan + 1
+        if self._record is not None:
+            try:
+                self._record((time_s, *self._active.trace_row(), *true_row))
+            except DeviceError as fault:  # the axis is more important than its recording
+                self.recording_fault = f"recording ended at t = {self.time_s:.3f} s: {fault}"
+                self._record = None
 
     def _stop_drive(self, failure: BaseException) -> Exception | None:
         """Quick stop in place of the scan that failed, `StopProgram` from now on.

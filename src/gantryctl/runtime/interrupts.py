@@ -7,7 +7,7 @@ import threading
 from types import FrameType, TracebackType
 
 
-class HeldInterrupt:
+class DeferredInterrupt:
     """While active, the first Ctrl-C only sets `pending`; leaving raises the KeyboardInterrupt.
 
     So a scan is always finished: read, program, write and trace row belong together. A second Ctrl-C is
@@ -19,7 +19,7 @@ class HeldInterrupt:
         self.pending = False
         self._active = False
 
-    def __enter__(self) -> HeldInterrupt:
+    def __enter__(self) -> DeferredInterrupt:
         self.pending = False
         self._active = (
             signal.getsignal(signal.SIGINT) is signal.default_int_handler

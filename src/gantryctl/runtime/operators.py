@@ -12,7 +12,7 @@ from gantryctl.image import OperatorCommand
 _TOLERANCE_S = 1e-9  # k * period may fall short of the written time by a rounding error
 
 
-class HeldOperator:
+class FixedOperator:
     """Gives what the caller put into `command`, from the next scan on.
 
     Hold-to-run still needs a new `lease` every 250 ms: the holder renews it, not this class.

@@ -8,7 +8,7 @@ from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.machine import Machine
 from gantryctl.ports import Clock, Drive, Operator, Recorder, Truth
 from gantryctl.program import Axis, AxisProgram, GantryProgram
-from gantryctl.runtime import Engine, HeldOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
+from gantryctl.runtime import Engine, FixedOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
 from gantryctl.wiring.canopen import in_virtual_time
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.drives import delivered_zero_counts, drive_of
@@ -34,7 +34,7 @@ def build_engine(
 
     Args:
         program: made from the axis; the shipped program, or a class derived from `AxisProgram`.
-        operator: where commands come from; a `HeldOperator` (`engine.operator.command`) when not given.
+        operator: where commands come from; a `FixedOperator` (`engine.operator.command`) when not given.
         drive: an open drive; a new machine standing at 0 deg when not given.
         zero_counts: encoder count at 0 deg (retained memory); that of a new machine when not given.
         holding_torque_nm: what held the load last time: the preload of the first release of the brake.
@@ -58,7 +58,7 @@ def build_engine(
     return Engine(
         drive,
         made,
-        operator or HeldOperator(),
+        operator or FixedOperator(),
         clock,
         settings.period_s,
         recorder=recorder(trace_columns(made, truth)) if recorder is not None else None,

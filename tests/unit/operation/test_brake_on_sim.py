@@ -9,7 +9,7 @@ import pytest
 
 from gantryctl.machine import default_machine
 from gantryctl.program import BrakeTestOutcome, PowerPhase
-from gantryctl.runtime import Engine, HeldOperator
+from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring import build_engine, delivered_zero_counts, drive_around, gantry_sim, plant_params
 
@@ -33,7 +33,7 @@ def with_brake_of(
         zero_counts=float(delivered_zero_counts(MACHINE)),
         holding_torque_nm=holding_nm,
     )
-    assert isinstance(engine.operator, HeldOperator)
+    assert isinstance(engine.operator, FixedOperator)
     engine.run_for(0.1)
     for wanted in (True, False):
         engine.operator.command = engine.operator.command._replace(brake_test=wanted)

@@ -12,7 +12,7 @@ from gantryctl.machine import default_machine, with_values
 from gantryctl.operation import way_note
 from gantryctl.program import GantryProgram, Refusal
 from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
-from gantryctl.runtime import HeldOperator
+from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring import build_engine, ideal_drive, speed_settings, travel_settings
 
@@ -55,7 +55,7 @@ TARGETS = (0.0, -0.0, 179.99, 180.0, 180.01, 181.0, 184.0, 185.5, 187.0, 399.0, 
 def test_the_axis_itself_refuses_the_same_targets_in_the_same_words(here: float) -> None:
     machine = with_values(MACHINE, {"drive.kind": "ideal"})
     engine = build_engine(machine, drive=ideal_drive(machine, here))
-    assert isinstance(engine.operator, HeldOperator)
+    assert isinstance(engine.operator, FixedOperator)
     assert isinstance(engine.program, GantryProgram)
     axis = engine.program.axis
     engine.operator.command = OperatorCommand(power=True)

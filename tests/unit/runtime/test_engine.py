@@ -13,7 +13,7 @@ from gantryctl.image import SAFE_OUTPUT, DriveRequest, OperatorCommand
 from gantryctl.runtime import (
     NOTHING_READ,
     Engine,
-    HeldOperator,
+    FixedOperator,
     MemoryRecorder,
     ScriptedOperator,
     VirtualClock,
@@ -28,7 +28,7 @@ class Bench:
     """An engine in virtual time with everything that belongs to it."""
 
     def __init__(self) -> None:
-        self.drive, self.program, self.operator = FakeDrive(), FakeProgram(), HeldOperator()
+        self.drive, self.program, self.operator = FakeDrive(), FakeProgram(), FixedOperator()
         truth = FakeTruth(self.drive)
         self.recorder = MemoryRecorder(trace_columns(self.program, truth))
         self.engine = Engine(
@@ -97,7 +97,7 @@ def test_a_time_to_run_that_makes_no_sense_is_refused(bench: Bench, seconds: flo
 @pytest.mark.parametrize("period_s", [0.0, -0.001, math.nan, math.inf])
 def test_a_period_that_makes_no_sense_is_refused(period_s: float) -> None:
     with pytest.raises(UsageError, match="scan period"):
-        Engine(FakeDrive(), FakeProgram(), HeldOperator(), VirtualClock(), period_s)
+        Engine(FakeDrive(), FakeProgram(), FixedOperator(), VirtualClock(), period_s)
 
 
 def test_run_until_looks_after_every_scan_and_stops_at_once(bench: Bench) -> None:

@@ -9,7 +9,7 @@ from gantryctl.errors import UsageError
 from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.runtime import (
     Engine,
-    HeldOperator,
+    FixedOperator,
     MemoryRecorder,
     OverrunLimits,
     OverrunPolicy,
@@ -30,7 +30,7 @@ class Bench:
         clock = RealClock(PERIOD_S, now=self.time.now, sleep=self.time.sleep)
         self.recorder = MemoryRecorder(trace_columns(self.program))
         self.engine = Engine(
-            self.drive, self.program, HeldOperator(), clock, PERIOD_S, self.recorder, None, policy
+            self.drive, self.program, FixedOperator(), clock, PERIOD_S, self.recorder, None, policy
         )
 
     def work(self, scan: int, seconds: float) -> None:
@@ -143,7 +143,7 @@ def test_real_time_makes_the_same_trace_as_virtual_time(going_on: Bench) -> None
     going_on.engine.run_for(1.0)
     program = FakeProgram()
     recorder = MemoryRecorder(trace_columns(program))
-    Engine(FakeDrive(), program, HeldOperator(), VirtualClock(), PERIOD_S, recorder).run_for(1.0)
+    Engine(FakeDrive(), program, FixedOperator(), VirtualClock(), PERIOD_S, recorder).run_for(1.0)
     assert going_on.recorder.trace().hash() == recorder.trace().hash()
 
 

@@ -11,7 +11,7 @@ from gantryctl.drives.simulated import SimDrive
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
-from gantryctl.runtime import HeldOperator, MemoryRecorder, RealClock, ScriptedOperator, VirtualClock
+from gantryctl.runtime import FixedOperator, MemoryRecorder, RealClock, ScriptedOperator, VirtualClock
 from gantryctl.units import deg, rad
 from gantryctl.wiring import (
     axis_settings,
@@ -120,7 +120,7 @@ def test_the_clock_is_virtual_unless_real_time_is_asked_for() -> None:
 def test_an_engine_stands_with_power_off_and_powers_up_when_told() -> None:
     engine = build_engine(IDEAL)
     assert isinstance(engine.program, GantryProgram)
-    assert isinstance(engine.operator, HeldOperator)
+    assert isinstance(engine.operator, FixedOperator)
     engine.run_for(0.1)
     assert engine.program.axis.state is AxisState.DISABLED
     engine.operator.command = OperatorCommand(power=True)
@@ -168,7 +168,7 @@ def test_a_state_that_lacks_something_is_refused() -> None:
 def test_plans_are_kept_when_asked_for() -> None:
     engine = build_engine(IDEAL, keep_plans=True)
     assert isinstance(engine.program, GantryProgram)
-    assert isinstance(engine.operator, HeldOperator)
+    assert isinstance(engine.operator, FixedOperator)
     engine.operator.command = OperatorCommand(power=True)
     engine.run_for(1.0)
     engine.operator.command = OperatorCommand(

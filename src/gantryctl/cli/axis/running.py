@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 from types import FrameType
-from typing import Any, Final
+from typing import Final
 
 import click
 
@@ -66,7 +66,6 @@ def run_axis(
     as_json: bool,
 ) -> int:
     """One power cycle around `action`; prints what happens; the exit code."""
-    recorders: list[Recorder] = []
 
     def recorder(columns: tuple[str, ...]) -> Recorder:
         metadata: Metadata = {
@@ -76,9 +75,7 @@ def run_axis(
             "seed": seed,
             "period_s": machine.control.scan_period_ms * 1e-3,
         }
-        made = MemoryRecorder(columns, metadata) if path is None else ArrowRecorder(path, columns, metadata)
-        recorders.append(made)
-        return made
+        return MemoryRecorder(columns, metadata) if path is None else ArrowRecorder(path, columns, metadata)
 
     live = Display(enabled=not as_json)
     session = AxisSession(
@@ -88,7 +85,7 @@ def run_axis(
         live.say(note)
     motion, failure = _guarded(session, action, live)
     live.end()
-    return _report(session, motion, failure, recorders[0], as_json)
+    return _report(session, motion, failure, as_json)
 
 
 def _guarded(
@@ -138,15 +135,11 @@ def stop_signals(session: AxisSession) -> Iterator[None]:
 
 
 def _report(
-    session: AxisSession,
-    motion: Motion | None,
-    failure: GantryctlError | None,
-    recorder: Recorder,
-    as_json: bool,
+    session: AxisSession, motion: Motion | None, failure: GantryctlError | None, as_json: bool
 ) -> int:
     """Summary and exit code."""
     code = failure.exit_code if failure is not None else int(motion is None or not motion.done)
-    summary, file = _evaluate(session, motion, recorder)
+    summary, file = _evaluate(session, motion)
     alarms = [alarm.text for alarm in session.axis.alarms.history]
     if as_json:
         print_json(
@@ -195,25 +188,20 @@ def _print(
         click.echo(f"  trace             {file}")
 
 
-def _evaluate(
-    session: AxisSession, motion: Motion | None, recorder: Recorder
-) -> tuple[MotionSummary | None, Path | None]:
+def _evaluate(session: AxisSession, motion: Motion | None) -> tuple[MotionSummary | None, Path | None]:
     """The summary, and where the recording is; a recording without a row is thrown away."""
-    file = None if isinstance(recorder, MemoryRecorder) else _path(recorder)
+    recorder = session.engine.recorder
+    assert isinstance(recorder, MemoryRecorder | ArrowRecorder)
+    file = recorder.path if isinstance(recorder, ArrowRecorder) else None
     if not session.engine.scan:
         if file is not None:
             file.unlink(missing_ok=True)
         return None, None
-    trace = recorder.trace() if isinstance(recorder, MemoryRecorder) else read_trace(_path(recorder))
+    trace = recorder.trace() if isinstance(recorder, MemoryRecorder) else read_trace(recorder.path)
     begin, end = (motion.from_s, motion.to_s) if motion is not None else (0.0, session.engine.time_s)
     if not len(trace.slice(begin, end)):
         begin, end = 0.0, session.engine.time_s
     return summarise(trace, begin, end, total_ratio(session.machine)), file
-
-
-def _path(recorder: Any) -> Path:
-    path: Path = recorder.path
-    return path
 
 
 def _summary_lines(machine: Machine, s: MotionSummary, motion: Motion | None, word: str) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
+from functools import partial
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen import CanopenDrive
@@ -69,25 +70,20 @@ def open_service(
     operator = ServiceOperator(
         memory.commands, memory.replies, events, rules, secrets.randbits(40), second_person=second_person
     )
-    recorders: list[RingRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> RingRecorder:
-        recorders.append(RingRecorder(memory.rows, columns))
-        return recorders[-1]
-
     engine = build_engine(
         machine,
         operator=operator,
         drive=drive,
         zero_counts=zero_counts,
         holding_torque_nm=retained.holding_torque_nm or 0.0,
-        recorder=recorder,
+        recorder=partial(RingRecorder, memory.rows),
         real_time=True,
     )
     assert isinstance(engine.program, GantryProgram)
+    assert isinstance(engine.recorder, RingRecorder)
     operator.attach(engine.program)
     restore_failure(engine.program.axis, retained)
-    return Opened(engine, operator, drive, retained, recorders[0], virtual.notes)
+    return Opened(engine, operator, drive, retained, engine.recorder, virtual.notes)
 
 
 def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:

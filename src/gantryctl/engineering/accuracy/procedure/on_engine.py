@@ -46,13 +46,9 @@ def _driven(
     real_time: bool,
     progress: Progress | None,
 ) -> Readings:
-    recorders: list[MemoryRecorder] = []
-
-    def recorder(columns: tuple[str, ...]) -> MemoryRecorder:
-        recorders.append(MemoryRecorder(columns))
-        return recorders[-1]
-
-    session = AxisSession(machine, store, recorder=recorder, real_time=real_time)
+    session = AxisSession(machine, store, recorder=MemoryRecorder, real_time=real_time)
+    recorder = session.engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
     rows: list[tuple[float, float, float, float, float]] = []
     try:
         session.power_up()
@@ -61,11 +57,11 @@ def _driven(
         for index, stop in enumerate(procedure.stops):
             if progress is not None:
                 progress(index, stop.target_deg)
-            recorders[0].forget()
+            recorder.forget()
             if index or stop.target_deg != procedure.start_deg:
                 session.move(stop.target_deg)
             session.engine.run_for(machine.accuracy.dwell_s)
-            rows.append(_reading(recorders[0].trace(), machine))
+            rows.append(_reading(recorder.trace(), machine))
         session.power_down()
     finally:
         session.close("accuracy run")
