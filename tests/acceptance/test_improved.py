@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law
 from support.improved import improved_machine
 
+README = Path(__file__).parents[2] / "README.md"
 A_WITH_ENCODER_DEG = 0.002
 A_WITHOUT_ENCODER_DEG = 0.0045
 A_SEEN_DEG = 0.003
@@ -180,3 +182,15 @@ def test_every_compensation_buys_what_it_is_for_and_all_together_most(
     trapezoid, s_curve = report.profiles
     assert s_curve.move.time_s < trapezoid.move.time_s
     assert s_curve.move.residual_um < 0.5 * trapezoid.move.residual_um
+
+
+def test_the_readme_says_what_a_moment_after_the_identification_costs() -> None:
+    """The improved loop is judged on the plant that it knows; 20 kN m more, and A is three times as large."""
+    identified = without_load_encoder(improved_machine())
+    arm_m = identified.plant.load.eccentricity_m * 36.0 / 16.0
+    changed = with_values(identified, {"plant.load.eccentricity_m": arm_m})
+    known, other = (chord_figures(machine, "B")[0] for machine in (identified, changed))
+    readme = README.read_text(encoding="utf-8")
+    assert f"{known:.4f} without (procedures A and B" in readme
+    assert f"A = {other:.4f} deg without load-side encoder (procedure B)" in readme
+    assert other > 2.5 * known

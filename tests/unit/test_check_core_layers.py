@@ -32,11 +32,3 @@ def test_laws_may_include_laws_and_the_loop_everything(checker: ModuleType, tmp_
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "a.hpp").write_text(f'#include "{include}"\n')
     assert not list(checker.wrong_includes(tmp_path))
-
-
-def test_a_long_file_is_found(checker: ModuleType, tmp_path: Path) -> None:
-    (tmp_path / "fits.py").write_text("x = 1\n" * checker.MAX_LINES)
-    (tmp_path / "long.py").write_text("x = 1\n" * (checker.MAX_LINES + 1))
-    findings = list(checker.long_files(tmp_path))
-    assert len(findings) == 1
-    assert "long.py" in findings[0]
