@@ -1,4 +1,4 @@
-"""Codes from outside the scan: the absolute reference, the engine, the run. `explain` knows them beside the alarms."""
+"""Codes from outside the scan: the engine, the run. `explain` knows them beside the alarms."""
 
 from __future__ import annotations
 
@@ -9,9 +9,6 @@ from typing import Final, NamedTuple
 from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS
 from gantryctl.program import explain as explain_alarm
-
-_SET_ZERO: Final = "Read the witness mark, then `gantryctl encoder set-zero --angle A --witness TEXT`."
-_REFUSED: Final = "the axis is not switched on"
 
 
 class Notice(NamedTuple):
@@ -29,32 +26,6 @@ class Notice(NamedTuple):
 NOTICES: Final = {
     row[0]: Notice(*row)
     for row in (
-        (
-            "ENC-08", "REFUSED", "Encoder off by whole turns", "the reading is off by ... deg, whole motor turns",
-            "The multiturn part of the encoder lost turns, or the gantry was moved by exactly that while off.",
-            _REFUSED, _SET_ZERO,
-        ),
-        (
-            "ENC-09", "REFUSED", "Moved while off", "the gantry moved ... deg while off (limit 0.05 deg)",
-            "Somebody moved it, or the brake let it creep. Up to 0.05 deg is gears settling: accepted and recorded.",
-            _REFUSED, "Look at the gantry; `gantryctl reset` acknowledges it under your name.",
-        ),
-        (
-            "ENC-10", "REFUSED", "Angle not valid", "the angle is not valid",
-            "No zero offset, more than 1 deg moved while off, or a reading that cannot be true.",
-            _REFUSED, _SET_ZERO,
-        ),
-        (
-            "ENC-11", "REFUSED", "Another encoder", "the encoder is ..., the stored zero offset belongs to another one",
-            "The encoder or the motor was replaced, or the memory is of another machine.",
-            _REFUSED, _SET_ZERO,
-        ),
-        (
-            "CFG-ENC-01", "REFUSED", "Encoder wraps near the travel",
-            "the encoder's range ends ... deg from the travel",
-            "Zero is badly placed in the multiturn range: the reading would jump by the whole range in motion.",
-            _REFUSED, "Turn the encoder on its shaft or mount it centred, then set the zero again.",
-        ),
         (
             "SYS-02", "STOP", "Scans late", "scan ... ms late, or too many overruns within a second",
             "Something kept the processor from the controller.",

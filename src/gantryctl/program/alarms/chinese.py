@@ -250,5 +250,49 @@ _REFUSALS: Final = {
     Code.PWR_04: Words("不能上电", "不能上电：{measured}", "上电前必须满足的条件未满足。", "排除原因后重新上电。"),
 }  # fmt: skip
 
-ALARMS_ZH: Final[dict[Code, Words]] = {**_ENCODER, **_BUS, **_CONTROL, **_POWER, **_REFUSALS}
+_SET_ZERO: Final = "读取见证标记，然后执行 `gantryctl encoder set-zero --angle A --witness TEXT`。"
+
+_START: Final = {
+    Code.ENC_08: Words(
+        "编码器偏差整圈", "读数偏差 {moved_deg}°，为电机整圈数",
+        "编码器多圈部分丢圈，或断电期间机架恰好移动了这一角度。", _SET_ZERO,
+    ),
+    Code.ENC_09: Words(
+        "断电期间移动", "断电期间机架移动 {moved_deg}°（限值 {limit_deg}°）",
+        "有人移动了它，或制动器缓慢滑动。限值以内视为齿轮回位：接受并记录。",
+        "查看机架；`gantryctl reset` 以您的名义确认。",
+    ),
+    Code.ENC_10: Words(
+        "角度无效", "角度无效：{why}",
+        "没有零点偏移，断电期间移动超过 1°，或读数不可能为真。", _SET_ZERO,
+    ),
+    Code.ENC_11: Words(
+        "编码器已更换", "编码器为 {serial}，保存的零点偏移属于另一个编码器",
+        "更换了编码器或电机，或保存的数据属于另一台机器。", _SET_ZERO,
+    ),
+    Code.CFG_ENC_01: Words(
+        "编码器量程终点靠近行程", "编码器量程终点在行程以下 {minus_deg}°、以上 {plus_deg}°，过近",
+        "零点在多圈量程内位置不当：运动中读数会跳变整个量程。", "转动编码器轴或居中安装编码器，然后重新设置零点。",
+    ),
+    Code.CFG_CAN_01: Words(
+        "驱动器参数禁止使能", "驱动器参数禁止使能：{parameters}",
+        "在这些参数下，控制器失效时驱动器不会自行停止轴。", "更正驱动器或机器文件中的参数，然后重新启动。",
+    ),
+    Code.CFG_CAN_02: Words(
+        "未调试", "机器未调试：{why}",
+        "没有该驱动器在此配置下的调试记录：其停止功能未经证明。", "用 `gantryctl commission --config FILE` 调试机器。",
+    ),
+    Code.CFG_CAN_03: Words(
+        "未证明控制器静默时停止", "未证明无控制器时停止：{why}",
+        "驱动器自上次重启以来，尚未证明控制器静默时它会停止轴。",
+        "`gantryctl commission --only silence --config FILE` 在静止状态下数秒内证明。",
+    ),
+    Code.SYS_12: Words(
+        "先前的停止未确认", "{stopped_by} 在上次运行中使轴停止，尚未确认",
+        "每次报警停止都会保持轴，直到有人查看，重新启动后也是如此。",
+        "查看报警（`gantryctl alarms --last`），然后 `gantryctl reset`。",
+    ),
+}  # fmt: skip
+
+ALARMS_ZH: Final[dict[Code, Words]] = {**_ENCODER, **_BUS, **_CONTROL, **_POWER, **_REFUSALS, **_START}
 """Every code with its words."""

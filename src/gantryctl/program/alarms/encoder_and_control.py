@@ -13,6 +13,7 @@ from gantryctl.program.alarms.codes import Code, Reaction, Severity
 from gantryctl.program.alarms.definition import Definition
 from gantryctl.program.alarms.power import POWER
 from gantryctl.program.alarms.refusals import REFUSALS
+from gantryctl.program.alarms.start import START
 
 _STOP, _WARN = Severity.STOP, Severity.WARNING
 _QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
@@ -143,6 +144,6 @@ _CONTROL: Final = (
 )  # fmt: skip
 
 ALARMS: Final[dict[Code, Definition]] = {
-    row.code: row for row in (*_ENCODER, *BUS, *_CONTROL, *POWER, *REFUSALS)
+    row.code: row for row in (*_ENCODER, *BUS, *_CONTROL, *POWER, *REFUSALS, *START)
 }
 """Every code with its definition."""

@@ -1,0 +1,51 @@
+"""Reasons why power cannot be switched on, as values."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from typing import NamedTuple
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.encoder_and_control import ALARMS
+
+
+class ClearedBy(StrEnum):
+    """What takes a reason away."""
+
+    RESET = "reset"
+    """A reset by an operator."""
+    SERVICE = "service"
+    """A reset by the service role."""
+    RESTART = "restart"
+    """Work on the machine with the controller stopped: encoder zero, drive parameters."""
+    COMMISSIONING = "commissioning"
+    """`gantryctl commission`, whole or in part."""
+
+
+class Reason(NamedTuple):
+    """Why power cannot be switched on.
+
+    Attributes:
+        values: fields of the message of `code`.
+    """
+
+    code: Code
+    values: Mapping[str, object]
+    cleared_by: ClearedBy
+
+    @property
+    def text(self) -> str:
+        """Code, what is wrong and what to do, in one line."""
+        row = ALARMS[self.code]
+        return f"{self.code} · {row.message.format(**self.values)} · {row.to_do}"
+
+    @property
+    def by_reset(self) -> bool:
+        """A reset takes it away."""
+        return self.cleared_by in (ClearedBy.RESET, ClearedBy.SERVICE)
+
+    @property
+    def doubts_position(self) -> bool:
+        """The angle of the gantry is in doubt: the encoder's reading, the configuration or the bus is not as left."""
+        return str(self.values.get("stopped_by", self.code)).startswith(("ENC", "CFG"))
