@@ -111,6 +111,48 @@ class DriveIdentity(NamedTuple):
     """Multiturn range in motor turns; the absolute reading wraps after `turns` turns."""
 
 
+class LinkHealth(NamedTuple):
+    """State of the connection to a drive on a bus; ages in scans, one figure per telegram (TPDO) of the drive."""
+
+    drive_key: str
+    """Vendor, product and serial number: what tells one drive from another."""
+    software: str = ""
+    """Version of the drive's firmware, where it tells."""
+    restart_marker: int | None = None
+    """Number that the controller has left in the drive; a restart of the drive erases it."""
+    heartbeat_age_scans: int = 0
+    scans: int = 0
+    received: tuple[int, ...] = ()
+    missed: tuple[int, ...] = ()
+    late: tuple[int, ...] = ()
+    duplicated: tuple[int, ...] = ()
+    wrong_length: tuple[int, ...] = ()
+    longest_age_scans: tuple[int, ...] = ()
+    boots: int = 0
+    foreign: int = 0
+    """Frames on identifiers that only the controller may send."""
+    unknown: int = 0
+    """Frames on identifiers without a meaning here."""
+    refused: int = 0
+    """Frames that the bus did not take."""
+    emergencies: int = 0
+    messages: tuple[str, ...] = ()
+    """The last emergency messages of the drive, in words."""
+
+    def lines(self) -> tuple[str, ...]:
+        """For people: a row per telegram, totals, and the complaints of the drive."""
+        tpdos = zip(
+            self.received, self.missed, self.late, self.duplicated, self.longest_age_scans, strict=True
+        )
+        rows = [
+            f"TPDO {n}: {got} of {self.scans} in time or late, {missed} missed, {late} late, {twice} twice, "
+            f"oldest {age} scans"
+            for n, (got, missed, late, twice, age) in enumerate(tpdos, start=1)
+        ]
+        rest = f"emergency messages {self.emergencies}, telegrams refused by the bus {self.refused}"
+        return (*rows, rest, *self.messages)
+
+
 class Mode(IntEnum):
     """Motion mode of `GantryProgram`. After a start the mode is NONE and nothing moves."""
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
-from gantryctl.image import DriveFeedback, DriveIdentity, InputImage, OperatorCommand, OutputImage
+from gantryctl.image import DriveFeedback, DriveIdentity, InputImage, LinkHealth, OperatorCommand, OutputImage
 
 
 @runtime_checkable
@@ -16,8 +16,41 @@ class Drive(Protocol):
     """A servo drive with its motor, encoder, brake and hard-wired inputs.
 
     One scan is `read()` then `write()`. A simulated drive advances its plant by one scan period inside `write()`;
-    a real one sends and returns at once.
+    a real one sends and returns at once. `drives.base.BaseDrive` answers everything that a drive without a bus
+    need not know.
     """
+
+    @property
+    def refusals(self) -> tuple[str, ...]:
+        """Why this drive may not be enabled; () when nothing forbids it."""
+        ...
+
+    @property
+    def torque_preload(self) -> bool:
+        """The drive takes a torque beside the speed, and reports its torque."""
+        ...
+
+    @property
+    def lost(self) -> bool:
+        """The drive must be set up again before it may be enabled: restarted, disconnected, or changed."""
+        ...
+
+    @property
+    def truth_source(self) -> Truth | None:
+        """The simulated load behind the drive; None for a real one."""
+        ...
+
+    def set_up_again(self) -> None:
+        """Set a lost drive up, between two scans and with power off; raises DeviceError where that fails."""
+        ...
+
+    def health(self) -> LinkHealth | None:
+        """State of the connection; None without a bus."""
+        ...
+
+    def plant_state(self) -> dict[str, float]:
+        """State of a simulated plant in this process, from which a later run goes on; {} for any other."""
+        ...
 
     def identity(self) -> DriveIdentity:
         """What is connected; raises DeviceError when it cannot be read."""

@@ -7,11 +7,10 @@ from collections.abc import Iterator
 import pytest
 
 from conformance.drive_port import DISABLE, ENABLE, DriveBench, DriveConformance
-from gantryctl.drives.virtual import Requests
+from gantryctl.drives.virtual import DriveNode, Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring import canopen_drive, total_ratio
-from gantryctl.wiring.canopen import SimulatedCanDrive
 
 SYNC_S = 0.004
 
@@ -28,9 +27,9 @@ class CanBench(DriveBench):
         changes = {"drive.kind": "canopen", "control.scan_period_ms": 1e3 * SYNC_S, "brake.owner": owner}
         machine = with_values(default_machine(), changes)
         drive = canopen_drive(machine)
-        assert isinstance(drive, SimulatedCanDrive)
+        assert isinstance(drive.truth_source, DriveNode)
         self.drive = drive
-        self.ask = Requests(drive.virtual).answer
+        self.ask = Requests(drive.truth_source).answer
         self.ratio = total_ratio(machine)
         self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gantryctl.drives.virtual import Requests
+from gantryctl.drives.virtual import DriveNode, Requests
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
@@ -16,10 +16,9 @@ from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore, Stop
-from gantryctl.operation.bus import set_up_anew
+from gantryctl.operation.bus import set_up_again
 from gantryctl.program import AxisState
 from gantryctl.runtime import MemoryRecorder
-from gantryctl.wiring import SimulatedCanDrive
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
 
@@ -31,8 +30,8 @@ class Run:
         machine = with_values(MACHINE, {key.replace("__", "."): value for key, value in changes.items()})
         self.session = AxisSession(machine, recorder=MemoryRecorder)
         drive = self.session.drive
-        assert isinstance(drive, SimulatedCanDrive)
-        self.node = drive.virtual
+        assert isinstance(drive.truth_source, DriveNode)
+        self.node = drive.truth_source
         self.ask = Requests(self.node).answer
 
     def after(self, seconds: float, action: Callable[[], object]) -> None:
@@ -186,8 +185,8 @@ def test_after_a_restart_of_the_drive_a_reset_is_enough() -> None:
     run.session.power_down()
     engine, axis = run.session.engine, run.session.axis
     stood = moved_deg(run)
-    assert set_up_anew(engine)
-    assert not set_up_anew(engine)
+    assert set_up_again(engine)
+    assert not set_up_again(engine)
     assert axis.reset(service=True) is None
     engine.run_for(1.0)
     assert axis.state is AxisState.DISABLED

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Final
 
@@ -16,7 +16,7 @@ from gantryctl.operation import StateStore
 from gantryctl.operation.virtual import keep_machine, open_machine
 from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
-from gantryctl.wiring import in_virtual_time, total_ratio
+from gantryctl.wiring import total_ratio
 
 ENABLE: Final = DriveRequest.ENABLE
 _ENABLE_S: Final = 2.0
@@ -40,7 +40,7 @@ class Hand:
         self.ratio = total_ratio(machine)
         self._leash_deg = leash_deg
         self._deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
-        self._clock = VirtualClock() if in_virtual_time(machine) else RealClock(self.period_s)
+        self._clock = RealClock(self.period_s) if machine.paced_by_clock else VirtualClock()
         self._deadline = 0
         self.feedback = drive.read()
         self.start_counts = self.feedback.pos_act_counts
@@ -168,11 +168,8 @@ def by_hand(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[H
             lines = "\n  ".join(drive.refusals)
             raise CommandRefused(f"the drive's parameters forbid enabling it:\n  {lines}")
         hand = Hand(machine, drive, leash_deg, retained)
-        if in_virtual_time(machine):
+        with keeps_time() if machine.paced_by_clock else nullcontext():
             yield hand
-        else:
-            with keeps_time():
-                yield hand
     finally:
         drive.close()
         identity = drive.identity()

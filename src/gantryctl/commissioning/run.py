@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from gantryctl.commissioning import steps_bus
 from gantryctl.commissioning.context import Context
 from gantryctl.commissioning.plan import STEPS, Step
 from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
@@ -42,7 +41,7 @@ class Commissioning:
         say: Callable[[str], None],
         confirm: Callable[[Step], bool],
     ) -> None:
-        if machine.drive.kind != "canopen":
+        if not machine.on_bus:
             raise UsageError(
                 f'{machine.name}: [drive] kind = "{machine.drive.kind}"; a CAN machine is commissioned'
             )
@@ -71,10 +70,11 @@ class Commissioning:
     def start(self, again: bool) -> None:
         """Pin the drive; another one than before begins from the start."""
         with looked_at(self.machine, self.store) as machine:
-            who = steps_bus.identity_of(machine.drive)
-        if again or (self.progress.drive and self.progress.drive != who.key):
+            who = machine.drive.health()
+        assert who is not None  # a CAN machine is commissioned
+        if again or (self.progress.drive and self.progress.drive != who.drive_key):
             self.progress = Progress(self.machine.name, proven_hash(self.machine))
-        self.progress = replace(self.progress, drive=who.key, software=who.software)
+        self.progress = replace(self.progress, drive=who.drive_key, software=who.software)
 
     def do(self, step: Step) -> StepResult | None:
         """One step; None when the person did not want it."""

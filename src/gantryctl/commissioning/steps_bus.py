@@ -8,34 +8,29 @@ from typing import Final
 from gantryctl.commissioning.context import Context, failed, judged, passed
 from gantryctl.commissioning.hand import by_hand
 from gantryctl.commissioning.results import StepResult
-from gantryctl.drives.canopen import CanopenDrive, LookedAtDrive, NodeIdentity
+from gantryctl.drives.canopen import ReadOnlyDrive
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.home_reference import evaluate, refusal
 from gantryctl.operation.proofs import load_record, record_path
-from gantryctl.operation.virtual import encoder_scale, is_simulated, looked_at
+from gantryctl.operation.virtual import encoder_scale, looked_at
 from gantryctl.runtime import Retained
-from gantryctl.wiring import can_link, canopen_settings, virtual_node
+from gantryctl.wiring import can_link, canopen_settings
 
 _WATCH_S: Final = 2.0
 _MISSED_MAX: Final = 0.01
 _LEASH_DEG: Final = 0.02
 
 
-def identity_of(drive: object) -> NodeIdentity:
-    """Who the drive is, whether it was only looked at or is open."""
-    assert isinstance(drive, LookedAtDrive | CanopenDrive)
-    return drive.who if isinstance(drive, LookedAtDrive) else drive.opened.identity
-
-
 def identity(c: Context) -> StepResult:
     """Who is it, and is it the drive of the last commissioning?"""
     with looked_at(c.machine, c.store) as machine:
-        who = identity_of(machine.drive)
+        name, health = machine.drive.identity().name, machine.drive.health()
+    assert health is not None  # a CAN machine is commissioned
     before = load_record(record_path(c.store.directory, c.machine))
-    proof = f"{who.text}; {who.key}"
-    if before is not None and before.drive != who.key:
+    proof = f"{name}; {health.drive_key}"
+    if before is not None and before.drive != health.drive_key:
         proof += f"; it was {before.drive} before"
     return passed("identity", proof)
 
@@ -59,9 +54,9 @@ def encoder(c: Context) -> StepResult:
 
 def defaults(c: Context) -> StepResult:
     """The drive as it comes."""
-    link = virtual_node(c.machine)[0] if is_simulated(c.machine) else can_link(c.machine)
+    link = can_link(c.machine)
     try:
-        rows = LookedAtDrive(link, canopen_settings(c.machine)).rows
+        rows = ReadOnlyDrive(link, canopen_settings(c.machine)).rows
     finally:
         link.close()
     wrong = [row.line for row in rows if row.verdict.refuses]
@@ -92,7 +87,7 @@ def process_data(c: Context) -> StepResult:
     """Telegrams against SDO reads, and their counters."""
     with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
         hand.run(_WATCH_S, DriveRequest.DISABLE)
-        counters, drive = hand.drive.counters(), hand.drive
+        counters, drive = hand.drive.health(), hand.drive
         pdo = drive.process.statusword, drive.process.counts
         raw = drive.node.sdo.number(0x6064)
         sdo = drive.node.sdo.number(0x6041), (-raw if drive.settings.inverted else raw)

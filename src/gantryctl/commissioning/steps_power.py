@@ -57,7 +57,8 @@ def silence(c: Context) -> StepResult:
     proof = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
     if not wrong:
         with by_hand(c.machine, c.store, _STAND_DEG) as hand:
-            kept = store_silence(silence_path(c.store.directory, c.machine), hand.drive)
+            key, marker = hand.drive.opened.identity.key, hand.drive.leave_restart_marker()
+            kept = store_silence(silence_path(c.store.directory, c.machine), key, marker)
         if kept.mark is None:
             proof += "; this drive takes no mark: a boot-up between two runs is not noticed"
     figures = {key: value for key, value in figures.items() if math.isfinite(value)}

@@ -9,7 +9,6 @@ from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
-from gantryctl.operation.virtual import is_simulated
 
 _RESERVE: Final = 2.0
 _LEAST: Final = 1.5
@@ -38,7 +37,7 @@ def bands(c: Context) -> StepResult:
 
 def accuracy(c: Context) -> StepResult:
     """By the simulated tracker where the truth is known; on a real machine the instrument is the operator's."""
-    if not is_simulated(c.machine):
+    if not c.machine.plant_is_local:
         proof = "needs an instrument at the load"
         to_do = "gantryctl accuracy report --measured FILE, with the readings of a tracker"
         return StepResult("accuracy", Outcome.NOT_TESTABLE, proof, to_do=to_do)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from gantryctl.drives.base import BaseDrive
 from gantryctl.image import (
     DigitalInputs,
     DriveFeedback,
@@ -23,7 +24,7 @@ _STEPS: Final = {
 _ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
-class IdealDrive:
+class IdealDrive(BaseDrive):
     """A drive that does exactly what it is told: its angle is the integral of the speed command.
 
     Torque is what the preload asks for, the brake follows its command at once, the load has no inertia. A
@@ -115,6 +116,11 @@ class IdealDrive:
         self.state = DriveState.SWITCH_ON_DISABLED
         self.vel_rad_s = self.torque_nm = 0.0
         self.brake_open = False
+
+    def plant_state(self) -> dict[str, float]:
+        """The angle as the encoder reads it."""
+        counts = self.read().pos_act_counts - self._zero_counts
+        return {"pos_ideal": counts * math.tau / (self._identity.counts_per_turn * self._ratio)}
 
     def _walk(self, request: DriveRequest) -> None:
         """One CiA 402 transition at most."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl import _core
+from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, settle
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     DigitalInputs,
@@ -19,13 +20,11 @@ from gantryctl.image import (
     EncoderFlag,
     OutputImage,
 )
+from gantryctl.ports import Truth
 
 _OFF: Final = 0
 _SPEED: Final = 1
 _QUICK_STOP: Final = 2
-_SETTLE_S: Final = 30.0  # a swinging load has come to rest long before
-_CALM_S: Final = 0.6  # more than a period of the swing
-_CALM_RAD_S: Final = 1e-5  # of the load: it still swings by some 0.0001 deg
 _TWO_PI: Final = 6.283185307179586
 
 _NEXT_TO_ENABLED: Final = {
@@ -35,7 +34,7 @@ _NEXT_TO_ENABLED: Final = {
 }
 
 
-class SimDrive:
+class SimDrive(BaseDrive):
     """A servo drive with the gantry behind it; `write` advances both by one scan.
 
     States (CiA 402), one transition a scan: ENABLE walks Switch on disabled -> Ready to switch on -> Switched on ->
@@ -50,15 +49,7 @@ class SimDrive:
         limit_switch_rad: gantry angle of both limit switches, rad.
     """
 
-    truth_columns: tuple[str, ...] = (
-        "pos_load_rad",
-        "vel_load_rad_s",
-        "pos_motor_rad",
-        "vel_motor_rad_s",
-        "pos_base_rad",
-        "vel_base_rad_s",
-        "torque_mesh_nm",
-    )
+    truth_columns: tuple[str, ...] = TRUTH_COLUMNS
 
     def __init__(
         self, sim: _core.GantrySim, serial: str, counts_per_turn: int, turns: int, limit_switch_rad: float
@@ -126,6 +117,15 @@ class SimDrive:
         else:
             self._scan(_OFF, 0.0, 0.0, False)
 
+    @property
+    def truth_source(self) -> Truth:
+        """The drive itself."""
+        return self
+
+    def plant_state(self) -> dict[str, float]:
+        """Everything that a later run needs to go on."""
+        return dict(self.sim.state)
+
     def truth(self) -> tuple[float, ...]:
         """True state of load, motor and base; see `truth_columns`."""
         return self.sim.truth()
@@ -133,16 +133,7 @@ class SimDrive:
     def close(self) -> None:
         """Torque off and brake closed; the plant goes on until the brake has closed and the load has come to rest."""
         self.state = DriveState.SWITCH_ON_DISABLED
-        left = round(_SETTLE_S / self.sim.scan_period_s)
-        window = max(1, round(_CALM_S / self.sim.scan_period_s))
-        while left > 0:
-            fastest = 0.0
-            for _ in range(window):
-                self._scan(_OFF, 0.0, 0.0, False)
-                fastest = max(fastest, abs(self.sim.truth()[1]))
-            if fastest < _CALM_RAD_S:
-                return
-            left -= window
+        settle(lambda: self._scan(_OFF, 0.0, 0.0, False), lambda: self.sim.truth()[1], self.sim.scan_period_s)
 
     def trip(self, error_code: int) -> None:
         """A fault inside the drive: torque off, brake closed, until a fault reset."""

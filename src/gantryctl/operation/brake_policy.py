@@ -8,7 +8,6 @@ from datetime import UTC, datetime, timedelta
 from typing import Final, NamedTuple
 
 from gantryctl.machine import Machine
-from gantryctl.operation.virtual import is_simulated
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.runtime import Retained
 from gantryctl.units import deg
@@ -68,7 +67,7 @@ def brake_due(machine: Machine, reason: str, retained: Retained, power_ups: int,
     left = brake.test_interval_power_ups - (power_ups - retained.brake_tested_power_ups)
     tested = _time(retained.brake_tested_at)
     if tested is None:
-        overdue = left <= 0 or not is_simulated(machine) or bool(retained.brake_tested_at)
+        overdue = left <= 0 or not machine.plant_is_local or bool(retained.brake_tested_at)
         return BrakeDue("", max(0, left), overdue, slow_deg_s)
     due = tested + timedelta(days=brake.test_interval_days)
     return BrakeDue(due.strftime(TIME_FORMAT), max(0, left), left <= 0 or now >= due, slow_deg_s)

@@ -29,10 +29,10 @@ from gantryctl.operation.state import now_text
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
 from gantryctl.ports import Drive
-from gantryctl.program import AxisProgram, AxisState, GantryProgram, PowerPhase, Reaction
+from gantryctl.program import AxisState, GantryProgram, PowerPhase, Reaction
 from gantryctl.runtime import AlarmEntry, Engine, FixedOperator, keeps_time
 from gantryctl.units import deg
-from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, in_virtual_time
+from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, build_program
 
 SLICE_S: Final = 0.1
 """Axis time between two looks at observer and stop request."""
@@ -91,7 +91,7 @@ class AxisRun:
         self._power_ups = self._moves = 0
         self._powered = False
         self._timed = ExitStack()
-        if not in_virtual_time(machine):
+        if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
 
     def _prepare(self, program: ProgramFactory, recorder: RecorderFactory | None, real_time: bool) -> None:
@@ -107,19 +107,17 @@ class AxisRun:
         assert zero is not None
         assert reading.angle_deg is not None
         self._opened_deg = reading.angle_deg
-        self.operator = FixedOperator()
-        self.engine: Engine = build_engine(
+        made = build_program(
             machine,
-            program=program,
-            operator=self.operator,
-            drive=drive,
+            drive,
+            program,
             zero_counts=zero + counts - unwrapped(scale, counts, zero),
             holding_torque_nm=self._retained.holding_torque_nm or 0.0,
-            recorder=recorder,
-            real_time=real_time,
         )
-        assert isinstance(self.engine.program, AxisProgram)
-        self.axis = self.engine.program.axis
+        self.axis, self.operator = made.axis, FixedOperator()
+        self.engine: Engine = build_engine(
+            machine, drive, made, self.operator, recorder=recorder, real_time=real_time
+        )
         restore_failure(self.axis, self._retained)
         self.brake_due = judge_due(machine, self.axis, self._retained, self._retained.power_ups)
 

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import random
 from pathlib import Path
 from typing import NamedTuple
 
-from gantryctl.drives.canopen import CanopenDrive
-from gantryctl.drives.canopen.setup.mark import MARKS, write_mark
 from gantryctl.errors import CommandRefused
 from gantryctl.files import write_whole
+from gantryctl.image import LinkHealth
 from gantryctl.machine import Machine
 from gantryctl.operation.state import now_text
 
@@ -33,20 +31,18 @@ def silence_path(directory: Path, machine: Machine) -> Path:
     return directory / f"{machine.name}.silence.json"
 
 
-def store_silence(path: Path, drive: CanopenDrive) -> SilenceProof:
-    """Keep that the proof was passed just now, and leave a mark in the drive.
+def store_silence(path: Path, drive_key: str, restart_marker: int | None) -> SilenceProof:
+    """Keep that the proof was passed just now, with the marker that was left in the drive.
 
     Raises:
         StateError: it cannot be written.
     """
-    mark = random.SystemRandom().choice(MARKS)
-    marked = write_mark(drive.node.sdo, drive.settings.node, mark)
-    proof = SilenceProof(drive.opened.identity.key, mark if marked else None, now_text())
+    proof = SilenceProof(drive_key, restart_marker, now_text())
     write_whole(path, json.dumps(proof._asdict()) + "\n")
     return proof
 
 
-def check_silence(path: Path, drive: CanopenDrive) -> None:
+def check_silence(path: Path, health: LinkHealth) -> None:
     """Whether the proof still speaks of this drive as it is now.
 
     Raises:
@@ -58,11 +54,11 @@ def check_silence(path: Path, drive: CanopenDrive) -> None:
         proof = SilenceProof(str(data["drive"]), data["mark"], str(data["date"]))
     except (OSError, ValueError, KeyError, TypeError):
         proof = SilenceProof("", None, "")
-    if proof.drive != drive.opened.identity.key:
+    if proof.drive != health.drive_key:
         raise CommandRefused(
             f"nobody has proven that this drive stops the axis when its controller falls silent · {again}"
         )
-    if proof.mark is not None and proof.mark != drive.opened.mark:
+    if proof.mark is not None and proof.mark != health.restart_marker:
         raise CommandRefused(
             f"the drive has restarted since it was proven on {proof.date} that it stops the axis when its controller "
             f"falls silent · {again}"

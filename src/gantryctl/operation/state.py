@@ -7,14 +7,13 @@ from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from typing import Any, Final
 
-from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import brake_words
 from gantryctl.operation.home_reference import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, is_simulated, keep_machine, looked_at, new_machine
+from gantryctl.operation.virtual import encoder_scale, keep_machine, looked_at, new_machine
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 from gantryctl.wiring import lead_deg
@@ -76,7 +75,7 @@ def machine_status(machine: Machine) -> MachineStatus:
         except StateError:
             raise
         except DeviceError as fault:
-            retained = None if is_simulated(machine) else store.load_retained()
+            retained = None if machine.plant_is_local else store.load_retained()
             if retained is None:
                 raise
             return _status(machine, store, retained, "the drive cannot be reached", None, str(fault), ())
@@ -184,13 +183,13 @@ def reset_machine(machine: Machine) -> str:
 
 def reset_simulation(machine: Machine, angle_deg: float) -> str:
     """Throw the simulated machine and its memory away and put a new one there."""
-    if not is_simulated(machine):
+    if not machine.plant_is_local:
         raise UsageError(f"{machine.name}: its drive is on a bus; there is nothing simulated to reset")
     virtual = new_machine(machine, angle_deg)
     with StateStore(machine) as store:
         store.forget()
         keep_machine(machine, store, virtual.drive, virtual.retained)
-    if isinstance(virtual.drive, CanopenDrive):
+    if machine.on_bus:
         virtual.drive.close()
     return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
 

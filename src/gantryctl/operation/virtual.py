@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import NamedTuple, Protocol
 
-from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import StateError, UsageError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash
@@ -15,14 +14,12 @@ from gantryctl.operation.home_reference import EncoderScale
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.runtime import Retained
-from gantryctl.units import deg, rad
+from gantryctl.units import deg
 from gantryctl.wiring import (
-    SIMULATED,
-    SimulatedCanDrive,
     canopen_drive,
     delivered_zero_counts,
     ideal_drive,
-    look_at_drive,
+    read_only_drive,
     sim_drive,
     total_ratio,
 )
@@ -88,11 +85,6 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> VirtualMachine:
     return VirtualMachine(drive, retained, ())
 
 
-def is_simulated(machine: Machine) -> bool:
-    """The machine lives in this process and in its state directory."""
-    return machine.drive.kind != "canopen" or machine.can.interface == SIMULATED
-
-
 def open_machine(machine: Machine, store: StateStore | None, *, to_look: bool = False) -> VirtualMachine:
     """The simulated machine as the last run left it; a new one when there is none (or without a store).
 
@@ -104,7 +96,7 @@ def open_machine(machine: Machine, store: StateStore | None, *, to_look: bool = 
     Raises:
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
-    if not is_simulated(machine):
+    if not machine.plant_is_local:
         return _real_machine(machine, store, to_look)
     if store is None:
         return new_machine(machine)
@@ -158,7 +150,7 @@ def _real_machine(machine: Machine, store: StateStore | None, to_look: bool) -> 
         )
     retained = store.load_retained() or Retained(machine=machine.name, config_hash=config_hash(machine))
     notes = tuple(f"retained memory: {note}" for note in store.notes)
-    drive: Drive = look_at_drive(machine) if to_look else canopen_drive(machine)
+    drive: Drive = read_only_drive(machine) if to_look else canopen_drive(machine)
     return VirtualMachine(drive, retained, notes)
 
 
@@ -177,7 +169,7 @@ def _kept_drive(machine: Machine, state: dict[str, float]) -> Drive:
     try:
         if machine.drive.kind == "ideal":
             return ideal_drive(machine, deg(state["pos_ideal"]))
-        if machine.drive.kind == "canopen":
+        if machine.on_bus:
             return canopen_drive(machine, state=state)
         return sim_drive(machine, state=state)
     except (ValueError, KeyError) as fault:
@@ -187,21 +179,12 @@ def _kept_drive(machine: Machine, state: dict[str, float]) -> Drive:
         ) from fault
 
 
-def _state_of(machine: Machine, drive: Drive) -> dict[str, float]:
-    if isinstance(drive, SimDrive):
-        return drive.sim.state
-    if isinstance(drive, SimulatedCanDrive):
-        return drive.virtual.motor.sim.state
-    counts = drive.read().pos_act_counts - delivered_zero_counts(machine)
-    return {"pos_ideal": counts * rad(360.0) / (drive.identity().counts_per_turn * total_ratio(machine))}
-
-
 def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retained: Retained) -> None:
     """Put plant and memory back: the memory first, a plant without it could not be trusted."""
     if store is not None:
         store.store_retained(retained)
-        if is_simulated(machine):
-            store.store_plant(_state_of(machine, drive))
+        if machine.plant_is_local:
+            store.store_plant(drive.plant_state())
 
 
 @contextmanager
@@ -211,5 +194,5 @@ def looked_at(machine: Machine, store: StateStore) -> Iterator[VirtualMachine]:
     try:
         yield found
     finally:
-        if isinstance(found.drive, SimulatedCanDrive):
+        if machine.on_bus:
             found.drive.close()

@@ -106,7 +106,7 @@ def untestable(machine: Machine, torque_preload: bool = True) -> str:
 
     The simulated drive of this process always does what the brake command says, whoever owns the brake.
     """
-    if machine.drive.kind != "canopen":
+    if not machine.on_bus:
         return ""
     if machine.brake.owner != "object_60FE":
         return (

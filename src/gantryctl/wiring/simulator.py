@@ -28,8 +28,7 @@ def fine_counts_per_turn(machine: Machine) -> int:
 
 def counts_per_turn(machine: Machine) -> int:
     """Counts per motor turn that the controller reads: on a bus, increments of the drive."""
-    on_bus = machine.drive.kind == "canopen"
-    return machine.can.increments_per_turn if on_bus else fine_counts_per_turn(machine)
+    return machine.can.increments_per_turn if machine.on_bus else fine_counts_per_turn(machine)
 
 
 def eccentric_moment_nm(machine: Machine) -> float:

@@ -1,8 +1,14 @@
-"""Machine file to the hardware behind a virtual CANopen drive."""
+"""Machine file to a virtual CANopen drive: its hardware, the bus that leads to it, its simulated gantry."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from gantryctl.drives.canopen import BusLink
+from gantryctl.drives.virtual import ControlClient, DirectBus, DriveNode, personality
 from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.side_channel.remote_plant import RemotePlant
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.units import rad, rad_s_from_r_min
@@ -44,3 +50,40 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
         start_angle_rad=start_angle_rad,
         encoder_serial=f"SIM-{machine.name}",
     )
+
+
+def virtual_node(
+    machine: Machine,
+    angle_deg: float = 0.0,
+    state: Mapping[str, float] | None = None,
+    quirks: Sequence[str] = (),
+) -> tuple[BusLink, DriveNode]:
+    """A virtual drive in this process, booted, and the bus that leads to it.
+
+    Args:
+        angle_deg: where the gantry stands.
+        state: a state kept from an earlier run, to go on from.
+        quirks: personalities.
+    """
+    bus = DirectBus()
+    node = DriveNode(
+        drive_hardware(machine, rad(angle_deg)),
+        machine.can.node,
+        bus.deliver,
+        kind=personality(quirks),
+        stepped=True,
+    )
+    if state is not None:
+        node.motor.restore(state)
+    bus.attach(node)
+    node.boot()
+    return BusLink(bus, advance=lambda seconds: node.advance(round(seconds * 1e6))), node
+
+
+def remote_plant(machine: Machine) -> RemotePlant:
+    """The gantry of a virtual drive in another process.
+
+    Raises:
+        DeviceError: nothing listens at [can] side_channel.
+    """
+    return RemotePlant(ControlClient(Path(machine.can.side_channel)))

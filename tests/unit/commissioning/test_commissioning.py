@@ -15,9 +15,10 @@ from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import AxisSession, StateStore
 from gantryctl.operation.proofs import check_record, load_record, record_path
-from gantryctl.operation.silence import check_silence, silence_path, store_silence
-from gantryctl.wiring import canopen as can_wiring
-from gantryctl.wiring import canopen_settings, virtual_node
+from gantryctl.operation.silence import SilenceProof, check_silence, silence_path, store_silence
+from gantryctl.wiring import canopen_settings
+from gantryctl.wiring import virtual as virtual_wiring
+from gantryctl.wiring.virtual import virtual_node
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
 QUICK = [step.key for step in STEPS if step.key not in ("turn", "accuracy", "bands", "stops")]
@@ -45,7 +46,7 @@ def do(work: Commissioning, *keys: str) -> dict[str, Outcome]:
 @pytest.fixture
 def quirky(monkeypatch: pytest.MonkeyPatch):
     """Virtual drives with quirks from now on, and what is done to each one after its making."""
-    made = can_wiring.virtual_node
+    made = virtual_wiring.virtual_node
 
     def become(*quirks: str, spoil=lambda node: None):
         def node_with(machine, angle_deg=0.0, state=None, _quirks=()):
@@ -53,7 +54,7 @@ def quirky(monkeypatch: pytest.MonkeyPatch):
             spoil(node)
             return link, node
 
-        monkeypatch.setattr(can_wiring, "virtual_node", node_with)
+        monkeypatch.setattr(virtual_wiring, "virtual_node", node_with)
 
     return become
 
@@ -136,6 +137,10 @@ def test_a_drive_that_nothing_stops_fails_its_silence(tmp_path: Path, quirky) ->
     store.__exit__(None, None, None)
 
 
+def prove(path: Path, drive: CanopenDrive) -> SilenceProof:
+    return store_silence(path, drive.health().drive_key, drive.leave_restart_marker())
+
+
 def test_silence_is_proven_again_after_a_boot_up_of_the_drive(tmp_path: Path) -> None:
     """A later run of the same drive is believed; one after a boot-up, of another drive, or without any proof is not."""
     link, node = virtual_node(MACHINE)
@@ -148,21 +153,21 @@ def test_silence_is_proven_again_after_a_boot_up_of_the_drive(tmp_path: Path) ->
 
     path = silence_path(tmp_path, MACHINE)
     with pytest.raises(CommandRefused, match="nobody has proven"):
-        check_silence(path, run())
-    assert store_silence(path, run()).mark is not None
+        check_silence(path, run().health())
+    assert prove(path, run()).mark is not None
     for _ in range(3):
-        check_silence(path, run())
+        check_silence(path, run().health())
     node.boot()
     with pytest.raises(CommandRefused, match=r"restarted since .*commission --only silence"):
-        check_silence(path, run())
-    store_silence(path, run())
-    check_silence(path, run())
+        check_silence(path, run().health())
+    prove(path, run())
+    check_silence(path, run().health())
     path.write_text(path.read_text(encoding="utf-8").replace("000007FF", "000007FE"), encoding="utf-8")
     with pytest.raises(CommandRefused, match="nobody has proven that this drive"):
-        check_silence(path, run())
+        check_silence(path, run().health())
     path.write_text("{", encoding="utf-8")
     with pytest.raises(CommandRefused, match="nobody has proven"):
-        check_silence(path, run(again=False))
+        check_silence(path, run(again=False).health())
     link.close()
 
 
@@ -170,12 +175,12 @@ def test_stored_parameters_do_not_carry_the_mark_over_a_boot_up(tmp_path: Path) 
     link, node = virtual_node(MACHINE)
     drive = CanopenDrive(link, canopen_settings(MACHINE)).open()
     path = silence_path(tmp_path, MACHINE)
-    store_silence(path, drive)
+    prove(path, drive)
     drive._take_the_watch_off()
     save(drive.node)
     node.boot()
     with pytest.raises(CommandRefused, match="restarted since"):
-        check_silence(path, CanopenDrive(link, canopen_settings(MACHINE)).open())
+        check_silence(path, CanopenDrive(link, canopen_settings(MACHINE)).open().health())
     link.close()
 
 
@@ -187,8 +192,8 @@ def test_a_drive_that_takes_no_mark_is_believed_and_said_so(tmp_path: Path) -> N
 
     node.od.checks[0x1403, 1] = refuse
     drive = CanopenDrive(link, canopen_settings(MACHINE)).open()
-    assert store_silence(silence_path(tmp_path, MACHINE), drive).mark is None
-    check_silence(silence_path(tmp_path, MACHINE), drive)
+    assert prove(silence_path(tmp_path, MACHINE), drive).mark is None
+    check_silence(silence_path(tmp_path, MACHINE), drive.health())
     drive.close()
 
 

@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import pytest
 
+from gantryctl.drives.virtual import DriveNode
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.operation import AxisSession, Snapshot, Stop
 from gantryctl.program import BrakeTestOutcome, BrakeTestPhase, PowerPhase
-from gantryctl.wiring import SimulatedCanDrive
 
 MACHINE = with_values(
     load_machine(configs_folder() / "hust_can.toml"),
@@ -27,8 +27,8 @@ class Bench:
     def __init__(self) -> None:
         self.session = AxisSession(MACHINE, None, observer=self._look, brake_test=True)
         drive = self.session.drive
-        assert isinstance(drive, SimulatedCanDrive)
-        self.node = drive.virtual
+        assert isinstance(drive.truth_source, DriveNode)
+        self.node = drive.truth_source
         self._at: BrakeTestPhase | None = None
         self._do: Callable[[], None] = lambda: None
         self.brake_commands: set[bool] = set()

@@ -11,7 +11,7 @@ from gantryctl.machine import default_machine
 from gantryctl.program import BrakeTestOutcome, PowerPhase
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
-from gantryctl.wiring import build_engine, delivered_zero_counts, drive_around, gantry_sim, plant_params
+from gantryctl.wiring import build_engine, build_program, drive_around, gantry_sim, plant_params
 
 MACHINE = default_machine()
 ANGLE_DEG = 90.0
@@ -27,12 +27,8 @@ def with_brake_of(
     plant.brake_torque = brake_torque_nm
     sim = gantry_sim(MACHINE, plant)
     sim.static_start(rad(angle_deg), False)
-    engine = build_engine(
-        MACHINE,
-        drive=drive_around(MACHINE, sim),
-        zero_counts=float(delivered_zero_counts(MACHINE)),
-        holding_torque_nm=holding_nm,
-    )
+    drive = drive_around(MACHINE, sim)
+    engine = build_engine(MACHINE, drive, build_program(MACHINE, drive, holding_torque_nm=holding_nm))
     assert isinstance(engine.operator, FixedOperator)
     engine.run_for(0.1)
     for wanted in (True, False):

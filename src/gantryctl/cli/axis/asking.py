@@ -7,7 +7,6 @@ import click
 from gantryctl.errors import CommandRefused
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.operation import AxisSession
-from gantryctl.wiring import in_virtual_time
 
 
 def ask_for_torque(session: AxisSession, yes: bool) -> None:
@@ -17,7 +16,7 @@ def ask_for_torque(session: AxisSession, yes: bool) -> None:
         CommandRefused: the person does not want it; nothing has been switched on.
     """
     machine = session.machine
-    if yes or in_virtual_time(machine) or not machine.can.commissioning_required:
+    if yes or not machine.paced_by_clock or not machine.can.commissioning_required:
         return
     question = f"{machine.name}: +-{machine.brake.test_torque_nm:g} N m against the closed brake. Test?"
     if not click.confirm(question, err=True):
@@ -31,7 +30,7 @@ def ask_before(session: AxisSession, way: str, speed_deg_s: float, yes: bool) ->
         CommandRefused: the person does not want it; nothing has been switched on.
     """
     machine = session.machine
-    if yes or in_virtual_time(machine) or not machine.can.commissioning_required:
+    if yes or not machine.paced_by_clock or not machine.can.commissioning_required:
         return
     stop, _ = rigid_stop(speed_deg_s, machine.virtual_axis.quick_dec_deg_s2, float("inf"))
     question = f"{machine.name}: {way} at {speed_deg_s:g} deg/s, a quick stop takes {stop:.2f} deg. Move?"

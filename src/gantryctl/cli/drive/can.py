@@ -41,13 +41,13 @@ def scan(
     """
     from gantryctl.drives.canopen.setup.survey import survey
     from gantryctl.machine import with_values
-    from gantryctl.wiring.canopen import SIMULATED, can_link, virtual_node
+    from gantryctl.wiring.canopen import can_link
 
     machine = machine_of(config_file)
     given = {"can.interface": interface, "can.channel": channel, "can.bitrate": bitrate}
     machine = with_values(machine, {path: value for path, value in given.items() if value is not None})
     eds_path = eds_file or (Path(machine.can.eds) if machine.can.eds else None)
-    link = virtual_node(machine)[0] if machine.can.interface == SIMULATED else can_link(machine)
+    link = can_link(machine)
     try:
         found = survey(link)
     finally:

@@ -32,13 +32,13 @@ def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSetting
     """The drive of a machine file, for SDO; the bus is left again."""
     from gantryctl.drives.canopen import RemoteNode
     from gantryctl.errors import UsageError
-    from gantryctl.wiring.canopen import SIMULATED, can_link, canopen_settings, virtual_node
+    from gantryctl.wiring.canopen import can_link, canopen_settings
 
     machine = machine_of(config_file)
-    if machine.drive.kind != "canopen":
+    if not machine.on_bus:
         raise UsageError(f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"')
     settings = canopen_settings(machine)
-    link = virtual_node(machine)[0] if machine.can.interface == SIMULATED else can_link(machine)
+    link = can_link(machine)
     try:
         yield RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s), settings, machine
     finally:

@@ -89,7 +89,7 @@ def run_(
     from gantryctl.engineering.accuracy.procedure.procedures import Chord, chord_procedure
 
     machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
-    if machine.drive.kind == "canopen":
+    if machine.on_bus:
         with_speed = False  # figure 5 is a matter of the compiled loop, which has no bus
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
     folder = directory(out or DEFAULT_OUT)
@@ -131,8 +131,8 @@ def _measurable(config_file: Path | None, instrument: str) -> Machine:
 
     machine = machine_of(config_file)
     virtual = machine.can.interface == "simulated" or machine.can.side_channel
-    if machine.drive.kind != "canopen" or virtual or instrument == "motor-side":
-        return _simulated(config_file) if machine.drive.kind != "canopen" else machine
+    if not machine.on_bus or virtual or instrument == "motor-side":
+        return _simulated(config_file) if not machine.on_bus else machine
     raise UsageError(
         f"{machine.name}: nothing here reads the angle of the load · --instrument motor-side, or measure with a "
         "tracker and evaluate it: gantryctl accuracy report --measured FILE"

@@ -7,21 +7,19 @@ from __future__ import annotations
 
 from gantryctl.drives.canopen.bus.link import BusLink, Link
 from gantryctl.drives.canopen.bus.node import NodeIdentity, RemoteNode
-from gantryctl.drives.canopen.counters import BusCounters
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.settings import CanopenSettings, InputBits
 from gantryctl.drives.canopen.setup.parameter_check import Row, Verdict
-from gantryctl.drives.canopen.setup.read_only import LookedAtDrive
+from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 
 __all__ = [
-    "BusCounters",
     "BusLink",
     "CanopenDrive",
     "CanopenSettings",
     "InputBits",
     "Link",
-    "LookedAtDrive",
     "NodeIdentity",
+    "ReadOnlyDrive",
     "RemoteNode",
     "Row",
     "Verdict",

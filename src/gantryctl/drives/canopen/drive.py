@@ -6,9 +6,11 @@ SYNC. So the feedback of scan k is the state at its SYNC, and a command acts one
 
 from __future__ import annotations
 
+import random
 from contextlib import suppress
 from typing import Final
 
+from gantryctl.drives.base import SimulatedPlant
 from gantryctl.drives.canopen.brake import BrakeWork
 from gantryctl.drives.canopen.bus.connection import LATCHED, LOST, connection_flags
 from gantryctl.drives.canopen.bus.link import Link
@@ -22,9 +24,9 @@ from gantryctl.drives.canopen.cia402 import (
     decode_statusword,
     next_controlword,
 )
-from gantryctl.drives.canopen.counters import BusCounters, bus_counters
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
+from gantryctl.drives.canopen.setup.mark import RESTART_MARKERS, write_restart_marker
 from gantryctl.drives.canopen.setup.opening import Opened, open_node
 from gantryctl.drives.canopen.setup.parameter_check import Verdict
 from gantryctl.drives.canopen.setup.parameter_watch import ReadBack
@@ -37,8 +39,10 @@ from gantryctl.image import (
     DriveState,
     EncoderFlag,
     LinkFlag,
+    LinkHealth,
     OutputImage,
 )
+from gantryctl.ports import Truth
 
 _FIRST_ANSWER_S: Final = 0.5
 _CLOSE_S: Final = 3.0
@@ -64,6 +68,7 @@ class CanopenDrive:
     Args:
         link: the bus; closed by `close`.
         settings: of the drive.
+        plant: the simulated gantry of a virtual drive.
 
     Attributes:
         node: NMT, SDO, emergency messages.
@@ -73,8 +78,8 @@ class CanopenDrive:
         silent_process_data, silent_heartbeat: for the proof that the drive stops a silent controller's axis.
     """
 
-    def __init__(self, link: Link, settings: CanopenSettings) -> None:
-        self.link, self.settings = link, settings
+    def __init__(self, link: Link, settings: CanopenSettings, plant: SimulatedPlant | None = None) -> None:
+        self.link, self.settings, self.plant = link, settings, plant
         self.node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
         self.silent_process_data = self.silent_heartbeat = False
         self.scan = 0
@@ -121,7 +126,7 @@ class CanopenDrive:
         """The drive has to be set up anew before it may be enabled: its connection was lost, or a parameter changed."""
         return bool(self._flags & LATCHED) or bool(self.read_back.differs)
 
-    def set_up_anew(self) -> None:
+    def set_up_again(self) -> None:
         """Set a lost drive up again on the same bus: power off, standing, between two scans. Nothing moves.
 
         Raises:
@@ -283,9 +288,42 @@ class CanopenDrive:
         enabled = decode_statusword(status) is DriveState.OPERATION_ENABLED
         return late and enabled and not status & FOLLOWS_COMMAND
 
-    def counters(self) -> BusCounters:
+    def health(self) -> LinkHealth:
         """How well the bus works."""
-        return bus_counters(self.scan, self.process.watches, self.node)
+        node, watches, emergencies = self.node, self.process.watches, self.node.emergencies
+        return LinkHealth(
+            drive_key=self.opened.identity.key,
+            software=self.opened.identity.software,
+            restart_marker=self.opened.restart_marker,
+            heartbeat_age_scans=node.heartbeat_age,
+            scans=self.scan,
+            received=tuple(w.received for w in watches),
+            missed=tuple(w.missed for w in watches),
+            late=tuple(w.late for w in watches),
+            duplicated=tuple(w.duplicated for w in watches),
+            wrong_length=tuple(w.wrong_length for w in watches),
+            longest_age_scans=tuple(w.longest_age for w in watches),
+            boots=node.boots,
+            foreign=node.foreign,
+            unknown=node.unknown,
+            refused=self.link.refused,
+            emergencies=emergencies.count,
+            messages=tuple(message.text for message in emergencies.messages if message.code),
+        )
+
+    def leave_restart_marker(self) -> int | None:
+        """Write a random marker that a restart erases, and return it; None where the drive takes none."""
+        marker = random.SystemRandom().choice(RESTART_MARKERS)
+        return marker if write_restart_marker(self.node.sdo, self.settings.node, marker) else None
+
+    @property
+    def truth_source(self) -> Truth | None:
+        """The gantry of a virtual drive."""
+        return self.plant
+
+    def plant_state(self) -> dict[str, float]:
+        """That of a virtual drive in this process."""
+        return {} if self.plant is None else self.plant.plant_state()
 
     # --- the end -----------------------------------------------------------------------------------------------
 
@@ -302,6 +340,8 @@ class CanopenDrive:
         finally:
             self._closed = True
             self.link.close()
+        if self.plant is not None and self.commanded:
+            self.plant.settle()
 
     def _take_the_watch_off(self) -> None:
         """No process data, and no heartbeat of ours expected: silence is no fault any more."""

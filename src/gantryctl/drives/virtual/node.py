@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
+from gantryctl.drives.base import TRUTH_COLUMNS, settle
 from gantryctl.drives.virtual.axis.axis import Axis
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.axis.motor import Motor
@@ -39,6 +40,7 @@ _NMT_ABORT: Final = 0x8100
 _STORE_FAILED: Final = 0x5530
 _PARAMETERS_LOST: Final = 0x6310
 _TOGGLE: Final = 0x10
+_SETTLE_STEP_US: Final = 10_000
 
 Send = Callable[[int, bytes], None]
 
@@ -58,15 +60,7 @@ class DriveNode:
         UsageError: a node id that is none.
     """
 
-    truth_columns: Final = (
-        "pos_load_rad",
-        "vel_load_rad_s",
-        "pos_motor_rad",
-        "vel_motor_rad_s",
-        "pos_base_rad",
-        "vel_base_rad_s",
-        "torque_mesh_nm",
-    )
+    truth_columns: tuple[str, ...] = TRUTH_COLUMNS
 
     def __init__(
         self,
@@ -162,6 +156,14 @@ class DriveNode:
     def truth(self) -> tuple[float, ...]:
         """What only a simulator knows; see `truth_columns`. Never on the bus."""
         return self.motor.sim.truth()
+
+    def plant_state(self) -> dict[str, float]:
+        """Everything of the gantry that a later run needs to go on."""
+        return dict(self.motor.sim.state)
+
+    def settle(self) -> None:
+        """Let the load come to rest after the master has left."""
+        settle(lambda: self.advance(_SETTLE_STEP_US), lambda: self.truth()[1], _SETTLE_STEP_US * 1e-6)
 
     # --- frames in ---------------------------------------------------------------------------------------------
 

@@ -68,7 +68,7 @@ def accuracy_report(
     Raises:
         UsageError: a stop of the procedure lies outside the travel.
     """
-    if job.on_engine or job.real_time or machine.drive.kind == "canopen":
+    if job.on_engine or job.real_time or machine.on_bus:
         readings = run_on_engine(machine, job.procedure, real_time=job.real_time, progress=progress)
     else:
         readings = run_procedure([machine], job.procedure, threads=job.threads)

@@ -92,4 +92,4 @@ def sync_period_can_be_told(m: Machine) -> str | None:
 
 
 def _can(m: Machine) -> bool:
-    return m.drive.kind == "canopen"
+    return m.on_bus

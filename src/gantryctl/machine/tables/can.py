@@ -90,3 +90,8 @@ class Can(Table):
         True, "choice", "false = move without a commissioning record: for virtual drives only."
     )
     inputs: CanInputs = table("Bits of object 60FD.", CanInputs)
+
+    @property
+    def simulated(self) -> bool:
+        """The drive is a virtual one in this process."""
+        return self.interface == "simulated"

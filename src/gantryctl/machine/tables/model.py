@@ -54,6 +54,21 @@ class Machine(Table):
         """The identified values, from the file that [control.compensation] names; None if there is none."""
         return self._calibration
 
+    @property
+    def on_bus(self) -> bool:
+        """The drive is a node on a CAN bus, real or virtual."""
+        return self.drive.kind == "canopen"
+
+    @property
+    def plant_is_local(self) -> bool:
+        """The gantry is simulated in this process, and its state is kept in the state directory."""
+        return not self.on_bus or self.can.simulated
+
+    @property
+    def paced_by_clock(self) -> bool:
+        """The scans must keep real time: the drive does not wait for them."""
+        return not self.plant_is_local and not self.can.stepped
+
     def calibrated(self, calibration: Calibration | None) -> Machine:
         """The same machine with other identified values."""
         copy = self.model_copy()

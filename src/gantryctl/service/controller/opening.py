@@ -7,7 +7,6 @@ import time
 from functools import partial
 from typing import Final, NamedTuple
 
-from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine
@@ -24,7 +23,7 @@ from gantryctl.service.command.rules import rules_of
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.trace_ring import RingRecorder
-from gantryctl.wiring import build_engine
+from gantryctl.wiring import build_engine, build_program
 
 BUS: Final = "CFG-CAN"
 """Beginning of a refusal that comes from the bus."""
@@ -70,29 +69,24 @@ def open_service(
     operator = ServiceOperator(
         memory.commands, memory.replies, events, rules, secrets.randbits(40), second_person=second_person
     )
-    engine = build_engine(
-        machine,
-        operator=operator,
-        drive=drive,
-        zero_counts=zero_counts,
-        holding_torque_nm=retained.holding_torque_nm or 0.0,
-        recorder=partial(RingRecorder, memory.rows),
-        real_time=True,
+    program = build_program(
+        machine, drive, zero_counts=zero_counts, holding_torque_nm=retained.holding_torque_nm or 0.0
     )
-    assert isinstance(engine.program, GantryProgram)
+    assert isinstance(program, GantryProgram)
+    operator.attach(program)
+    recorder = partial(RingRecorder, memory.rows)
+    engine = build_engine(machine, drive, program, operator, recorder=recorder, real_time=True)
     assert isinstance(engine.recorder, RingRecorder)
-    operator.attach(engine.program)
-    restore_failure(engine.program.axis, retained)
+    restore_failure(program.axis, retained)
     return Opened(engine, operator, drive, retained, engine.recorder, virtual.notes)
 
 
 def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
     """Why a drive on a bus may not be enabled, or ""."""
-    if isinstance(drive, CanopenDrive):
-        try:
-            judge_bus(machine, store, drive)
-        except CommandRefused as reason:
-            return f"{BUS} {' '.join(str(reason).split())}"
+    try:
+        judge_bus(machine, store, drive)
+    except CommandRefused as reason:
+        return f"{BUS} {' '.join(str(reason).split())}"
     return ""
 
 

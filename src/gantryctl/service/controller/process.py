@@ -21,7 +21,7 @@ from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation import StateStore
 from gantryctl.operation.brake_policy import LOCKED
-from gantryctl.operation.bus import set_up_anew
+from gantryctl.operation.bus import set_up_again
 from gantryctl.program import PowerPhase
 from gantryctl.runtime import Engine, failure_text
 from gantryctl.service.controller.alarm_view import AlarmView
@@ -121,7 +121,7 @@ class Controller:
         self.operator.settle()
         if self._reset_asked:
             self._reset_asked = False
-            self._set_up_anew()
+            self._set_up_again()
         self._watch()
         self._publisher.scan()
         if not self.operator.shutdown:
@@ -245,12 +245,12 @@ class Controller:
         self.events.put("command", f"acknowledged: {said}", who)
         return said
 
-    def _set_up_anew(self) -> None:
+    def _set_up_again(self) -> None:
         """A reset of a lost drive: with power off it is set up again before the program looks at it."""
         if self.axis.power.phase is not PowerPhase.OFF:
             return
         try:
-            if not set_up_anew(self.engine):
+            if not set_up_again(self.engine):
                 return
         except GantryctlError as fault:
             self.events.put("service", f"the drive could not be set up again: {fault}")

@@ -6,7 +6,6 @@ import math
 from collections import deque
 from typing import Any, Final
 
-from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, short_hash
 from gantryctl.program import GantryProgram
@@ -193,10 +192,8 @@ class Publisher:
         }
 
     def _heartbeat_age_ms(self) -> float:
-        drive = self._engine.drive
-        if not isinstance(drive, CanopenDrive):
-            return math.nan
-        return drive.node.heartbeat_age * self._engine.period_s * 1e3
+        health = self._engine.drive.health()
+        return math.nan if health is None else health.heartbeat_age_scans * self._engine.period_s * 1e3
 
     def slow(self) -> dict[str, Any]:
         """Everything else but the alarms, as JSON values."""

@@ -8,7 +8,6 @@ from collections import deque
 from dataclasses import replace
 from typing import Final
 
-from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
@@ -97,8 +96,7 @@ class Retainer:
         """What the controller remembers of this run so far."""
         end = RunEnd(result, alarm, self._power_ups, self._moves, self._engine.time_s)
         levels, kept = self._operator.levels, self.retained
-        on_bus = isinstance(self._drive, CanopenDrive)
-        seen: ReadDrive = LastRead(self._engine) if on_bus else self._drive
+        seen: ReadDrive = LastRead(self._engine) if self._machine.on_bus else self._drive
         record = replace(
             retained_after(self._machine, kept, self._axis, seen, end),
             speed_rad_s=levels.speed_rad_s,

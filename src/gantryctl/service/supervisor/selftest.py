@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
-from gantryctl.operation.virtual import is_simulated
 from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.recorder.journal import verify
 from gantryctl.service.recorder.journal_file import FILE
@@ -69,7 +68,7 @@ def _state(machine: Machine, store: StateStore) -> Check:
             retained, plant = store.load_retained(), store.load_plant()
     except GantryctlError as fault:
         return Check("state", False, str(fault))
-    if not is_simulated(machine):
+    if not machine.plant_is_local:
         return Check("state", True, "no retained memory yet" if retained is None else "retained memory read")
     if (retained is None) != (plant is None):
         return Check(

@@ -6,10 +6,12 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
+from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.drives.virtual import Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring import SimulatedCanDrive, canopen_settings, total_ratio, virtual_node
+from gantryctl.wiring import canopen_settings, total_ratio
+from gantryctl.wiring.virtual import virtual_node
 
 ENABLE = DriveRequest.ENABLE
 SYNC_S = 0.004
@@ -31,7 +33,7 @@ class Bench:
     ) -> None:
         self.machine = machine(*changes)
         self.link, self.virtual = virtual_node(self.machine, angle_deg, quirks=quirks)
-        self.drive = SimulatedCanDrive(self.link, canopen_settings(self.machine), self.virtual)
+        self.drive = CanopenDrive(self.link, canopen_settings(self.machine), self.virtual)
         self.ratio = total_ratio(self.machine)
         self._ask = Requests(self.virtual).answer
 

@@ -7,6 +7,7 @@ import math
 import can
 import pytest
 
+from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
@@ -81,7 +82,7 @@ def test_a_parameter_that_does_not_take_is_refused() -> None:
 
 def test_a_drive_that_runs_already_is_left_alone() -> None:
     bench = Bench().open().enable()
-    other = type(bench.drive)(bench.link, bench.drive.settings, bench.virtual)
+    other = CanopenDrive(bench.link, bench.drive.settings, bench.drive.plant)
     with pytest.raises(DeviceError, match="operation enabled already"):
         other.open()
 
@@ -95,7 +96,7 @@ def test_nobody_there_is_said_in_words() -> None:
 
 def test_the_drive_of_a_machine_file_stands_where_it_was_asked_to() -> None:
     drive = canopen_drive(Bench(angle_deg=30.0).machine, 30.0)
-    assert math.degrees(drive.truth()[0]) == pytest.approx(30.0, abs=1e-6)  # type: ignore[attr-defined]
+    assert math.degrees(drive.truth_source.truth()[0]) == pytest.approx(30.0, abs=1e-6)
     drive.close()
 
 
@@ -179,7 +180,7 @@ def test_missing_and_doubled_telegrams_are_counted_and_bridged() -> None:
     assert [bench.scan().age_scans for _ in range(3)] == [1, 0, 0]
     bench.ask("inject", fault="tpdo", tpdo=1, kind="duplicate", count=3)
     assert [bench.scan().age_scans for _ in range(4)] == [0, 0, 0, 0]
-    counters = bench.drive.counters()
+    counters = bench.drive.health()
     assert counters.missed[0] == 1
     assert counters.duplicated[0] == 3
     bench.drive.close()
@@ -232,7 +233,7 @@ def test_a_telegram_of_the_wrong_length_is_never_decoded() -> None:
     bench.ask("inject", fault="tpdo", tpdo=1, kind="length", amount=3, count=2)
     assert [bench.scan().age_scans for _ in range(3)] == [1, 2, 0]
     assert bench.drive.read().pos_act_counts == pytest.approx(before, abs=50)
-    assert bench.drive.counters().wrong_length[0] == 2
+    assert bench.drive.health().wrong_length[0] == 2
     bench.drive.close()
 
 

@@ -28,9 +28,9 @@ def test_parameters_are_read_again_while_the_axis_moves(monkeypatch: pytest.Monk
     back = bench.drive.read_back
     assert back.answered >= 2 * len(bench.drive.opened.kept)
     assert back.unanswered == 0
-    counters = bench.drive.counters()
+    counters = bench.drive.health()
     assert counters.missed == (0, 0)
-    assert counters.strange == 0
+    assert counters.unknown == 0
     bench.drive.close()
 
 
@@ -95,7 +95,7 @@ LOSSES = pytest.mark.parametrize("lose", [lose_by_restart, lose_by_silence, lose
 
 
 @LOSSES
-def test_a_lost_drive_is_set_up_anew_within_the_run_and_nothing_moves(lose: Callable[[Bench], None]) -> None:
+def test_a_lost_drive_is_set_up_again_within_the_run_and_nothing_moves(lose: Callable[[Bench], None]) -> None:
     bench = Bench().open().enable()
     bench.ramp_to(0.6)
     begun, begun_deg = bench.drive.read().pos_act_counts, bench.load_deg
@@ -108,7 +108,7 @@ def test_a_lost_drive_is_set_up_anew_within_the_run_and_nothing_moves(lose: Call
     bench.run(2.0, DriveRequest.DISABLE)
     stood, stood_counts = bench.load_deg, bench.virtual.motor.counts
     way_counts = (stood - begun_deg) * bench.drive.identity().counts_per_turn * bench.ratio / 360.0
-    bench.drive.set_up_anew()
+    bench.drive.set_up_again()
     assert not bench.drive.lost
     assert bench.drive.refusals == ()
     seen = bench.drive.read()
@@ -132,7 +132,7 @@ def test_a_drive_that_stays_silent_stays_lost() -> None:
     bench.inject("silence")
     bench.run(1.0)
     with pytest.raises(DeviceError, match="no answer"):
-        bench.drive.set_up_anew()
+        bench.drive.set_up_again()
     assert bench.drive.lost
     bench.inject("silence", False)
     assert bench.run(0.4).state is DriveState.UNKNOWN
@@ -144,5 +144,5 @@ def test_another_drive_on_the_bus_is_not_taken() -> None:
     lose_by_restart(bench)
     bench.ask("write", index=0x1018, sub=4, value=77)
     with pytest.raises(DeviceError, match="another drive"):
-        bench.drive.set_up_anew()
+        bench.drive.set_up_again()
     assert bench.run(0.4).state is DriveState.UNKNOWN

@@ -35,6 +35,6 @@ def connection_flags(
         flags |= LinkFlag.HEARTBEAT_LOST
     if node.state not in _WELL and node.heartbeat_age == 0:
         flags |= LinkFlag.NOT_OPERATIONAL
-    if node.others:
+    if node.foreign:
         flags |= LinkFlag.OTHER_MASTER
     return flags

@@ -76,7 +76,8 @@ class RemoteNode:
         state: NMT state of the last heartbeat; None before the first.
         heartbeat_age: scans since then, counted by `tick`.
         boots: boot-up messages since `forget_boots`.
-        others: frames on identifiers that only this master may send.
+        foreign: frames on identifiers that only this master may send.
+        unknown: frames on identifiers without a meaning here.
     """
 
     def __init__(self, link: Link, node: int, master_node: int, sdo_timeout_s: float) -> None:
@@ -85,7 +86,7 @@ class RemoteNode:
         self.emergencies = EmergencyLog()
         self.state: int | None = None
         self.heartbeat_age = 0
-        self.boots = self.others = self.strange = 0
+        self.boots = self.foreign = self.unknown = 0
         self.scan = 0
         self._heartbeat_frame = bytes((NmtState.OPERATIONAL,))
         ours = (NMT, SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node)
@@ -109,7 +110,7 @@ class RemoteNode:
         if handler is not None:
             handler(frame.data)
         else:
-            self.strange += 1
+            self.unknown += 1
 
     def _heartbeat(self, data: bytes) -> None:
         """Some drives send heartbeats without data: they live, and say nothing of their state."""
@@ -122,11 +123,11 @@ class RemoteNode:
         self.state = state
 
     def _foreign(self, _data: bytes) -> None:
-        self.others += 1
+        self.foreign += 1
 
     def forget_boots(self) -> None:
         """What was before does not count."""
-        self.boots = self.others = 0
+        self.boots = self.foreign = 0
         self.heartbeat_age = 0
 
     # --- out ---------------------------------------------------------------------------------------------------

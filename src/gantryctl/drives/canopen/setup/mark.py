@@ -14,27 +14,27 @@ from gantryctl.errors import DeviceError
 _UNUSED: Final = ((0x1403, 0x500), (0x1402, 0x400))  # RPDO 4 and 3, and where their defaults begin
 _INVALID: Final = 0x8000_0000
 _IDENTIFIER: Final = 0x7FF
-MARKS: Final = range(0x181, 0x400)
+RESTART_MARKERS: Final = range(0x181, 0x400)
 """Identifiers that CiA 301 restricts to nothing; the defaults of both telegrams lie above."""
 
 
-def read_mark(sdo: SdoClient) -> int | None:
+def read_restart_marker(sdo: SdoClient) -> int | None:
     """The mark; None where the drive has none, or no place for one."""
     for index, _ in _UNUSED:
         found = sdo.optional(index, 1)
         if found is not None:
-            mark = found & _IDENTIFIER
-            return mark if found & _INVALID and mark in MARKS else None
+            marker = found & _IDENTIFIER
+            return marker if found & _INVALID and marker in RESTART_MARKERS else None
     return None
 
 
-def write_mark(sdo: SdoClient, node: int, mark: int | None) -> bool:
+def write_restart_marker(sdo: SdoClient, node: int, marker: int | None) -> bool:
     """Set a mark, or take it off again (None); False where the drive takes none."""
     for index, default in _UNUSED:
         found = sdo.optional(index, 1)
         if found is None:
             continue
-        wanted = _INVALID | (default + node if mark is None else mark)
+        wanted = _INVALID | (default + node if marker is None else marker)
         if not found & _INVALID:
             return False
         try:

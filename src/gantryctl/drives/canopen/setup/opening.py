@@ -10,7 +10,7 @@ from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.mapping import Mapping, configure
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.drives.canopen.setup.mark import read_mark
+from gantryctl.drives.canopen.setup.mark import read_restart_marker
 from gantryctl.drives.canopen.setup.parameter_check import (
     CSV,
     Row,
@@ -40,7 +40,7 @@ class Opened(NamedTuple):
     error_code: int
     kept: tuple[Wanted, ...]
     """Parameters that are as they must be, and must stay so."""
-    mark: int | None
+    restart_marker: int | None
     """What was left in the drive; gone after a boot-up."""
 
 
@@ -82,9 +82,9 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> Opened:
     rows = read_matrix(node.sdo, wanted)
     error = node.sdo.optional(0x603F) or 0
     node.nmt(NmtCommand.START)
-    mark = read_mark(node.sdo)
+    marker = read_restart_marker(node.sdo)
     kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is Verdict.OK)
-    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, mark)
+    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, marker)
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:

@@ -7,7 +7,7 @@ from typing import Any, Final, NamedTuple
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.cia402 import decode_statusword
-from gantryctl.drives.canopen.setup.mark import write_mark
+from gantryctl.drives.canopen.setup.mark import write_restart_marker
 from gantryctl.drives.od import DataType, DeviceDescription, decode
 from gantryctl.drives.od.standard import STANDARD
 from gantryctl.errors import CommandRefused, DeviceError
@@ -163,7 +163,9 @@ def save(node: RemoteNode) -> float:
         CommandRefused: the drive has torque. DeviceError: it does not store.
     """
     _refuse_energised(node)
-    write_mark(node.sdo, node.node, None)  # stored, it would outlive the boot-ups that it is to tell
+    write_restart_marker(
+        node.sdo, node.node, None
+    )  # stored, it would outlive the boot-ups that it is to tell
     before, timeout = node.link.now_s(), node.sdo.timeout_s
     node.sdo.timeout_s = _SAVE_S
     try:

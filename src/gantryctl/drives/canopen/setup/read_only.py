@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gantryctl.drives.base import BaseDrive
 from gantryctl.drives.canopen.bus.link import Link
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
@@ -9,10 +10,10 @@ from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import look
 from gantryctl.drives.canopen.unwrap import Unwrap
 from gantryctl.errors import DeviceError
-from gantryctl.image import DriveFeedback, DriveIdentity, EncoderFlag, OutputImage
+from gantryctl.image import DriveFeedback, DriveIdentity, EncoderFlag, LinkHealth, OutputImage
 
 
-class LookedAtDrive:
+class ReadOnlyDrive(BaseDrive):
     """What a drive said when it was asked once.
 
     Args:
@@ -45,6 +46,10 @@ class LookedAtDrive:
     def read(self) -> DriveFeedback:
         """State, position and error of that moment; nothing else."""
         return self._feedback
+
+    def health(self) -> LinkHealth:
+        """Who it is; no telegram has been exchanged."""
+        return LinkHealth(self.who.key, self.who.software)
 
     def write(self, output: OutputImage) -> None:
         """Refused: it is only looked at."""

@@ -14,7 +14,6 @@ from gantryctl.engineering.accuracy.procedure.on_batch import REST_S, Readings, 
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.machine import Machine
 from gantryctl.operation import AxisSession, StateStore
-from gantryctl.operation.virtual import is_simulated
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
 
@@ -35,7 +34,7 @@ def run_on_engine(
         AlarmStop: an alarm stopped the axis.
     """
     check_travel(machine, procedure)
-    with nullcontext() if is_simulated(machine) else StateStore(machine) as store:
+    with nullcontext() if machine.plant_is_local else StateStore(machine) as store:
         return _driven(machine, procedure, store, real_time, progress)
 
 

@@ -1,0 +1,74 @@
+"""What every drive answers unless it knows better, and what simulated drives have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final, Protocol
+
+from gantryctl.image import LinkHealth
+from gantryctl.ports import Truth
+
+TRUTH_COLUMNS: Final = (
+    "pos_load_rad",
+    "vel_load_rad_s",
+    "pos_motor_rad",
+    "vel_motor_rad_s",
+    "pos_base_rad",
+    "vel_base_rad_s",
+    "torque_mesh_nm",
+)
+"""What the compiled plant knows, in the order of its `truth()`."""
+
+_SETTLE_S: Final = 30.0  # a swinging load has come to rest long before
+_CALM_S: Final = 0.6  # more than a period of the swing
+_CALM_RAD_S: Final = 1e-5  # of the load: it still swings by some 0.0001 deg
+
+
+class SimulatedPlant(Truth, Protocol):
+    """The simulated gantry behind a drive on a bus; a real drive has none."""
+
+    def plant_state(self) -> dict[str, float]:
+        """State from which a later run goes on; {} where another process keeps it."""
+        ...
+
+    def settle(self) -> None:
+        """The master has left: let the load come to rest where nothing else advances it."""
+        ...
+
+
+class BaseDrive:
+    """The answers of a drive without a bus and without a simulated load."""
+
+    refusals: tuple[str, ...] = ()
+    torque_preload = True
+    lost = False
+
+    @property
+    def truth_source(self) -> Truth | None:
+        """None: nothing but the drive knows the load."""
+        return None
+
+    def set_up_again(self) -> None:
+        """Nothing: such a drive is never lost."""
+
+    def health(self) -> LinkHealth | None:
+        """None: there is no bus."""
+        return None
+
+    def plant_state(self) -> dict[str, float]:
+        """{}: there is no plant to keep."""
+        return {}
+
+
+def settle(advance: Callable[[], object], vel_load_rad_s: Callable[[], float], step_s: float) -> None:
+    """Advance a plant step by step until its load has been at rest for more than a period of its swing."""
+    left = round(_SETTLE_S / step_s)
+    window = max(1, round(_CALM_S / step_s))
+    while left > 0:
+        fastest = 0.0
+        for _ in range(window):
+            advance()
+            fastest = max(fastest, abs(vel_load_rad_s()))
+        if fastest < _CALM_RAD_S:
+            return
+        left -= window
