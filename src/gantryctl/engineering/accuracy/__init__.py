@@ -3,7 +3,6 @@
 table        ErrorTable: chord errors by base, direction, run and displacement
 statistics   the paper's eq. (6) and the figures of its table 2
 iso230       ISO 230-2:2014 figures, directions separated
-chord        geometry of a target on a circle
 procedure    chord procedures A to D as stop points, and their evaluation
 noise        what the tracker's noise alone does to A
 table_csv    anybody's table as CSV

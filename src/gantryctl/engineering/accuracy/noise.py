@@ -9,8 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gantryctl.engineering.accuracy.procedure.chord import target_points
-from gantryctl.engineering.accuracy.procedure.procedures import Procedure, errors_from_points, evaluate
+from gantryctl.engineering.accuracy.procedure.procedures import (
+    Procedure,
+    errors_from_points,
+    evaluate,
+    target_points,
+)
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import ErrorTable, FloatArray
 

@@ -8,8 +8,6 @@ then, where known, the ring against its base (what an encoder on the ring sees),
 from __future__ import annotations
 
 from gantryctl.engineering.instruments.load_encoder import LoadEncoder
-from gantryctl.engineering.instruments.manual import ManualReadings
 from gantryctl.engineering.instruments.motor_side import MotorSide
-from gantryctl.engineering.instruments.tracker import Tracker
 
-__all__ = ["LoadEncoder", "ManualReadings", "MotorSide", "Tracker"]
+__all__ = ["LoadEncoder", "MotorSide"]

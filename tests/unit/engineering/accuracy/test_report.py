@@ -124,7 +124,7 @@ def test_repeated_runs_are_shown_as_means(five_runs: AccuracyReport) -> None:
 
 def test_json_holds_everything_and_nothing_that_is_not_a_number(report: AccuracyReport) -> None:
     data = json.loads(to_json(report))
-    assert data["schema"] == "gantryctl.engineering.accuracy/1"
+    assert data["schema"] == "gantryctl.accuracy/1"
     assert data["tables"]["true"]["statistics"]["a_deg"] == report.statistics.a_deg
     assert data["tables"]["measured"]["rows"][0]["direction"] == "ccw"
     assert data["verdict"]["passed"] is True

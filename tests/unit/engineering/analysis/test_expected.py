@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.accuracy.paper import PAPER_TABLE
-from gantryctl.engineering.accuracy.procedure.chord import chord_m, chord_sensitivity_m_per_rad
+from gantryctl.engineering.accuracy.procedure.procedures import chord_between, target_points
 from gantryctl.engineering.accuracy.statistics import error_range, spread, statistics
 from gantryctl.engineering.analysis.models import profiles
 from gantryctl.engineering.analysis.models.linear import PhaseMargin, TransferFunction
@@ -27,7 +27,7 @@ EXPECTED = json.loads((Path(__file__).parents[3] / "data" / "expected.json").rea
 
 ELSEWHERE = {
     "4_sampled_rigid": "the compiled closed loop on the rigid plant",
-    "6_profiles": "the planner; the closed form of its times is tested in test_profiles.py",
+    "6_profiles": "the planner; the closed form of its times is asserted in test_profiles.py",
 }
 """Sections that other tests assert."""
 
@@ -83,7 +83,7 @@ def _a_with_population_std() -> float:
 
 
 def _chord_of(angle_deg: float) -> float:
-    return float(chord_m(math.radians(angle_deg), 2.5))
+    return float(chord_between(*target_points([0.0, math.radians(angle_deg)], 2.5)))
 
 
 TABLE2: dict[str, Callable[[], Any]] = {
@@ -98,7 +98,7 @@ TABLE2: dict[str, Callable[[], Any]] = {
     "range_pose90": lambda: error_range(PAPER_TABLE, [90.0, -90.0]),
     **{f"chord_R2.5_{d}_m": partial(_chord_of, d) for d in (5, 10, 15, 20)},
     "chord_error_um_for_1e-4deg_at_5_R2.5": lambda: (
-        1e6 * math.radians(1e-4) * chord_sensitivity_m_per_rad(math.radians(5.0), 2.5)
+        1e6 * math.radians(1e-4) * 2.5 * math.cos(math.radians(2.5))
     ),
 }
 

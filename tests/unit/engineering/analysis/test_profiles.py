@@ -1,4 +1,4 @@
-"""Closed forms of move times against integration of the profile and the reference figures."""
+"""Closed forms of trapezoids, and the planner against the reference figures of double-S moves."""
 
 import json
 from pathlib import Path
@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl.engineering.analysis.models.profiles import (
-    double_s_time_s,
     shortest_trapezoid_reaching,
     trapezoid_peak_speed,
     trapezoid_time_s,
 )
-from gantryctl.errors import UsageError
+from gantryctl.motion import MotionLimits, SetPoint, plan_move
+from gantryctl.units import rad
 
 SECTION = json.loads((Path(__file__).parents[3] / "data" / "expected.json").read_text())["6_profiles"]
 
@@ -28,9 +28,9 @@ SECTION = json.loads((Path(__file__).parents[3] / "data" / "expected.json").read
 def test_double_s_reference(name: str, jerk: float) -> None:
     """The figures use 450/1144 deg/s2 in full and the jerk as their names print it."""
     entry = SECTION[name]
-    assert double_s_time_s(-180.0, 6.0, 450.0 / 1144.0, jerk) == pytest.approx(
-        entry["value"], rel=entry["rtol"]
-    )
+    acc = rad(450.0 / 1144.0)
+    plan = plan_move(SetPoint(0.0, 0.0, 0.0), rad(-180.0), MotionLimits(rad(6.0), acc, acc, rad(jerk)))
+    assert plan.duration == pytest.approx(entry["value"], rel=entry["rtol"])
 
 
 @given(st.floats(0.01, 500.0), st.floats(0.1, 10.0), st.floats(0.1, 10.0))
@@ -40,9 +40,3 @@ def test_a_trapezoid_covers_its_distance(distance: float, vel: float, acc: float
     assert peak * (time - peak / acc) == pytest.approx(distance, rel=1e-9)
     at_the_edge = shortest_trapezoid_reaching(vel, acc)
     assert trapezoid_peak_speed(at_the_edge, vel, acc) == pytest.approx(vel)
-
-
-@pytest.mark.parametrize(("distance", "jerk"), [(5.0, 0.8), (180.0, 0.001)])
-def test_the_closed_form_says_where_it_ends(distance: float, jerk: float) -> None:
-    with pytest.raises(UsageError, match="does not reach"):
-        double_s_time_s(distance, 6.0, 0.39336, jerk)

@@ -19,7 +19,6 @@ from enum import Enum
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gantryctl.engineering.accuracy.procedure.chord import chord_angle_rad, chord_between, target_points
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable, FloatArray, Layout, RowKey
 from gantryctl.errors import UsageError
 
@@ -227,6 +226,23 @@ def _check(bases: Sequence[float], displacements: Sequence[float], runs: int) ->
     ascending = all(b > a for a, b in zip([0.0, *displacements], displacements, strict=False))
     if not displacements or not ascending or not displacements[-1] < 180.0:
         raise UsageError(f"displacements = {list(displacements)}: ascending, above 0 and below 180 deg")
+
+
+def target_points(angles_rad: ArrayLike, radius_m: float) -> FloatArray:
+    """Coordinates of a target on the gantry, m: shape (...) of angles -> (..., 2)."""
+    return np.asarray(radius_m * np.stack([np.cos(angles_rad), np.sin(angles_rad)], axis=-1))
+
+
+def chord_between(points_m: FloatArray, others_m: FloatArray) -> FloatArray:
+    """Distance of two points, m: (..., 2) and (..., 2) -> (...)."""
+    difference = points_m - others_m
+    return np.asarray(np.hypot(difference[..., 0], difference[..., 1]))
+
+
+def chord_angle_rad(chord_m: ArrayLike, radius_m: float) -> FloatArray:
+    """The angle of a chord, rad: 2 asin(c / 2R)."""
+    # Noise may lengthen a chord of nearly 180 deg beyond the diameter: it counts as the diameter.
+    return np.asarray(2.0 * np.arcsin(np.minimum(np.asarray(chord_m) / (2.0 * radius_m), 1.0)))
 
 
 def evaluate(

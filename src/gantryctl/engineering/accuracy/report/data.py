@@ -22,7 +22,7 @@ from gantryctl.engineering.accuracy.report.report import (
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 
-SCHEMA = "gantryctl.engineering.accuracy/1"
+SCHEMA = "gantryctl.accuracy/1"
 """Changes when a name disappears or changes its meaning; further names may come."""
 
 
