@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from gantryctl.commissioning import steps_bus, steps_motion, steps_power, steps_proof
 from gantryctl.commissioning.context import Context
-from gantryctl.commissioning.results import StepResult
+from gantryctl.commissioning.results import Outcome, StepResult
 
 
 @dataclass(frozen=True)
@@ -58,3 +58,12 @@ STEPS: Final = (
     Step("accuracy", "Accuracy", "the chord test by an instrument", "the whole travel", steps_proof.accuracy,
          required=False),
 )  # fmt: skip
+
+
+def complete(results: Mapping[str, StepResult]) -> bool:
+    """True when every required step has passed, or cannot be tested on this machine."""
+    return all(
+        step.key in results and results[step.key].outcome is not Outcome.FAILED
+        for step in STEPS
+        if step.required
+    )

@@ -9,6 +9,8 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 
@@ -74,12 +76,8 @@ def load_progress(path: Path) -> Progress | None:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         data.pop("hash", None)
-        results = {
-            key: StepResult(**{**value, "outcome": Outcome(value["outcome"])})
-            for key, value in data.pop("results").items()
-        }
-        return Progress(**data, results=results)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as fault:
+        return TypeAdapter(Progress).validate_python(data)
+    except (OSError, ValueError, TypeError, AttributeError) as fault:
         raise StateError(
             f"{path}: cannot be read ({fault}); remove it to commission from the start"
         ) from None

@@ -161,13 +161,13 @@ def _stamp() -> tuple[str, str]:
 
 def _finish(report: AccuracyReport, out: Path, as_json: bool) -> int:
     """Write the page, print table or JSON; 1 when a criterion is not met."""
-    from gantryctl.engineering.accuracy.report.data import to_json
-    from gantryctl.engineering.accuracy.report.html import write_report
+    from gantryctl.engineering.accuracy.report.data import report_json
+    from gantryctl.engineering.accuracy.report.page import write_report
     from gantryctl.engineering.accuracy.report.text import text_report
 
     page = write_report(report, directory(out))
     if as_json:
-        click.echo(to_json(report), nl=False)
+        click.echo(report_json(report), nl=False)
     else:
         click.echo(text_report(report))
         click.echo(f"\nreport: {page.resolve()}")
@@ -224,14 +224,14 @@ def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
 
     TABLE may also be the name of a shipped example: paper_table2.csv.
     """
-    from gantryctl.engineering.accuracy.report.data import table_to_dict
+    from gantryctl.engineering.accuracy.report.data import table_data
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.report.text import text_report
     from gantryctl.engineering.accuracy.table_csv import read_error_table
 
     errors = read_error_table(_shipped(table), radius_m)
     if as_json:
-        print_json(table_to_dict(errors))
+        print_json(table_data(errors))
         return 0
     made = AccuracyReport(
         machine="", config_hash="", version="", seed=0, source=table.name, measured=errors, radius_m=radius_m
@@ -260,7 +260,7 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
 
     The load side is reported beside it. Exit code 1 when a run fails.
     """
-    from gantryctl.engineering.accuracy.report.data import speed_to_dict
+    from gantryctl.engineering.accuracy.report.data import speed_data
     from gantryctl.engineering.accuracy.report.figures import speed_errors, svg
     from gantryctl.engineering.accuracy.report.text import speed_lines
     from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN
@@ -272,7 +272,7 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     if file is not None:
         file.write_text(svg(speed_errors(runs), "speed"), encoding="utf-8")
     if as_json:
-        print_json([speed_to_dict(run) for run in runs])
+        print_json([speed_data(run) for run in runs])
     else:
         click.echo(speed_lines(runs))
         if file is not None:

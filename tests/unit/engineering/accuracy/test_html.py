@@ -11,7 +11,7 @@ import pytest
 
 from gantryctl.engineering.accuracy.paper import PAPER_TABLE
 from gantryctl.engineering.accuracy.report import figures
-from gantryctl.engineering.accuracy.report.html import render_html, write_report
+from gantryctl.engineering.accuracy.report.page import render_html, write_report
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.table import table_from_rows
 from gantryctl.engineering.accuracy.table_csv import read_error_table

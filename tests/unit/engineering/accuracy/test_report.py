@@ -9,7 +9,7 @@ import pytest
 from gantryctl.engineering.accuracy.noise import Distribution
 from gantryctl.engineering.accuracy.paper import PAPER_TABLE
 from gantryctl.engineering.accuracy.procedure.procedures import Chord, chord_procedure, evaluate
-from gantryctl.engineering.accuracy.report.data import table_to_dict, to_dict, to_json
+from gantryctl.engineering.accuracy.report.data import report_data, report_json, table_data
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.report.text import text_report, text_table
 from gantryctl.engineering.accuracy.table import ErrorTable, RowKey, table_from_rows
@@ -123,7 +123,7 @@ def test_repeated_runs_are_shown_as_means(five_runs: AccuracyReport) -> None:
 
 
 def test_json_holds_everything_and_nothing_that_is_not_a_number(report: AccuracyReport) -> None:
-    data = json.loads(to_json(report))
+    data = json.loads(report_json(report))
     assert data["schema"] == "gantryctl.accuracy/1"
     assert data["tables"]["true"]["statistics"]["a_deg"] == report.statistics.a_deg
     assert data["tables"]["measured"]["rows"][0]["direction"] == "ccw"
@@ -144,15 +144,15 @@ def test_json_holds_everything_and_nothing_that_is_not_a_number(report: Accuracy
 
 
 def test_json_of_a_file_and_of_iso_figures(five_runs: AccuracyReport) -> None:
-    data = to_dict(MEASURED)
+    data = report_data(MEASURED)
     assert data["tables"]["true"] is None
     assert data["iso_230_2"]["true"] is None
     assert data["ensemble"] is None
     assert data["asked"]["procedure"] is None
-    assert len(to_dict(five_runs)["iso_230_2"]["true"]["positions"]) == 15
+    assert len(report_data(five_runs)["iso_230_2"]["true"]["positions"]) == 15
     single = table_from_rows([(0.0, "ccw", (0.0, 1e-3))], (0.0, 5.0))
-    assert table_to_dict(single)["statistics"] is None
-    json.dumps(table_to_dict(PAPER_TABLE), allow_nan=False)
+    assert table_data(single)["statistics"] is None
+    json.dumps(table_data(PAPER_TABLE), allow_nan=False)
 
 
 def test_single_steps_are_named(report: AccuracyReport) -> None:

@@ -23,6 +23,8 @@ from gantryctl.engineering.accuracy.report.report import (
 )
 from gantryctl.engineering.accuracy.statistics import column_mean, column_std
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
+from gantryctl.engineering.report.figures import GREY, INK, RED
+from gantryctl.engineering.report.figures import STYLE as SHARED_STYLE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,21 +33,17 @@ if TYPE_CHECKING:
 WIDTH_IN = 8.6
 MAX_POINTS = 1500
 """Points of one curve; longer ones keep the smallest and largest value of every bin."""
-BLUE, ORANGE, GREY, INK, RED = "#1f5fa8", "#c8620a", "#8a8f98", "#20242b", "#b3261e"
+BLUE, ORANGE = "#1f5fa8", "#c8620a"
 COLOURS = {Direction.CCW: BLUE, Direction.CW: ORANGE}
 MARKERS = {Direction.CCW: "o", Direction.CW: "s"}
 STYLE: Any = {
+    **SHARED_STYLE,
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
     "axes.titlesize": 8.5,
-    "axes.titleweight": "bold",
     "axes.labelsize": 8.0,
     "axes.edgecolor": "#c3c8d0",
     "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
     "grid.color": "#e7eaee",
     "grid.linewidth": 0.7,
     "xtick.color": "#5a606b",
@@ -54,9 +52,7 @@ STYLE: Any = {
     "ytick.major.size": 0.0,
     "text.color": INK,
     "axes.labelcolor": INK,
-    "legend.frameon": False,
     "legend.fontsize": 7.5,
-    "lines.linewidth": 1.3,
     "svg.fonttype": "path",
     "axes.unicode_minus": True,
     "figure.constrained_layout.w_pad": 0.08,

@@ -21,4 +21,3 @@ def trapezoid_peak_speed(distance: float, vel_max: float, acc: float) -> float:
 def shortest_trapezoid_reaching(vel_max: float, acc: float) -> float:
     """The shortest move that reaches the speed limit: V^2/a."""
     return vel_max**2 / acc
-

@@ -1,4 +1,4 @@
-"""The report as one HTML page: figures inline, nothing fetched, readable on screen and in print."""
+"""The accuracy report as one HTML page, its figures inline."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ from gantryctl.engineering.accuracy.paper import (
     REQUIREMENT_DEG,
 )
 from gantryctl.engineering.accuracy.report import figures
-from gantryctl.engineering.accuracy.report.data import to_json
+from gantryctl.engineering.accuracy.report.data import report_json
 from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport
 from gantryctl.engineering.accuracy.report.text import ISO_NAMES, angle_text, iso_text
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.accuracy.table_csv import format_error_table
+from gantryctl.engineering.report.page import render_page, signed
 
-TEMPLATES: Final = Path(__file__).parent / "templates"
+TEMPLATE: Final = Path(__file__).parent / "templates" / "accuracy.html.j2"
 SWITCH_NAMES: Final = {
     "gear_error": "gear error",
     "backlash": "backlash",
@@ -40,18 +41,7 @@ SWITCH_NAMES: Final = {
 
 def render_html(report: AccuracyReport) -> str:
     """The page as text."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["angle"] = _angle
-    environment.filters["words"] = _words
-    return environment.get_template("report.html.j2").render(_view(report))
+    return render_page(TEMPLATE, _view(report))
 
 
 def write_report(report: AccuracyReport, folder: str | Path) -> Path:
@@ -62,19 +52,21 @@ def write_report(report: AccuracyReport, folder: str | Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / "report.html"
     page.write_text(render_html(report), encoding="utf-8")
-    (folder / "report.json").write_text(to_json(report), encoding="utf-8")
+    (folder / "report.json").write_text(report_json(report), encoding="utf-8")
     (folder / "table.csv").write_text(format_error_table(report.measured), encoding="utf-8")
     return page
 
 
 def _view(report: AccuracyReport) -> dict[str, Any]:
     """What the template sees: words and numbers, no logic."""
-    iso = report.iso
+    iso, passed = report.iso, report.verdict.passed
+    word = "NO VERDICT" if passed is None else "PASS" if passed else "FAIL"
     paper_rms = statistics(PAPER_TABLE).rms_deg
     return {
         "report": report,
-        "verdict": report.verdict,
-        "requirement": REQUIREMENT_DEG,
+        "badge": word if passed is None else f"{word}: {REQUIREMENT_DEG:g}° required",
+        "badge_class": "none" if passed is None else word.lower(),
+        "angle": _angle,
         "paper_name": PAPER_NAME,
         "paper_a": PAPER_A_DEG,
         "speed_limit": SPEED_ERROR_LIMIT_DEG_S,
@@ -97,7 +89,7 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
             if distribution is not None
         ],
         "bases": [
-            (f"{base:g}°".replace("-", "−"), rms, *report.statistics.range_deg[base], paper_rms.get(base))
+            (signed(f"{base:g}°"), rms, *report.statistics.range_deg[base], paper_rms.get(base))
             for base, rms in report.statistics.rms_deg.items()
         ],
         "figures": _figures(report),
@@ -111,7 +103,7 @@ def _iso_rows(report: AccuracyReport) -> list[tuple[str, str, list[str]]]:
         return []
     sides = [report.iso_measured] if report.true is None else [report.iso, report.iso_measured]
     return [
-        (symbol, name, [iso_text(attribute, side).replace("-", "−") for side in sides])
+        (symbol, name, [signed(iso_text(attribute, side)) for side in sides])
         for attribute, symbol, name in ISO_NAMES
     ]
 
@@ -147,7 +139,7 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
     rows = [("Source of the readings", report.source)]
     procedure = report.procedure
     if procedure is not None:
-        bases = ", ".join(f"{base:g}°" for base in procedure.bases_deg).replace("-", "−")
+        bases = signed(", ".join(f"{base:g}°" for base in procedure.bases_deg))
         steps = ", ".join(f"{d:g}°" for d in procedure.displacements_deg)
         rows += [
             ("Chord procedure", f"{procedure.name}; chords from the {_CHORD_NAMES[procedure.chord.value]}"),
@@ -177,7 +169,7 @@ def _table_view(table: ErrorTable) -> dict[str, Any]:
     shown = table.mean_of_runs()
     rows = [
         {
-            "name": f"{row.base_deg:g} {row.direction.value}".replace("-", "−"),
+            "name": signed(f"{row.base_deg:g} {row.direction.value}"),
             "errors": errors[1:],
             "paper": paper.get(row[:2], [])[1:] if same_columns else [],
             "first_of_base": index == 0 or shown.rows[index - 1].base_deg != row.base_deg,
@@ -209,7 +201,7 @@ def _paper_printed(table: ErrorTable) -> str:
         return ""
     mean = ", ".join(f"{value:.4f}" for value in PAPER_MEAN_DEG[1:])
     three_s = ", ".join(f"{value:.4f}" for value in PAPER_THREE_S_DEG[1:])
-    lower = f"{PAPER_LOWER_DEG:.4f}".replace("-", "−")
+    lower = signed(f"{PAPER_LOWER_DEG:.4f}")
     return (
         f"The paper's statistics are computed here from its six printed rows. It prints X = {mean}, "
         f"3 S = {three_s}, largest X + 3 S {PAPER_UPPER_DEG:.4f}, smallest X − 3 S {lower}: the same within "
@@ -239,13 +231,6 @@ def _figures(report: AccuracyReport) -> dict[str, str]:
     return made
 
 
-def _words(text: str) -> str:
-    """A sentence with the signs a page can show; its first letter large."""
-    for plain, sign in ((" deg/s2", "°/s²"), (" deg/s", "°/s"), (" deg", "°"), ("+-", "±")):
-        text = text.replace(plain, sign)
-    return text[:1].upper() + text[1:]
-
-
 def _angle(value: float | None) -> str:
-    """An angle for the page: sign, four decimals, a real minus."""
-    return "–" if value is None else angle_text(value).strip().replace("-", "−")
+    """An angle for the page: sign, four decimals."""
+    return "–" if value is None else signed(angle_text(value).strip())
