@@ -11,8 +11,6 @@ from gantryctl.machine.calibration import (
     Identified,
     Maps,
     calibration_toml,
-    check_belongs,
-    identity_hash,
     load_calibration,
 )
 from gantryctl.machine.derived import Derived, derived
@@ -26,6 +24,7 @@ from gantryctl.machine.effective import (
     origins,
     short_hash,
 )
+from gantryctl.machine.identity import check_belongs, identity_hash
 from gantryctl.machine.loading import (
     configs_folder,
     default_machine,

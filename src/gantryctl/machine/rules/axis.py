@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from gantryctl.machine.rules.book import RATIO, RuleBook, at_least, at_most, below
-
-if TYPE_CHECKING:
-    from gantryctl.machine.tables.model import Machine
-
-book = RuleBook()
-rule = book.rule
+from gantryctl.machine.rules.book import RATIO, at_least, at_most, below, rule
+from gantryctl.machine.tables.model import Machine
 
 DEG_S_PER_R_MIN = 6.0
 

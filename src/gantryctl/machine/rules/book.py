@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
-if TYPE_CHECKING:
-    from gantryctl.machine.tables.model import Machine
-
-Check: TypeAlias = "Callable[[Machine], str | None]"
+Check: TypeAlias = Callable[[Any], str | None]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -33,30 +30,23 @@ class Rule:
 RATIO: Final = ("axis.reducer_ratio", "axis.ring_ratio")
 
 
-class RuleBook:
-    """An ordered collection of rules, filled by a decorator: `@book.rule("speed.setting_min_deg_s", ...)`."""
-
-    def __init__(self) -> None:
-        self.rules: list[Rule] = []
-
-    def rule(self, *paths: str) -> Callable[[Check], Check]:
-        """Register a check; the first path is the key that the message begins with."""
-
-        def register(check: Check) -> Check:
-            self.rules.append(Rule(paths, check))
-            return check
-
-        return register
+# Filled by the chapters beside this file when they are imported: the model's validator knows this list and no chapter.
+REGISTERED: Final[list[Rule]] = []
 
 
-def violations(machine: Machine, rules: Iterable[Rule]) -> list[tuple[Rule, str]]:
+def rule(*paths: str) -> Callable[[Check], Check]:
+    """Register a check; the first path is the key that the message begins with."""
+
+    def register(check: Check) -> Check:
+        REGISTERED.append(Rule(paths, check))
+        return check
+
+    return register
+
+
+def violations(machine: object, rules: Iterable[Rule] = REGISTERED) -> list[tuple[Rule, str]]:
     """The rules that a machine breaks, with what is wrong."""
-    found = []
-    for rule in rules:
-        wrong = rule.check(machine)
-        if wrong is not None:
-            found.append((rule, wrong))
-    return found
+    return [(each, wrong) for each in rules if (wrong := each.check(machine)) is not None]
 
 
 def at_least(value: float, limit: float, unit: str, why: str) -> str | None:

@@ -2,15 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-from gantryctl.machine.rules.book import RuleBook
-
-if TYPE_CHECKING:
-    from gantryctl.machine.tables.model import Machine
-
-book = RuleBook()
-rule = book.rule
+from gantryctl.machine.rules.book import rule
+from gantryctl.machine.tables.model import Machine
 
 _AT = "control.compensation"
 _PROFILE = "virtual_axis.profile"

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from gantryctl.machine.problems import show_value
 from gantryctl.machine.rules import axis, can, compensation, monitors, parts, plant
-from gantryctl.machine.rules.book import Rule, violations
+from gantryctl.machine.rules.book import REGISTERED, Rule, violations
+from gantryctl.machine.specs import field_specs, value_at
+from gantryctl.machine.tables.model import Machine
 
-if TYPE_CHECKING:
-    from gantryctl.machine.tables.model import Machine
+# In the order of the reference page and of the messages, whatever order the chapters are imported in.
+_CHAPTERS: Final = [module.__name__ for module in (axis, parts, monitors, can, plant, compensation)]
 
-RULES: Final[tuple[Rule, ...]] = (
-    *axis.book.rules,
-    *parts.book.rules,
-    *monitors.book.rules,
-    *can.book.rules,
-    *plant.book.rules,
-    *compensation.book.rules,
+RULES: Final[tuple[Rule, ...]] = tuple(
+    sorted(REGISTERED, key=lambda rule: _CHAPTERS.index(rule.check.__module__))
 )
 
 
@@ -33,12 +31,9 @@ def contradictions(machine: Machine, name: str, unusable: Collection[str] = ()) 
 
 
 def _line(machine: Machine, rule: Rule, wrong: str) -> str:
-    from gantryctl.machine.problems import show_value
-    from gantryctl.machine.specs import field_specs, value_at
-
-    shown = []
-    for path in rule.paths:
-        spec = field_specs()[path]
-        shown.append(f"{spec.place} = {show_value(value_at(machine, path))}{spec.unit_text}")
-    others = f"; against {', '.join(shown[1:])}" if len(shown) > 1 else ""
-    return f"{shown[0]}: {wrong}{others}"
+    specs = [field_specs()[path] for path in rule.paths]
+    first, *others = (
+        f"{spec.place} = {show_value(value_at(machine, spec.path))}{spec.unit_text}" for spec in specs
+    )
+    against = f"; against {', '.join(others)}" if others else ""
+    return f"{first}: {wrong}{against}"

@@ -6,16 +6,10 @@ Only what follows from a rigid body and the name plates; `gantryctl stops` check
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from gantryctl.machine.rules.book import RATIO, RuleBook, at_least, at_most, below
+from gantryctl.machine.rules.book import RATIO, at_least, at_most, below, rule
+from gantryctl.machine.tables.model import Machine
 from gantryctl.units import rad, rad_s_from_r_min
-
-if TYPE_CHECKING:
-    from gantryctl.machine.tables.model import Machine
-
-book = RuleBook()
-rule = book.rule
 
 ROTOR = ("motor.inertia_kg_m2", "plant.motor.wave_generator_inertia_kg_m2")
 

@@ -3,16 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
-from gantryctl.machine.rules.book import RATIO, RuleBook, at_least, at_most, below
+from gantryctl.machine.rules.book import RATIO, at_least, at_most, below, rule
 from gantryctl.machine.rules.parts import ROTOR, rotor_inertia_kg_m2
-
-if TYPE_CHECKING:
-    from gantryctl.machine.tables.model import Machine
-
-book = RuleBook()
-rule = book.rule
+from gantryctl.machine.tables.model import Machine
 
 G_M_S2 = 9.81
 CYCLE = "drive.speed_loop.cycle_us"

@@ -7,7 +7,7 @@ from typing import Final, Self
 from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from gantryctl.machine.calibration import Calibration
-from gantryctl.machine.rules.lines import contradictions
+from gantryctl.machine.rules.book import violations
 from gantryctl.machine.tables.axis import Axis, Identity, Speed, VirtualAxis
 from gantryctl.machine.tables.can import Can
 from gantryctl.machine.tables.control import Accuracy, Control, Monitors
@@ -78,7 +78,7 @@ class Machine(Table):
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:
         if not (info.context or {}).get(RULES_LATER):
-            lines = contradictions(self, self.machine.name)
-            if lines:
-                raise ValueError("\n".join(lines))
+            broken = violations(self)
+            if broken:
+                raise ValueError("\n".join(f"{', '.join(rule.paths)}: {wrong}" for rule, wrong in broken))
         return self

@@ -1,0 +1,49 @@
+"""Which machine a calibration was measured on: a hash of the parts that make a machine another one."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+
+from gantryctl.errors import ConfigError
+from gantryctl.machine.calibration import Calibration
+from gantryctl.machine.reading import printable
+from gantryctl.machine.tables.model import Machine
+
+
+def identity_hash(machine: Machine) -> str:
+    """What makes a machine another one: ratios, motor, reducer, encoder; not gains, limits or [plant]."""
+    ratios = {"reducer_ratio": machine.axis.reducer_ratio, "ring_ratio": machine.axis.ring_ratio}
+    tables = {
+        name: getattr(machine, name).model_dump(mode="json") for name in ("motor", "reducer", "encoder")
+    }
+    text = json.dumps({"axis": ratios, **tables}, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
+
+
+def check_belongs(calibration: Calibration, machine: Machine, encoder_serial: str | None = None) -> None:
+    """Refuse a calibration of another machine.
+
+    Args:
+        encoder_serial: what the drive says about its encoder; None where there is no drive to ask.
+
+    Raises:
+        ConfigError: ratios, motor, reducer or encoder differ, or the encoder has another serial number.
+    """
+    origin, wanted = calibration.origin, identity_hash(machine)
+    what = f"calibration of {printable(origin.machine)}, {origin.date}"
+    again = "run `gantryctl identify` on this machine"
+    if origin.identity != wanted:
+        raise ConfigError(
+            [
+                f"{what}: measured on another machine (identity {origin.identity}, this one is {wanted}: "
+                f"ratios, motor, reducer or encoder differ); {again}"
+            ]
+        )
+    if encoder_serial is not None and encoder_serial != origin.encoder_serial:
+        raise ConfigError(
+            [
+                f"{what}: measured with encoder {printable(origin.encoder_serial)!r}, the drive has "
+                f"{printable(encoder_serial)!r}; {again}"
+            ]
+        )
