@@ -313,7 +313,7 @@ export const en = {
   power_phase_parked: 'parked on the brake',
   power_phase_quick_stopping: 'quick stop',
   power_phase_torque_off: 'torque off',
-  power_phase_holding: 'holding: the brake is not trusted',
+  power_phase_torque_hold: 'holding: the brake is not trusted',
   power_phase_testing: 'brake test',
   test_idle: 'none',
   test_enabling: 'enabling the drive',

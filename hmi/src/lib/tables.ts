@@ -83,7 +83,7 @@ export interface Tags {
   /** CiA 402 state of the drive. */
   drive_state: 'unknown' | 'not_ready_to_switch_on' | 'switch_on_disabled' | 'ready_to_switch_on' | 'switched_on' | 'operation_enabled' | 'quick_stop_active' | 'fault_reaction_active' | 'fault' | null;
   /** Where the power sequence is. */
-  power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'holding' | 'testing' | null;
+  power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'torque_hold' | 'testing' | null;
   /** Power is on: the axis follows commands. */
   power: boolean | null;
   /** Brake feedback contact. */

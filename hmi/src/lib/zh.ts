@@ -304,7 +304,7 @@ export const zh: Record<Key, string> = {
   power_phase_parked: '制动器保持',
   power_phase_quick_stopping: '快速停止',
   power_phase_torque_off: '转矩切断',
-  power_phase_holding: '电机保持：制动器不可信',
+  power_phase_torque_hold: '电机保持：制动器不可信',
   power_phase_testing: '制动器测试',
   test_idle: '无',
   test_enabling: '驱动器使能中',

@@ -15,7 +15,8 @@ from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake_policy import after_test
 from gantryctl.operation.silence import silence_path, store_silence
-from gantryctl.program import BrakeTestLaw, BrakeTestOutcome, BrakeTestResult
+from gantryctl.program import BrakeTestOutcome, BrakeTestResult
+from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
 from gantryctl.wiring import untestable
 
@@ -101,17 +102,17 @@ def brake(c: Context) -> StepResult:
 def _test_brake(c: Context, hand: Hand) -> BrakeTestResult:
     """Enabled behind the closed brake, tested, torque taken off, disabled."""
     m = c.machine
-    law = BrakeTestLaw(m.brake.test_torque_nm, rad(m.brake.sag_max_deg), m.motor.torque_max_nm, hand.period_s)
+    test = BrakeTest(m.brake.test_torque_nm, rad(m.brake.sag_max_deg), m.motor.torque_max_nm, hand.period_s)
     hand.enable(brake=False)
-    law.prepare(hand.retained.holding_torque_nm or 0.0)
-    law.begin()
+    test.prepare(hand.retained.holding_torque_nm or 0.0)
+    test.begin()
     seen, torque = hand.feedback, 0.0
-    while law.running:
-        torque = law.scan(seen.torque_act_nm, rad(hand.angle_deg))
+    while test.running:
+        torque = test.scan(seen.torque_act_nm, rad(hand.angle_deg))
         seen = hand.scan(DriveRequest.ENABLE, torque_nm=torque, brake=False)
     hand.run(0.3, torque_nm=torque - seen.torque_act_nm, brake=False)
     hand.run(0.2, DriveRequest.DISABLE, brake=False)
-    return law.result
+    return test.result
 
 
 def sign(c: Context) -> StepResult:

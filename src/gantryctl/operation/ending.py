@@ -45,7 +45,7 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
         config_hash=config_hash(machine),
         rest_position_counts=int(counts) % counts_range,
         zero_offset_counts=int(axis.zero_counts) % counts_range,
-        holding_torque_nm=axis.power.holding_torque_nm,
+        holding_torque_nm=axis.holding_torque_nm,
         power_ups=before.power_ups + end.power_ups,
         moves=before.moves + end.moves,
         travelled_rad=before.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,

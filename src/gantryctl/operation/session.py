@@ -79,8 +79,8 @@ class AxisSession(AxisRun):
         self.engine.step()
         self._command(brake_test=False)
         self._raise_refusal(refusals)
-        self._follow(lambda: not self.axis.power.testing, _TEST_S)
-        result = self.axis.power.brake_test_result
+        self._follow(lambda: not self.axis.brake_test.under_way, _TEST_S)
+        result = self.axis.brake_test.last
         assert result is not None
         power_ups = self._retained.power_ups + self._power_ups
         self._retained = after_test(self._retained, result, power_ups, datetime.now(UTC))

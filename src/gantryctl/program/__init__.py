@@ -11,18 +11,18 @@ from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
 from gantryctl.program.gantry import GantryProgram
-from gantryctl.program.power.brake_test import BrakeTestLaw, BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
+from gantryctl.program.power.brake_test import BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
 from gantryctl.program.power.phases import PowerPhase, Proof
 from gantryctl.program.program import AxisProgram
 from gantryctl.program.settings import (
     AxisSettings,
     CompensationSettings,
-    Hold,
     LawSettings,
     MonitorSettings,
     PowerSettings,
     RampSettings,
     SpeedSettings,
+    StandstillPolicy,
     TravelSettings,
     scans,
 )
@@ -36,7 +36,6 @@ __all__ = [
     "AxisProgram",
     "AxisSettings",
     "AxisState",
-    "BrakeTestLaw",
     "BrakeTestOutcome",
     "BrakeTestPhase",
     "BrakeTestResult",
@@ -45,7 +44,6 @@ __all__ = [
     "CompensationSettings",
     "Definition",
     "GantryProgram",
-    "Hold",
     "LawSettings",
     "MonitorSettings",
     "MotionCommand",
@@ -57,6 +55,7 @@ __all__ = [
     "Refusal",
     "Severity",
     "SpeedSettings",
+    "StandstillPolicy",
     "TravelSettings",
     "all_codes",
     "explain",

@@ -122,7 +122,7 @@ class MonitorSettings:
     lease_s: float = 0.250
 
 
-class Hold(Enum):
+class StandstillPolicy(Enum):
     """What holds the axis at standstill."""
 
     SERVO = "servo"
@@ -135,7 +135,7 @@ class PowerSettings:
 
     torque_max_nm: float
     """Motor torque limit; no torque command passes it."""
-    hold: Hold = Hold.SERVO
+    standstill: StandstillPolicy = StandstillPolicy.SERVO
     hold_brake_after_s: float = 30.0
     torque_preload: bool = True
     """The drive adds `torque_ff_nm` to its torque (60B2 mapped); else its own sequence is accepted, unproven."""

@@ -8,12 +8,12 @@ from typing import Final
 from gantryctl.machine import Machine
 from gantryctl.program.settings import (
     AxisSettings,
-    Hold,
     LawSettings,
     MonitorSettings,
     PowerSettings,
     RampSettings,
     SpeedSettings,
+    StandstillPolicy,
     TravelSettings,
 )
 from gantryctl.units import rad
@@ -86,7 +86,7 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
     brake, monitors = machine.brake, machine.monitors
     return PowerSettings(
         torque_max_nm=machine.motor.torque_max_nm,
-        hold=Hold(brake.hold),
+        standstill=StandstillPolicy(brake.hold),
         hold_brake_after_s=brake.hold_brake_after_s,
         torque_preload=torque_preload,
         proof_torque_nm=brake.proof_torque_nm,

@@ -38,7 +38,7 @@ class Bench:
 
     def _look(self, _: Snapshot) -> None:
         self.brake_commands.add(self.session.engine.output.brake_open)
-        if self.session.axis.power.test_phase is self._at:
+        if self.session.axis.brake_test.phase is self._at:
             self._at = None
             self._do()
 
@@ -47,13 +47,13 @@ class Bench:
         try:
             outcome = self.session.test_brake().outcome
         except AlarmStop:
-            result = self.session.axis.power.brake_test_result
+            result = self.session.axis.brake_test.last
             assert result is not None
             outcome = result.outcome
         self.session.engine.run_for(2.0)
         feedback = self.session.engine.image.drive
         assert self.brake_commands == {False}
-        if self.session.axis.power.phase is not PowerPhase.HOLDING:
+        if self.session.axis.power.phase is not PowerPhase.TORQUE_HOLD:
             assert feedback.state is not DriveState.OPERATION_ENABLED
             assert not feedback.brake_open
             assert self.node.motor.torque_nm == pytest.approx(0.0, abs=1.0)  # the current has died away
@@ -63,7 +63,7 @@ class Bench:
 def test_a_sound_brake_passes_and_bears_what_was_asked_for() -> None:
     bench = Bench()
     assert bench.outcome() is BrakeTestOutcome.PASSED
-    law = bench.session.axis.power.brake_test
+    law = bench.session.axis.brake_test
     # 6077 has steps of 0.1 % of the rated torque, 0.26 N m, and the law takes 95 % for enough.
     assert law.plus_nm == pytest.approx(LEVEL_NM, rel=0.05)
     assert law.minus_nm == pytest.approx(-LEVEL_NM, rel=0.05)
@@ -122,8 +122,8 @@ def test_whatever_ends_it_leaves_torque_off_and_the_brake_closed(phase: BrakeTes
     if how == "silence":
         with pytest.raises(AlarmStop, match="CAN-"):
             bench.session.test_brake()
-        assert bench.session.axis.power.brake_test_result is not None
-        assert bench.session.axis.power.brake_test_result.outcome is BrakeTestOutcome.ABORTED
+        assert bench.session.axis.brake_test.last is not None
+        assert bench.session.axis.brake_test.last.outcome is BrakeTestOutcome.ABORTED
         return
     assert bench.outcome() is BrakeTestOutcome.ABORTED
     first = bench.session.axis.alarms.first_out

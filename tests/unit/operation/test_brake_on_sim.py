@@ -35,14 +35,15 @@ def with_brake_of(
         engine.operator.command = engine.operator.command._replace(brake_test=wanted)
         engine.step()
     axis = engine.program.axis  # type: ignore[attr-defined]
-    assert axis.power.testing
-    assert engine.run_until(lambda _: not axis.power.testing, 12.0)
+    assert axis.brake_test.under_way
+    assert engine.run_until(lambda _: not axis.brake_test.under_way, 12.0)
     engine.run_for(3.0)
     return engine
 
 
 @pytest.mark.parametrize(
-    ("brake_torque_nm", "phase"), [(400.0, PowerPhase.OFF), (30.0, PowerPhase.OFF), (0.5, PowerPhase.HOLDING)]
+    ("brake_torque_nm", "phase"),
+    [(400.0, PowerPhase.OFF), (30.0, PowerPhase.OFF), (0.5, PowerPhase.TORQUE_HOLD)],
 )
 def test_the_load_is_always_held(brake_torque_nm: float, phase: PowerPhase) -> None:
     engine = with_brake_of(brake_torque_nm)
@@ -50,7 +51,7 @@ def test_the_load_is_always_held(brake_torque_nm: float, phase: PowerPhase) -> N
     wanted = (
         BrakeTestOutcome.PASSED if brake_torque_nm > MACHINE.brake.test_torque_nm else BrakeTestOutcome.FAILED
     )
-    assert power.brake_test_result.outcome is wanted
+    assert power.brake_test.last.outcome is wanted
     assert power.phase is phase
     assert engine.truth is not None
     # A brake that slips at rest is caught by the motor within 0.15 deg; wind-up of the gear is some 0.01.
@@ -79,7 +80,7 @@ def test_what_passes_bears_thirteen_tenths_of_the_check_moment(
             rows.append(
                 {
                     "angle_deg": angle, "brake_nm": torque, "load_moved_deg": round(moved, 5),
-                    "result": power.brake_test_result.outcome.name.lower(), "ends": power.phase.name.lower(),
+                    "result": power.brake_test.last.outcome.name.lower(), "ends": power.phase.name.lower(),
                 }
             )  # fmt: skip
             assert moved < 0.15  # M-B: a brake that slips at rest is caught by the motor

@@ -39,18 +39,18 @@ class TestRig(Rig):
         self.run(0.05)
         self.op(brake_test=True)
         self.op(brake_test=False)
-        assert self.axis.power.testing
+        assert self.axis.brake_test.under_way
 
     def to(self, phase):
-        self.until(lambda: self.axis.power.test_phase is phase, LONGEST_S)
+        self.until(lambda: self.axis.brake_test.phase is phase, LONGEST_S)
 
     def finish(self):
-        self.until(lambda: not self.axis.power.testing, LONGEST_S)
+        self.until(lambda: not self.axis.brake_test.under_way, LONGEST_S)
         self.run(0.5)
 
     @property
     def result(self):
-        return self.axis.power.brake_test_result
+        return self.axis.brake_test.last
 
     def is_off(self):
         return (

@@ -9,8 +9,8 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 
 from gantryctl.image import DigitalInputs, DriveRequest
-from gantryctl.program import AxisState, BrakeTestLaw, BrakeTestPhase, PowerPhase
-from gantryctl.program.power.brake_test import HELD_S
+from gantryctl.program import AxisState, BrakeTestPhase, PowerPhase
+from gantryctl.program.power.brake_test import HELD_S, BrakeTest
 from gantryctl.units import deg, rad
 from unit.program.brake_rig import (
     ABORTED,
@@ -30,10 +30,10 @@ def test_a_sound_brake_passes_and_everything_is_off_afterwards():
     rig = TestRig()
     rig.begin()
     seen = []
-    while rig.axis.power.testing:
+    while rig.axis.brake_test.under_way:
         rig.step()
-        if rig.axis.power.test_phase not in seen:
-            seen.append(rig.axis.power.test_phase)
+        if rig.axis.brake_test.phase not in seen:
+            seen.append(rig.axis.brake_test.phase)
     assert seen == [*RUNNING, BrakeTestPhase.DISABLING, BrakeTestPhase.IDLE]
     assert rig.result.outcome is PASSED
     # The ideal drive gives what it is told: the means are exact but for the scan in which the ramp ends.
@@ -72,11 +72,11 @@ def test_the_time_left_falls_to_nothing():
     rig = TestRig()
     rig.begin()
     rig.to(BrakeTestPhase.PLUS_RISING)
-    left = [rig.axis.power.brake_test.left_s]
+    left = [rig.axis.brake_test.left_s]
     begin = rig.scan
     rig.to(BrakeTestPhase.DISABLING)
     assert left[0] == pytest.approx((rig.scan - begin) * rig.period_s, abs=0.1)
-    assert rig.axis.power.brake_test.left_s == 0.0
+    assert rig.axis.brake_test.left_s == 0.0
 
 
 @pytest.mark.parametrize("slips_at_nm", [0.0, 10.0, 40.0, 61.0])
@@ -108,10 +108,10 @@ def test_the_way_alone_fails_it_too_and_the_torque_goes_at_once():
     rig.to(BrakeTestPhase.PLUS_HELD)
     rig.drive.pos_motor_rad += rad(0.019) * RATIO
     rig.run(0.01)
-    assert rig.axis.power.test_phase is BrakeTestPhase.PLUS_HELD
+    assert rig.axis.brake_test.phase is BrakeTestPhase.PLUS_HELD
     rig.drive.pos_motor_rad += rad(0.002) * RATIO
     rig.run(0.003)
-    assert rig.axis.power.test_phase in (BrakeTestPhase.RELIEVING, BrakeTestPhase.DISABLING)
+    assert rig.axis.brake_test.phase in (BrakeTestPhase.RELIEVING, BrakeTestPhase.DISABLING)
     assert -1.0 <= rig.output.torque_ff_nm <= HOLDING_NM + 1.0, "no more than what holds the load"
     rig.finish()
     assert rig.result.outcome is FAILED
@@ -174,7 +174,7 @@ def test_stop_ends_it_in_every_phase_with_torque_off_and_no_verdict(phase):
 @pytest.mark.parametrize("reading", [math.nan, math.inf, -math.inf])
 def test_the_law_alone_goes_back_to_the_preload_on_a_reading_that_is_no_number(reading):
     """Commissioning has no monitor beside it."""
-    law = BrakeTestLaw(LEVEL_NM, rad(0.02), 385.0, 0.001)
+    law = BrakeTest(LEVEL_NM, rad(0.02), 385.0, 0.001)
     law.prepare(HOLDING_NM)
     law.begin()
     for _ in range(1000):
@@ -212,7 +212,7 @@ def test_an_alarm_ends_it_in_every_phase_safely(phase, code):
         rig.drive.inputs = DigitalInputs(estop_ok=code != "INT-03", mains_ready=code != "PWR-01")
     rig.run(0.01)
     assert rig.first.code == code
-    assert not rig.axis.power.testing
+    assert not rig.axis.brake_test.under_way
     assert rig.result.outcome in (ABORTED, PASSED if phase is BrakeTestPhase.RELIEVING else ABORTED)
     rig.run(2.0)
     assert rig.is_off()
@@ -227,7 +227,7 @@ def test_a_brake_that_slips_when_the_torque_is_taken_off_is_held_by_the_motor():
     rig.drive.pos_motor_rad += rad(0.021) * RATIO
     rig.run(0.02)
     assert rig.first.code == "BRK-03"
-    assert rig.axis.power.phase is PowerPhase.HOLDING
+    assert rig.axis.power.phase is PowerPhase.TORQUE_HOLD
     assert rig.output.request is DriveRequest.ENABLE
     assert rig.output.torque_ff_nm == pytest.approx(HOLDING_NM, abs=0.5)
     assert rig.result.outcome is FAILED, "it had passed before"
@@ -287,7 +287,7 @@ def test_it_is_refused_with_the_reason(why, words):
     rig.op(brake_test=True)
     assert words in rig.refused()
     assert rig.program.brake_test.error
-    assert not rig.axis.power.testing
+    assert not rig.axis.brake_test.under_way
 
 
 def test_power_and_a_new_reference_wait_for_its_end():
@@ -342,8 +342,8 @@ def test_whatever_happens_the_brake_is_never_released_and_it_ends_without_torque
             rig.op(**{name: True})
             rig.op(**{name: False})
     rig.run(LONGEST_S)
-    assert not rig.axis.power.testing
-    held_by_motor = rig.axis.power.phase is PowerPhase.HOLDING and {"BRK-03", "BRK-04"} & set(rig.codes)
+    assert not rig.axis.brake_test.under_way
+    held_by_motor = rig.axis.power.phase is PowerPhase.TORQUE_HOLD and {"BRK-03", "BRK-04"} & set(rig.codes)
     assert rig.is_off() or (held_by_motor and slips_at_nm < HOLDING_NM), (
         "the brake cannot bear the load itself"
     )

@@ -94,7 +94,7 @@ def test_a_brake_that_slips_under_the_proof_is_held():
     slip(rig, 0.03)
     rig.run(0.01)
     assert rig.codes == ["BRK-03"]
-    assert rig.axis.power.phase is P.HOLDING
+    assert rig.axis.power.phase is P.TORQUE_HOLD
     assert rig.output.request is DriveRequest.ENABLE
     assert rig.output.vel_cmd_rad_s == 0.0
 

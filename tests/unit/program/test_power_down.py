@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
-from gantryctl.program import AxisState, Hold
+from gantryctl.program import AxisState, StandstillPolicy
 from gantryctl.units import deg
 from unit.program.power_steps import P, record, slip
 from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings
@@ -71,7 +71,7 @@ def test_brake_that_does_not_hold_at_power_off_gets_the_torque_back():
     slip(rig, 0.025)
     rig.run(0.01)
     assert rig.codes == ["BRK-03"]
-    assert rig.axis.power.phase is P.HOLDING
+    assert rig.axis.power.phase is P.TORQUE_HOLD
     assert rig.output.request is DriveRequest.ENABLE
     assert rig.output.torque_ff_nm == pytest.approx(12.0)
     assert rig.output.vel_cmd_rad_s == 0.0
@@ -90,7 +90,7 @@ def test_only_service_resets_a_hold_and_then_the_brake_is_tried_again():
     rig.run(0.1)
     rig.op(reset=True)
     assert "service role only" in rig.refused()
-    assert rig.axis.power.phase is P.HOLDING
+    assert rig.axis.power.phase is P.TORQUE_HOLD
     rig.program.service = True
     rig.op(reset=False)
     rig.op(reset=True)
@@ -233,7 +233,7 @@ def test_servo_holds_by_default():
 
 @pytest.fixture
 def parked():
-    rig = Rig(config=settings(hold=Hold.BRAKE, hold_brake_after_s=1.0))
+    rig = Rig(config=settings(standstill=StandstillPolicy.BRAKE, hold_brake_after_s=1.0))
     rig.power_up()
     rig.run(2.0)
     return rig

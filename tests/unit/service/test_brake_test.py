@@ -25,12 +25,12 @@ def begun(bench: Bench, role: Role = Role.PHYSICIST) -> None:
     in_control(bench, role)
     bench.do(bench.who(role), "arm", action="brake_test")
     bench.do(bench.who(role), "brake_test")
-    assert bench.axis.power.testing
+    assert bench.axis.brake_test.under_way
 
 
 def reach(bench: Bench, phase: BrakeTestPhase) -> None:
     for _ in range(round(TEST_S / bench.engine.period_s)):
-        if bench.axis.power.test_phase is phase:
+        if bench.axis.brake_test.phase is phase:
             return
         bench.scans(1)
     raise AssertionError(phase)
@@ -40,12 +40,12 @@ def outcome(bench: Bench) -> BrakeTestOutcome:
     """Of the test that has ended by now, with everything off."""
     bench.scans(3000)
     power = bench.axis.power
-    assert not power.testing
+    assert not power.brake_test.under_way
     assert power.phase is PowerPhase.OFF
     assert bench.engine.output.request is DriveRequest.DISABLE
     assert bench.engine.output.torque_ff_nm == 0.0
-    assert power.brake_test_result is not None
-    return power.brake_test_result.outcome
+    assert power.brake_test.last is not None
+    return power.brake_test.last.outcome
 
 
 @pytest.mark.parametrize("place", ["loopback", "local"])
@@ -97,7 +97,7 @@ def test_without_a_living_arming_it_is_refused(why: str, place: str) -> None:
         bench.do(who, "brake_test")
         bench.scans(7000)  # it has ended by itself, within the time of the arming and in its epoch
     assert bench.refused(who, "brake_test") == "SEC-10"
-    assert not bench.axis.power.testing
+    assert not bench.axis.brake_test.under_way
 
 
 @pytest.mark.parametrize("same_user", [True, False])
@@ -166,7 +166,7 @@ def test_it_ends_when_whoever_began_it_loses_control(phase: BrakeTestPhase, how:
     else:
         bench.operator.shutdown = True
         bench.scans(1500)  # at once: back to the preload, and three steps
-        assert not bench.axis.power.testing
+        assert not bench.axis.brake_test.under_way
     assert outcome(bench) is BrakeTestOutcome.ABORTED
     assert bench.axis.state is AxisState.DISABLED
 
@@ -178,7 +178,7 @@ def test_nothing_is_switched_on_while_it_runs() -> None:
     who = bench.who(Role.PHYSICIST)
     assert bench.refused(who, "power", on=True) == "PWR-04"
     assert bench.refused(who, "move", target_deg=5.0) == "PWR-03"
-    assert bench.axis.power.testing
+    assert bench.axis.brake_test.under_way
 
 
 def test_a_locked_alarm_is_reset_by_service_in_two_steps_only() -> None:

@@ -87,7 +87,7 @@ def _report(
     from gantryctl.program import BrakeTestOutcome
     from gantryctl.units import deg
 
-    law = session.axis.power.brake_test
+    law = session.axis.brake_test
     passed = result is not None and result.outcome is BrakeTestOutcome.PASSED
     code = failure.exit_code if failure is not None else int(not passed)
     shown = {

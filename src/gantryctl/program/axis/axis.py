@@ -68,10 +68,10 @@ class Axis(AxisScan):
 
     def power_on(self) -> Refusal | None:
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
-        if self.power.testing:
+        if self.power.brake_test.under_way:
             return refusal(Code.PWR_04, measured="a brake test is under way")
         if self.power.phase is not PowerPhase.OFF:
-            if self._switching_off or self.power.falling or self.power.phase is PowerPhase.HOLDING:
+            if self._switching_off or self.power.falling or self.power.phase is PowerPhase.TORQUE_HOLD:
                 return refusal(Code.PWR_04, measured="the axis is still being switched off")
             return None
         reason = self._no_torque(None)
@@ -81,16 +81,16 @@ class Axis(AxisScan):
         return None
 
     def begin_brake_test(self) -> Refusal | None:
-        """Begin a brake test; None when it was accepted. `power.testing` tells whether it is under way."""
+        """Begin a brake test; None when it was accepted. `brake_test.under_way` tells when it has ended."""
         power = self.power
-        if power.testing:
+        if self.brake_test.under_way:
             return refusal(Code.CTL_14, measured="a brake test is under way already")
         if self.settings.power.untestable:
             return refusal(Code.CTL_14, measured=f"not testable here: {self.settings.power.untestable}")
         if power.phase is not PowerPhase.OFF:
             return refusal(Code.CTL_14, measured="a brake test begins with power off: switch it off first")
-        room = self.settings.power.torque_max_nm - abs(power.holding_torque_nm)
-        level = power.brake_test.level_nm
+        room = self.settings.power.torque_max_nm - abs(power.holding.mean_nm)
+        level = self.brake_test.level_nm
         if not level <= room:
             text = f"a brake test with {level:.1f} N m and the load are more than the motor's torque limit"
             return refusal(Code.CTL_14, measured=text)
@@ -113,7 +113,7 @@ class Axis(AxisScan):
 
     def stop(self) -> MotionCommand:
         """To rest on the jog-release ramp, held until released; a brake test under way ends."""
-        if self.power.testing:
+        if self.power.brake_test.under_way:
             self.abort_brake_test("stopped")
             command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
             command.status = CommandStatus.DONE
@@ -141,7 +141,7 @@ class Axis(AxisScan):
 
     def power_off(self) -> None:
         """Come to rest on the jog-release ramp, close the brake, take the torque off."""
-        if self.power.testing:
+        if self.power.brake_test.under_way:
             self.abort_brake_test("power was switched off")
             return
         if self.power.phase is PowerPhase.OFF or self._error or self._switching_off:
@@ -238,7 +238,9 @@ class Axis(AxisScan):
             allowed = f"within {deg(travel.pos_min_rad):.2f} and {deg(travel.pos_max_rad):.2f} deg"
             measured = f"{deg(position_rad):.6g} deg"
             return refusal(Code.CTL_01, name="position", allowed=allowed, measured=measured)
-        standing = self.state in (AxisState.STANDSTILL, AxisState.DISABLED) and not self.power.testing
+        standing = (
+            self.state in (AxisState.STANDSTILL, AxisState.DISABLED) and not self.power.brake_test.under_way
+        )
         if not standing or self.motion.current is not None or self.motion.waiting is not None:
             return refusal(Code.CTL_14, measured="a new reference needs standstill")
         if not self.virtual.at_rest or abs(self.feedback.vel_rad_s) > self.settings.speed.creep_rad_s:
@@ -271,7 +273,7 @@ class Axis(AxisScan):
     @property
     def holding_torque_nm(self) -> float:
         """Learned torque that holds the load at standstill, motor side: for retained memory."""
-        return self.power.holding_torque_nm
+        return self.power.holding.mean_nm
 
     @property
     def paused(self) -> bool:

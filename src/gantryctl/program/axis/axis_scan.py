@@ -18,7 +18,7 @@ from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
-from gantryctl.program.settings import AxisSettings, Hold
+from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import VirtualAxis
 
 _OFF: Final = PowerPhase.OFF
@@ -31,8 +31,8 @@ class AxisScan:
 
     __slots__ = (
         "_error", "_events", "_hold_scans", "_law", "_ratio", "_settled", "_switching_off", "_torque_max",
-        "_vel_max", "_vel_next", "alarms", "feedback", "interlocks", "load_side", "monitors", "motion", "pos_act_rad",
-        "pos_err_rad", "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state",
+        "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side", "monitors", "motion",
+        "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state",
         "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
@@ -54,8 +54,9 @@ class AxisScan:
         )
         self.virtual = VirtualAxis(settings, keep_plans=keep_plans)
         self.power = PowerSequence(settings, self.feedback, self.alarms)
+        self.brake_test = self.power.brake_test
         self.interlocks = Interlocks(settings, self.feedback, self.alarms)
-        self.monitors = Monitors(settings, self.feedback, self.virtual, self.power, self.alarms)
+        self.monitors = Monitors(settings, self.feedback, self.virtual, self.power.holding, self.alarms)
         self.motion = MotionCommands(
             settings, self.virtual, self.power, self.monitors, self.interlocks, self.alarms
         )
@@ -65,7 +66,11 @@ class AxisScan:
         self.time_s = 0.0
         self.pos_act_rad = self.pos_err_rad = self.vel_cmd_rad_s = self._vel_next = 0.0
         power = settings.power
-        self._hold_scans = settings.scans(power.hold_brake_after_s) if power.hold is Hold.BRAKE else math.inf
+        self._hold_scans = (
+            settings.scans(power.hold_brake_after_s)
+            if power.standstill is StandstillPolicy.BRAKE
+            else math.inf
+        )
         self.refusal: Refusal | None = None
         self.refusal_count = 0
         self._error = self._switching_off = False

@@ -59,22 +59,21 @@ class BrakeTest(Block):
             self._refused(reason)
             self._final = True
             return
-        self._tests = self.axis.power.brake_tests
+        self._tests = self.axis.brake_test.count
         self.busy = True
 
     def _show(self) -> None:
-        power = self.axis.power
-        law = power.brake_test
-        self.phase = power.test_phase
-        self.plus_nm, self.minus_nm, self.moved_rad = law.plus_nm, law.minus_nm, law.moved_rad
-        if power.brake_tests == self._tests:
+        test = self.axis.brake_test
+        self.phase = test.phase
+        self.plus_nm, self.minus_nm, self.moved_rad = test.plus_nm, test.minus_nm, test.moved_rad
+        if test.count == self._tests:
             return
         self.busy, self._final = False, True
-        outcome = law.outcome
+        outcome = test.outcome
         self.done = outcome is BrakeTestOutcome.PASSED
         self.command_aborted = outcome is BrakeTestOutcome.ABORTED
         if outcome is BrakeTestOutcome.FAILED:
-            self._fail(refusal(Code.BRK_08, measured=law.text))
+            self._fail(refusal(Code.BRK_08, measured=test.text))
 
     def _clear(self) -> None:
         self.done = self.busy = self.command_aborted = self._final = False

@@ -8,7 +8,7 @@ from typing import Final
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.feedback import Feedback
-from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
@@ -32,9 +32,9 @@ class Monitors:
     __slots__ = (
         "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
         "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
-        "_feedback", "_following", "_following_scans", "_in_window", "_look_ahead", "_over_travel",
+        "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_look_ahead", "_over_travel",
         "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
-        "_power", "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
+        "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
         "_standstill_scans", "_tolerance_scans", "_torque_max", "_trip", "_virtual", "_warning_ratio",
         "_window", "in_position", "not_in_position", "rest_scans",
     )  # fmt: skip
@@ -44,12 +44,12 @@ class Monitors:
         settings: AxisSettings,
         feedback: Feedback,
         virtual: VirtualAxis,
-        power: PowerSequence,
+        holding: HoldingTorque,
         alarms: AlarmLog,
     ) -> None:
         monitors = settings.monitors
         self._settings = monitors
-        self._feedback, self._virtual, self._power, self._alarms = feedback, virtual, power, alarms
+        self._feedback, self._virtual, self._holding, self._alarms = feedback, virtual, holding, alarms
         self._period_s = settings.period_s
         self._ratio = settings.law.ratio
         self._band_base = monitors.following_error_base_rad
@@ -234,7 +234,7 @@ class Monitors:
             if self._dwell >= self._dwell_scans:
                 self.in_position = self._in_window = True
                 self.not_in_position = False
-                self._power.learn()
+                self._holding.learn(self._feedback.torque_nm)
         else:
             self._dwell = 0
             self.in_position = False

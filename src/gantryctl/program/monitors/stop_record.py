@@ -8,7 +8,7 @@ from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Reaction
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.feedback import Feedback
-from gantryctl.program.power.power_state import REST_RAD_S
+from gantryctl.program.power.sequence import REST_RAD_S
 from gantryctl.units import deg
 
 _ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)

@@ -29,11 +29,11 @@ class PowerPhase(Enum):
     | PARKED        | a motion is wanted / switched off                       | ENABLING / OFF               |
     | QUICK_STOPPING| at rest                                                 | CLOSING                      |
     | TORQUE_OFF    | at rest                                                 | OFF                          |
-    | HOLDING       | reset by service                                        | CLOSING                      |
+    | TORQUE_HOLD   | reset by service                                        | CLOSING                      |
     | TESTING       | brake test over, torque back at the preload             | UNLOADING                    |
     | any but OFF   | alarm QUICK_STOP                                        | QUICK_STOPPING (or down)     |
     | any but OFF   | alarm TORQUE_OFF                                        | TORQUE_OFF                   |
-    | any           | alarm HOLD, drive able                                  | HOLDING                      |
+    | any           | alarm HOLD, drive able                                  | TORQUE_HOLD                  |
     """
 
     OFF = 0
@@ -49,7 +49,7 @@ class PowerPhase(Enum):
     PARKED = 10
     QUICK_STOPPING = 11
     TORQUE_OFF = 12
-    HOLDING = 13
+    TORQUE_HOLD = 13
     TESTING = 14
 
 
@@ -84,7 +84,7 @@ OUTPUTS: Final = {
     PowerPhase.PARKED: PhaseOutput(_DISABLE, False),
     PowerPhase.QUICK_STOPPING: PhaseOutput(DriveRequest.QUICK_STOP, True),
     PowerPhase.TORQUE_OFF: PhaseOutput(_DISABLE, False),
-    PowerPhase.HOLDING: PhaseOutput(None, False),
+    PowerPhase.TORQUE_HOLD: PhaseOutput(None, False),
     PowerPhase.TESTING: PhaseOutput(_ENABLE, False),
 }
 """Drive request and brake command of every phase: the one place where they are decided."""

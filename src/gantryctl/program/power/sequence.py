@@ -2,41 +2,109 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final, assert_never
 
-from gantryctl.image import DriveState
-from gantryctl.program.alarms.codes import Reaction
-from gantryctl.program.power.phases import FALLING, RISING, TORQUE_ON, PowerPhase
-from gantryctl.program.power.power_up import WayUp
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
+from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg, rad
+
+REST_RAD_S: Final = rad(0.02)
+"""Slower than this is at rest, at the motor side."""
+_REST_S: Final = 0.050
+# The drive's quick-stop ramp is judged with 0.5 deg/s to spare for 50 ms, after the 60 ms in which a drive reacts.
+_ENVELOPE_RAD_S: Final = rad(0.5)
+_ENVELOPE_REACTION_S: Final = 0.060
+_ENVELOPE_S: Final = 0.050
+# A brake stop from the highest speed of the reference machine takes 0.9 s on the motor side.
+_STOP_TIME_S: Final = 3.0
+# Without a valid position the end of a brake stop is judged by time alone.
+_BLIND_STOP_S: Final = 1.5
+_UNLOAD_STEPS: Final = 3
 
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ENABLED: Final = (_OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+_ABLE: Final = (
+    *_ENABLED,
+    DriveState.SWITCH_ON_DISABLED,
+    DriveState.READY_TO_SWITCH_ON,
+    DriveState.SWITCHED_ON,
+)
+_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _ON: Final = PowerPhase.ON
 _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
 
 
-class PowerSequence(WayUp):
+class PowerSequence:
     """Drive enable, torque proof, brake, and the same back, one phase at a time (table in `PowerPhase`).
 
     The proof: `torque_ff_nm` is raised to the proof torque against the closed brake, and the actual torque
     must follow. Then it goes to the preload, the torque that held the load last time, and the brake opens.
     From there the preload stays as it is while power is on: the drive adds it to its own loop, whose
     integrator carries the difference, so nothing ever steps. Going down, the brake closes first; then
-    `torque_ff_nm` is lowered in three steps by what the motor still gives, with a look at the angle after
+    `torque_ff_nm` is lowered in three steps by what the motor still gives, with a check of the angle after
     each: a brake that slips gets the torque back (HOLD).
 
     Attributes:
         phase: where the sequence is.
         status: Power.Status: TRUE from ON until it goes down, also while the brake holds at standstill.
         proof: whether torque was proven before the last release.
-        request, brake_open, torque_ff_nm: what it says to the drive.
-        holding_torque_nm: mean torque at standstill, motor side: retained memory, and the next preload.
-        testing: a brake test is under way.
-        brake_test: its law. brake_test_result, brake_tests: the last test that has ended, and how many did.
+        request, brake_open, torque_ff_nm: commands to the drive.
+        holding: the torque that holds the load.
+        brake_test: the brake test, run behind the closed brake from OFF back to OFF.
         fault_reset: ask the drive to clear its fault (Reset); only while off.
     """
 
-    __slots__ = ()
+    __slots__ = (
+        "_alarms", "_close_late_scans", "_close_scans", "_count", "_drive_owns_brake", "_feedback", "_load_nm",
+        "_open_late_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold", "_pos_rad", "_power_up_scans",
+        "_proof_scans", "_quick_dec", "_rest_count", "_rest_scans", "_sag_scans", "_settings", "_settle_scans",
+        "_slip_scans", "_step_scans", "_unloaded", "_vel_start", "brake_open", "brake_test", "fault_reset", "holding",
+        "phase", "proof", "request", "status", "torque_ff_nm",
+    )  # fmt: skip
+
+    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
+        power = settings.power
+        self._settings = power
+        self._feedback = feedback
+        self._alarms = alarms
+        self._period_s = settings.period_s
+        self._quick_dec = settings.ramps.quick_dec_rad_s2
+        self._power_up_scans = settings.scans(power.power_up_time_s)
+        self._proof_scans = settings.scans(power.proof_time_s)
+        self._settle_scans = settings.scans(power.settle_time_s)
+        self._close_scans = settings.scans(power.brake_close_time_s)
+        feedback_scans = settings.scans(power.brake_feedback_time_s)
+        self._close_late_scans = self._close_scans + feedback_scans
+        self._open_late_scans = settings.scans(power.brake_open_time_s) + feedback_scans
+        self._sag_scans = settings.scans(power.sag_watch_s)
+        self._step_scans = settings.scans(power.unload_step_s)
+        self._slip_scans = settings.scans(power.slip_watch_s)
+        self._rest_scans = settings.scans(_REST_S)
+        self.phase = PowerPhase.OFF
+        self.status = False
+        self.proof = Proof.NOT_DONE
+        self.holding = HoldingTorque(settings)
+        self.brake_test = BrakeTest(
+            power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
+        )
+        self.fault_reset = False
+        self.request = DriveRequest.DISABLE
+        self.brake_open = False
+        self.torque_ff_nm = 0.0
+        self._parking = self._unloaded = self._drive_owns_brake = False
+        self._count = self._rest_count = self._over_envelope = 0
+        self._pos_rad: float | None = None
+        self._pos_hold: float | None = None
+        self._load_nm = self._vel_start = 0.0
+
+    # --- asked for by the axis --------------------------------------------------------------------
 
     def switch_on(self) -> None:
         """Begin the way up; only from OFF."""
@@ -61,22 +129,36 @@ class PowerSequence(WayUp):
             self._enter(PowerPhase.CLOSING)
 
     def wake(self) -> None:
-        """A motion is wanted: open the brake again, through the same proof."""
+        """Open the brake again for a motion, through the same proof."""
         if self.phase is PowerPhase.PARKED:
             self._enter(PowerPhase.ENABLING)
+
+    def begin_test(self) -> None:
+        """Begin a brake test; only from OFF, and where `untestable` is empty."""
+        if self.phase is PowerPhase.OFF:
+            self.brake_test.prepare(self.holding.limited(self.holding.mean_nm))
+            self._enter(PowerPhase.ENABLING)
+
+    def abort_test(self, why: str) -> None:
+        """End a brake test: torque back to the preload, off, drive disabled."""
+        if not self.brake_test.under_way:
+            return
+        self.brake_test.end(BrakeTestOutcome.ABORTED, why)
+        if self.phase is PowerPhase.ENABLING:
+            self._enter(PowerPhase.DISABLING)
 
     def react(self, reaction: Reaction) -> None:
         """Do what an alarm of class QUICK_STOP, TORQUE_OFF or HOLD asks for."""
         self.status = False
         self._parking = False
-        if self.testing:
-            self._test_stopped(reaction)
+        if self.brake_test.under_way:
+            self._stop_test(reaction)
         if self.phase is PowerPhase.TORQUE_OFF or (
-            self.phase is PowerPhase.HOLDING and reaction is not Reaction.TORQUE_OFF
+            self.phase is PowerPhase.TORQUE_HOLD and reaction is not Reaction.TORQUE_OFF
         ):
             return
         if reaction is Reaction.HOLD and self._can_hold():
-            self._enter(PowerPhase.HOLDING)
+            self._enter(PowerPhase.TORQUE_HOLD)
         elif self.phase in (PowerPhase.OFF, PowerPhase.PARKED):
             self._enter(PowerPhase.OFF)
         elif reaction is not Reaction.QUICK_STOP:
@@ -87,23 +169,13 @@ class PowerSequence(WayUp):
             self._enter(PowerPhase.DISABLING)
 
     def release_hold(self) -> None:
-        """Service has reset HOLD: try the brake again."""
-        if self.phase is PowerPhase.HOLDING:
+        """Try the brake again: service has reset HOLD."""
+        if self.phase is PowerPhase.TORQUE_HOLD:
             self._enter(PowerPhase.CLOSING)
 
     def rebase(self) -> None:
-        """The position was set anew: what the slip watch compares with moves along."""
+        """Move the reference of the slip watch along with a position that was set anew."""
         self._pos_hold = self._pos_rad = None
-
-    def learn(self) -> None:
-        """At standstill on the servo: follow the torque that holds the load."""
-        mean = self.holding_torque_nm
-        self.holding_torque_nm = self._limited(mean + (self._feedback.torque_nm - mean) * self._learn)
-
-    def _enter(self, phase: PowerPhase) -> None:
-        super()._enter(phase)
-        if phase is PowerPhase.OFF and self.testing:
-            self._end_test()
 
     @property
     def parked(self) -> bool:
@@ -114,6 +186,8 @@ class PowerSequence(WayUp):
     def falling(self) -> bool:
         """A stop or the way down is under way; nothing may shorten it."""
         return self.phase in FALLING
+
+    # --- one scan ---------------------------------------------------------------------------------
 
     def step(self, pos_rad: float) -> None:  # noqa: C901  one row per phase
         """One scan, at most one change of phase."""
@@ -150,9 +224,263 @@ class PowerSequence(WayUp):
                 self._quick_stopping()
             case PowerPhase.TORQUE_OFF:
                 self._torque_off()
-            case PowerPhase.HOLDING:
-                self._holding()
+            case PowerPhase.TORQUE_HOLD:
+                self._torque_hold()
             case PowerPhase.TESTING:
-                self._test_step(pos_rad)
+                self._testing(pos_rad)
             case _:
                 assert_never(phase)
+
+    def _enter(self, phase: PowerPhase) -> None:
+        """Change the phase; outputs follow from it."""
+        if phase is not PowerPhase.SAG_WATCH:  # the sag counts from the release command
+            self._pos_hold = self._pos_rad
+        self._unloaded = self.phase is PowerPhase.DISABLING and self._unloaded
+        self.phase = phase
+        self._count = self._rest_count = self._over_envelope = 0
+        self._vel_start = abs(self._feedback.vel_rad_s)
+        request, self.brake_open = OUTPUTS[phase]
+        if request is not None:
+            self.request = request
+        elif phase is PowerPhase.TORQUE_HOLD and self.request is DriveRequest.DISABLE:
+            self.request = DriveRequest.ENABLE
+        if self.request is DriveRequest.DISABLE:
+            self.torque_ff_nm = 0.0
+        if phase is PowerPhase.OFF and self.brake_test.under_way:
+            self._finish_test()
+
+    # --- the way up -------------------------------------------------------------------------------
+
+    def _enabling(self) -> None:
+        feedback, holding = self._feedback, self.holding
+        if feedback.state is not _OPERATION_ENABLED:
+            if self._count > self._power_up_scans:
+                self._stuck(_OPERATION_ENABLED)
+            return
+        holding.preload()
+        self._drive_owns_brake = feedback.brake_open
+        if self.brake_test.under_way:
+            self._test_enabled()
+        elif feedback.brake_open:
+            self.proof = Proof.NOT_POSSIBLE
+            self._enter(PowerPhase.SAG_WATCH)
+        elif not self._settings.torque_preload:
+            self.proof = Proof.NOT_POSSIBLE
+            self._enter(PowerPhase.RELEASING)
+        else:
+            self.proof = Proof.NOT_DONE
+            self._enter(PowerPhase.PROVING)
+            self.torque_ff_nm = holding.proof_nm
+
+    def _proving(self, pos_rad: float) -> None:
+        """Torque against the closed brake: the motor must give it, the brake must take it.
+
+        At zero speed a PI speed loop builds no torque against a closed brake: a drive that is enabled may still drop
+        the load, so the torque is asked for beside the speed (60B2).
+        """
+        if self._slipped(pos_rad, Code.BRK_03):
+            return
+        proof_nm = self.holding.proof_nm
+        wanted = self._settings.proof_share * abs(proof_nm)
+        given = self._feedback.torque_nm * math.copysign(1.0, proof_nm)
+        if given >= wanted:
+            self.proof = Proof.PROVEN
+            self._enter(PowerPhase.SETTLING)
+        elif self._count > self._proof_scans:
+            time_ms = self._milliseconds(self._count)
+            self._alarms.raise_(Code.BRK_07, measured=given, limit=wanted, time_ms=time_ms)
+
+    def _settling(self) -> None:
+        """From the proof torque to the preload on a ramp, then as long again for it to settle."""
+        share = min(1.0, self._count / self._settle_scans)
+        proof_nm = self.holding.proof_nm
+        self.torque_ff_nm = proof_nm + (self.holding.preload_nm - proof_nm) * share
+        if self._count >= 2 * self._settle_scans:
+            self._enter(PowerPhase.RELEASING)
+
+    def _releasing(self, pos_rad: float) -> None:
+        if self._slipped(pos_rad, Code.BRK_10):
+            return
+        limit = self._open_late_scans
+        if self._feedback.brake_open:
+            self._enter(PowerPhase.SAG_WATCH)
+        elif self._count > limit:
+            milliseconds = self._milliseconds
+            self._alarms.raise_(Code.BRK_01, time_ms=milliseconds(self._count), limit=milliseconds(limit))
+
+    def _sag_watch(self, pos_rad: float) -> None:
+        if not self._slipped(pos_rad, Code.BRK_10) and self._count >= self._sag_scans:
+            self.status = True
+            self._enter(PowerPhase.ON)
+
+    # --- the way down -----------------------------------------------------------------------------
+
+    def _closing(self) -> None:
+        """Zero speed is held while the brake closes."""
+        if self._drive_owns_brake:  # it closes the brake itself, when it is disabled
+            self._enter(PowerPhase.DISABLING)
+        elif self._count >= self._close_scans and not self._feedback.brake_open:
+            self._unload()
+        elif self._count > self._close_late_scans:
+            self._brake_still_open()
+            # Only unloading shows whether a brake without its contact holds.
+            self._unload()
+
+    def _unload(self) -> None:
+        if not self._settings.torque_preload:
+            self._enter(PowerPhase.DISABLING)
+            return
+        self._enter(PowerPhase.UNLOADING)
+        self._load_nm = self._feedback.torque_nm
+
+    def _unloading(self, pos_rad: float) -> None:
+        """Lower the torque by what the motor still gives, in three steps; a brake that slips gets it back."""
+        if self._slipped(pos_rad, Code.BRK_03):
+            return
+        step = self._count // self._step_scans + 1
+        if step <= _UNLOAD_STEPS:
+            preload_nm = self.holding.preload_nm
+            self.torque_ff_nm = self.holding.limited(preload_nm - self._load_nm * step / _UNLOAD_STEPS)
+        elif step > _UNLOAD_STEPS + 1:
+            self._enter(PowerPhase.DISABLING)
+            self._unloaded = True
+
+    def _disabling(self) -> None:
+        if self._feedback.state not in _ENABLED:
+            self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
+        elif self._count > self._power_up_scans:
+            self._stuck(DriveState.SWITCH_ON_DISABLED)
+
+    def _off(self, pos_rad: float) -> None:
+        """Torque off, brake closed: clear drive faults when asked, watch the brake."""
+        self.request = DriveRequest.FAULT_RESET if self.fault_reset else DriveRequest.DISABLE
+        moved = self._moved(pos_rad)
+        if not moved <= self._settings.sag_max_rad and self._feedback.position_valid:
+            late = not self._unloaded or self._count > self._slip_scans
+            self._raise_slip(Code.BRK_04 if late else Code.BRK_03, moved)
+        if self._feedback.brake_open and self._count > self._close_late_scans:
+            self._brake_still_open()
+
+    # --- stops ------------------------------------------------------------------------------------
+
+    def _quick_stopping(self) -> None:
+        """The drive ramps down; a drive slower than its ramp does not obey."""
+        speed = abs(self._feedback.vel_rad_s)
+        elapsed_s = self._count * self._period_s
+        ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
+        allowed = ramp + _ENVELOPE_RAD_S
+        self._over_envelope = 0 if speed <= allowed else self._feedback.lasting(self._over_envelope)
+        overdue = elapsed_s > self._vel_start / self._quick_dec + _STOP_TIME_S
+        if self._over_envelope * self._period_s >= _ENVELOPE_S or overdue:
+            self._alarms.raise_(Code.DRV_07, measured=deg(speed), limit=deg(allowed))
+        elif self._at_rest():
+            self._enter(PowerPhase.CLOSING)
+
+    def _torque_off(self) -> None:
+        elapsed_s = self._count * self._period_s
+        if not self._feedback.position_valid:
+            if elapsed_s > _BLIND_STOP_S:
+                self._enter(PowerPhase.OFF)
+            return
+        brake_time_over = self._count > self._close_late_scans
+        if self._at_rest() and (not self._feedback.brake_open or brake_time_over):
+            self._enter(PowerPhase.OFF)
+        elif elapsed_s > _STOP_TIME_S:
+            speed = deg(abs(self._feedback.vel_rad_s))
+            self._alarms.raise_(Code.BRK_11, measured=speed, time_s=elapsed_s)
+
+    def _torque_hold(self) -> None:
+        """Torque at zero speed; the preload comes back once the drive is enabled."""
+        if self._feedback.state in _ENABLED:
+            self.torque_ff_nm = self.holding.preload_nm
+        elif self._count > self._power_up_scans:
+            self._stuck(_OPERATION_ENABLED, Reaction.TORQUE_OFF)
+
+    def _can_hold(self) -> bool:
+        """Whether the drive can be asked for torque at zero speed."""
+        feedback = self._feedback
+        inputs = feedback.inputs
+        return inputs.estop_ok and inputs.mains_ready and feedback.position_valid and feedback.state in _ABLE
+
+    # --- the brake test ---------------------------------------------------------------------------
+
+    def _test_enabled(self) -> None:
+        """Begin to give torque, unless the drive has opened the brake."""
+        if self._feedback.brake_open:
+            why = "the drive opened its brake when it was enabled: not testable here"
+            self.brake_test.end(BrakeTestOutcome.ABORTED, why)
+            self._enter(PowerPhase.DISABLING)
+        else:
+            self.brake_test.begin()
+            self._enter(PowerPhase.TESTING)
+
+    def _testing(self, pos_rad: float) -> None:
+        test, feedback = self.brake_test, self._feedback
+        if feedback.brake_open:
+            test.end(BrakeTestOutcome.FAILED, "the brake's contact says that it is open")
+        torque_nm = test.scan(feedback.torque_nm, pos_rad, feedback.periods)
+        self.torque_ff_nm = self.holding.limited(torque_nm)
+        if not test.running:
+            self.holding.preload_nm = self.torque_ff_nm
+            self._unload()
+
+    def _stop_test(self, reaction: Reaction) -> None:
+        """End the test by an alarm, which decides what becomes of torque and drive."""
+        if reaction is Reaction.HOLD:
+            self.brake_test.slipped_afterwards()
+        first = self._alarms.first_out
+        why = "ended by an alarm" if first is None else f"ended by {first.code}"
+        self.brake_test.end(BrakeTestOutcome.ABORTED, why)
+        self._finish_test()
+
+    def _finish_test(self) -> None:
+        """Raise or clear BRK-08: a failed brake lets nothing move until a test passes, or service resets."""
+        result = self.brake_test.finish()
+        if result.outcome is BrakeTestOutcome.FAILED:
+            self._alarms.raise_(Code.BRK_08, measured=result.text)
+        elif result.outcome is BrakeTestOutcome.PASSED:
+            self._alarms.active.pop(Code.BRK_08, None)
+
+    # --- measured ---------------------------------------------------------------------------------
+
+    def _moved(self, pos_rad: float) -> float:
+        """How far the axis has moved since this phase began (or since the position was set anew)."""
+        if self._pos_hold is None:
+            self._pos_hold = pos_rad
+        return abs(pos_rad - self._pos_hold)
+
+    def _slipped(self, pos_rad: float, code: Code) -> bool:
+        """Raise `code` for more motion than the brake, or the torque, may allow."""
+        moved = self._moved(pos_rad)
+        if moved <= self._settings.sag_max_rad:
+            return False
+        self._raise_slip(code, moved)
+        return True
+
+    def _at_rest(self) -> bool:
+        """Slow for long enough."""
+        slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S
+        self._rest_count = self._feedback.lasting(self._rest_count) if slow else 0
+        return self._rest_count >= self._rest_scans
+
+    def _milliseconds(self, scans: int) -> float:
+        return scans * self._period_s * 1e3
+
+    # --- alarms -----------------------------------------------------------------------------------
+
+    def _raise_slip(self, code: Code, moved_rad: float) -> None:
+        self._alarms.raise_(code, measured=deg(moved_rad), limit=deg(self._settings.sag_max_rad))
+
+    def _lost(self) -> None:
+        """The drive is not enabled where it must be; a fault of its own is DRV-01, raised by the interlocks."""
+        if self._feedback.state not in _FAULTS:
+            self._alarms.raise_(Code.DRV_04, measured=self._feedback.state.words)
+
+    def _stuck(self, wanted: DriveState, reaction: Reaction | None = None) -> None:
+        time_ms = self._milliseconds(self._count)
+        state = self._feedback.state.words
+        self._alarms.raise_(Code.DRV_03, reaction, measured=state, time_ms=time_ms, command=wanted.words)
+
+    def _brake_still_open(self) -> None:
+        time_ms = self._milliseconds(self._count)
+        self._alarms.raise_(Code.BRK_06, measured="open", command="closed", time_ms=time_ms)

@@ -78,7 +78,7 @@ class OperatorState:
     @property
     def testing(self) -> bool:
         """A brake test is under way."""
-        return self.program.axis.power.testing
+        return self.program.axis.brake_test.under_way
 
     def _answer(self, waiting: PendingCommand, refused: MessageRefused | None) -> None:
         self._inbox.answer(waiting, refused, self.authority.epoch)

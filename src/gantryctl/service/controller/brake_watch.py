@@ -51,10 +51,9 @@ class BrakeWatch:
 
     def scan(self, retained: Retained, power_ups: int, time_s: float) -> Retained:
         """After a scan; the memory, changed when a test has ended."""
-        power = self._axis.power
-        result = power.brake_test_result
-        if power.brake_tests != self._tests and result is not None:
-            self._tests = power.brake_tests
+        test = self._axis.brake_test
+        if test.count != self._tests and (result := test.last) is not None:
+            self._tests = test.count
             retained = after_test(retained, result, power_ups, datetime.now(UTC))
             self.judge(retained, power_ups)
             self._write(result)
@@ -66,7 +65,7 @@ class BrakeWatch:
     def _write(self, result: BrakeTestResult) -> None:
         """Into the journal."""
         values: dict[str, Any] = {
-            "level_nm": self._axis.power.brake_test.level_nm,
+            "level_nm": self._axis.brake_test.level_nm,
             "plus_nm": _rounded(result.plus_nm),
             "minus_nm": _rounded(result.minus_nm),
             "moved_deg": _rounded(deg(result.moved_rad)),
@@ -77,25 +76,24 @@ class BrakeWatch:
 
     def fast(self) -> dict[str, float]:
         """The 20 Hz tags."""
-        power = self._axis.power
-        law = power.brake_test
+        test = self._axis.brake_test
         return {
-            "brake_test_phase": power.test_phase,
-            "brake_test_left_s": law.left_s if power.testing else 0.0,
-            "brake_test_torque_nm": law.on_brake_nm,
-            "brake_test_moved_deg": deg(law.moved_rad),
+            "brake_test_phase": test.phase,
+            "brake_test_left_s": test.left_s,
+            "brake_test_torque_nm": test.on_brake_nm,
+            "brake_test_moved_deg": deg(test.moved_rad),
         }
 
     def slow(self) -> dict[str, Any]:
         """Those that are sent on change. The last test may be one of an earlier start."""
-        law, kept = self._axis.power.brake_test, self._retained
+        test, kept = self._axis.brake_test, self._retained
         word = kept.brake_test_text.partition(":")[0]
         known = word.upper() in BrakeTestOutcome.__members__
         return {
             "brake_test_available": not self._untestable,
             "brake_test_blocked": self._untestable,
-            "brake_test_level_nm": law.level_nm,
-            "brake_test_limit_deg": _rounded(deg(law.moved_max_rad)),
+            "brake_test_level_nm": test.level_nm,
+            "brake_test_limit_deg": _rounded(deg(test.moved_max_rad)),
             "brake_test_result": word if known else BrakeTestOutcome.NONE.name.lower(),
             "brake_tests": self._tests,
             "brake_test_text": kept.brake_test_text,
