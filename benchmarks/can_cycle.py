@@ -25,7 +25,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.image import SAFE_OUTPUT
 from gantryctl.machine import Machine, default_machine, to_toml, with_values
 from gantryctl.runtime import RealClock, keeps_time
-from gantryctl.wiring import canopen_drive
+from gantryctl.wiring.canopen import canopen_drive
 
 PERIODS_MS = (10.0, 4.0, 2.0)
 LATE_PART = 0.25

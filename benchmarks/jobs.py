@@ -22,7 +22,8 @@ from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.operation import AxisSession
 from gantryctl.units import rad
-from gantryctl.wiring import drive_params, motion_limits, plant_params, position_law
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import drive_params, plant_params
 
 HERE: Final = Path(__file__).parent
 RIGID_S: Final = 60

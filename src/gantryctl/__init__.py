@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
     from gantryctl.runtime import Engine
     from gantryctl.trace import Trace, read_trace
-    from gantryctl.wiring import build_engine
+    from gantryctl.wiring.engine import build_engine
 
 _HOME = {
     "Axis": "gantryctl.program",
@@ -37,7 +37,7 @@ _HOME = {
     "Mode": "gantryctl.image",
     "OperatorCommand": "gantryctl.image",
     "Trace": "gantryctl.trace",
-    "build_engine": "gantryctl.wiring",
+    "build_engine": "gantryctl.wiring.engine",
     "default_machine": "gantryctl.machine",
     "load_machine": "gantryctl.machine",
     "move": "gantryctl.operation.scripting",

@@ -22,7 +22,8 @@ from gantryctl.engineering.batch import ClosedLoop
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import gantry_sim, motion_limits, plant_params, position_law
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import gantry_sim, plant_params
 
 REFERENCE_A_DEG: Final = 0.0110
 """A of the reference gear without instrument noise, procedure A."""

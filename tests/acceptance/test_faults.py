@@ -17,7 +17,8 @@ from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.batch import ClosedLoop, run_legs
 from gantryctl.machine import default_machine
 from gantryctl.units import rad
-from gantryctl.wiring import gantry_sim, position_law, total_ratio
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import gantry_sim
 
 ECCENTRIC_TIMES_5 = {
     "plant__load__eccentricity_m": 5.0 * 0.00815,
@@ -54,7 +55,7 @@ def test_a_motor_turn_lost_while_powered_off_between_base_and_point_is_red(turns
     run, _ = losing_turns(turns, point)
     assert not chord_is_green(run.a_deg)
     # one motor turn is 360/1144 deg at the gantry; the gear is another one there: 1 % of it
-    turn_deg = 360.0 / total_ratio(run.machine)
+    turn_deg = 360.0 / run.machine.axis.ratio
     assert run.statistics.largest_deg == pytest.approx(turn_deg, abs=0.01)
 
 

@@ -15,7 +15,9 @@ from gantryctl.engineering.comparison import FIGURES, compare_report, ensemble, 
 from gantryctl.engineering.comparison.figures import chord_figures, move_figures
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
-from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law
+from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import gantry_sim
 from support.improved import improved_machine
 
 README = Path(__file__).parents[2] / "README.md"

@@ -13,7 +13,8 @@ from gantryctl.engineering.accuracy.procedure.on_batch import Readings, random_g
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.errors import ConfigError
 from gantryctl.machine import FieldSpec, Machine, default_machine, field_specs, with_values
-from gantryctl.wiring import axis_settings, motion_limits, plant_params, position_law
+from gantryctl.wiring.program import axis_settings, motion_limits, position_law
+from gantryctl.wiring.simulator import plant_params
 
 PLANT_FIELDS = [spec for path, spec in field_specs().items() if path.startswith("plant.")]
 

@@ -10,7 +10,7 @@ from conformance.drive_port import DISABLE, ENABLE, DriveBench, DriveConformance
 from gantryctl.drives.virtual import DriveNode, Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import default_machine, with_values
-from gantryctl.wiring import canopen_drive, total_ratio
+from gantryctl.wiring.canopen import canopen_drive
 
 SYNC_S = 0.004
 
@@ -30,7 +30,7 @@ class CanBench(DriveBench):
         assert isinstance(drive.truth_source, DriveNode)
         self.drive = drive
         self.ask = Requests(drive.truth_source).answer
-        self.ratio = total_ratio(machine)
+        self.ratio = machine.axis.ratio
         self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25
 

@@ -13,7 +13,7 @@ from conformance.drive_port import DriveBench, DriveConformance
 from conformance.test_canopen_drive import SYNC_S, CanBench
 from gantryctl.drives.virtual import BusLink, DriveLoop, DriveNode, Requests, running
 from gantryctl.machine import default_machine, with_values
-from gantryctl.wiring import canopen_drive, total_ratio
+from gantryctl.wiring.canopen import canopen_drive
 from gantryctl.wiring.virtual import drive_hardware
 
 CHANNELS = itertools.count()
@@ -41,7 +41,7 @@ class VirtualBusBench(CanBench):
         self._loop = stack.enter_context(running(DriveLoop(node, link)))
         self._answer = Requests(node).answer
         self.drive = canopen_drive(machine)
-        self.ratio = total_ratio(machine)
+        self.ratio = machine.axis.ratio
         self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from conformance.drive_port import DriveBench, DriveConformance
 from gantryctl.machine import default_machine, with_values
-from gantryctl.wiring import ideal_drive, total_ratio
+from gantryctl.wiring.simulator import ideal_drive
 
 
 class IdealBench(DriveBench):
@@ -16,7 +16,7 @@ class IdealBench(DriveBench):
         machine = with_values(default_machine(), {"drive.kind": "ideal"})
         self.drive = self.ideal = ideal_drive(machine)
         self.period_s = machine.control.scan_period_ms * 1e-3
-        self.ratio = total_ratio(machine)
+        self.ratio = machine.axis.ratio
         self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.01
 

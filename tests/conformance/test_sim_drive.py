@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from conformance.drive_port import DriveBench, DriveConformance
 from gantryctl.machine import default_machine
-from gantryctl.wiring import sim_drive, total_ratio
+from gantryctl.wiring.simulator import sim_drive
 
 
 class SimBench(DriveBench):
@@ -14,7 +14,7 @@ class SimBench(DriveBench):
         machine = default_machine()
         self.drive = self.sim = sim_drive(machine)
         self.period_s = machine.control.scan_period_ms * 1e-3
-        self.ratio = total_ratio(machine)
+        self.ratio = machine.axis.ratio
         self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25
 

@@ -18,7 +18,7 @@ from conformance.test_canopen_drive import SYNC_S, CanBench
 from gantryctl.drives.virtual import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import default_machine, to_toml, with_values
-from gantryctl.wiring import canopen_drive, total_ratio
+from gantryctl.wiring.canopen import canopen_drive
 
 MACHINE = with_values(
     default_machine(),
@@ -63,7 +63,7 @@ class UdpBench(CanBench):
         channel.ask("advance", s=3.0)  # whatever turned has come to rest
         channel.ask("event", event="reset")
         self.drive = canopen_drive(MACHINE)
-        self.ratio = total_ratio(MACHINE)
+        self.ratio = MACHINE.axis.ratio
         self.quick_dec_deg_s2 = MACHINE.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25
 

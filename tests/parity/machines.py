@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from gantryctl import _core
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring.simulator import gantry_sim, position_law
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import gantry_sim
 
 _SWITCHES = (
     "gear_error", "backlash", "hysteresis", "roller_friction", "motor_friction", "eccentric_moment", "base",

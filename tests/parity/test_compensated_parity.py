@@ -13,7 +13,9 @@ from gantryctl.engineering.batch import ClosedLoop, Leg, run_legs
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import compensation, counts_per_turn, gantry_sim, motion_limits, position_law
+from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import gantry_sim
 from parity.test_engine_parity import COLUMNS, Rig, calm, powered
 from support.improved import improved_machine
 
@@ -26,7 +28,7 @@ SWITCHES = (
 def replay(rig: Rig) -> dict[str, np.ndarray]:
     axis, machine, drive = rig.program.axis, rig.machine, rig.engine.drive
     assert isinstance(drive, SimDrive)
-    wrapped = drive.sim.feedback(2.0 * np.pi / counts_per_turn(machine))[0] - drive.read().pos_act_counts
+    wrapped = drive.sim.feedback(2.0 * np.pi / machine.counts_per_turn)[0] - drive.read().pos_act_counts
     laws = compensation(machine)
     starts = [scan for scan, _ in axis.plans] + [rig.engine.scan]
     parts = []

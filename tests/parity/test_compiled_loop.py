@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from gantryctl import _core
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring.simulator import gantry_sim, position_law
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import gantry_sim
 from parity.machines import compiled, leg_figures, machines, plans, scan_by_scan, standing
 
 SCANS = 60

@@ -11,7 +11,7 @@ from gantryctl.operation.scripting import move
 from gantryctl.runtime import FixedOperator, MemoryRecorder, RealClock
 from gantryctl.trace import Trace
 from gantryctl.units import rad
-from gantryctl.wiring import build_engine
+from gantryctl.wiring.engine import build_engine
 
 
 def run(clock: RealClock | None, seconds: float = 2.0) -> Trace:

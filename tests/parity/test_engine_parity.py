@@ -15,7 +15,9 @@ from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
 from gantryctl.runtime import Engine, FixedOperator, MemoryRecorder
 from gantryctl.units import rad
-from gantryctl.wiring import build_engine, counts_per_turn, position_law, sim_drive
+from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import sim_drive
 from parity.machines import factor
 
 COLUMNS = (
@@ -72,7 +74,7 @@ def replay(rig: Rig) -> dict[str, np.ndarray]:
     """The kept plans through the compiled loop, from the plant as it was."""
     axis, machine, drive = rig.program.axis, rig.machine, rig.engine.drive
     assert isinstance(drive, SimDrive)
-    count_rad = 2.0 * np.pi / counts_per_turn(machine)
+    count_rad = 2.0 * np.pi / machine.counts_per_turn
     wrapped = drive.sim.feedback(count_rad)[0] - drive.read().pos_act_counts
     starts = [scan for scan, _ in axis.plans] + [rig.engine.scan]
     parts = []

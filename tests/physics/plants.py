@@ -15,7 +15,8 @@ import numpy as np
 
 from gantryctl import _core
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params, position_law
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params
 
 CYCLE_S: Final = 125e-6
 DEG: Final = math.pi / 180.0

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gantryctl.image import DriveRequest, InputImage, OperatorCommand
 from gantryctl.program import Axis, GantryProgram
-from gantryctl.wiring import axis_settings
+from gantryctl.wiring.program import axis_settings
 from unit.drives.canopen.canopen_bench import Bench
 
 # Of the drive, of this master, and some of neither.

@@ -18,7 +18,6 @@ from gantryctl.drives.virtual import ControlClient
 from gantryctl.engineering.stops import REACTION_S, StopClass, worst_stop
 from gantryctl.machine import load_machine
 from gantryctl.service.clients.link import ServiceLink
-from gantryctl.wiring import total_ratio
 
 
 def machine_file(root: Path, control: Path) -> Path:
@@ -96,7 +95,7 @@ def kill_in_motion(
             link.alive()
         pid = child(service, "controller")
         machine = load_machine(config)
-        per_rad = math.degrees(1.0) / total_ratio(machine)
+        per_rad = math.degrees(1.0) / machine.axis.ratio
         before = true.ask("truth")["pos_motor_rad"] * per_rad
         os.kill(pid, signal.SIGKILL)
         begin_s = time.monotonic()

@@ -14,7 +14,7 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
-from gantryctl.wiring import build_engine
+from gantryctl.wiring.engine import build_engine
 
 MACHINE = default_machine()
 EPOCH = 1000

@@ -94,7 +94,7 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
 def _check_calibration(machine: Machine) -> None:
     """Refuse compensations that cannot work: no calibration, or that of another machine."""
     if machine.control.compensation.any_active:
-        from gantryctl.wiring import compensation
+        from gantryctl.wiring.compensation import compensation
 
         compensation(machine)
 

@@ -16,7 +16,6 @@ from gantryctl.operation import StateStore
 from gantryctl.operation.virtual import keep_machine, open_machine
 from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
-from gantryctl.wiring import total_ratio
 
 ENABLE: Final = DriveRequest.ENABLE
 _ENABLE_S: Final = 2.0
@@ -37,7 +36,7 @@ class Hand:
     def __init__(self, machine: Machine, drive: CanopenDrive, leash_deg: float, retained: Retained) -> None:
         self.retained = retained
         self.drive, self.period_s = drive, drive.settings.period_s
-        self.ratio = total_ratio(machine)
+        self.ratio = machine.axis.ratio
         self._leash_deg = leash_deg
         self._deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
         self._clock = RealClock(self.period_s) if machine.paced_by_clock else VirtualClock()

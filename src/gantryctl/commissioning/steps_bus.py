@@ -16,7 +16,7 @@ from gantryctl.operation.home_reference import evaluate, refusal
 from gantryctl.operation.proofs import load_record, record_path
 from gantryctl.operation.virtual import encoder_scale, looked_at
 from gantryctl.runtime import Retained
-from gantryctl.wiring import can_link, canopen_settings
+from gantryctl.wiring.canopen import can_link, canopen_settings
 
 _WATCH_S: Final = 2.0
 _MISSED_MAX: Final = 0.01

@@ -18,7 +18,7 @@ from gantryctl.operation.silence import silence_path, store_silence
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
-from gantryctl.wiring import untestable
+from gantryctl.wiring.program import untestable
 
 _STAND_DEG: Final = 0.1
 _SAG_DEG: Final = 0.05

@@ -17,7 +17,7 @@ from gantryctl.operation.state import (
 )
 from gantryctl.operation.store import StateStore, last_recording
 from gantryctl.operation.summary import MotionSummary, summarise, way_note
-from gantryctl.wiring import ProgramFactory
+from gantryctl.wiring.engine import ProgramFactory
 
 __all__ = [
     "AxisSession",

@@ -11,7 +11,7 @@ from gantryctl.machine import Machine
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.runtime import Retained
 from gantryctl.units import deg
-from gantryctl.wiring import speed_settings, untestable
+from gantryctl.wiring.program import speed_settings, untestable
 
 LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
 """Codes that only service may reset, also when they are of an earlier run."""

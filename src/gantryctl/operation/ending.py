@@ -13,7 +13,6 @@ from gantryctl.operation.virtual import ReadDrive
 from gantryctl.program import Axis, Code
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import rad
-from gantryctl.wiring import counts_per_turn
 
 
 class RunEnd(NamedTuple):
@@ -38,7 +37,7 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
     counts_range = identity.counts_per_turn * identity.turns
     counts = drive.read().pos_act_counts
     rest = before.rest_position_counts
-    way = abs(counts - (counts if rest is None else rest)) / counts_per_turn(machine)
+    way = abs(counts - (counts if rest is None else rest)) / machine.counts_per_turn
     alarms, held = _alarms(axis, end, before.brake_failed)
     return replace(
         before,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gantryctl.errors import UsageError
 from gantryctl.program import Axis, AxisProgram, GantryProgram
-from gantryctl.wiring import ProgramFactory
+from gantryctl.wiring.engine import ProgramFactory
 
 
 def load_program(name: str | None) -> ProgramFactory:

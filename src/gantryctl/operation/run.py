@@ -32,7 +32,7 @@ from gantryctl.ports import Drive
 from gantryctl.program import AxisState, GantryProgram, PowerPhase, Reaction
 from gantryctl.runtime import AlarmEntry, Engine, FixedOperator, keeps_time
 from gantryctl.units import deg
-from gantryctl.wiring import ProgramFactory, RecorderFactory, build_engine, build_program
+from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine, build_program
 
 SLICE_S: Final = 0.1
 """Axis time between two looks at observer and stop request."""

@@ -9,7 +9,6 @@ from gantryctl.operation.session import AxisSession
 from gantryctl.operation.summary import MotionSummary, summarise
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
-from gantryctl.wiring import total_ratio
 
 
 class MoveResult(NamedTuple):
@@ -40,6 +39,6 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
     trace = recorder.trace()
     last = motions[-1] if motions else None
     begin, end = (last.from_s, last.to_s) if last is not None else (0.0, session.engine.time_s)
-    summary = summarise(trace, begin, end, total_ratio(machine))
+    summary = summarise(trace, begin, end, machine.axis.ratio)
     assert summary is not None  # what makes rows useless raises before
     return MoveResult(summary, trace)

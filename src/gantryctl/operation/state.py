@@ -16,7 +16,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.operation.virtual import encoder_scale, keep_machine, looked_at, new_machine
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
-from gantryctl.wiring import lead_deg
+from gantryctl.wiring.compensation import lead_deg
 
 _UNITS: Final = {
     "_rad_s": (deg(1.0), "deg/s"),

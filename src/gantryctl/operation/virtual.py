@@ -15,14 +15,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.runtime import Retained
 from gantryctl.units import deg
-from gantryctl.wiring import (
-    canopen_drive,
-    delivered_zero_counts,
-    ideal_drive,
-    read_only_drive,
-    sim_drive,
-    total_ratio,
-)
+from gantryctl.wiring.engine import drive_of
 
 
 class ReadDrive(Protocol):
@@ -54,7 +47,7 @@ def encoder_scale(machine: Machine, drive: ReadDrive) -> EncoderScale:
     axis = machine.axis
     return EncoderScale(
         drive.identity(),
-        total_ratio(machine),
+        machine.axis.ratio,
         machine.encoder.counts_per_turn,
         axis.pos_min_deg,
         axis.pos_max_deg,
@@ -72,7 +65,9 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> VirtualMachine:
     limit = machine.axis.mechanical_stop_deg
     if not -limit < angle_deg < limit:
         raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at +-{limit:g} deg")
-    drive = _new_drive(machine, angle_deg)
+    from gantryctl.wiring.simulator import delivered_zero_counts  # a controller on a bus loads no simulator
+
+    drive = drive_of(machine, angle_deg)
     retained = Retained(
         machine=machine.name,
         config_hash=config_hash(machine),
@@ -150,28 +145,17 @@ def _real_machine(machine: Machine, store: StateStore | None, to_look: bool) -> 
         )
     retained = store.load_retained() or Retained(machine=machine.name, config_hash=config_hash(machine))
     notes = tuple(f"retained memory: {note}" for note in store.notes)
-    drive: Drive = read_only_drive(machine) if to_look else canopen_drive(machine)
-    return VirtualMachine(drive, retained, notes)
+    if not to_look:
+        return VirtualMachine(drive_of(machine), retained, notes)
+    from gantryctl.wiring.canopen import read_only_drive  # only a machine on a bus loads the bus
 
-
-def _new_drive(machine: Machine, angle_deg: float) -> Drive:
-    match machine.drive.kind:
-        case "ideal":
-            return ideal_drive(machine, angle_deg)
-        case "sim":
-            return sim_drive(machine, angle_deg)
-        case "canopen":
-            return canopen_drive(machine, angle_deg)
+    return VirtualMachine(read_only_drive(machine), retained, notes)
 
 
 def _kept_drive(machine: Machine, state: dict[str, float]) -> Drive:
     """The drive as it was left; StateError when the state does not fit it."""
     try:
-        if machine.drive.kind == "ideal":
-            return ideal_drive(machine, deg(state["pos_ideal"]))
-        if machine.on_bus:
-            return canopen_drive(machine, state=state)
-        return sim_drive(machine, state=state)
+        return drive_of(machine, state=state)
     except (ValueError, KeyError) as fault:
         raise StateError(
             f"{machine.name}: the kept state of the simulated plant cannot be used ({fault}); "

@@ -12,14 +12,13 @@ from gantryctl.drives.canopen.bus.lock import DriveLock
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
 from gantryctl.units import rad
-from gantryctl.wiring.simulator import total_ratio
 
 _STEPPED_ANSWER_S: Final = 1.0
 
 
 def canopen_settings(machine: Machine) -> CanopenSettings:
     """What the master has to know; nothing of [plant]."""
-    c, motor, ratio = machine.can, machine.motor, total_ratio(machine)
+    c, motor, ratio = machine.can, machine.motor, machine.axis.ratio
     bits = {name: None if bit < 0 else bit for name, bit in c.inputs.model_dump().items()}
     answer_s = c.answer_ms * 1e-3
     if c.simulated:

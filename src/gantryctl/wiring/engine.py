@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from gantryctl.machine import Machine
 from gantryctl.ports import Clock, Drive, Operator, Recorder
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.runtime import Engine, FixedOperator, OverrunPolicy, RealClock, VirtualClock, trace_columns
 from gantryctl.wiring.compensation import check_calibration
-from gantryctl.wiring.drives import delivered_zero_counts, drive_of
 from gantryctl.wiring.program import axis_settings
 
 ProgramFactory = Callable[[Axis], AxisProgram]
 RecorderFactory = Callable[[tuple[str, ...]], Recorder]
+
+
+def drive_of(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> Drive:
+    """A drive of the kind that the machine file names; a real one on a bus as it stands.
+
+    Args:
+        angle_deg: where a new simulated gantry stands.
+        state: a kept `plant_state` of such a drive, to go on from; `angle_deg` is ignored then.
+
+    Raises:
+        ValueError, KeyError: a state that lacks a value or has a non-finite one.
+    """
+    # Imported here: a controller on a bus loads no simulator, and a simulation no bus.
+    if machine.on_bus:
+        from gantryctl.wiring.canopen import canopen_drive
+
+        return canopen_drive(machine, angle_deg, state)
+    from gantryctl.wiring.simulator import ideal_drive, sim_drive
+
+    return (ideal_drive if machine.drive.kind == "ideal" else sim_drive)(machine, angle_deg, state)
 
 
 def build_program(
@@ -40,6 +59,8 @@ def build_program(
     if machine.control.compensation.needs_calibration and machine.drive.kind != "ideal":
         check_calibration(machine, drive.identity().encoder_serial)
     if zero_counts is None:
+        from gantryctl.wiring.simulator import delivered_zero_counts
+
         zero_counts = float(delivered_zero_counts(machine))
     settings = axis_settings(machine, holding_torque_nm, drive.torque_preload)
     return program(Axis(settings, zero_counts, keep_plans=keep_plans))

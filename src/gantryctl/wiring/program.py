@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from typing import Final
 
+from gantryctl import _core
 from gantryctl.machine import Machine
+from gantryctl.motion import MotionLimits
 from gantryctl.program.settings import (
     AxisSettings,
     LawSettings,
@@ -18,7 +20,6 @@ from gantryctl.program.settings import (
 )
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation_settings
-from gantryctl.wiring.simulator import counts_per_turn, total_ratio
 
 _MS: Final = 1e-3
 
@@ -42,8 +43,8 @@ def axis_settings(
         law=LawSettings(
             kpp_per_s=machine.control.kpp_per_s,
             kvf=machine.control.kvf,
-            ratio=total_ratio(machine),
-            counts_per_turn=counts_per_turn(machine),
+            ratio=machine.axis.ratio,
+            counts_per_turn=machine.counts_per_turn,
             turns=encoder.turns,
             wrap_margin_rad=rad(encoder.wrap_margin_min_deg),
         ),
@@ -136,3 +137,39 @@ def _monitors(machine: Machine) -> MonitorSettings:
         torque_saturation_time_s=m.torque_saturation_time_ms * _MS,
         lease_s=m.lease_ms * _MS,
     )
+
+
+def position_law(machine: Machine) -> _core.PositionLaw:
+    """The position loop of the controller (eq. 4); reads nothing of [plant]."""
+    ratio = machine.axis.ratio
+    return _core.PositionLaw(
+        kpp_per_s=machine.control.kpp_per_s,
+        kvf=machine.control.kvf,
+        ratio=ratio,
+        counts_per_turn=machine.counts_per_turn,
+        vel_max_rad_s=rad(machine.speed.command_clamp_deg_s) * ratio,
+    )
+
+
+def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLimits:
+    """Speed, acceleration, deceleration and jerk of a normal move, SI at the gantry.
+
+    Args:
+        vel_deg_s: speed of the move; the highest speed setting when not given.
+    """
+    axis = machine.virtual_axis
+    return MotionLimits(
+        vel_rad_s=rad(vel_deg_s or machine.speed.setting_max_deg_s),
+        acc_rad_s2=rad(axis.acc_deg_s2),
+        dec_rad_s2=rad(axis.dec_deg_s2),
+        jerk_rad_s3=rad(axis.jerk_deg_s3) if axis.profile == "jerk_limited" else math.inf,
+    )
+
+
+def ramps_deg(machine: Machine, speed_deg_s: float) -> float:
+    """Way to reach a speed and to stop again, deg: the shortest move that reaches it."""
+    axis = machine.virtual_axis
+    way = 0.5 * speed_deg_s**2 * (1.0 / axis.acc_deg_s2 + 1.0 / axis.dec_deg_s2)
+    if axis.profile == "jerk_limited":
+        way += 0.5 * speed_deg_s * (axis.acc_deg_s2 + axis.dec_deg_s2) / axis.jerk_deg_s3
+    return way

@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 from gantryctl import _core
-from gantryctl.engineering.instruments.load_encoder import SCALE_TERMS
+from gantryctl.drives.ideal import IdealDrive
+from gantryctl.drives.simulated import SimDrive
 from gantryctl.machine import Machine
-from gantryctl.machine.tables.plant import GearError, Plant
-from gantryctl.motion import MotionLimits
+from gantryctl.machine.tables.plant import SCALE_TERMS, GearError, Plant
 from gantryctl.units import rad
+from gantryctl.wiring.compensation import lead_deg
 
 GRAVITY_M_S2: Final = 9.81
 _RIPPLE_FULL_TORQUE_NM: Final = 20.0  # plant equations S5: below this the ripple shrinks with the torque
-
-
-def total_ratio(machine: Machine) -> float:
-    """Motor turns per gantry turn."""
-    return machine.axis.reducer_ratio * machine.axis.ring_ratio
-
-
-def fine_counts_per_turn(machine: Machine) -> int:
-    """Fine encoder counts per motor turn, as the drive evaluates them."""
-    return machine.encoder.lines * machine.encoder.interpolation
-
-
-def counts_per_turn(machine: Machine) -> int:
-    """Counts per motor turn that the controller reads: on a bus, increments of the drive."""
-    return machine.can.increments_per_turn if machine.on_bus else fine_counts_per_turn(machine)
 
 
 def eccentric_moment_nm(machine: Machine) -> float:
@@ -41,7 +28,7 @@ def plant_params(machine: Machine) -> _core.PlantParams:
     """The plant of the simulator; a switch that is off makes its effect exactly absent (plant equations S6)."""
     plant, switch = machine.plant, machine.plant.switches
     p = _core.PlantParams()
-    p.ratio = total_ratio(machine)
+    p.ratio = machine.axis.ratio
     p.reducer_ratio = machine.axis.reducer_ratio
     p.inertia_load = plant.load.inertia_kg_m2
     p.inertia_motor = machine.motor.inertia_kg_m2 + plant.motor.wave_generator_inertia_kg_m2
@@ -132,8 +119,8 @@ def _base(p: _core.PlantParams, plant: Plant) -> None:
 def drive_params(machine: Machine) -> _core.DriveParams:
     """The simulated drive: speed PI, torque limit, encoder evaluation, brake times."""
     loop, motor, encoder = machine.drive.speed_loop, machine.motor, machine.encoder
-    ratio = total_ratio(machine)
-    fine = 2.0 * math.pi / fine_counts_per_turn(machine)
+    ratio = machine.axis.ratio
+    fine = 2.0 * math.pi / machine.encoder.fine_counts_per_turn
     coarse = 2.0 * math.pi / encoder.counts_per_turn
     count = {"ideal": 0.0, "interpolated": fine, "counts": coarse}[loop.feedback]
     p = _core.DriveParams()
@@ -154,18 +141,6 @@ def drive_params(machine: Machine) -> _core.DriveParams:
     return p
 
 
-def position_law(machine: Machine) -> _core.PositionLaw:
-    """The position loop of the controller (eq. 4); reads nothing of [plant]."""
-    ratio = total_ratio(machine)
-    return _core.PositionLaw(
-        kpp_per_s=machine.control.kpp_per_s,
-        kvf=machine.control.kvf,
-        ratio=ratio,
-        counts_per_turn=counts_per_turn(machine),
-        vel_max_rad_s=rad(machine.speed.command_clamp_deg_s) * ratio,
-    )
-
-
 def gantry_sim(
     machine: Machine, plant: _core.PlantParams | None = None, drive: _core.DriveParams | None = None
 ) -> _core.GantrySim:
@@ -178,7 +153,7 @@ def gantry_sim(
         integration.scheme,
         integration.rk4_steps,
     )
-    sim.count_offset = float(machine.plant.encoder.mounting_turns * fine_counts_per_turn(machine))
+    sim.count_offset = float(machine.plant.encoder.mounting_turns * machine.encoder.fine_counts_per_turn)
     if machine.plant.load_encoder.fitted:
         fit_load_encoder(machine, sim)
     return sim
@@ -193,25 +168,62 @@ def fit_load_encoder(machine: Machine, sim: _core.GantrySim) -> None:
     )
 
 
-def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLimits:
-    """Speed, acceleration, deceleration and jerk of a normal move, SI at the gantry.
+def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:
+    """The simulated drive with its gantry, torque off and the brake closed.
 
     Args:
-        vel_deg_s: speed of the move; the highest speed setting when not given.
+        angle_deg: where the gantry stands.
+        state: a state kept by `SimDrive.sim.state`, to go on from; `angle_deg` is ignored then.
+
+    Raises:
+        ValueError: a state that lacks a value or has a non-finite one.
     """
-    axis = machine.virtual_axis
-    return MotionLimits(
-        vel_rad_s=rad(vel_deg_s or machine.speed.setting_max_deg_s),
-        acc_rad_s2=rad(axis.acc_deg_s2),
-        dec_rad_s2=rad(axis.dec_deg_s2),
-        jerk_rad_s3=rad(axis.jerk_deg_s3) if axis.profile == "jerk_limited" else math.inf,
+    sim = gantry_sim(machine)
+    if state is None:
+        sim.static_start(rad(angle_deg), False)
+    else:
+        sim.state = dict(state)
+    return drive_around(machine, sim)
+
+
+def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
+    """The simulated drive around a plant in any state."""
+    return SimDrive(
+        sim,
+        serial=machine.plant.encoder.serial,
+        counts_per_turn=machine.encoder.fine_counts_per_turn,
+        turns=machine.encoder.turns,
+        limit_switch_rad=rad(machine.axis.limit_switch_deg),
     )
 
 
-def ramps_deg(machine: Machine, speed_deg_s: float) -> float:
-    """Way to reach a speed and to stop again, deg: the shortest move that reaches it."""
-    axis = machine.virtual_axis
-    way = 0.5 * speed_deg_s**2 * (1.0 / axis.acc_deg_s2 + 1.0 / axis.dec_deg_s2)
-    if axis.profile == "jerk_limited":
-        way += 0.5 * speed_deg_s * (axis.acc_deg_s2 + axis.dec_deg_s2) / axis.jerk_deg_s3
-    return way
+def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
+    """Encoder reading at gantry angle 0 of a new machine, zeroed with the load standing at `angle_deg`."""
+    if machine.drive.kind == "ideal":
+        return _ideal_zero_counts(machine)
+    drive = sim_drive(machine, angle_deg)
+    at_angle = drive.read().pos_act_counts
+    motor_deg = angle_deg + lead_deg(machine, angle_deg)
+    per_turn = machine.encoder.fine_counts_per_turn
+    fine = round(at_angle - motor_deg / 360.0 * machine.axis.ratio * per_turn)
+    return round(fine * machine.counts_per_turn / per_turn)
+
+
+def ideal_drive(
+    machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None
+) -> IdealDrive:
+    """The drive whose actual speed is the command, for trying programs without any plant; as `sim_drive`."""
+    return IdealDrive(
+        machine.control.scan_period_ms * 1e-3,
+        machine.counts_per_turn,
+        machine.axis.ratio,
+        pos_rad=rad(angle_deg) if state is None else state["pos_ideal"],
+        zero_counts=float(_ideal_zero_counts(machine)),
+        turns=machine.encoder.turns,
+        quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2),
+    )
+
+
+def _ideal_zero_counts(machine: Machine) -> int:
+    """The middle of the encoder's range."""
+    return machine.encoder.turns * machine.counts_per_turn // 2

@@ -12,7 +12,7 @@ from gantryctl.drives.virtual.side_channel.remote_plant import RemotePlant
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.units import rad, rad_s_from_r_min
-from gantryctl.wiring.simulator import drive_params, fine_counts_per_turn, plant_params, total_ratio
+from gantryctl.wiring.simulator import drive_params, plant_params
 
 
 def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
@@ -27,15 +27,15 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
             '[brake] owner = "controller_output": there is no wire from a controller to a virtual drive; '
             'use "drive" or "object_60FE"'
         )
-    motor, encoder, ratio = machine.motor, machine.encoder, total_ratio(machine)
+    motor, encoder, ratio = machine.motor, machine.encoder, machine.axis.ratio
     return Hardware(
         plant=plant_params(machine),
         drive=drive_params(machine),
         scheme=machine.plant.integration.scheme,
         rk4_steps=machine.plant.integration.rk4_steps,
-        fine_counts_per_turn=fine_counts_per_turn(machine),
+        fine_counts_per_turn=machine.encoder.fine_counts_per_turn,
         turns=encoder.turns,
-        count_offset=float(machine.plant.encoder.mounting_turns * fine_counts_per_turn(machine)),
+        count_offset=float(machine.plant.encoder.mounting_turns * machine.encoder.fine_counts_per_turn),
         torque_rated_nm=motor.torque_rated_nm,
         torque_max_nm=motor.torque_max_nm,
         overload_time_s=machine.drive.speed_loop.overload_time_s,

@@ -16,8 +16,8 @@ from gantryctl.machine import Machine, configs_folder, default_machine, load_mac
 from gantryctl.operation import AxisSession, StateStore
 from gantryctl.operation.proofs import check_record, load_record, record_path
 from gantryctl.operation.silence import SilenceProof, check_silence, silence_path, store_silence
-from gantryctl.wiring import canopen_settings
 from gantryctl.wiring import virtual as virtual_wiring
+from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_node
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")

@@ -9,7 +9,7 @@ import pytest
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.machine import default_machine, with_values
-from gantryctl.wiring import ideal_drive, total_ratio
+from gantryctl.wiring.simulator import ideal_drive
 
 IDEAL = with_values(default_machine(), {"drive.kind": "ideal"})
 
@@ -27,7 +27,7 @@ def test_it_stands_where_it_is_put() -> None:
 
 def test_the_angle_is_the_integral_of_the_speed() -> None:
     drive = enabled()
-    vel = math.radians(2.0) * total_ratio(IDEAL)
+    vel = math.radians(2.0) * IDEAL.axis.ratio
     for _ in range(500):
         drive.write(OutputImage(DriveRequest.ENABLE, vel, brake_open=True))
     assert math.degrees(drive.pos_rad) == pytest.approx(16.0, abs=1e-9)
@@ -42,7 +42,7 @@ def test_against_its_brake_it_stands() -> None:
 
 def test_a_quick_stop_has_the_deceleration_of_the_machine_file() -> None:
     drive = enabled()
-    vel = math.radians(5.4) * total_ratio(IDEAL)
+    vel = math.radians(5.4) * IDEAL.axis.ratio
     drive.write(OutputImage(DriveRequest.ENABLE, vel, brake_open=True))
     scans = 0
     while drive.vel_rad_s != 0.0:

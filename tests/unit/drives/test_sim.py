@@ -11,7 +11,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, EncoderFlag, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.ports import Truth
-from gantryctl.wiring import counts_per_turn, drive_around, sim_drive, total_ratio
+from gantryctl.wiring.simulator import drive_around, sim_drive
 
 RANGE = 4096 * 2048 * 2048
 
@@ -24,7 +24,7 @@ def machine() -> Machine:
 def mounted(machine: Machine, mounting_turns: float, angle_deg: float = 0.0):
     """A drive whose encoder was put on its shaft so: no machine file would allow it near the wrap."""
     drive = sim_drive(machine, angle_deg)
-    drive.sim.count_offset = mounting_turns * counts_per_turn(machine)
+    drive.sim.count_offset = mounting_turns * machine.counts_per_turn
     drive.power_on()
     return drive
 
@@ -32,7 +32,7 @@ def mounted(machine: Machine, mounting_turns: float, angle_deg: float = 0.0):
 def run(drive, seconds: float, speed_deg_s: float) -> list[float]:
     """Enabled, brake open, at a speed; the counts of every scan."""
     machine = default_machine()
-    vel = math.radians(speed_deg_s) * total_ratio(machine)
+    vel = math.radians(speed_deg_s) * machine.axis.ratio
     counts = []
     for _ in range(round(seconds / 1e-3)):
         drive.write(OutputImage(DriveRequest.ENABLE, vel, brake_open=True))
@@ -52,7 +52,7 @@ def test_the_reading_goes_on_through_the_wrap_while_power_is_on(machine: Machine
     counts = run(drive, 1.0, 0.3)
     assert counts[0] < RANGE < counts[-1]
     steps = [after - before for before, after in pairwise(counts)]
-    assert max(abs(step) for step in steps) < 0.5 * counts_per_turn(machine) / 100
+    assert max(abs(step) for step in steps) < 0.5 * machine.counts_per_turn / 100
     before = drive.read().pos_act_counts
     drive.power_on()
     assert drive.read().pos_act_counts == before - RANGE
@@ -94,7 +94,7 @@ def test_lost_turns_move_the_reading_and_nothing_else(machine: Machine) -> None:
     drive = sim_drive(machine, 5.0)
     before, truth = drive.read(), drive.truth()
     drive.lose_turns(-2)
-    assert drive.read().pos_act_counts == before.pos_act_counts - 2 * counts_per_turn(machine)
+    assert drive.read().pos_act_counts == before.pos_act_counts - 2 * machine.counts_per_turn
     assert drive.truth() == truth
 
 
@@ -118,7 +118,7 @@ def test_close_leaves_the_load_at_rest_and_the_encoder_where_it_will_be_read(mac
     assert abs(drive.truth()[1]) < 2e-5
     for _ in range(20_000):
         drive.write(OutputImage())
-    moved_deg = (drive.read().pos_act_counts - left) / counts_per_turn(machine) * 360.0 / total_ratio(machine)
+    moved_deg = (drive.read().pos_act_counts - left) / machine.counts_per_turn * 360.0 / machine.axis.ratio
     assert abs(moved_deg) < 1e-4
 
 

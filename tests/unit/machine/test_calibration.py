@@ -18,7 +18,9 @@ from gantryctl.machine import (
     load_machine,
     with_values,
 )
-from gantryctl.wiring import build_engine, compensation, sim_drive
+from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.simulator import sim_drive
 from support.improved import improved_machine
 
 TEXT = default_machine_path().with_name("hust_improved.calibration.toml").read_text(encoding="utf-8")

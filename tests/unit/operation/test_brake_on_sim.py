@@ -11,7 +11,8 @@ from gantryctl.machine import default_machine
 from gantryctl.program import BrakeTestOutcome, PowerPhase
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
-from gantryctl.wiring import build_engine, build_program, drive_around, gantry_sim, plant_params
+from gantryctl.wiring.engine import build_engine, build_program
+from gantryctl.wiring.simulator import drive_around, gantry_sim, plant_params
 
 MACHINE = default_machine()
 ANGLE_DEG = 90.0

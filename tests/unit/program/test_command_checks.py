@@ -14,7 +14,9 @@ from gantryctl.program import GantryProgram, Refusal
 from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
-from gantryctl.wiring import build_engine, ideal_drive, speed_settings, travel_settings
+from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.program import speed_settings, travel_settings
+from gantryctl.wiring.simulator import ideal_drive
 
 MACHINE = default_machine()
 TRAVEL, SPEED = travel_settings(MACHINE), speed_settings(MACHINE)

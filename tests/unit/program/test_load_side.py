@@ -10,7 +10,8 @@ from gantryctl.image import DriveFeedback, OutputImage
 from gantryctl.machine import Machine, with_values
 from gantryctl.program import Code, GantryProgram
 from gantryctl.units import deg, rad
-from gantryctl.wiring import build_engine, sim_drive
+from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.simulator import sim_drive
 from parity.test_engine_parity import Rig, powered
 from support.improved import improved_machine
 

@@ -15,7 +15,8 @@ from gantryctl.program import Axis, AxisProgram
 from gantryctl.program.blocks import MoveAbsolute, Power
 from gantryctl.service.controller.torque_model import TorqueModel
 from gantryctl.units import deg, rad
-from gantryctl.wiring import build_engine, eccentric_moment_nm
+from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.simulator import eccentric_moment_nm
 
 MACHINE = default_machine()
 RATIO, RATED_NM = 1144.0, MACHINE.motor.torque_rated_nm

@@ -13,27 +13,17 @@ from gantryctl.machine import default_machine, with_values
 from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
 from gantryctl.runtime import FixedOperator, MemoryRecorder, RealClock, ScriptedOperator, VirtualClock
 from gantryctl.units import deg, rad
-from gantryctl.wiring import (
-    axis_settings,
-    build_engine,
-    counts_per_turn,
-    delivered_zero_counts,
-    drive_params,
-    motion_limits,
-    plant_params,
-    position_law,
-    ramps_deg,
-    sim_drive,
-    total_ratio,
-)
+from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.program import axis_settings, motion_limits, position_law, ramps_deg
+from gantryctl.wiring.simulator import delivered_zero_counts, drive_params, plant_params, sim_drive
 
 MACHINE = default_machine()
 IDEAL = with_values(MACHINE, {"drive.kind": "ideal"})
 
 
 def test_the_ratio_and_the_count_are_those_of_the_paper() -> None:
-    assert total_ratio(MACHINE) == 1144.0
-    assert counts_per_turn(MACHINE) == 2048 * 2048
+    assert MACHINE.axis.ratio == 1144.0
+    assert MACHINE.counts_per_turn == 2048 * 2048
 
 
 def test_settings_are_the_machine_file_in_si() -> None:
@@ -88,7 +78,7 @@ def test_a_switch_that_is_off_makes_its_effect_exactly_absent() -> None:
 
 
 def test_the_drive_has_the_encoder_evaluation_of_the_file() -> None:
-    fine = 2.0 * math.pi / counts_per_turn(MACHINE)
+    fine = 2.0 * math.pi / MACHINE.counts_per_turn
     for feedback, count in (("ideal", 0.0), ("interpolated", fine), ("counts", 2.0 * math.pi / 8192)):
         params = drive_params(with_values(MACHINE, {"drive.speed_loop.feedback": feedback}))
         assert params.speed_count == params.position_count == count
@@ -101,7 +91,7 @@ def test_a_delivered_machine_reads_its_angle(machine: object, angle_deg: float) 
 
     made = new_machine(machine, angle_deg)  # type: ignore[arg-type]
     counts = made.drive.read().pos_act_counts - delivered_zero_counts(machine)  # type: ignore[arg-type]
-    assert counts / counts_per_turn(MACHINE) / 1144.0 * 360.0 == pytest.approx(angle_deg, abs=0.02)
+    assert counts / MACHINE.counts_per_turn / 1144.0 * 360.0 == pytest.approx(angle_deg, abs=0.02)
 
 
 def test_the_kind_of_drive_follows_the_file() -> None:

@@ -17,7 +17,7 @@ from gantryctl.operation.motions import require
 from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.service.protocol.limits import HELD_S
 from gantryctl.units import rad
-from gantryctl.wiring import speed_settings, travel_settings
+from gantryctl.wiring.program import speed_settings, travel_settings
 
 _SAME_DEG: Final = 0.01
 """An axis that has moved by more is not where it was when the person was asked."""

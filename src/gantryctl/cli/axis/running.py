@@ -32,7 +32,7 @@ from gantryctl.ports import Recorder
 from gantryctl.runtime import ArrowRecorder, MemoryRecorder
 from gantryctl.trace import Metadata, read_trace
 from gantryctl.units import DEG_S_PER_R_MIN
-from gantryctl.wiring import ramps_deg, total_ratio
+from gantryctl.wiring.program import ramps_deg
 
 TRACES_KEPT: Final = 50
 """Recordings kept in the state directory; older ones are removed. --out keeps everything."""
@@ -201,7 +201,7 @@ def _evaluate(session: AxisSession, motion: Motion | None) -> tuple[MotionSummar
     begin, end = (motion.from_s, motion.to_s) if motion is not None else (0.0, session.engine.time_s)
     if not len(trace.slice(begin, end)):
         begin, end = 0.0, session.engine.time_s
-    return summarise(trace, begin, end, total_ratio(session.machine)), file
+    return summarise(trace, begin, end, session.machine.axis.ratio), file
 
 
 def _summary_lines(machine: Machine, s: MotionSummary, motion: Motion | None, word: str) -> Iterator[str]:

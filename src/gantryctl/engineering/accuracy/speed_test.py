@@ -14,7 +14,9 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import DEG_S_PER_R_MIN, rad
-from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law, ramps_deg, total_ratio
+from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.program import motion_limits, position_law, ramps_deg
+from gantryctl.wiring.simulator import gantry_sim
 
 PAPER_SPEEDS_R_MIN: Final = (0.1, 0.5, 1.0)
 CRUISE_S: Final = 15.0
@@ -74,7 +76,7 @@ def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
 def _evaluate(
     machine: Machine, before: Log, log: Log, move: tuple[float, float], speed_deg_s: float
 ) -> SpeedRun:
-    ratio = total_ratio(machine)
+    ratio = machine.axis.ratio
     direction = Direction.CCW if move[1] >= move[0] else Direction.CW
 
     def whole(column: str) -> FloatArray:

@@ -15,7 +15,9 @@ from gantryctl.engineering.batch import ClosedLoop, Log
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import compensation, gantry_sim, motion_limits, plant_params, position_law, total_ratio
+from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import gantry_sim, plant_params
 
 REST_S: Final = 1.0
 SETTLE_S: Final = 6.0
@@ -130,7 +132,7 @@ def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Mov
     first, last = (end + round(t / period_s) for t in _RESIDUAL_S)
     final = float(np.mean(load[-round(1.0 / period_s) :]))
     outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
-    motor = column["vel_motor_rad_s"] / total_ratio(machine)
+    motor = column["vel_motor_rad_s"] / machine.axis.ratio
     return Move(
         time_s=duration_s,
         load_error_deg_s=math.degrees(float(np.max(np.abs(column["vel_load_rad_s"] - ref)))),

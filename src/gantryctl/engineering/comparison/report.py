@@ -12,7 +12,7 @@ from gantryctl.engineering.comparison.profiles import ProfileRow, profiles_at_eq
 from gantryctl.engineering.comparison.variants import Variant, check_same_plant, variants
 from gantryctl.engineering.identification import Comparison, comparisons
 from gantryctl.machine import Machine
-from gantryctl.wiring import check_calibration
+from gantryctl.wiring.compensation import check_calibration
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,6 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Calibration, Identified, Machine, Maps, identity_hash
 from gantryctl.machine.calibration import MAP_HARMONICS, REVERSAL_HARMONICS, SCALE_HARMONICS, Origin
 from gantryctl.units import rad
-from gantryctl.wiring import total_ratio
 
 _DATE_OF_NOBODY: Final = "1970-01-01"
 _SLOW_CYCLES: Final = (
@@ -171,7 +170,7 @@ def _numbers(machine: Machine, recording: Recording, windup: float) -> Identifie
     columns = np.concatenate(
         [np.column_stack([waves_of(p.act_rad, [1]), p.direction, p.vel_rad_s, p.acc_rad_s2]) for p in parts]
     )
-    ratio = total_ratio(machine)
+    ratio = machine.axis.ratio
     torque = np.concatenate([p.torque_nm for p in parts]) * ratio
     sine, cosine, friction, viscous, inertia = (float(v) for v in _solve(columns, torque))
     load = inertia - ratio * ratio * machine.motor.inertia_kg_m2

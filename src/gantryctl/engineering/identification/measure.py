@@ -15,7 +15,8 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.motion import MotionLimits, SetPoint, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import fit_load_encoder, gantry_sim, position_law
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import fit_load_encoder, gantry_sim
 
 Floats = NDArray[np.float64]
 

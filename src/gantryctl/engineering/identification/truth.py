@@ -11,7 +11,7 @@ from gantryctl import _core
 from gantryctl.engineering.identification.fit import waves_of
 from gantryctl.machine import Calibration, Machine
 from gantryctl.units import rad
-from gantryctl.wiring import plant_params
+from gantryctl.wiring.simulator import plant_params
 
 
 class Comparison(NamedTuple):

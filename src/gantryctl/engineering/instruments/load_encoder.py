@@ -8,10 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gantryctl.errors import UsageError
+from gantryctl.machine.tables.plant import SCALE_TERMS
 
 MAX_BITS = 32
-SCALE_TERMS = ((2.0, 1.0, 1.0), (5.0, 0.6, 2.0), (37.0, 0.4, 3.0))
-"""Scale error over one turn: waves per turn, relative amplitude, phase in rad."""
 
 
 class LoadEncoder:

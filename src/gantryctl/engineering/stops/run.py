@@ -15,14 +15,8 @@ from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
 from gantryctl.units import deg, rad
-from gantryctl.wiring import (
-    drive_params,
-    eccentric_moment_nm,
-    gantry_sim,
-    plant_params,
-    position_law,
-    total_ratio,
-)
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
 
 Floats = NDArray[np.float64]
 
@@ -121,7 +115,7 @@ def _cruising(
         sign = math.copysign(1.0, eccentric_moment_nm(machine))
         plant.eccentric_moment = sign * machine.plant.load.eccentric_check_moment_nm
     if quick_dec_deg_s2 is not None:
-        drive.quick_dec = rad(quick_dec_deg_s2) * total_ratio(machine)
+        drive.quick_dec = rad(quick_dec_deg_s2) * machine.axis.ratio
     speed = rad(speed_deg_s)
     acc = abs(speed) / _RAMP_UP_S
     limits = MotionLimits(abs(speed), acc, acc, acc / 0.5)
@@ -153,7 +147,7 @@ def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: 
                 "loops are too stiff to be simulated; go back towards the defaults"
             ]
         )
-    ratio = total_ratio(machine)
+    ratio = machine.axis.ratio
     motor, vel_motor, load = log["pos_motor_rad"], np.abs(log["vel_motor_rad_s"]), log["pos_load_rad"]
     moving = np.nonzero(vel_motor / ratio > rad(AT_REST_DEG_S))[0]
     rest = min(int(moving[-1]) + 1, len(motor) - 1) if len(moving) else 0

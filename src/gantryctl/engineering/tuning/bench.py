@@ -20,7 +20,8 @@ from gantryctl.engineering.tuning.gains import Gains
 from gantryctl.machine import Machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
 from gantryctl.units import deg, rad
-from gantryctl.wiring import drive_params, gantry_sim, motion_limits, plant_params, position_law, total_ratio
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params
 
 Floats = NDArray[np.float64]
 
@@ -226,7 +227,7 @@ def _speed_after(sim: _core.GantrySim, vel_cmd_rad_s: float) -> float:
 
 
 def _judged(machine: Machine, log: Log, plan: _core.Segments) -> MoveResult:
-    ratio = total_ratio(machine)
+    ratio = machine.axis.ratio
     ref, motor, load = log["vel_ref_rad_s"], log["vel_motor_rad_s"] / ratio, log["vel_load_rad_s"]
     top = float(np.max(np.abs(ref)))
     time, after = log.time_s, log.time_s - plan.duration

@@ -30,7 +30,7 @@ from gantryctl.engineering.tuning.gains import Gains, configured, settings_with
 from gantryctl.engineering.tuning.judge import damping_left
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
-from gantryctl.wiring import drive_params
+from gantryctl.wiring.simulator import drive_params
 
 _CORNERS: Final = Uncertainty(stiffness_steps=3, load_inertia=(0.8, 1.2))
 _LOWEST: Final = Gains(5.0, 0.002, 0.5, 1.0, 0.1)

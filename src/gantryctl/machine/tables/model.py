@@ -55,6 +55,11 @@ class Machine(Table):
         return self._calibration
 
     @property
+    def counts_per_turn(self) -> int:
+        """Counts per motor turn that the controller reads: on a bus, increments of the drive."""
+        return self.can.increments_per_turn if self.on_bus else self.encoder.fine_counts_per_turn
+
+    @property
     def on_bus(self) -> bool:
         """The drive is a node on a CAN bus, real or virtual."""
         return self.drive.kind == "canopen"

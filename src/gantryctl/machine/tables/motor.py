@@ -55,6 +55,11 @@ class Encoder(Table):
         "Least distance between travel and the wrap of the encoder, at the gantry.",
     )
 
+    @property
+    def fine_counts_per_turn(self) -> int:
+        """Counts per motor turn as a simulated drive evaluates them."""
+        return self.lines * self.interpolation
+
 
 class Brake(Table):
     """[brake]: the holding brake on the motor shaft and how it is used."""

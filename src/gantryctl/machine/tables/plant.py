@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator
 
@@ -185,6 +185,10 @@ class PlantEncoder(Table):
     latency_us: float = number(62.5, 0.0, 2000.0, "us", "estimate", "Age of the angle when it is read.")
     mounting_turns: int = number(2048, 0, 65536, "turns", "choice", "Encoder turns at gantry 0 deg.")
     serial: str = text("SIM-0001", 40, "choice", "Serial number the simulated encoder reports.")
+
+
+SCALE_TERMS: Final = ((2.0, 1.0, 1.0), (5.0, 0.6, 2.0), (37.0, 0.4, 3.0))
+"""Scale error of the encoder on the ring over one turn: waves per turn, relative amplitude, phase in rad."""
 
 
 class LoadEncoder(Table):

@@ -23,7 +23,7 @@ from gantryctl.service.command.rules import rules_of
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.trace_ring import RingRecorder
-from gantryctl.wiring import build_engine, build_program
+from gantryctl.wiring.engine import build_engine, build_program
 
 BUS: Final = "CFG-CAN"
 """Beginning of a refusal that comes from the bus."""

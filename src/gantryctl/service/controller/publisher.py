@@ -21,7 +21,7 @@ from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.tags import BY_NAME
 from gantryctl.units import deg
-from gantryctl.wiring import speed_settings
+from gantryctl.wiring.program import speed_settings
 
 FAST_S: Final = 0.010
 SLOW_S: Final = 1.0

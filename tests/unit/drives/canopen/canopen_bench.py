@@ -10,7 +10,7 @@ from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.drives.virtual import Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.wiring import canopen_settings, total_ratio
+from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_node
 
 ENABLE = DriveRequest.ENABLE
@@ -34,7 +34,7 @@ class Bench:
         self.machine = machine(*changes)
         self.link, self.virtual = virtual_node(self.machine, angle_deg, quirks=quirks)
         self.drive = CanopenDrive(self.link, canopen_settings(self.machine), self.virtual)
-        self.ratio = total_ratio(self.machine)
+        self.ratio = self.machine.axis.ratio
         self._ask = Requests(self.virtual).answer
 
     def ask(self, cmd: str, **fields: object) -> dict[str, object]:

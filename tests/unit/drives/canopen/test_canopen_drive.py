@@ -11,7 +11,7 @@ from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
-from gantryctl.wiring import canopen_drive
+from gantryctl.wiring.canopen import canopen_drive
 from unit.drives.canopen.canopen_bench import ENABLE, SYNC_S, Bench
 
 USABLE = [

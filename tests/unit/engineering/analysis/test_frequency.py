@@ -24,7 +24,8 @@ from gantryctl.errors import AlarmStop, UsageError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import default_machine, with_values
 from gantryctl.units import rad
-from gantryctl.wiring import motion_limits, position_law, sim_drive
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import sim_drive
 
 MACHINE = default_machine()
 OFF = (

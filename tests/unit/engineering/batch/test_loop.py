@@ -13,7 +13,8 @@ from gantryctl.engineering.batch.loop import scans
 from gantryctl.machine import default_machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import gantry_sim, motion_limits, position_law
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import gantry_sim
 
 MACHINE = default_machine()
 

@@ -9,14 +9,8 @@ import pytest
 
 from gantryctl.engineering.comparison import FIGURES
 from gantryctl.machine import default_machine_path, load_calibration, load_machine
-from gantryctl.wiring import (
-    compensation,
-    counts_per_turn,
-    delivered_zero_counts,
-    lead_deg,
-    sim_drive,
-    total_ratio,
-)
+from gantryctl.wiring.compensation import compensation, lead_deg
+from gantryctl.wiring.simulator import delivered_zero_counts, sim_drive
 from support.command_line import cli
 
 IMPROVED = default_machine_path().with_name("hust_improved.toml")
@@ -113,7 +107,7 @@ def test_a_zero_set_away_from_0_counts_the_lead_of_the_motor() -> None:
     assert abs(lead_deg(machine, 60.0)) > 0.002
     drive = sim_drive(machine, 60.0)
     counts = drive.read().pos_act_counts
-    per_deg = 360.0 / (counts_per_turn(machine) * total_ratio(machine))
+    per_deg = 360.0 / (machine.counts_per_turn * machine.axis.ratio)
     at_60, at_0 = (counts - (a + lead_deg(machine, a)) / per_deg for a in (60.0, 0.0))
     assert delivered_zero_counts(machine, 60.0) == pytest.approx(at_60, abs=1.0)
     assert delivered_zero_counts(machine, 60.0) == pytest.approx(

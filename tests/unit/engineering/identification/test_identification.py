@@ -19,7 +19,7 @@ from gantryctl.engineering.identification import (
 )
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
-from gantryctl.wiring import compensation
+from gantryctl.wiring.compensation import compensation
 from support.improved import improved_machine
 
 EVERYTHING_OFF = {

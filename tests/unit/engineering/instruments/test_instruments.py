@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl.engineering.instruments import LoadEncoder, MotorSide
-from gantryctl.engineering.instruments.load_encoder import SCALE_TERMS
 from gantryctl.errors import UsageError
+from gantryctl.machine.tables.plant import SCALE_TERMS
 from gantryctl.ports import Instrument
 
 DWELL = (0.5, 0.4999, 0.5001)

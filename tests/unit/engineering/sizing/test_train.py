@@ -12,7 +12,8 @@ from gantryctl.engineering.sizing.train import Train, over_angle
 from gantryctl.machine import default_machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, plan_velocity
 from gantryctl.units import deg, rad
-from gantryctl.wiring import gantry_sim, position_law
+from gantryctl.wiring.program import position_law
+from gantryctl.wiring.simulator import gantry_sim
 
 
 @pytest.fixture

@@ -16,7 +16,9 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
 from gantryctl.units import rad
-from gantryctl.wiring import compensation, gantry_sim, motion_limits, position_law
+from gantryctl.wiring.compensation import compensation
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import gantry_sim
 
 REST_S: Final = 2.0
 """Rest before the first stop of a run."""

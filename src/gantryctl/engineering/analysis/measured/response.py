@@ -27,7 +27,8 @@ from gantryctl.engineering.analysis.models.sampled import Input, SampledLoop, lo
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.units import rad
-from gantryctl.wiring import motion_limits, position_law, sim_drive
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import sim_drive
 
 LOW_HZ: Final = 0.25
 HIGH_HZ: Final = 200.0

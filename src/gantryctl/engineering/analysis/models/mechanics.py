@@ -18,7 +18,7 @@ import numpy as np
 from gantryctl import _core
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
 from gantryctl.machine import Machine
-from gantryctl.wiring import plant_params
+from gantryctl.wiring.simulator import plant_params
 
 IDEAL_BANDWIDTH_RAD_S: Final = 1e6
 """Stands for a current loop that follows at once: 1 us."""

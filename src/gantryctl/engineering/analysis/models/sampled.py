@@ -22,7 +22,7 @@ import numpy as np
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray, expm
 from gantryctl.engineering.analysis.models.mechanics import BASE, LOAD, MOTOR, Mechanics
 from gantryctl.machine import Machine
-from gantryctl.wiring import drive_params
+from gantryctl.wiring.simulator import drive_params
 
 
 @dataclass(frozen=True)
