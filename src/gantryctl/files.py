@@ -6,6 +6,7 @@ import contextlib
 import os
 import secrets
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from gantryctl.errors import StateError
@@ -15,6 +16,7 @@ def write_whole(path: Path, data: bytes | str, *, private: bool = False, make_fo
     """Replace a file, or leave it as it was; it is on the disk when this returns.
 
     Args:
+        path: the file.
         data: its content, text as UTF-8.
         private: only the user of this process may read it.
         make_folder: make the folder of the file where it is missing.
@@ -22,21 +24,36 @@ def write_whole(path: Path, data: bytes | str, *, private: bool = False, make_fo
     Raises:
         StateError: the disk does not take it. The old file is whole, and nothing is left beside it.
     """
-    partial = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")  # two writers do not meet in it
     mode = 0o600 if private else 0o666
+    with (
+        replacing(path, make_folder=make_folder) as draft,
+        open(draft, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file,
+    ):
+        file.write(data.encode() if isinstance(data, str) else data)
+
+
+@contextlib.contextmanager
+def replacing(path: Path, *, make_folder: bool = False) -> Iterator[Path]:
+    """Give the name of a draft in the same folder, and put what was written there in the place of `path`.
+
+    Raises:
+        StateError: as `write_whole`.
+    """
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")  # two writers do not meet in it
     try:
         if make_folder:
             path.parent.mkdir(parents=True, exist_ok=True)
-        with open(partial, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file:
-            file.write(data.encode() if isinstance(data, str) else data)
-            file.flush()
-            os.fsync(file.fileno())
-        partial.replace(path)
+        yield draft
+        with draft.open("rb+") as written:
+            os.fsync(written.fileno())
+        draft.replace(path)
         _sync_folder(path.parent)
-    except OSError as fault:
+    except BaseException as fault:
         with contextlib.suppress(OSError):
-            partial.unlink()
-        raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+            draft.unlink()
+        if isinstance(fault, OSError):
+            raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
+        raise
 
 
 def _sync_folder(folder: Path) -> None:

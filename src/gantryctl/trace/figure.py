@@ -15,7 +15,8 @@ import numpy as np
 
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
-from gantryctl.trace.table import Floats, Trace
+from gantryctl.trace.files import Floats
+from gantryctl.trace.table import Trace
 from gantryctl.units import deg
 
 if TYPE_CHECKING:

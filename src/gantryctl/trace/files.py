@@ -5,18 +5,21 @@ pyarrow is imported where it is used: it costs a third of a second.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
-import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gantryctl.errors import DeviceError
-from gantryctl.trace.table import Floats, Metadata, Trace
+from gantryctl.files import replacing
+
+Floats: TypeAlias = NDArray[np.float64]
+Metadata: TypeAlias = Mapping[str, "str | int | float | bool | None"]
+"""What a recording says of itself: `machine`, `config_hash`, `version`, `seed`, `epoch`, `period_s` ..."""
 
 LIVE_SUFFIX: Final = ".arrows"
 CLOSED_SUFFIX: Final = ".parquet"
@@ -88,22 +91,17 @@ def write_parquet(path: Path, schema: Any, batches: Iterable[Any]) -> None:
     import pyarrow.parquet as pq
 
     options = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
-    partial = path.with_name(path.name + ".part")
     try:
-        with pq.ParquetWriter(partial, schema, **options) as writer:
-            for group in _row_groups(batches, _rows_per_group(schema)):
+        with replacing(path) as draft, pq.ParquetWriter(draft, schema, **options) as writer:
+            for group in _row_groups(batches, rows_per_group(schema)):
                 table = pa.Table.from_batches(group, schema=schema)
                 writer.write_table(table, row_group_size=max(1, table.num_rows))
-        with partial.open("rb+") as written:
-            os.fsync(written.fileno())
-        partial.replace(path)
-    except (pa.ArrowException, OSError) as fault:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
+    except pa.ArrowException as fault:
         raise DeviceError(f"{path}: cannot be written: {fault}") from fault
 
 
-def _rows_per_group(schema: Any) -> int:
+def rows_per_group(schema: Any) -> int:
+    """Rows of `ROW_GROUP_S`, by the period that the metadata gives."""
     period_s = json.loads(schema.metadata[METADATA_KEY]).get("period_s")
     if isinstance(period_s, int | float) and period_s > 0:
         return max(1, round(ROW_GROUP_S / period_s))
@@ -126,24 +124,19 @@ def _row_groups(batches: Iterable[Any], rows_per_group: int) -> Iterator[list[An
         yield group
 
 
-def export_parquet(trace: Trace, path: Path) -> None:
-    """Write a trace as Parquet, with its metadata."""
-    schema = arrow_schema(trace.columns, trace.metadata)
-    step = _rows_per_group(schema)
-    batches = (record_batch(schema, trace.rows(start, start + step)) for start in range(0, len(trace), step))
-    write_parquet(path, schema, batches)
+def write_csv(path: Path, columns: Mapping[str, Floats]) -> None:
+    """Write columns as CSV: a header line, numbers in the shortest form that reads back to the same value.
 
-
-def export_csv(trace: Trace, path: Path) -> None:
-    """Write a trace as CSV: a header line, numbers in the shortest form that reads back to the same value."""
+    Raises:
+        DeviceError: the file cannot be written.
+    """
     import pyarrow as pa
     import pyarrow.csv as pa_csv
 
-    table = pa.table({name: trace[name] for name in trace.columns})
     options = pa_csv.WriteOptions(include_header=False, quoting_style="none")
     try:
-        with path.open("wb") as file:
-            file.write((",".join(trace.columns) + "\n").encode())
-            pa_csv.write_csv(table, file, options)
+        with path.open("wb") as file:  # not by way of a draft: it may be a pipe
+            file.write((",".join(columns) + "\n").encode())
+            pa_csv.write_csv(pa.table(dict(columns)), file, options)
     except OSError as fault:
         raise DeviceError(f"{path}: cannot be written: {fault}") from fault

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from gantryctl.errors import DeviceError
-from gantryctl.trace.files import METADATA_KEY, STREAM_END
-from gantryctl.trace.table import Metadata, Trace
+from gantryctl.trace.files import METADATA_KEY, STREAM_END, Metadata
+from gantryctl.trace.table import Trace
 
 _PARQUET_MAGIC: Final = b"PAR1"
 _STREAM_MAGIC: Final = b"\xff\xff\xff\xff"

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gantryctl.trace.columns import unit_of
-from gantryctl.trace.table import Floats, Trace
+from gantryctl.trace.files import Floats
+from gantryctl.trace.table import Trace
 
 
 class ColumnSummary(NamedTuple):

@@ -5,17 +5,20 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gantryctl.errors import UsageError
 from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees
-
-Floats: TypeAlias = NDArray[np.float64]
-Metadata: TypeAlias = Mapping[str, "str | int | float | bool | None"]
-"""What a recording says of itself: `machine`, `config_hash`, `version`, `seed`, `epoch`, `period_s` ..."""
+from gantryctl.trace.files import (
+    Floats,
+    Metadata,
+    arrow_schema,
+    record_batch,
+    rows_per_group,
+    write_csv,
+    write_parquet,
+)
 
 
 class TraceHash:
@@ -121,12 +124,13 @@ class Trace:
 
     def to_csv(self, path: str | Path) -> None:
         """Export with one header line; numbers read back to the same value."""
-        from gantryctl.trace.files import export_csv
-
-        export_csv(self, Path(path))
+        write_csv(Path(path), self._data)
 
     def to_parquet(self, path: str | Path) -> None:
         """Export with the metadata; `read_trace` reads it back."""
-        from gantryctl.trace.files import export_parquet
-
-        export_parquet(self, Path(path))
+        schema = arrow_schema(self.columns, self.metadata)
+        step = rows_per_group(schema)
+        batches = (
+            record_batch(schema, self.rows(start, start + step)) for start in range(0, len(self), step)
+        )
+        write_parquet(Path(path), schema, batches)
