@@ -54,7 +54,7 @@ def size(
     if limits:
         return _print_limits(machine, shown)
     if as_json:
-        from gantryctl.engineering.sizing.as_json import sizing_data
+        from gantryctl.engineering.sizing.data import sizing_data
 
         print_json(sizing_data(shown, fits, machine.drive.speed_loop))
     else:
@@ -91,7 +91,7 @@ def _expanded(path: Path) -> list[Path]:
 
 
 def _sheet(path: Path | None) -> Sheet:
-    from gantryctl.engineering.sizing.sheet import default_sheet_path, load_sheet
+    from gantryctl.engineering.sizing.loading import default_sheet_path, load_sheet
 
     return load_sheet(path or default_sheet_path())
 
@@ -124,15 +124,14 @@ def _write(machine: Machine, shown: Fit, path: Path) -> None:
 
 
 def _show(sheet: Sheet, shown: Fit, fits: list[Fit]) -> None:
-    from gantryctl.engineering.sizing import tables
-    from gantryctl.engineering.sizing.sentences import sentences
+    from gantryctl.engineering.sizing import text
 
     click.echo(f"{sheet.sheet.name}: {sheet.sheet.description}")
-    print_table(tables.paper_table(sheet))
-    print_table(tables.complete_table(shown))
-    print_table(tables.angle_table(shown))
-    print_table(tables.further_table(shown))
-    print_table(tables.motors_table(fits))
+    print_table(text.paper_table(sheet))
+    print_table(text.complete_table(shown))
+    print_table(text.angle_table(shown))
+    print_table(text.further_table(shown))
+    print_table(text.motors_table(fits))
     click.echo()
-    for text in sentences(shown, fits):
-        paragraph(text)
+    for sentence in text.sentences(shown, fits):
+        paragraph(sentence)

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gantryctl.engineering.analysis.models.profiles import trapezoid_peak_speed, trapezoid_time_s
+from gantryctl.engineering.sizing.sheet import Sheet
+from gantryctl.engineering.sizing.train import Train
 from gantryctl.units import DEG_S_PER_R_MIN, rad
-
-if TYPE_CHECKING:
-    from gantryctl.engineering.sizing.sheet import Sheet
-    from gantryctl.engineering.sizing.train import Train
 
 Floats = NDArray[np.float64]
 _SAMPLES = 2001

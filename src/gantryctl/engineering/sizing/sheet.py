@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 from pydantic import Field
 
-from gantryctl.engineering.sizing.sheet_rules import contradictions
-from gantryctl.errors import ConfigError
-from gantryctl.machine import configs_folder, load_table
 from gantryctl.machine.tables.axis import Identity
 from gantryctl.machine.tables.fields import SOURCE, UNIT, Table, number, required_number, table
-
-DEFAULT_SHEET: Final = "hust_gantry.toml"
 
 
 class Range(Table):
@@ -144,21 +138,3 @@ class Sheet(Table):
     gears: Gears = table("The transmission.")
     duty: Duty = table("One treatment day.", Duty)
     margins: Margins = table("How much more than needed.", Margins)
-
-
-def default_sheet_path() -> Path:
-    """Where the reference machine's requirement sheet lies."""
-    return configs_folder() / "requirements" / DEFAULT_SHEET
-
-
-def load_sheet(path: Path | str) -> Sheet:
-    """Read and check a requirement sheet.
-
-    Raises:
-        ConfigError: one line per problem, all of them; an impossible requirement is a problem too.
-    """
-    sheet = load_table(Sheet, path)
-    lines = contradictions(sheet)
-    if lines:
-        raise ConfigError([f"{path}: {line}" for line in lines])
-    return sheet

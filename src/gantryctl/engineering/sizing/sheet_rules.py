@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from gantryctl.engineering.sizing.duty import treatment_time_s
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
+from gantryctl.engineering.sizing.sheet import Sheet
+from gantryctl.engineering.sizing.train import REACTION_S
 from gantryctl.machine.derived import G_M_S2
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
-
-if TYPE_CHECKING:
-    from gantryctl.engineering.sizing.sheet import Sheet
-
-REACTION_S = 0.06
-"""Travel time before a quick stop begins, as `gantryctl stops` counts it."""
 
 
 def contradictions(sheet: Sheet) -> list[str]:
@@ -72,22 +67,12 @@ def _gears(sheet: Sheet) -> list[str]:
             f"eccentric moment itself, mass x {G_M_S2:g} x eccentricity = {nominal:.4g} N m"
         )
     sizing = mean_acceleration_rad_s2(sheet.motion.speed_max_r_min, sheet.motion.sizing_time_s)
-    cases = {
-        f"sizing_time_s = {sheet.motion.sizing_time_s:g} s": (
-            sizing,
-            g.torque_momentary_nm,
-            "torque_momentary_nm",
-        ),
-        f"acc_deg_s2 = {sheet.motion.acc_deg_s2:g} deg/s2": (
-            rad(sheet.motion.acc_deg_s2),
-            g.torque_rated_nm,
-            "torque_rated_nm",
-        ),
-    }
-    for what, (acc, limit, key) in cases.items():
-        need = (
-            load.inertia_kg_m2 * acc + load.eccentric_check_moment_nm + load.friction_coulomb_nm
-        ) / g.ring_ratio
+    for what, acc, key in (
+        (f"sizing_time_s = {sheet.motion.sizing_time_s:g} s", sizing, "torque_momentary_nm"),
+        (f"acc_deg_s2 = {sheet.motion.acc_deg_s2:g} deg/s2", rad(sheet.motion.acc_deg_s2), "torque_rated_nm"),
+    ):
+        at_ring = load.inertia_kg_m2 * acc + load.eccentric_check_moment_nm + load.friction_coulomb_nm
+        need, limit = at_ring / g.ring_ratio, getattr(g, key)
         if need > limit:
             lines.append(
                 f"[motion] {what}: the load alone puts {need:.4g} N m on the reducer (acceleration, largest eccentric "
@@ -97,8 +82,6 @@ def _gears(sheet: Sheet) -> list[str]:
 
 
 def _duty(sheet: Sheet) -> list[str]:
-    from gantryctl.engineering.sizing.duty import treatment_time_s
-
     duty, lines = sheet.duty, []
     low, high = sheet.range.pos_min_deg, sheet.range.pos_max_deg
     for stop in duty.stops_deg:

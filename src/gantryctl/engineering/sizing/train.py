@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2, reflected_inertia_kg_m2
 from gantryctl.engineering.sizing.sheet import Sheet
-from gantryctl.engineering.sizing.sheet_rules import REACTION_S
 from gantryctl.machine.derived import G_M_S2
 from gantryctl.units import DEG_S_PER_R_MIN, rad
 
 Floats = NDArray[np.float64]
+
+REACTION_S = 0.06
+"""Travel time before a quick stop begins, as `gantryctl stops` counts it."""
 
 
 class Part(NamedTuple):
@@ -162,6 +164,15 @@ class Train:
     def kinetic_energy_j(self) -> float:
         """Of the whole train at the highest speed."""
         return 0.5 * self.inertia_kg_m2 * (self.ratio * self.speed_rad_s) ** 2
+
+    @property
+    def braking_power_w(self) -> float:
+        """Mechanical power into the motor: slowing down from the highest speed as hard as in the sizing case, the
+        largest eccentric moment driving.
+        """
+        w, against = self.speed_rad_s, -self.sheet.load.eccentric_check_moment_nm
+        torque = float(self.motor_nm(-self.sizing_acc_rad_s2, w, against))
+        return max(0.0, -torque * w * self.ratio)
 
 
 ANGLES_DEG = (0.0, 45.0, 90.0, 135.0, 180.0)

@@ -2,8 +2,8 @@
 
 import pytest
 
+from gantryctl.engineering.sizing.loading import default_sheet_path, load_sheet
 from gantryctl.engineering.sizing.motors import load_motors
-from gantryctl.engineering.sizing.sheet import default_sheet_path, load_sheet
 from gantryctl.machine import configs_folder
 
 

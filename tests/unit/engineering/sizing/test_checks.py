@@ -5,8 +5,8 @@ import pytest
 from gantryctl.engineering.accuracy.paper import REQUIREMENT_DEG
 from gantryctl.engineering.sizing.chain import as_tables, machine_values, sized_machine
 from gantryctl.engineering.sizing.checks import fit, usable_torque_nm
+from gantryctl.engineering.sizing.loading import load_sheet
 from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
-from gantryctl.engineering.sizing.sheet import load_sheet
 from gantryctl.errors import ConfigError
 from gantryctl.machine import config_hash, default_machine, effective_values, parse_machine, to_toml
 

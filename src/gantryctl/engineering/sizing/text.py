@@ -1,4 +1,4 @@
-"""The result of a sizing as tables of text."""
+"""The result of a sizing for people: tables, and what they mean in plain sentences."""
 
 from __future__ import annotations
 
@@ -135,47 +135,81 @@ def _energy_rows(fitted: Fit) -> Rows:
         ("regeneration, electrical: per treatment; mean of the day", back),
         (
             "regeneration, largest: braking as in the sizing case",
-            f"{efficiency * braking_power_w(fitted) / 1e3:.1f} kW",
+            f"{efficiency * fitted.train.braking_power_w / 1e3:.1f} kW",
         ),
     )
 
 
-def braking_power_w(fitted: Fit) -> float:
-    """Mechanical power into the motor: slowing down from the highest speed as hard as in the sizing case, the largest
-    eccentric moment driving.
-    """
-    train, w = fitted.train, fitted.train.speed_rad_s
-    torque = float(train.motor_nm(-train.sizing_acc_rad_s2, w, -train.sheet.load.eccentric_check_moment_nm))
-    return max(0.0, -torque * w * train.ratio)
-
-
 def motors_table(fits: Sequence[Fit]) -> TextTable:
     """Which motors fit."""
-    heads = (
-        "motor",
-        "rated\nkW",
-        "rated\nN m",
-        "highest\nN m",
-        "rated\nr/min",
-        "rotor\nkg m2",
-        "fits",
-        "tightest",
-        "used\n%",
-    )
+    heads = ("motor", "rated\nkW", "rated\nN m", "highest\nN m", "rated\nr/min", "rotor\nkg m2")
     rows = []
     for fitted in fits:
-        plate = fitted.motor.motor
-        rows.append(
-            (
-                fitted.motor.name,
-                f"{plate.power_rated_kw:g}",
-                f"{plate.torque_rated_nm:g}",
-                f"{plate.torque_max_nm:g}",
-                f"{plate.speed_rated_r_min:g}",
-                f"{plate.inertia_kg_m2:g}",
-                "yes" if fitted.fits else "NO",
-                fitted.tightest.name,
-                f"{100.0 * fitted.tightest.part:.0f}",
+        p, tightest = fitted.motor.motor, fitted.tightest
+        plate = (p.power_rated_kw, p.torque_rated_nm, p.torque_max_nm, p.speed_rated_r_min, p.inertia_kg_m2)
+        answer = ("yes" if fitted.fits else "NO", tightest.name, f"{100.0 * tightest.part:.0f}")
+        rows.append((fitted.motor.name, *(f"{value:g}" for value in plate), *answer))
+    return TextTable("Motors", (*heads, "fits", "tightest", "used\n%"), tuple(rows))
+
+
+def sentences(shown: Fit, fits: Sequence[Fit]) -> list[str]:
+    """The complete torque against the paper's, the reducer, and why motors do not fit."""
+    found = [_torque(shown), _acceleration(shown), *_reducer(shown)]
+    for fitted in fits:
+        if fitted.fits:
+            tightest = fitted.tightest
+            found.append(
+                f"{fitted.motor.name} fits; the tightest is {tightest.name}: {tightest.used:.4g} of "
+                f"{tightest.limit:.4g} {tightest.unit}."
             )
+        else:
+            found.append(f"{fitted.motor.name} does not fit: {'; '.join(fitted.reasons)}.")
+    if not any(fitted.fits for fitted in fits):
+        found.append("No motor fits; choose a larger one, or ask for less.")
+    return found
+
+
+def _torque(shown: Fit) -> str:
+    train, motor = shown.train, shown.motor
+    speed = eq.motor_speed_r_min(train.sheet.motion.speed_max_r_min, train.ratio)
+    paper = eq.motor_torque_nm(train.sheet.load.inertia_kg_m2, train.sizing_acc_rad_s2, train.ratio)
+    complete = train.largest_nm(train.sizing_acc_rad_s2)
+    rated = motor.torque_at_nm(motor.motor.torque_rated_nm, speed)
+    how = "within" if complete <= rated else "above"
+    return (
+        f"The sizing case takes {complete:.0f} N m, not the {paper:.0f} N m of eq. (2): {how} the {rated:.0f} N m that "
+        f"{motor.name} gives for ever at {speed:.0f} r/min"
+        + (
+            f"; for {train.sheet.motion.sizing_time_s:g} s it needs its overload of {motor.motor.torque_max_nm:g} N m."
+            if complete > rated
+            else "."
         )
-    return TextTable("Motors", heads, tuple(rows))
+    )
+
+
+def _acceleration(shown: Fit) -> str:
+    train = shown.train
+    ratio = train.sizing_acc_rad_s2 / train.normal_acc_rad_s2
+    return (
+        f"Normal moves accelerate with {deg(train.normal_acc_rad_s2):.4g} deg/s2, {ratio:.3g} times less than the "
+        f"sizing case, and take at most {train.largest_nm(train.normal_acc_rad_s2):.0f} N m."
+    )
+
+
+def _reducer(shown: Fit) -> list[str]:
+    train, gears = shown.train, shown.train.sheet.gears
+    found = []
+    swinging = train.reducer_nm(train.sizing_acc_rad_s2, 2.0)
+    if swinging > gears.torque_momentary_nm:
+        found.append(
+            f"As a step the sizing acceleration would swing the reducer up to {swinging / 1e3:.0f} kN m, above its "
+            f"momentary {gears.torque_momentary_nm / 1e3:.1f} kN m: it needs a jerk limit. The reducer and the base "
+            "are the limit, not the motor."
+        )
+    usable = usable_torque_nm(train.sheet, shown.motor)
+    if usable < shown.motor.motor.torque_max_nm:
+        found.append(
+            f"The drive must limit {shown.motor.name} to {usable:.4g} N m: its {shown.motor.motor.torque_max_nm:g} N m "
+            "would break the reducer."
+        )
+    return found

@@ -8,7 +8,6 @@ from typing import Any
 from gantryctl.engineering.sizing.chain import machine_values
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
 from gantryctl.engineering.sizing.paper_figures import paper_figures
-from gantryctl.engineering.sizing.tables import braking_power_w
 from gantryctl.engineering.sizing.train import over_angle
 from gantryctl.machine.tables.drive import SpeedLoop
 from gantryctl.units import deg
@@ -54,7 +53,7 @@ def _complete(fitted: Fit) -> dict[str, Any]:
         "hold_nm": train.hold_nm,
         "wrap_margin_deg": wrap_margin_deg(train.sheet, fitted.motor),
         "kinetic_energy_j": train.kinetic_energy_j,
-        "braking_power_w": braking_power_w(fitted),
+        "braking_power_w": train.braking_power_w,
     }
 
 
