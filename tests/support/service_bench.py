@@ -8,13 +8,18 @@ from typing import Any
 from gantryctl.image import Mode
 from gantryctl.machine import default_machine
 from gantryctl.program import AxisState, GantryProgram
+from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
-from gantryctl.service.command.rules import rules_of
+from gantryctl.service.command.permit import Permit
+from gantryctl.service.command.rules import first_levels
+from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.memory import JournalHealth, Word
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
-from gantryctl.wiring.engine import build_engine
+from gantryctl.wiring.engine import build_engine, build_program
+from gantryctl.wiring.simulator import sim_drive
 
 MACHINE = default_machine()
 EPOCH = 1000
@@ -43,27 +48,32 @@ class Bench:
         self.commands, self.replies = (ring(512), ring(64)), (ring(512), ring(64))
         self.event_ring = ring(4096)
         self.events = EventLog(self.event_ring)
-        rules = rules_of(MACHINE, 0.0, None, None)
+        drive = sim_drive(MACHINE)
+        program = build_program(MACHINE, drive)
+        assert isinstance(program, GantryProgram)
+        self.program, self.axis = program, program.axis
+        self.words = memoryview(bytearray(512)).cast("Q")
+        self.words[Word.RECORDER_NS] = 2**62  # alive for ever
         self.operator = ServiceOperator(
-            self.commands,
-            self.replies,
-            self.events,
-            rules,
-            EPOCH,
-            now=lambda: self.engine.time_s,
+            MACHINE,
+            program,
+            Inbox(self.commands, self.replies, self.events),
+            Permit(self.axis, JournalHealth(self.words), self.events),
+            AlarmView(self.axis.alarms, self.events).acknowledge,
+            first_levels(MACHINE),
+            epoch=EPOCH,
+            now=lambda: self.time_s,
             second_person=second_person,
         )
-        self.engine = build_engine(MACHINE, operator=self.operator)
-        assert isinstance(self.engine.program, GantryProgram)
-        self.program = self.engine.program
-        self.axis = self.program.axis
-        self.operator.attach(self.program)
-        log = self.axis.alarms
-        rules.locked = lambda: any(alarm.definition.lock for alarm in log.active.values())
+        self.engine = build_engine(MACHINE, drive=drive, program=program, operator=self.operator)
         self.seq = 0
         self.lively = True
         self.stops = 0
         self._before = AxisState.DISABLED
+
+    @property
+    def time_s(self) -> float:
+        return self.engine.time_s if hasattr(self, "engine") else 0.0
 
     @property
     def epoch(self) -> int:
@@ -71,7 +81,7 @@ class Bench:
 
     @property
     def frame(self) -> int:
-        return self.operator.frame()
+        return self.operator.frame
 
     def who(self, role: Role = Role.OPERATOR, client: str = "", place: str = "loopback") -> Identity:
         return Identity(client or f"{role}-{place}", str(role), role, place)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gantryctl.service.command.arming import Arming
+from gantryctl.service.command.arming import Arming, check_armed
 from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action, Role
@@ -22,7 +22,7 @@ def armed(*, second_person: bool = False) -> Arming:
 
 def allowed(arming: Arming, action: Action, who: Identity, epoch: int = 7, now_s: float = 101.0) -> bool:
     try:
-        arming.check(action, who, epoch, now_s)
+        check_armed(arming.now(epoch, now_s), action, who, second_person=arming.second_person)
     except MessageRefused as refused:
         return refused.code != "SEC-10"
     return True

@@ -6,7 +6,10 @@ import pytest
 
 from gantryctl.image import DriveRequest
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, Code, PowerPhase
+from gantryctl.service.command.rules import check_allowed
+from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.limits import ARMED_S
+from gantryctl.service.protocol.messages import MessageRefused, checked
 from gantryctl.service.protocol.roles import Action, Role, may
 from support.service_bench import Bench
 
@@ -124,10 +127,12 @@ def test_it_needs_control_power_off_and_a_brake_that_can_be_tested() -> None:
     bench.do(who, "power", on=False)
     bench.until(AxisState.DISABLED)
     bench.scans(2000)
-    bench.operator.rules.untestable = "not testable here: the drive owns it"
-    assert bench.refused(who, "brake_test") == "CTL-14"
-    bench.operator.rules.untestable = ""
-    bench.operator.rules.journal_keeps = lambda: False
+    now = bench.operator.situation(bench.time_s)._replace(untestable="the drive owns it")
+    asked = checked({"type": "brake_test", "seq": 1, "frame": now.frame, "epoch": now.epoch})
+    with pytest.raises(MessageRefused, match="not testable here: the drive owns it") as refused:
+        check_allowed(asked, who, now)
+    assert refused.value.code == "CTL-14"
+    bench.words[Word.JOURNAL_STATE] = JournalState.FULL
     assert bench.refused(who, "brake_test") == "JRN-02"
 
 

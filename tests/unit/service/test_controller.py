@@ -39,8 +39,9 @@ class Desk:
         self.engine, self.operator, self.axis = made.engine, made.operator, made.axis
         self.engine.clock = VirtualClock()
         self.operator.now = lambda: self.engine.time_s
-        self.rules = self.operator.rules
-        self.rules.start_s, self.rules.journal_keeps = 0.0, lambda: True
+        self.operator.start_s = 0.0
+        self.permit = made.permit
+        memory.words[Word.RECORDER_NS] = 2**62  # a recorder that is alive for ever
         self.seq = 0
 
     def scans(self, count: int) -> None:
@@ -56,7 +57,7 @@ class Desk:
 
     def send(self, kind: str, who: Identity = ALICE, **values: object) -> None:
         self.seq += 1
-        raw = {"type": kind, "seq": self.seq, "frame": self.operator.frame(), **values}
+        raw = {"type": kind, "seq": self.seq, "frame": self.operator.frame, **values}
         if kind != "alive":
             raw["epoch"] = self.operator.authority.epoch
         assert self.memory.commands[Source.WEB].put(to_record(who, raw))
@@ -147,7 +148,7 @@ def test_no_reset_opens_an_encoder_that_lost_turns_also_when_a_scan_was_late() -
         desk.engine.overrun_stop = LATE
         desk.scans(3)
         assert desk.ask("reset") == "ENC-08"
-        assert desk.rules.blocked_by.startswith("ENC-08")
+        assert desk.permit.blocked_by.startswith("ENC-08")
         assert desk.ask("power", on=True) == "PWR-04"
 
 
@@ -157,12 +158,12 @@ def test_a_late_scan_is_acknowledged_by_a_reset_together_with_what_was_held_befo
     with opened() as desk:
         desk.engine.overrun_stop = LATE
         desk.scans(3)
-        assert desk.rules.blocked_by.startswith("ENC-09")
-        assert LATE in desk.rules.blocked_by
+        assert desk.permit.blocked_by.startswith("ENC-09")
+        assert LATE in desk.permit.blocked_by
         assert desk.ask("take", over=False) == ""
         assert desk.ask("power", on=True) == "PWR-04"
         assert desk.ask("reset") == ""
-        assert desk.rules.blocked_by == ""
+        assert desk.permit.blocked_by == ""
         assert desk.ask("power", on=True) == ""
 
 
@@ -174,7 +175,7 @@ def test_a_service_that_is_started_anew_asks_again(change: Callable[[Retained], 
     for _ in range(2):
         with opened() as desk:
             desk.scans(3)
-            assert desk.rules.blocked_by.startswith(code)
+            assert desk.permit.blocked_by.startswith(code)
             desk.controller._close(None)
     assert retained().rest_position_counts == before.rest_position_counts
 
@@ -188,7 +189,7 @@ def test_a_motion_while_off_that_was_acknowledged_is_forgotten() -> None:
         assert desk.ask("reset") == ""
         desk.controller._close(None)
     with opened() as desk:
-        assert desk.rules.blocked_by == ""
+        assert desk.permit.blocked_by == ""
 
 
 # --- the brake ------------------------------------------------------------------------------------
@@ -203,7 +204,7 @@ def test_a_locked_alarm_of_an_earlier_run_is_reset_by_service_only_and_in_two_st
     retained(brake_slipped)
     with opened() as desk:
         desk.scans(3)
-        assert desk.rules.locked()
+        assert desk.permit.reset_locked
         assert desk.ask("take", over=False) == ""
         assert desk.ask("reset") == "CTL-14"
         assert desk.ask("power", on=True) == "PWR-04"
@@ -211,7 +212,7 @@ def test_a_locked_alarm_of_an_earlier_run_is_reset_by_service_only_and_in_two_st
         assert desk.ask("reset", SERVICE) == "SEC-10"
         assert desk.ask("arm", SERVICE, action="reset_locked") == ""
         assert desk.ask("reset", SERVICE) == ""
-        assert not desk.rules.locked()
+        assert not desk.permit.reset_locked
         assert desk.ask("power", SERVICE, on=True) == ""
 
 
@@ -270,7 +271,7 @@ def test_whatever_a_scan_raises_the_axis_comes_to_rest_and_it_is_remembered(rais
             raise raised
 
         desk.engine.drive.write = write  # type: ignore[method-assign]
-        assert desk.controller.run() == AlarmStop.exit_code
+        assert desk.controller.run(real_time=False) == AlarmStop.exit_code
         drive = desk.engine.image.drive
         # StopProgram's own limit of rest, 0.5 rad/s at the motor
         assert abs(drive.vel_act_rad_s) < 0.5
@@ -280,7 +281,7 @@ def test_whatever_a_scan_raises_the_axis_comes_to_rest_and_it_is_remembered(rais
         assert any(text.startswith("SYS-09 STOP") and str(raised) in text for text in texts(desk.memory))
     assert retained().error_stop == "SYS-09"
     with opened() as desk:
-        assert desk.rules.blocked_by.startswith("SYS-09")
+        assert desk.permit.blocked_by.startswith("SYS-09")
 
 
 def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from gantryctl.errors import DeviceError
 from gantryctl.service.memory.events import TEXT_MAX, EventLog, printable
-from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import Journal, JournalFault, read_journal, verify
 from gantryctl.service.recorder.journal_file import FIELDS, FILE
-from gantryctl.service.recorder.process import FAILED, FULL, LOCKED, OK, EventWriter
+from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 
 PLENTY = 10**12
@@ -151,34 +151,34 @@ def test_an_event_leaves_the_ring_only_when_it_is_kept(
 
 def test_the_state_says_what_keeps_the_journal_from_working(tmp_path: Path) -> None:
     _, made, _ = writer(tmp_path, free=int(RetentionPolicy().event_reserve_mb * MB) - 1)
-    assert made.state == FULL
+    assert made.state == JournalState.FULL
     made.failed = True
-    assert made.state == FAILED
+    assert made.state == JournalState.FAILED
     _, fine, _ = writer(tmp_path)
-    assert fine.state == OK
+    assert fine.state == JournalState.OK
 
 
 def test_a_damaged_journal_locks_until_service_has_acknowledged_it(tmp_path: Path) -> None:
     (tmp_path / FILE).write_bytes(b"damaged" * 1000)
     _, made, log = writer(tmp_path)
     made.drain()
-    assert made.state == LOCKED
+    assert made.state == JournalState.LOCKED
     assert read_journal(tmp_path)[0].values["text"].startswith("JRN-05 the journal was damaged and moved to")
     log.put("command", "something else")
     made.drain()
-    assert made.state == LOCKED
+    assert made.state == JournalState.LOCKED
     made.close()
     memory, again, log = writer(tmp_path)  # a new start acknowledges nothing
     memory.words[Word.BOOT] = 6
     again.drain()
-    assert again.state == LOCKED
+    assert again.state == JournalState.LOCKED
     log.put("journal", "the damaged journal was acknowledged by service")
     again.drain()
-    assert again.state == OK
+    assert again.state == JournalState.OK
     again.close()
     _, after, _ = writer(tmp_path)
     after.drain()
-    assert after.state == OK
+    assert after.state == JournalState.OK
     after.close()
 
 

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 from gantryctl.service.memory.events import EventLog
-from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.recorder import journal as journal_module
 from gantryctl.service.recorder import process as recorder
 from gantryctl.service.recorder.journal import Anchor, Journal, anchor, read_journal, verify
 from gantryctl.service.recorder.journal_file import FILE
-from gantryctl.service.recorder.process import OK, SLOW, EventWriter
+from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from support.power_cut import Disk, Step
 
@@ -190,15 +190,15 @@ def test_events_wait_in_memory_while_the_disk_is_slow_and_none_is_acknowledged_b
     working = threading.Thread(target=bench.writer.drain)
     working.start()
     until_s = time.monotonic() + 20.0
-    while bench.writer.state != SLOW and time.monotonic() < until_s:
+    while bench.writer.state != JournalState.SLOW and time.monotonic() < until_s:
         time.sleep(0.01)
-    assert bench.writer.state == SLOW
+    assert bench.writer.state == JournalState.SLOW
     assert bench.log.put("command", "second")  # whoever writes does not notice
     assert (len(bench.memory.events[2]), bench.memory.events[2].done) == (2, 0)
     slow.go_on.set()
     working.join()
     bench.writer.drain()
-    assert bench.writer.state == OK
+    assert bench.writer.state == JournalState.OK
     assert bench.memory.events[2].done == 2
     bench.writer.close()
     first, said, second = bench.texts()

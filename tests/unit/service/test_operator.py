@@ -9,6 +9,7 @@ import pytest
 
 from gantryctl.image import Mode
 from gantryctl.program import AxisState, PowerPhase
+from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, action_of, checked
 from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, Role, may
 from gantryctl.units import deg, rad
@@ -52,7 +53,7 @@ def test_settings_need_their_role_and_stay_within_their_limits(role: Role, tag: 
         assert bench.refused(who, "set", tag=tag, value=1.0) == "SEC-01"
         return
     bench.do(who, "take", over=False)
-    low, high = bench.operator.rules.limits[tag]
+    _, _, low, high = bench.operator.ranges[tag]
     if not may(role, tunes):
         assert bench.refused(who, "set", tag=tag, value=high) == "SEC-01"
         return
@@ -75,7 +76,7 @@ def test_the_journal_has_a_setting_before_and_after(tag: str, value: float) -> N
     bench = Bench()
     who = bench.who(Role.PHYSICIST)
     bench.do(who, "take", over=False)
-    before = round(bench.operator.rules.present(bench.operator, tag), 6)
+    before = round(bench.operator.setting(tag), 6)
     bench.do(who, "set", tag=tag, value=value)
     bench.do(who, "set", tag=tag, value=value)
     events = [
@@ -253,7 +254,7 @@ def test_a_journal_that_cannot_keep_events_forbids_new_motion_but_no_stop() -> N
     who = bench.who()
     bench.powered(who)
     bench.do(who, "move", target_deg=20.0)
-    bench.operator.rules.journal_keeps = lambda: False
+    bench.words[Word.JOURNAL_STATE] = JournalState.FAILED
     bench.scans(2000)
     assert bench.axis.state is AxisState.DISCRETE_MOTION  # what moves goes on
     bench.do(who, "stop")

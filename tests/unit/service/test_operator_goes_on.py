@@ -6,6 +6,7 @@ import pytest
 
 from gantryctl.image import Mode
 from gantryctl.program import AxisState, Code
+from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.limits import HELD_S
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.units import deg
@@ -57,9 +58,9 @@ def test_raising_the_override_from_0_is_new_motion() -> None:
     bench = Bench()
     who = bench.who()
     paused(bench, who)
-    bench.operator.rules.journal_keeps = lambda: False
+    bench.words[Word.JOURNAL_STATE] = JournalState.FULL
     assert bench.refused(who, "set", tag="override_percent", value=100) == "JRN-02"
-    bench.operator.rules.journal_keeps = lambda: True
+    bench.words[Word.JOURNAL_STATE] = JournalState.OK
     bench.axis.judge_brake(overdue=True)
     assert bench.refused(who, "set", tag="override_percent", value=100) == "BRK-12"
     assert bench.operator.levels.override == 0.0  # what is shown is what holds

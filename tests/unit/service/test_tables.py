@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.service.memory.memory import JournalState
 from gantryctl.service.protocol.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role, may
 from gantryctl.service.protocol.service_page import reference_page
 from gantryctl.service.protocol.tags import BY_NAME, TAGS
@@ -18,6 +19,11 @@ UNITS = {
     "_us": "us",
     "_s": "s",
 }
+
+
+def test_the_tag_of_the_journal_has_the_states_of_the_recorder() -> None:
+    assert BY_NAME["journal_state"].labels == tuple(state.name.lower() for state in JournalState)
+
 
 # The table a second time, by hand: v viewer, o operator, p physicist, s service, a admin.
 WANTED = {

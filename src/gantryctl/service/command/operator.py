@@ -1,29 +1,99 @@
-"""The operator of the scan engine that is people: commands from the rings, judged in the scan, one at a time.
+"""Operator commands from people: page, console and scripts, judged in the scan one at a time.
 
-A command that the program must judge is put on the levels of one scan; after that scan `settle` looks whether the
+A command that the program must judge is put on the levels of one scan; after that scan `settle` sees whether the
 program refused it, and answers. Stops come first and are never refused.
 """
 
 from __future__ import annotations
 
-from typing import Final
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Final
 
 from gantryctl.image import Mode, OperatorCommand
-from gantryctl.program import Code, PowerPhase
-from gantryctl.service.command.inbox import PendingCommand
-from gantryctl.service.command.operator_state import OperatorState
-from gantryctl.service.protocol.limits import HELD_S
+from gantryctl.machine import Machine
+from gantryctl.program import Code, GantryProgram, PowerPhase
+from gantryctl.program.power.phases import RISING
+from gantryctl.service.command.arming import Arming
+from gantryctl.service.command.authority import Authority
+from gantryctl.service.command.inbox import Gone, Inbox, PendingCommand
+from gantryctl.service.command.lease import HoldToRun
+from gantryctl.service.command.permit import Permit
+from gantryctl.service.command.rules import (
+    Situation,
+    check_allowed,
+    check_fresh,
+    check_setting,
+    resets_locked,
+    setting_ranges,
+)
+from gantryctl.service.memory.memory import Source
+from gantryctl.service.protocol.limits import FRAME_S, HELD_S, SILENCE_S
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
-from gantryctl.service.protocol.roles import Action, may
+from gantryctl.units import deg, rad
 
+# Refusing takes time too: a flood of commands must not make a scan late.
 _PER_SCAN: Final = 8
-"""Commands judged in one scan at most: refusing takes time too."""
 
 
-class ServiceOperator(OperatorState):
-    """Commands of people as operator levels of the scan; arguments and attributes of `OperatorState`."""
+class ServiceOperator:
+    """The operator of the scan engine: control, leases, arming, and the levels that the program sees.
 
-    # --- once a scan ------------------------------------------------------------------------------
+    Args:
+        inbox: commands in, replies and events out.
+        permit: what stands against power beside the program's alarms.
+        acknowledge: marks an alarm row as seen; raises MessageRefused for an unknown one.
+        levels: the first ones, see `first_levels`.
+        epoch: the first one.
+        now: the monotonic time, s.
+        second_person: what one user arms, another one executes.
+
+    Attributes:
+        levels: what the program sees.
+        ranges: lowest and highest value of every tag that can be set.
+        start_s: monotonic time of status frame 0.
+        shutdown: raised to bring the axis to rest and switch off.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        program: GantryProgram,
+        inbox: Inbox,
+        permit: Permit,
+        acknowledge: Callable[[int, Identity], None],
+        levels: OperatorCommand,
+        *,
+        epoch: int,
+        now: Callable[[], float] = time.monotonic,
+        second_person: bool = False,
+    ) -> None:
+        self.program, self._inbox, self.permit = program, inbox, permit
+        self.events, self._acknowledge = inbox.events, acknowledge
+        self.ranges = setting_ranges(machine)
+        self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
+        self.hold = HoldToRun(machine.monitors.lease_ms * 1e-3)
+        self.levels, self.shutdown = levels, False
+        self.now, self.start_s = now, now()
+        self._acting: PendingCommand | None = None
+        self._refusals = 0
+        self._gap = False
+        self._stop_scans = 0
+        self._test_epoch = 0
+        self._test_ended = True
+
+    @property
+    def at_rest(self) -> bool:
+        """No motion under way or waiting."""
+        axis = self.program.axis
+        return axis.motion.current is None and axis.motion.waiting is None and axis.virtual.at_rest
+
+    @property
+    def frame(self) -> int:
+        """Number of the present status frame; the first is 1."""
+        return int((self.now() - self.start_s) / FRAME_S) + 1
+
+    # --- one scan ---------------------------------------------------------------------------------
 
     def poll(self, time_s: float) -> OperatorCommand:
         """The levels of this scan."""
@@ -32,10 +102,11 @@ class ServiceOperator(OperatorState):
         holder = self.authority.holder
         inbox.receive(self.authority.epoch, "" if holder is None else holder.client)
         while inbox.gone:
-            self._gone(inbox.gone.popleft())
+            self._end_connection(inbox.gone.popleft())
         self._watch(now_s)
         for together in inbox.first.values():
             self._stop_now(together)
+        # One scan without edges between two commands: the program must see every level fall before it rises again.
         if self._gap:
             self._gap = False
         else:
@@ -43,36 +114,9 @@ class ServiceOperator(OperatorState):
                 if inbox.others and self._acting is None:
                     self._carry_out(inbox.others.take(), now_s)
         if self._acting is None or self._acting.message.kind != "increment":
-            self._keys()
+            self._follow_keys()
         self._refusals = self.program.axis.refusal_count
         return self.levels
-
-    def _watch(self, now_s: float) -> None:
-        """What happens without a command: leases that run out, a holder that is silent, alarms, shutdown."""
-        if self._stop_scans:
-            self._hold_stop()
-        if self.hold.alive and self.hold.check(now_s):
-            holder = self.authority.holder
-            self.events.put("command", f"hold-to-run: {self.hold.ended}, the axis stops", holder)
-            if self.hold.too_long:
-                self.program.axis.stop_by(Code.CTL_21, measured=HELD_S, limit=HELD_S)
-        if self.authority.silent(now_s) and self.authority.holder is not None:
-            self._free(self.authority.holder.client, "was silent for 2 s")
-        if self.testing and not self._test_ended and self.authority.epoch != self._test_epoch:
-            self.stop()  # whoever began the brake test has lost control, or somebody reset
-        first_out = self.program.axis.alarms.first_out is not None
-        if first_out:
-            self.hold.end()
-        if self.shutdown:
-            self._shut_down()
-        elif first_out and self.levels.power:
-            self._set(power=False)  # Power needs a new edge after an alarm
-
-    def _keys(self) -> None:
-        """The hold-to-run keys as they are now."""
-        levels, hold = self.levels, self.hold
-        if (levels.forward, levels.reverse, levels.lease) != (hold.forward, hold.reverse, hold.count):
-            self._set(forward=hold.forward, reverse=hold.reverse, lease=hold.count)
 
     def settle(self) -> None:
         """After the scan: answer the command that was on its levels, and take edges back."""
@@ -90,49 +134,85 @@ class ServiceOperator(OperatorState):
                 self.authority.new_epoch()
             self._answer(acting, None)
             return
-        if kind == "jog":
-            self.hold.end()
-        elif kind == "mode":
-            self._set(mode=self.program.mode)
-        elif kind == "power":
-            self._set(power=False)
-        elif kind == "set":
-            self._set(override=axis.virtual.override)
+        match kind:
+            case "jog":
+                self.hold.end()
+            case "mode":
+                self._set(mode=self.program.mode)
+            case "power":
+                self._set(power=False)
+            case "set":
+                self._set(override=axis.virtual.override)
         self._answer(acting, MessageRefused(str(reason.code), reason.text))
 
-    # --- everything else --------------------------------------------------------------------------
+    def _watch(self, now_s: float) -> None:
+        """React to what comes without a command: lost leases, a silent holder, alarms, shutdown."""
+        if self._stop_scans:
+            self._keep_stopping()
+        if self.hold.alive and self.hold.check(now_s):
+            holder = self.authority.holder
+            self.events.put("command", f"hold-to-run: {self.hold.ended}, the axis stops", holder)
+            if self.hold.too_long:
+                self.program.axis.stop_by(Code.CTL_21, measured=HELD_S, limit=HELD_S)
+        if self.authority.silent(now_s) and self.authority.holder is not None:
+            self._free(self.authority.holder.client, f"was silent for {SILENCE_S:g} s")
+        # Decision 0014: a brake test ends with its epoch. Its starter lost control, or a reset or stop came.
+        if self._testing and not self._test_ended and self.authority.epoch != self._test_epoch:
+            self.stop()
+        first_out = self.program.axis.alarms.first_out is not None
+        if first_out:
+            self.hold.end()
+        if self.shutdown:
+            self._shut_down()
+        elif first_out and self.levels.power:
+            self._set(power=False)  # Power needs a new edge after an alarm
 
-    def _carry_out(self, waiting: PendingCommand, now_s: float) -> None:
+    def _follow_keys(self) -> None:
+        levels, hold = self.levels, self.hold
+        if (levels.forward, levels.reverse, levels.lease) != (hold.forward, hold.reverse, hold.count):
+            self._set(forward=hold.forward, reverse=hold.reverse, lease=hold.count)
+
+    # --- one command ------------------------------------------------------------------------------
+
+    def _carry_out(self, pending: PendingCommand, now_s: float) -> None:
         """Judge one command, then do it at once or put it on the levels of this scan."""
+        _, who, message = pending
+        now = self.situation(now_s)
         try:
-            self._check_fresh(waiting)
-            self.authority.alive(waiting.who, now_s)
-            self.rules.check(self, waiting.who, waiting.message)
-            done = self._do(waiting, now_s)
+            self._inbox.check_sequence(pending)
+            check_fresh(message, now)
+            self.authority.alive(who, now_s)
+            check_allowed(message, who, now)
+            done = self._do(pending, now, now_s)
         except MessageRefused as refused:
-            self._answer(waiting, refused)
+            self._answer(pending, refused)
             return
         if done:
-            self._answer(waiting, None)
+            self._answer(pending, None)
         else:
-            self._acting = waiting
+            self._acting = pending
 
-    def _check_fresh(self, waiting: PendingCommand) -> None:
-        message = waiting.message
-        self._inbox.check_sequence(waiting)
-        self.rules.check_age(message, self.frame())
-        if message.epoch is not None and message.epoch != self.authority.epoch:
-            raise MessageRefused(
-                "SEC-03", "sent before the last stop, reset or change of control: look, then ask again"
-            )
+    def situation(self, now_s: float) -> Situation:
+        """What the rules must know of this moment."""
+        axis, authority, permit = self.program.axis, self.authority, self.permit
+        return Situation(
+            frame=self.frame,
+            epoch=authority.epoch,
+            holder=authority.holder,
+            mode=self.program.mode,
+            paused=axis.paused,
+            armed=self.arming.now(authority.epoch, now_s),
+            second_person=self.arming.second_person,
+            shutdown=self.shutdown,
+            journal_keeps=permit.keeps_events,
+            blocked_by=permit.blocked_by,
+            untestable=axis.settings.power.untestable,
+            reset_locked=permit.reset_locked,
+        )
 
-    def frame(self) -> int:
-        """Status frame number now."""
-        return self.rules.frame(self.now())
-
-    def _do(self, waiting: PendingCommand, now_s: float) -> bool:
-        """True: done. False: the program decides in this scan."""
-        who, message = waiting.who, waiting.message
+    def _do(self, pending: PendingCommand, now: Situation, now_s: float) -> bool:
+        """Carry a command out; False when the program decides in this scan."""
+        who, message = pending.who, pending.message
         values = message.values
         match message.kind:
             case "alive":
@@ -142,66 +222,99 @@ class ServiceOperator(OperatorState):
             case "give":
                 self._give(who.client)
             case "renew":
-                self._lease(self.hold.renew(values["lease"], who.client, now_s))
+                _check_lease(self.hold.renew(values["lease"], who.client, now_s))
             case "jog":
                 forward = values["direction"] == "forward"
-                self._lease(self.hold.begin(values["lease"], who.client, forward, now_s))
+                _check_lease(self.hold.begin(values["lease"], who.client, forward, now_s))
                 return False
             case "set":
-                values["before"] = round(self.rules.present(self, values["tag"]), 6)  # for the journal
-                self.rules.apply(self, values["tag"], float(values["value"]))
+                self._change(values)
                 return bool(values["tag"] != "override_percent")  # which may let a motion go on
             case "arm":
-                action = ARMABLE[values["action"]]
-                self.arming.arm(action, who, self.authority.epoch, now_s)
+                self.arming.arm(ARMABLE[values["action"]], who, now.epoch, now_s)
             case "acknowledge":
-                self.rules.acknowledge(values["id"], who)
+                self._acknowledge(values["id"], who)
             case "power":
                 return self._power(values["on"])
-            case _:
-                return self._edge(waiting)
-        return True
-
-    def _edge(self, waiting: PendingCommand) -> bool:
-        """Commands that the program takes as an edge; True when there is nothing to do."""
-        who, values = waiting.who, waiting.message.values
-        match waiting.message.kind:
             case "mode":
                 mode = Mode[values["mode"].upper()]
-                if mode is self.program.mode:
-                    return True
                 self._set(mode=mode)
+                return mode is self.program.mode
+            case _:
+                self._give_edge(pending, now)
+                return False
+        return True
+
+    def _give_edge(self, pending: PendingCommand, now: Situation) -> None:
+        """Raise the level of a command that the program takes as an edge."""
+        values = pending.message.values
+        match pending.message.kind:
             case "increment":
-                key = values["direction"]
-                self._set(forward=key == "forward", reverse=key == "reverse")
+                forward = values["direction"] == "forward"
+                self._set(forward=forward, reverse=not forward)
             case "move":
-                self._set(move=True, target_rad=self.rules.rad(values["target_deg"]))
+                self._set(move=True, target_rad=rad(values["target_deg"]))
             case "halt":
                 self._set(halt=True)
             case "brake_test":
                 self.arming.use()
-                self._test_epoch, self._test_ended = self.authority.epoch, False
+                self._test_epoch, self._test_ended = now.epoch, False
                 self._set(brake_test=True)
             case "reset":
-                self._reset(who)
-        return False
+                self._reset(pending.who, service=resets_locked(pending.who, now))
 
-    def _reset(self, who: Identity) -> None:
-        """Locked alarms too when that was armed; then the arming is used up."""
-        service = self.rules.locked() and may(who.role, Action.RESET_LOCKED)
+    def _change(self, values: dict[str, Any]) -> None:
+        """Change one setting; its old value goes into the journal beside the new one."""
+        tag, value = values["tag"], float(values["value"])
+        values["before"] = round(self.setting(tag), 6)
+        check_setting(value, self.ranges[tag])
+        match tag:
+            case "speed_setting_deg_s":
+                self._set(speed_rad_s=rad(value))
+            case "increment_deg":
+                self._set(increment_rad=rad(value))
+            case "override_percent":
+                self._set(override=value / 100.0)
+            case "acc_setting_deg_s2":
+                refused = self.program.axis.set_acceleration(rad(value))
+                if refused is not None:
+                    raise MessageRefused(str(refused.code), refused.text)
+
+    def setting(self, tag: str) -> float:
+        """One setting as it is, in the unit of its tag."""
+        return {
+            "speed_setting_deg_s": deg(self.levels.speed_rad_s),
+            "increment_deg": deg(self.levels.increment_rad),
+            "override_percent": self.levels.override * 100.0,
+            "acc_setting_deg_s2": deg(self.program.axis.virtual.acc_setting_rad_s2),
+        }[tag]
+
+    def _power(self, on: bool) -> bool:
+        if on and self.levels.power and self.program.axis.power.phase is not PowerPhase.OFF:
+            return True
+        if not on:
+            self.hold.end()
+            if self._testing:
+                self.stop()
+        self._set(power=on)
+        return not on
+
+    def _reset(self, who: Identity, *, service: bool) -> None:
         if service:
             self.arming.use()
-        self.on_reset(who, service)
+        self.permit.reset(who, service=service)
         self.program.service = service
         self._set(reset=True)
 
-    def check_armed(self, action: Action, who: Identity) -> None:
-        """Whether `who` may execute this now; raises MessageRefused."""
-        self.arming.check(action, who, self.authority.epoch, self.now())
+    def _answer(self, pending: PendingCommand, refused: MessageRefused | None) -> None:
+        self._inbox.answer(pending, refused, self.authority.epoch)
+
+    # --- control ----------------------------------------------------------------------------------
 
     def _take(self, who: Identity, over: bool, now_s: float) -> None:
-        """Control, also over a moving axis when the local console wants it: that stops it first."""
+        """Give control to `who`."""
         held = self.authority.holder
+        # Decision 0011: the local console comes first. It stops what moves, then takes control from anybody.
         if who.local and held is not None and held.client != who.client and not self.at_rest:
             self.stop()
         refused = self.authority.take(who, over, self.at_rest, now_s)
@@ -209,17 +322,94 @@ class ServiceOperator(OperatorState):
             raise MessageRefused(*refused)
         self._set(remote=who.place == "remote")
 
-    def _power(self, on: bool) -> bool:
-        if on and self.levels.power and self.program.axis.power.phase is not PowerPhase.OFF:
-            return True
-        if not on:
+    def _end_connection(self, gone: Gone) -> None:
+        client, holder, local = gone.client, self.authority.holder, gone.source == Source.LOCAL
+        if gone.everyone:
+            self.arming.gone_all(local=local)
+            if holder is None or holder.local is not local:
+                return
+            client = holder.client
+        self.arming.gone(client)
+        if self.hold.client == client:
             self.hold.end()
-            if self.testing:
-                self.stop()
-        self._set(power=on)
-        return not on
+        self._free(client, "has gone")
 
-    @staticmethod
-    def _lease(reason: str | None) -> None:
-        if reason is not None:
-            raise MessageRefused("SEC-09", reason)
+    def _free(self, client: str, why: str) -> None:
+        holder = self.authority.holder
+        if self._give(client):
+            self.events.put("authority", f"control is free: the holder {why}", holder)
+
+    def _give(self, client: str) -> bool:
+        if not self.authority.give(client):
+            return False
+        self.hold.end()
+        # Decision 0011: a motion that stands still at override 0 would be set going by the next holder.
+        if self.program.axis.paused:
+            self._begin_stop()
+        return True
+
+    # --- stops ------------------------------------------------------------------------------------
+
+    def stop(self, *, quick: bool = False) -> None:
+        """Stop on the jog-release ramp, or by a quick stop; commands sent before are void."""
+        self.hold.end()
+        self.authority.new_epoch()
+        self._begin_stop(quick=quick)
+
+    def _stop_now(self, together: Sequence[PendingCommand]) -> None:
+        """Treat all stops of one kind in this scan as one; every release counts."""
+        kind = together[0].message.kind
+        if kind == "release":
+            for each in together:
+                self.hold.release(each.message.values["lease"], each.who.client)
+        else:
+            self.stop(quick=kind == "quick_stop")
+        self._inbox.answer_all(together, self.authority.epoch)
+
+    @property
+    def _testing(self) -> bool:
+        return self.program.axis.brake_test.under_way
+
+    def _begin_stop(self, *, quick: bool = False) -> None:
+        axis = self.program.axis
+        self._test_ended = True
+        if quick:
+            self._set(quick_stop=True)
+            self._stop_scans = 1
+        if self._testing and not quick:
+            self._set(stop=True)
+            self._stop_scans = 1
+        elif axis.power.phase in RISING:
+            self._set(power=False)
+        elif not quick and axis.power.status and axis.alarms.first_out is None:
+            self._set(stop=True)
+            self._stop_scans = 1
+
+    def _keep_stopping(self) -> None:
+        """Keep the level of a stop until the axis is at rest; a quick stop is an edge."""
+        self._stop_scans += 1
+        if self._stop_scans > 2:
+            self._set(quick_stop=False)
+            if self.program.axis.virtual.at_rest or not self.levels.stop:
+                self._set(stop=False)
+                self._stop_scans = 0
+
+    def _shut_down(self) -> None:
+        """Come to rest, then switch power off."""
+        self.hold.end()
+        self._inbox.others.clear()
+        if self._testing and not self._test_ended:
+            self.stop()
+        if self.levels.power and not self.levels.stop and not self._stop_scans:
+            if self.at_rest:
+                self._set(power=False)
+            else:
+                self.stop()
+
+    def _set(self, **levels: Any) -> None:
+        self.levels = self.levels._replace(**levels)
+
+
+def _check_lease(reason: str | None) -> None:
+    if reason is not None:
+        raise MessageRefused("SEC-09", reason)

@@ -35,11 +35,6 @@ class BrakeWatch:
         self.due = BrakeDue("", None, overdue=False)
         self.judge(retained, retained.power_ups)
 
-    @property
-    def untestable(self) -> str:
-        """Why the brake cannot be tested here, as a refusal, or ""."""
-        return f"not testable here: {self._untestable}" if self._untestable else ""
-
     def judge(self, retained: Retained, power_ups: int) -> None:
         """Whether the test is due, by date and power-ups."""
         self._retained = retained

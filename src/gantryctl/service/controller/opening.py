@@ -2,48 +2,46 @@
 
 from __future__ import annotations
 
-import secrets
-import time
-from functools import partial
 from typing import Final, NamedTuple
 
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine
 from gantryctl.operation import StateStore
-from gantryctl.operation.brake_policy import restore_failure
+from gantryctl.operation.brake_policy import LOCKED, restore_failure
 from gantryctl.operation.bus import judge_bus
 from gantryctl.operation.home_reference import RestVerdict, evaluate, refusal, unwrapped
 from gantryctl.operation.virtual import encoder_scale, open_machine
 from gantryctl.ports import Drive
 from gantryctl.program import GantryProgram
 from gantryctl.runtime import Engine, Retained
-from gantryctl.service.command.operator import ServiceOperator
-from gantryctl.service.command.rules import rules_of
-from gantryctl.service.memory.events import EventLog
-from gantryctl.service.memory.memory import SharedMemory, Source
-from gantryctl.service.memory.trace_ring import RingRecorder
-from gantryctl.wiring.engine import build_engine, build_program
+from gantryctl.wiring.engine import build_program
 
 BUS: Final = "CFG-CAN"
 """Beginning of a refusal that comes from the bus."""
 
 
 class Opened(NamedTuple):
-    """Everything of one machine in service."""
+    """One machine as the last run left it, with power off.
 
-    engine: Engine
-    operator: ServiceOperator
+    Attributes:
+        lock: why power cannot be switched on, whatever is reset, or "".
+        held: why it cannot be until a reset, or "".
+        locked_code: alarm of an earlier run that only service may reset, or "".
+        notes: what had to be done to open it.
+    """
+
     drive: Drive
     retained: Retained
-    recorder: RingRecorder
+    program: GantryProgram
+    lock: str
+    held: str
+    locked_code: str
     notes: tuple[str, ...]
 
 
-def open_service(
-    machine: Machine, store: StateStore, memory: SharedMemory, *, second_person: bool = False
-) -> Opened:
-    """The machine as the last run left it, with power off.
+def open_service(machine: Machine, store: StateStore) -> Opened:
+    """Open drive and program of a machine, and judge encoder and bus.
 
     Raises:
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
@@ -55,30 +53,25 @@ def open_service(
     reading = evaluate(scale, counts, retained)
     zero = retained.zero_offset_counts
     zero_counts = counts if zero is None else zero + counts - unwrapped(scale, counts, zero)
-    rules = rules_of(machine, time.monotonic(), retained.speed_rad_s, retained.increment_rad)
     moved = reading.verdict is RestVerdict.MOVED  # a reset acknowledges it, and nothing else of the encoder
     wrong = refusal(reading) or ""
-    rules.lock = ("" if moved else wrong) or bus_refusal(machine, store, drive)
     held = [wrong] if moved else []
     if retained.error_stop:
         held.append(f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset")
-    rules.held = "; ".join(held)
-    for ring in memory.commands:
-        ring.clear()  # what was sent to a controller that is gone
-    events = EventLog(memory.events[Source.CONTROLLER])
-    operator = ServiceOperator(
-        memory.commands, memory.replies, events, rules, secrets.randbits(40), second_person=second_person
-    )
     program = build_program(
         machine, drive, zero_counts=zero_counts, holding_torque_nm=retained.holding_torque_nm or 0.0
     )
     assert isinstance(program, GantryProgram)
-    operator.attach(program)
-    recorder = partial(RingRecorder, memory.rows)
-    engine = build_engine(machine, drive, program, operator, recorder=recorder, real_time=True)
-    assert isinstance(engine.recorder, RingRecorder)
     restore_failure(program.axis, retained)
-    return Opened(engine, operator, drive, retained, engine.recorder, virtual.notes)
+    return Opened(
+        drive,
+        retained,
+        program,
+        lock=("" if moved else wrong) or bus_refusal(machine, store, drive),
+        held="; ".join(held),
+        locked_code=retained.error_stop if retained.error_stop in LOCKED else "",
+        notes=virtual.notes,
+    )
 
 
 def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:

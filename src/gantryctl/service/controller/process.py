@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import contextlib
 import math
+import secrets
 import signal
 import time
 from dataclasses import replace
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Final
@@ -20,23 +22,25 @@ from typing import Final
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation import StateStore
-from gantryctl.operation.brake_policy import LOCKED
 from gantryctl.operation.bus import set_up_again
 from gantryctl.program import PowerPhase
-from gantryctl.runtime import Engine, failure_text
+from gantryctl.runtime import failure_text
+from gantryctl.service.command.inbox import Inbox
+from gantryctl.service.command.operator import ServiceOperator
+from gantryctl.service.command.permit import Permit
+from gantryctl.service.command.rules import first_levels
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.controller.brake_watch import BrakeWatch
 from gantryctl.service.controller.opening import BUS, bus_refusal, open_service
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.controller.retainer import Retainer
 from gantryctl.service.memory.events import EventLog
-from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_json
-from gantryctl.service.protocol.messages import Identity, MessageRefused
+from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
+from gantryctl.wiring.engine import build_engine
 
-RECORDER_S: Final = 10.0
-"""A recorder that is silent for longer keeps no events."""
 END_S: Final = 20.0
 """A shutdown that takes longer ends with torque off and the brake closed."""
 SECOND_PERSON: Final = "--second-person"
@@ -57,39 +61,58 @@ class Controller:
     def __init__(
         self, machine: Machine, store: StateStore, memory: SharedMemory, *, second_person: bool = False
     ) -> None:
-        self.machine, self.memory = machine, memory
-        self._store = store
-        self.real_time = False
-        opened = open_service(machine, store, memory, second_person=second_person)
-        self.engine, self.operator, self._recorder = opened.engine, opened.operator, opened.recorder
-        self._drive, self.notes = opened.drive, opened.notes
-        self.retainer = Retainer(machine, store, opened)
-        self.axis = self.operator.program.axis
-        self.events: EventLog = self.operator.events
+        self.machine, self.memory, self._store = machine, memory, store
+        opened = open_service(machine, store)
+        program, retained = opened.program, opened.retained
+        self.axis, self.notes = program.axis, opened.notes
+        for ring in memory.commands:
+            ring.clear()  # sent to a controller that is gone
+        self.events = EventLog(memory.events[Source.CONTROLLER])
         self.alarms = AlarmView(self.axis.alarms, self.events)
-        self.brake = BrakeWatch(machine, self.axis, self.events, opened.retained)
-        rules = self.operator.rules
-        rules.untestable = self.brake.untestable
-        rules.locked = self._locked
-        rules.journal_keeps, rules.acknowledge = self._journal_keeps, self.alarms.acknowledge
-        self.operator.on_reset = self._reset
-        self._powered = self._reset_asked = False
-        self._lost_rows = 0
+        self.brake = BrakeWatch(machine, self.axis, self.events, retained)
+        self.permit = Permit(
+            self.axis, JournalHealth(memory.words), self.events,
+            lock=opened.lock, held=opened.held, locked_code=opened.locked_code,
+        )  # fmt: skip
+        self.operator = ServiceOperator(
+            machine,
+            program,
+            Inbox(memory.commands, memory.replies, self.events),
+            self.permit,
+            self.alarms.acknowledge,
+            first_levels(machine, retained.speed_rad_s, retained.increment_rad),
+            # A random first epoch: commands of an earlier controller meet none of this one's (decision 0011).
+            epoch=secrets.randbits(40),
+            second_person=second_person,
+        )
+        self.engine = build_engine(
+            machine, opened.drive, program, self.operator,
+            recorder=partial(RingRecorder, memory.rows), real_time=True,
+        )  # fmt: skip
+        assert isinstance(self.engine.recorder, RingRecorder)
+        self._recorder = self.engine.recorder
+        self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
+        self._powered = False
+        self._resets = self._lost_rows = 0
         self._end_s = math.inf
 
     # --- the run ----------------------------------------------------------------------------------
 
-    def run(self) -> int:
-        """Scan until the end; the exit code."""
-        self._say_hello()
+    def run(self, *, real_time: bool) -> int:
+        """Scan until the end; the exit code.
+
+        Args:
+            real_time: the system granted scheduling and memory.
+        """
+        self._write_start()
         publish_json(self.memory.columns, self._metadata())
-        self._publisher = Publisher(
+        publisher = Publisher(
             self.machine, self.engine, self.operator, self.alarms, self.brake, self._recorder, self.memory,
-            real_time=self.real_time, version=version("gantryctl"),
+            real_time=real_time, version=version("gantryctl"),
         )  # fmt: skip
         failure: AlarmStop | None = None
         try:
-            while not self.engine.run_until(self._after, _DAY_S):
+            while not self.engine.run_until(lambda _: self._after_scan(publisher), _DAY_S):
                 pass
         except GantryctlError as raised:
             failure = self._stopped_by(raised)
@@ -116,14 +139,11 @@ class Controller:
         """Come to rest, brake closed, torque off, then leave `run`."""
         self.operator.shutdown = True
 
-    def _after(self, _: Engine) -> bool:
-        """After every scan; True ends the run."""
+    def _after_scan(self, publisher: Publisher) -> bool:
+        """Answer, watch, publish; True ends the run."""
         self.operator.settle()
-        if self._reset_asked:
-            self._reset_asked = False
-            self._set_up_again()
         self._watch()
-        self._publisher.scan()
+        publisher.scan()
         if not self.operator.shutdown:
             return False
         now_s = time.monotonic()
@@ -132,22 +152,40 @@ class Controller:
         return resting or now_s > self._end_s
 
     def _watch(self) -> None:
-        """Power up and down, motions: counters, recording, state on the disk."""
-        retainer = self.retainer
-        self._say_keeping_faults()
+        """Follow resets, brake tests, power and motions: counters, recording, state on the disk."""
+        retainer, permit, engine = self.retainer, self.permit, self.engine
+        if permit.resets != self._resets:
+            self._resets = permit.resets
+            self._after_reset()
+        self._report_write_faults()
         before = retainer.retained
-        retainer.retained = self.brake.scan(before, retainer.power_ups, self.engine.time_s)
+        retainer.retained = self.brake.scan(before, retainer.power_ups, engine.time_s)
         if retainer.retained is not before:
             retainer.start("brake test")
         on = self.axis.power.phase is not PowerPhase.OFF
         if on is not self._powered:
             self._powered = on
             self._switched(on)
-        late, rules = self.engine.overrun_stop, self.operator.rules
-        if late is not None and late not in rules.held:
-            rules.held = f"{rules.held}; {late}" if rules.held else late
-            self.events.put("alarm", late)
+        if engine.overrun_stop is not None and permit.hold(engine.overrun_stop):
+            self.events.put("alarm", engine.overrun_stop)
         retainer.scan()
+
+    def _after_reset(self) -> None:
+        """Follow a reset between two scans: forget acknowledged stops, and set up a lost drive again."""
+        if not self.permit.held:
+            self.engine.overrun_stop = None
+            self.retainer.retained = replace(self.retainer.retained, error_stop="")
+        if self.axis.power.phase is not PowerPhase.OFF:
+            return
+        try:
+            if not set_up_again(self.engine):
+                return
+        except GantryctlError as fault:
+            self.events.put("service", f"the drive could not be set up again: {fault}")
+            return
+        self.events.put("service", "the drive was set up again")
+        if not self.permit.lock or self.permit.lock.startswith(BUS):  # what is wrong with the encoder stays
+            self.permit.lock = bus_refusal(self.machine, self._store, self.engine.drive)
 
     def _switched(self, on: bool) -> None:
         if on:
@@ -163,27 +201,25 @@ class Controller:
             )
         self.retainer.start("power off")
 
-    def _say_keeping_faults(self) -> None:
+    def _report_write_faults(self) -> None:
         while self.retainer.faults:
             self.events.put("service", f"the state was not kept: {self.retainer.faults.popleft()}")
 
     def _close(self, failure: AlarmStop | None) -> None:
-        """Torque off, brake closed, state kept, and said so."""
+        """Take torque off and close the brake, keep the state, and write the end into the journal."""
         try:
             self.engine.close()
         finally:
             self.retainer.finish(failure)
             self._recorder.stop()
-            self._say_keeping_faults()
+            self._report_write_faults()
             brake = "open" if self.engine.image.drive.brake_open else "closed"
             where = f" at {math.degrees(self.axis.pos_act_rad):.3f} deg" if failure is None else ""
             self.events.put("service", f"controller ended{where}, brake {brake}, torque off")
             self.memory.words[Word.CONTROLLER_CLEAN] = failure is None
 
-    # --- odds and ends ----------------------------------------------------------------------------
-
-    def _say_hello(self) -> None:
-        """Start in the journal, and how the run before ended when nobody closed it."""
+    def _write_start(self) -> None:
+        """Write the start into the journal, and how the run before ended if it was not shut down."""
         before, age_ms = Snapshot(self.memory).fast()
         if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
             text = (
@@ -207,62 +243,6 @@ class Controller:
             },
         }
 
-    def _journal_keeps(self) -> bool:
-        words = self.memory.words
-        alive = time.monotonic_ns() - words[Word.RECORDER_NS] < RECORDER_S * 1e9
-        return alive and words[Word.JOURNAL_STATE] in (0, 1)
-
-    def _locked(self) -> bool:
-        """Whether a reset now meets something locked."""
-        log = self.axis.alarms
-        return (
-            self.memory.words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED
-            or self._held_by_locked()
-            or not self.axis.feedback.position_valid
-            or any(alarm.definition.lock for alarm in log.active.values())
-        )
-
-    def _held_by_locked(self) -> bool:
-        """A locked alarm of an earlier run that nobody has acknowledged."""
-        return bool(self.operator.rules.held) and self.retainer.retained.error_stop in LOCKED
-
-    def _reset(self, who: Identity, service: bool) -> str:
-        """What a reset acknowledges beside the program's alarms."""
-        words, rules = self.memory.words, self.operator.rules
-        self._reset_asked = True
-        if words[Word.JOURNAL_STATE] == _JOURNAL_LOCKED and service:
-            self.events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
-        if rules.lock:
-            raise MessageRefused(rules.lock.partition(" ")[0], rules.lock)
-        if not rules.held:
-            return ""
-        if self._held_by_locked() and not service:
-            code = self.retainer.retained.error_stop
-            raise MessageRefused("CTL-14", f"{code} ({rules.held}) may be reset by the service role only")
-        said, rules.held = rules.held, ""
-        self.retainer.retained = replace(self.retainer.retained, error_stop="")
-        self.engine.overrun_stop = None
-        self.events.put("command", f"acknowledged: {said}", who)
-        return said
-
-    def _set_up_again(self) -> None:
-        """A reset of a lost drive: with power off it is set up again before the program looks at it."""
-        if self.axis.power.phase is not PowerPhase.OFF:
-            return
-        try:
-            if not set_up_again(self.engine):
-                return
-        except GantryctlError as fault:
-            self.events.put("service", f"the drive could not be set up again: {fault}")
-            return
-        self.events.put("service", "the drive was set up again")
-        rules = self.operator.rules
-        if not rules.lock or rules.lock.startswith(BUS):  # what is wrong with the encoder stays
-            rules.lock = bus_refusal(self.machine, self._store, self._drive)
-
-
-_JOURNAL_LOCKED: Final = 4
-
 
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
@@ -276,5 +256,4 @@ def main(arguments: list[str]) -> int:
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())
-        controller.real_time = prepare_scan_process()
-        return controller.run()
+        return controller.run(real_time=prepare_scan_process())

@@ -19,9 +19,7 @@ from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.memory.snapshot import publish_fast, publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
-from gantryctl.service.protocol.tags import BY_NAME
 from gantryctl.units import deg
-from gantryctl.wiring.program import speed_settings
 
 FAST_S: Final = 0.010
 SLOW_S: Final = 1.0
@@ -59,7 +57,7 @@ class Publisher:
         self._fast_scans = max(1, round(FAST_S / engine.period_s))
         self._frame_scans = max(1, round(FRAME_S / engine.period_s))
         self._slow_scans = max(1, round(SLOW_S / engine.period_s))
-        self._fixed = _fixed(machine) | {"real_time": real_time, "version": version}
+        self._fixed = self._constant() | {"real_time": real_time, "version": version}
         self._before: deque[tuple[list[int], list[int]]] = deque(maxlen=round(RECENT_S / SLOW_S))
         self._statistics = self._timing()
         self._shown: tuple[object, ...] = ()
@@ -103,8 +101,8 @@ class Publisher:
         levels = operator.levels
         shown = (
             operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
-            levels.override, self._axis.virtual.acc_setting_rad_s2, operator.rules.blocked_by,
-            self._axis.refusal_count, self._armed(), operator.rules.locked(), self._brake.changed,
+            levels.override, self._axis.virtual.acc_setting_rad_s2, operator.permit.blocked_by,
+            self._axis.refusal_count, self._armed(), operator.permit.reset_locked, self._brake.changed,
         )  # fmt: skip
         if due or shown != self._shown:
             self._shown = shown
@@ -158,7 +156,7 @@ class Publisher:
             "in_position": axis.in_position,
             "torque_limited": feedback.torque_limited,
             "position_valid": feedback.position_valid
-            and not operator.rules.blocked_by.startswith(("ENC", "CFG")),
+            and not operator.permit.blocked_by.startswith(("ENC", "CFG")),
             "estop_ok": inputs.estop_ok,
             "enabling_switch": inputs.enabling_switch,
             "limit_minus_ok": inputs.limit_minus_ok,
@@ -175,7 +173,7 @@ class Publisher:
         events = memory.events[2]
         now_s = operator.now()
         return {
-            "frame": operator.frame(),
+            "frame": operator.frame,
             "epoch": operator.authority.epoch,
             "scan": engine.scan,
             "time_s": engine.time_s,
@@ -211,16 +209,41 @@ class Publisher:
             "armed_by": armed.who.user if armed else "",
             "armed_client": armed.who.client if armed else "",
             "second_person": operator.arming.second_person,
-            "reset_locked": operator.rules.locked(),
+            "reset_locked": operator.permit.reset_locked,
             "mode": Mode(self._program.mode).name.lower(),
             "speed_setting_deg_s": _rounded(deg(levels.speed_rad_s)),
             "increment_deg": _rounded(deg(levels.increment_rad)),
             "override_percent": _rounded(levels.override * 100.0),
             "acc_setting_deg_s2": _rounded(deg(axis.virtual.acc_setting_rad_s2)),
-            "blocked_by": operator.rules.blocked_by,
+            "blocked_by": operator.permit.blocked_by,
             "eccentric_moment_nm": _rounded(moment),
             "eccentric_angle_deg": _rounded(deg(angle)),
             "refusal_text": f"{axis.refusal.code} · {axis.refusal.text}" if axis.refusal else "",
+        }
+
+    def _constant(self) -> dict[str, Any]:
+        """Tags that never change while the controller runs."""
+        machine, ranges = self._machine, self._operator.ranges
+        axis, motor = machine.axis, machine.motor
+        cap_rad_s = self._axis.settings.speed.without_enabling_switch_rad_s
+        speed, acc = ranges["speed_setting_deg_s"], ranges["acc_setting_deg_s2"]
+        return {
+            "machine": machine.name,
+            "drive_kind": machine.drive.kind,
+            "config_hash": short_hash(machine),
+            "speed_min_deg_s": speed.low,
+            "speed_max_deg_s": speed.high,
+            "speed_cap_deg_s": _rounded(deg(cap_rad_s)),
+            "acc_min_deg_s2": _rounded(acc.low),
+            "acc_max_deg_s2": acc.high,
+            "increment_max_deg": ranges["increment_deg"].high,
+            "pos_min_deg": axis.pos_min_deg,
+            "pos_max_deg": axis.pos_max_deg,
+            "over_travel_deg": axis.over_travel_deg,
+            "limit_switch_deg": axis.limit_switch_deg,
+            "mechanical_stop_deg": axis.mechanical_stop_deg,
+            "torque_rated_nm": motor.torque_rated_nm,
+            "torque_max_nm": motor.torque_max_nm,
         }
 
     def _timing(self) -> dict[str, Any]:
@@ -249,28 +272,3 @@ class Publisher:
 
 def _rounded(value: float) -> float | None:
     return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None
-
-
-def _fixed(machine: Machine) -> dict[str, Any]:
-    """What never changes while the controller runs."""
-    speed, axis, virtual, motor = machine.speed, machine.axis, machine.virtual_axis, machine.motor
-    found = {
-        "machine": machine.name,
-        "drive_kind": machine.drive.kind,
-        "config_hash": short_hash(machine),
-        "speed_min_deg_s": speed.setting_min_deg_s,
-        "speed_max_deg_s": speed.setting_max_deg_s,
-        "speed_cap_deg_s": _rounded(deg(speed_settings(machine).without_enabling_switch_rad_s)),
-        "acc_min_deg_s2": _rounded(0.1 * virtual.acc_deg_s2),
-        "acc_max_deg_s2": virtual.acc_deg_s2,
-        "increment_max_deg": axis.pos_max_deg - axis.pos_min_deg,
-        "pos_min_deg": axis.pos_min_deg,
-        "pos_max_deg": axis.pos_max_deg,
-        "over_travel_deg": axis.over_travel_deg,
-        "limit_switch_deg": axis.limit_switch_deg,
-        "mechanical_stop_deg": axis.mechanical_stop_deg,
-        "torque_rated_nm": motor.torque_rated_nm,
-        "torque_max_nm": motor.torque_max_nm,
-    }
-    assert set(found) <= set(BY_NAME)
-    return found

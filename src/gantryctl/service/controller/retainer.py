@@ -16,7 +16,7 @@ from gantryctl.operation.virtual import ReadDrive, keep_machine
 from gantryctl.program import AxisState
 from gantryctl.runtime import Engine, Retained
 from gantryctl.service.command.operator import ServiceOperator
-from gantryctl.service.controller.opening import LastRead, Opened
+from gantryctl.service.controller.opening import LastRead
 from gantryctl.units import rad
 
 _TRAVEL_STEP_RAD: Final = rad(0.001)
@@ -27,19 +27,25 @@ class Retainer:
     """Retained memory of one run.
 
     Args:
-        opened: the machine as it was opened.
+        before: what is retained of the runs before.
 
     Attributes:
         retained: what is remembered from before, with what has been acknowledged or tested since.
         faults: what the disk did not take, for the scan to say: it is the only writer of events.
     """
 
-    def __init__(self, machine: Machine, store: StateStore, opened: Opened) -> None:
-        self._machine, self._store, self._drive = machine, store, opened.drive
-        self._engine: Engine = opened.engine
-        self._operator: ServiceOperator = opened.operator
-        self._axis = opened.operator.program.axis
-        self.retained: Retained = opened.retained
+    def __init__(
+        self,
+        machine: Machine,
+        store: StateStore,
+        engine: Engine,
+        operator: ServiceOperator,
+        before: Retained,
+    ) -> None:
+        self._machine, self._store = machine, store
+        self._engine, self._drive = engine, engine.drive
+        self._operator, self._axis = operator, operator.program.axis
+        self.retained = before
         self.faults: deque[str] = deque()
         self._power_ups = self._moves = 0
         self._moving = False
@@ -103,7 +109,7 @@ class Retainer:
             increment_rad=levels.increment_rad,
             travelled_rad=kept.travelled_rad + self._way_rad,
         )
-        if not self._operator.rules.blocked_by:
+        if not self._operator.permit.blocked_by:
             return record
         if not record.error_stop:
             record = replace(record, error_stop=kept.error_stop)

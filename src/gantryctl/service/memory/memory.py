@@ -5,6 +5,7 @@ from __future__ import annotations
 import mmap
 import os
 import sys
+import time
 from enum import IntEnum
 from typing import Final
 
@@ -17,6 +18,9 @@ COMMAND_BYTES: Final = 1024
 EVENT_BYTES: Final = 1024
 ROW_BYTES: Final = 8 * 66
 """Slot of a trace row: up to 64 columns, the number of the recording, the header."""
+
+RECORDER_S: Final = 10.0
+"""A recorder that is silent for longer keeps no events."""
 
 _FAST: Final = 4096
 _SLOW: Final = 64 * 1024
@@ -48,7 +52,7 @@ class Word(IntEnum):
     BOOT = 1
     """Random number of this start of the service."""
     JOURNAL_STATE = 4
-    """Number of a label of `journal_state`."""
+    """A `JournalState`."""
     CONTROLLER_CLEAN = 5
     """1 when the last controller was shut down, and ended at rest with the brake closed."""
     GATEWAY_NS = 6
@@ -57,6 +61,38 @@ class Word(IntEnum):
     """Hold-to-run lease of the machine, for clients to know before the controller runs."""
     RECORDING_STOPPED = 7
     """1 while the disk is too full to record."""
+
+
+class JournalState(IntEnum):
+    """Health of the journal, the labels of the tag `journal_state`; with OK and SLOW it keeps events."""
+
+    OK = 0
+    SLOW = 1
+    FULL = 2
+    FAILED = 3
+    LOCKED = 4
+
+
+class JournalHealth:
+    """The recorder's word on the journal, for the scan.
+
+    Args:
+        words: numbers by `Word`.
+    """
+
+    def __init__(self, words: memoryview) -> None:
+        self._words = words
+
+    @property
+    def keeps(self) -> bool:
+        """Events reach the disk: the recorder is alive and the journal takes them."""
+        alive = time.monotonic_ns() - self._words[Word.RECORDER_NS] < RECORDER_S * 1e9
+        return alive and self._words[Word.JOURNAL_STATE] <= JournalState.SLOW
+
+    @property
+    def locked(self) -> bool:
+        """The journal before was damaged, and service has not acknowledged it."""
+        return bool(self._words[Word.JOURNAL_STATE] == JournalState.LOCKED)
 
 
 _AREAS: Final = (

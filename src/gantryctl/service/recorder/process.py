@@ -18,13 +18,12 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import DeviceError
-from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.journal import DAMAGED, Journal, JournalFault
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
-OK, SLOW, FULL, FAILED, LOCKED = range(5)
 SLOW_S: Final = 1.0
 _BATCH: Final = 200
 _PAUSE_S: Final = 0.010
@@ -65,16 +64,20 @@ class EventWriter:
         self._slowest_s = 0.0
 
     @property
-    def state(self) -> int:
-        """Number of the label of `journal_state`."""
+    def state(self) -> JournalState:
+        """Health of the journal now."""
         if self.failed:
-            return FAILED
+            return JournalState.FAILED
         if self._free() < self._keeping.event_reserve_mb * MB:
-            return FULL
+            return JournalState.FULL
         if self._locked:
-            return LOCKED
+            return JournalState.LOCKED
         began_s = self.began_s
-        return SLOW if began_s is not None and time.monotonic() - began_s > SLOW_S else OK
+        return (
+            JournalState.SLOW
+            if began_s is not None and time.monotonic() - began_s > SLOW_S
+            else JournalState.OK
+        )
 
     def drain(self) -> bool:
         """Write what waits; whether there was anything.
