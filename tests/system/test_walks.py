@@ -1,4 +1,4 @@
-"""The walks of `docs/architecture.md` are ways that a real run takes: the functions named are entered, in that order."""
+"""The walks of `docs/architecture.md` are ways that real runs take: each function is entered, in the order named."""
 
 from __future__ import annotations
 
