@@ -20,7 +20,7 @@ from gantryctl import _core
 from gantryctl.engineering.batch import ClosedLoop
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
-from gantryctl.operation import AxisSession
+from gantryctl.operation.run import AxisRun
 from gantryctl.units import rad
 from gantryctl.wiring.program import motion_limits, position_law
 from gantryctl.wiring.simulator import drive_params, plant_params
@@ -121,7 +121,7 @@ def full(scheme: str, seconds: int, *, moving: bool = True) -> float:
 
 def engine(scan_ms: float, *, moving: bool = True) -> float:
     """Rate of the engine with the shipped program: every scan through the Python program and the drive port."""
-    session = AxisSession(with_values(default_machine(), {"control.scan_period_ms": scan_ms}))
+    session = AxisRun(with_values(default_machine(), {"control.scan_period_ms": scan_ms}))
     try:
         session.power_up()
         begin = session.engine.time_s

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gantryctl.cli.main import run
 from gantryctl.machine import default_machine, to_toml, with_values
-from gantryctl.operation import StateStore
+from gantryctl.operation.store import StateStore
 
 
 class Answer(NamedTuple):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
+from gantryctl.operation.store import StateStore
 from gantryctl.runtime import VirtualClock
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.memory.memory import SharedMemory, Source, Word

@@ -15,8 +15,9 @@ from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure,
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
-from gantryctl.operation import AxisSession, StateStore, Stop
-from gantryctl.operation.bus import set_up_again
+from gantryctl.operation.opening import set_up_again
+from gantryctl.operation.run import AxisRun, Stop
+from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState
 from gantryctl.runtime import MemoryRecorder
 
@@ -28,7 +29,7 @@ class Run:
 
     def __init__(self, **changes: object) -> None:
         machine = with_values(MACHINE, {key.replace("__", "."): value for key, value in changes.items()})
-        self.session = AxisSession(machine, recorder=MemoryRecorder)
+        self.session = AxisRun(machine, recorder=MemoryRecorder)
         drive = self.session.drive
         assert isinstance(drive.truth_source, DriveNode)
         self.node = drive.truth_source
@@ -72,11 +73,11 @@ def test_two_runs_are_equal_bit_for_bit() -> None:
 def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
     for _ in range(2):
         with StateStore(MACHINE, tmp_path) as store:
-            session = AxisSession(MACHINE, store)
+            session = AxisRun(MACHINE, store)
             session.move(session.angle_deg + 2.0)
             session.close("done")
     with StateStore(MACHINE, tmp_path) as store:
-        session = AxisSession(MACHINE, store)
+        session = AxisRun(MACHINE, store)
         assert session.angle_deg == pytest.approx(4.0, abs=0.002)
         session.close("looked")
 

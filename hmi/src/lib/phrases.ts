@@ -240,7 +240,7 @@ export const PHRASES: Record<string, string> = {
   "Encoder wraps near the travel": "编码器量程终点靠近行程",
   "the encoder's range ends {minus_deg:.1f} deg below and {plus_deg:.1f} deg above the travel, too near": "编码器量程终点在行程以下 {minus_deg}°、以上 {plus_deg}°，过近",
   "Zero is badly placed in the multiturn range: the reading would jump by the whole range in motion.": "零点在多圈量程内位置不当：运动中读数会跳变整个量程。",
-  "Turn the encoder on its shaft or mount it with its range centred, then set the zero again.": "转动编码器轴或居中安装编码器，然后重新设置零点。",
+  "Turn the encoder on its shaft or mount it with its range centred, then `gantryctl encoder set-zero`.": "转动编码器轴或居中安装编码器，然后执行 `gantryctl encoder set-zero`。",
   "Drive parameters forbid enabling": "驱动器参数禁止使能",
   "the drive's parameters forbid enabling it: {parameters}": "驱动器参数禁止使能：{parameters}",
   "With these parameters the drive would not stop the axis by itself when the controller is gone.": "在这些参数下，控制器失效时驱动器不会自行停止轴。",

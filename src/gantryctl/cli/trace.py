@@ -23,7 +23,7 @@ class Recording(NamedPath):
     ) -> Path:
         """The file; `last` is looked up in the state directory."""
         if value == "last":
-            from gantryctl.operation import last_recording
+            from gantryctl.operation.store import last_recording
 
             return last_recording()
         return super().convert(value, param, ctx)

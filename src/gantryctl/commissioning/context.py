@@ -8,7 +8,7 @@ from pathlib import Path
 
 from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
+from gantryctl.operation.store import StateStore
 
 
 @dataclass(frozen=True)

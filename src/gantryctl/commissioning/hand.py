@@ -12,8 +12,9 @@ from gantryctl.drives.canopen import CanopenDrive
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
-from gantryctl.operation.virtual import keep_machine, open_machine
+from gantryctl.operation.opening import keep_machine, open_machine
+from gantryctl.operation.proofs import bus_reasons
+from gantryctl.operation.store import StateStore
 from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
 
@@ -163,9 +164,8 @@ def by_hand(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[H
     retained = opened.retained
     hand: Hand | None = None
     try:
-        if drive.refusals:
-            lines = "\n  ".join(drive.refusals)
-            raise CommandRefused(f"the drive's parameters forbid enabling it:\n  {lines}")
+        for reason in bus_reasons(machine, store, drive, commissioning=True):
+            raise CommandRefused(reason.text)
         hand = Hand(machine, drive, leash_deg, retained)
         with keeps_time() if machine.paced_by_clock else nullcontext():
             yield hand

@@ -12,15 +12,15 @@ from gantryctl.commissioning.plan import STEPS, Step, complete
 from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
+from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import (
     CommissioningRecord,
     proven_hash,
     record_path,
     store_record,
 )
-from gantryctl.operation.state import now_text, operator_name
-from gantryctl.operation.virtual import looked_at
+from gantryctl.operation.state import operator_name
+from gantryctl.operation.store import StateStore, now_text
 
 
 class Commissioning:
@@ -69,7 +69,7 @@ class Commissioning:
 
     def start(self, again: bool) -> None:
         """Pin the drive; another one than before begins from the start."""
-        with looked_at(self.machine, self.store) as machine:
+        with read_only(self.machine, self.store) as machine:
             who = machine.drive.health()
         assert who is not None  # a CAN machine is commissioned
         if again or (self.progress.drive and self.progress.drive != who.drive_key):

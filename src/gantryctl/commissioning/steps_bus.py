@@ -12,10 +12,9 @@ from gantryctl.drives.canopen import ReadOnlyDrive
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
-from gantryctl.operation.home_reference import evaluate, refusal
+from gantryctl.operation.home_reference import why_not_referenced
+from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import load_record, record_path
-from gantryctl.operation.virtual import encoder_scale, looked_at
-from gantryctl.runtime import Retained
 from gantryctl.wiring.canopen import can_link, canopen_settings
 
 _WATCH_S: Final = 2.0
@@ -25,7 +24,7 @@ _LEASH_DEG: Final = 0.02
 
 def identity(c: Context) -> StepResult:
     """Who is it, and is it the drive of the last commissioning?"""
-    with looked_at(c.machine, c.store) as machine:
+    with read_only(c.machine, c.store) as machine:
         name, health = machine.drive.identity().name, machine.drive.health()
     assert health is not None  # a CAN machine is commissioned
     before = load_record(record_path(c.store.directory, c.machine))
@@ -37,14 +36,15 @@ def identity(c: Context) -> StepResult:
 
 def encoder(c: Context) -> StepResult:
     """Zero offset, wrap, rest position."""
-    with looked_at(c.machine, c.store) as machine:
-        retained: Retained = machine.retained
-        reading = evaluate(
-            encoder_scale(c.machine, machine.drive), machine.drive.read().pos_act_counts, retained
-        )
-    reason = refusal(reading)
+    with read_only(c.machine, c.store) as machine:
+        retained, reading = machine.retained, machine.reading
+    reason = why_not_referenced(reading)
     if reason is not None or reading.angle_deg is None:
-        return failed("encoder", "the angle is not valid", reason or "gantryctl encoder set-zero")
+        return failed(
+            "encoder",
+            "the angle is not valid",
+            reason.text if reason is not None else "gantryctl encoder set-zero",
+        )
     assert reading.margin_minus_deg is not None
     assert reading.margin_plus_deg is not None
     proof = f"stands at {reading.angle_deg:+.4f} deg, zero set by {retained.zero_set_by} ({retained.zero_witness})"

@@ -14,7 +14,7 @@ from gantryctl.commissioning.steps_power import reset
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine.derived import rigid_stop
-from gantryctl.operation import AxisSession
+from gantryctl.operation.run import AxisRun
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
 from gantryctl.units import deg
@@ -37,7 +37,7 @@ class _Run(NamedTuple):
 
 def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> _Run:
     """A session of its own: power up, every target, power down."""
-    session = AxisSession(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
+    session = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     result, alarm, done = "commissioning", None, True
@@ -132,7 +132,7 @@ def _measured_stop(c: Context, what: str, speed: float) -> float:
 
 def _jog_release(c: Context, speed: float) -> float:
     """From the end of constant speed to rest, in the set-point's own trace."""
-    session = AxisSession(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
+    session = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     try:

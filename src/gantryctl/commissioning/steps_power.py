@@ -14,7 +14,7 @@ from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake_policy import after_test
-from gantryctl.operation.silence import silence_path, store_silence
+from gantryctl.operation.proofs import silent_master_proof_path, store_silent_master_proof
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
@@ -59,9 +59,9 @@ def silence(c: Context) -> StepResult:
     if not wrong:
         with by_hand(c.machine, c.store, _STAND_DEG) as hand:
             key, marker = hand.drive.opened.identity.key, hand.drive.leave_restart_marker()
-            kept = store_silence(silence_path(c.store.directory, c.machine), key, marker)
-        if kept.mark is None:
-            proof += "; this drive takes no mark: a boot-up between two runs is not noticed"
+            store_silent_master_proof(silent_master_proof_path(c.store.directory, c.machine), key, marker)
+        if marker is None:
+            proof += "; this drive takes no marker: a restart between two runs is not noticed"
     figures = {key: value for key, value in figures.items() if math.isfinite(value)}
     to_do = (
         f"the drive does not stop a silent controller's axis ({', '.join(wrong)}): 6007, 605E, 1016, 1400:05"

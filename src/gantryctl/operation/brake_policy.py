@@ -8,14 +8,15 @@ from datetime import UTC, datetime, timedelta
 from typing import Final, NamedTuple
 
 from gantryctl.machine import Machine
+from gantryctl.operation.store import TIME_FORMAT
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.runtime import Retained
 from gantryctl.units import deg
 from gantryctl.wiring.program import speed_settings, untestable
 
 LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
 """Codes that only service may reset, also when they are of an earlier run."""
-TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%SZ"
 
 
 class BrakeDue(NamedTuple):
@@ -115,6 +116,13 @@ def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now:
         brake_tests=retained.brake_tests + 1,
         brake_tests_failed=retained.brake_tests_failed + failed,
     )
+
+
+def why_brake_failed(retained: Retained) -> Reason | None:
+    """The failed test of an earlier run as a reason, or None."""
+    if not retained.brake_failed:
+        return None
+    return Reason(Code.BRK_08, {"measured": retained.brake_failed}, ClearedBy.SERVICE)
 
 
 def restore_failure(axis: Axis, retained: Retained) -> None:

@@ -6,6 +6,8 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 from gantryctl.image import DriveIdentity
+from gantryctl.program import Code
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.runtime import Retained
 
 ACCEPTED_DEG: Final = 0.05
@@ -13,13 +15,13 @@ ACCEPTED_DEG: Final = 0.05
 SHOWN_DEG: Final = 0.001
 """Moved less: not worth a line."""
 AMBIGUOUS_DEG: Final = 1.0
-"""Moved more: the position is not valid until somebody with a witness mark says where the gantry stands."""
+"""Moved more: the position is not valid until the witness mark has been read."""
 TURN_DEG: Final = 0.01
 """Off by whole motor turns to this accuracy is a fault of the multiturn part: the brake holds the motor's shaft."""
 
 
 class RestVerdict(Enum):
-    """What the comparison of the reading with the stored rest position says."""
+    """Result of comparing the reading with the stored rest position."""
 
     OK = "ok"
     NO_ZERO = "no zero offset stored"
@@ -31,7 +33,7 @@ class RestVerdict(Enum):
 
 
 class AbsoluteReading(NamedTuple):
-    """An encoder reading and what it means.
+    """An encoder reading and its meaning.
 
     Attributes:
         raw_counts: fine counts within the multiturn range. single_turn, multi_turn: the same in coarse steps and
@@ -88,14 +90,13 @@ class EncoderScale(NamedTuple):
         half = self.range_counts / 2
         return (counts + half) % self.range_counts - half
 
+    def unwrapped(self, raw_counts: float, zero_counts: int) -> float:
+        """The reading on the branch that puts the gantry within half the range of its zero, counts."""
+        return zero_counts + self.centred(raw_counts - zero_counts)
 
-def unwrapped(scale: EncoderScale, raw_counts: float, zero_counts: int) -> float:
-    """The reading on the branch that puts the gantry within half the range of its zero, counts."""
-    return zero_counts + scale.centred(raw_counts - zero_counts)
 
-
-def evaluate(scale: EncoderScale, raw_counts: float, retained: Retained | None) -> AbsoluteReading:
-    """What a reading after power-on says (fault catalogue A9 to A14)."""
+def judge_reference(scale: EncoderScale, raw_counts: float, retained: Retained | None) -> AbsoluteReading:
+    """Compare a reading after power-on with the retained memory (fault catalogue A9 to A14)."""
     counts = int(raw_counts)
     per_turn = scale.identity.counts_per_turn
     step = per_turn // scale.coarse_per_turn
@@ -142,7 +143,9 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
     return RestVerdict.MOVED if abs(moved) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
 
 
-def _moved_words(reading: AbsoluteReading) -> str:
+def _why_not_valid(reading: AbsoluteReading) -> str:
+    if reading.verdict is RestVerdict.NO_ZERO:
+        return "no zero offset is stored for this machine"
     if reading.moved_deg is None:
         return "no rest position is stored, so nothing proves the angle"
     if abs(reading.moved_deg) <= AMBIGUOUS_DEG:
@@ -150,42 +153,20 @@ def _moved_words(reading: AbsoluteReading) -> str:
     return f"the gantry moved {reading.moved_deg:+.3f} deg while off, or the encoder lost turns"
 
 
-_SET_ZERO: Final = "gantryctl encoder set-zero --angle A --witness TEXT"
-
-
-def refusal(reading: AbsoluteReading) -> str | None:
+def why_not_referenced(reading: AbsoluteReading) -> Reason | None:
     """Why the axis may not move with this reading, or None."""
     match reading.verdict:
         case RestVerdict.OK:
             return None
-        case RestVerdict.NO_ZERO:
-            return (
-                "ENC-10 · no zero offset is stored for this machine, the angle is unknown · "
-                f"set it at a known angle: {_SET_ZERO}"
-            )
-        case RestVerdict.OTHER_ENCODER:
-            return (
-                f"ENC-11 · the encoder is {reading.serial}, the stored zero offset belongs to another one · "
-                f"set it again at a known angle: {_SET_ZERO}"
-            )
-        case RestVerdict.WRAP:
-            return (
-                f"CFG-ENC-01 · the encoder's range ends {reading.margin_minus_deg:.1f} deg below and "
-                f"{reading.margin_plus_deg:.1f} deg above the travel, too near · turn the encoder on its shaft, or "
-                f"mount it with its range centred, then: {_SET_ZERO}"
-            )
-        case RestVerdict.TURNS:
-            return (
-                f"ENC-08 · the reading is off by {reading.moved_deg:+.3f} deg, whole motor turns: the encoder lost "
-                f"turns, or the gantry moved while off · read the witness mark, then: {_SET_ZERO}"
-            )
         case RestVerdict.MOVED:
-            return (
-                f"ENC-09 · the gantry moved {reading.moved_deg:+.3f} deg while off (limit {ACCEPTED_DEG:g} deg) · "
-                "look at it; `gantryctl reset` acknowledges it under your name"
-            )
-        case RestVerdict.NOT_VALID:
-            return (
-                f"ENC-10 · {_moved_words(reading)}: the angle is not valid · "
-                f"read the witness mark, then: {_SET_ZERO}"
-            )
+            values: dict[str, object] = {"moved_deg": reading.moved_deg, "limit_deg": ACCEPTED_DEG}
+            return Reason(Code.ENC_09, values, ClearedBy.RESET)
+        case RestVerdict.OTHER_ENCODER:
+            return Reason(Code.ENC_11, {"serial": reading.serial}, ClearedBy.RESTART)
+        case RestVerdict.WRAP:
+            values = {"minus_deg": reading.margin_minus_deg, "plus_deg": reading.margin_plus_deg}
+            return Reason(Code.CFG_ENC_01, values, ClearedBy.RESTART)
+        case RestVerdict.TURNS:
+            return Reason(Code.ENC_08, {"moved_deg": reading.moved_deg}, ClearedBy.RESTART)
+        case RestVerdict.NO_ZERO | RestVerdict.NOT_VALID:
+            return Reason(Code.ENC_10, {"why": _why_not_valid(reading)}, ClearedBy.RESTART)

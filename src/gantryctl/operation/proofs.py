@@ -1,4 +1,4 @@
-"""The commissioning record of a CAN machine: which drive was proven, with which configuration, and by which report."""
+"""Proofs of commissioning: the record of a CAN machine, and the stop of its drive without a controller."""
 
 from __future__ import annotations
 
@@ -7,11 +7,16 @@ import json
 import tomllib
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-from gantryctl.errors import CommandRefused, StateError
+from gantryctl.errors import StateError
 from gantryctl.files import write_whole
+from gantryctl.image import LinkHealth
 from gantryctl.machine import Machine
+from gantryctl.operation.store import StateStore, now_text
+from gantryctl.ports import Drive
+from gantryctl.program import Code
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 
 _PROVEN: Final = ("axis", "control", "motor", "encoder", "brake", "drive", "can")
 """Tables whose change makes the proofs void; speeds and monitors may change."""
@@ -19,12 +24,15 @@ _PROVEN: Final = ("axis", "control", "motor", "encoder", "brake", "drive", "can"
 
 @dataclass(frozen=True)
 class CommissioningRecord:
-    """What `gantryctl commission` has proven."""
+    """Drive and configuration that `gantryctl commission` has proven, and the report that shows it.
+
+    Attributes:
+        drive: vendor, product and serial number of object 1018.
+    """
 
     machine: str
     proven_hash: str
     drive: str
-    """Vendor, product and serial number of 1018."""
     software: str
     date: str
     by: str
@@ -39,12 +47,12 @@ def proven_hash(machine: Machine) -> str:
 
 
 def record_path(directory: Path, machine: Machine) -> Path:
-    """Where the record lies: with the other retained state of the machine."""
+    """File of the record, beside the other retained state of the machine."""
     return directory / f"{machine.name}.commissioned.toml"
 
 
 def load_record(path: Path) -> CommissioningRecord | None:
-    """The record; None when there is none.
+    """Read the record; None when there is no file.
 
     Raises:
         StateError: the file is damaged.
@@ -67,20 +75,84 @@ def store_record(path: Path, record: CommissioningRecord) -> None:
     write_whole(path, "\n".join(lines) + "\n")
 
 
-def check_record(machine: Machine, record: CommissioningRecord | None, drive_key: str) -> None:
-    """Whether the machine may move.
+class SilentMasterProof(NamedTuple):
+    """The last time that a drive was seen to stop the axis of a silent controller.
 
-    Raises:
-        CommandRefused: not commissioned, another drive, or another configuration than was proven.
+    Attributes:
+        drive: vendor, product and serial number of object 1018.
+        restart_marker: number left in the drive, erased by its restart; None where the drive takes none.
     """
-    again = f"gantryctl commission --config FILE commissions {machine.name}"
+
+    drive: str
+    restart_marker: int | None
+    date: str
+
+
+def silent_master_proof_path(directory: Path, machine: Machine) -> Path:
+    """File of the proof, beside the commissioning record."""
+    return directory / f"{machine.name}.silence.json"
+
+
+def store_silent_master_proof(path: Path, drive_key: str, restart_marker: int | None) -> None:
+    """Keep that the proof was passed just now, with the marker that was left in the drive."""
+    proof = {"drive": drive_key, "mark": restart_marker, "date": now_text()}
+    write_whole(path, json.dumps(proof) + "\n")
+
+
+def load_silent_master_proof(path: Path) -> SilentMasterProof:
+    """Read the proof; one of no drive where there is none that can be read."""
+    """Read the proof; one of no drive where there is none that can be read."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        return SilentMasterProof(str(data["drive"]), data["mark"], str(data["date"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return SilentMasterProof("", None, "")
+
+
+def bus_reasons(
+    machine: Machine, store: StateStore | None, drive: Drive, *, commissioning: bool = False
+) -> tuple[Reason, ...]:
+    """Why a drive on a bus may not be enabled; () for any other drive.
+
+    Args:
+        commissioning: the record is what is being made.
+    """
+    if drive.refusals:
+        return (Reason(Code.CFG_CAN_01, {"parameters": "; ".join(drive.refusals)}, ClearedBy.RESTART),)
+    health = drive.health()
+    if health is None or machine.plant_is_local or commissioning or not machine.can.commissioning_required:
+        return ()
+    if store is None:
+        return ()
+    record = load_record(record_path(store.directory, machine))
+    proof = load_silent_master_proof(silent_master_proof_path(store.directory, machine))
+    found = (why_not_commissioned(machine, record, health.drive_key), why_silence_not_proven(proof, health))
+    return tuple(
+        Reason(code, {"why": why}, ClearedBy.COMMISSIONING)
+        for code, why in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), found, strict=True)
+        if why
+    )
+
+
+def why_not_commissioned(machine: Machine, record: CommissioningRecord | None, drive_key: str) -> str:
+    """Say what the record lacks for this drive and configuration; "" when it fits."""
     if record is None:
-        raise CommandRefused(f"{machine.name} has no commissioning record: its drive is not proven · {again}")
+        return f"{machine.name} has no commissioning record: its drive is not proven"
     if record.drive != drive_key:
-        raise CommandRefused(
-            f"the drive on the bus is {drive_key}, {machine.name} was commissioned with {record.drive} · {again} again"
-        )
+        return f"the drive on the bus is {drive_key}, {machine.name} was commissioned with {record.drive}"
     if record.proven_hash != proven_hash(machine):
-        raise CommandRefused(
-            f"the configuration has changed since {machine.name} was commissioned on {record.date} · {again} again"
+        return f"the configuration has changed since {machine.name} was commissioned on {record.date}"
+    return ""
+
+
+def why_silence_not_proven(proof: SilentMasterProof, health: LinkHealth) -> str:
+    """Say why the proof does not hold for the drive as it is now; "" when it does."""
+    if proof.drive != health.drive_key:
+        return "it is not proven that this drive stops the axis when its controller falls silent"
+    # A restart may load other parameters than those that were proven, and the drive cannot tell the controller so.
+    if proof.restart_marker is not None and proof.restart_marker != health.restart_marker:
+        return (
+            f"the drive has restarted since it was proven on {proof.date} that it stops the axis when its controller "
+            "falls silent"
         )
+    return ""

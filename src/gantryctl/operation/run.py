@@ -1,4 +1,4 @@
-"""One run of an axis: power up, scan, power down, and leave everything so that the next run can go on.
+"""One run of an axis: power up, move, power down, and leave everything so that the next run can go on.
 
 Each run is a power cycle of the machine. Whatever ends it (done, refused, alarm, Ctrl-C), the axis is brought to rest,
 the brake closed, the torque taken off and the state kept.
@@ -8,60 +8,97 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
-from typing import Any, Final
+from datetime import UTC, datetime
+from enum import IntEnum
+from typing import Any, Final, NamedTuple
 
-from gantryctl.errors import AlarmStop, CommandRefused
+from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.image import Mode
 from gantryctl.machine import Machine
-from gantryctl.operation.brake_policy import judge_due, restore_failure
-from gantryctl.operation.bus import judge_bus, leave_bus
-from gantryctl.operation.ending import RunEnd, retained_after
-from gantryctl.operation.home_reference import (
-    ACCEPTED_DEG,
-    SHOWN_DEG,
-    AbsoluteReading,
-    evaluate,
-    refusal,
-    unwrapped,
-)
-from gantryctl.operation.motions import Snapshot, Stop, state_words
-from gantryctl.operation.state import now_text
+from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_failed
+from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, open_axis
 from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, keep_machine, open_machine
 from gantryctl.ports import Drive
-from gantryctl.program import AxisState, GantryProgram, PowerPhase, Reaction
-from gantryctl.runtime import AlarmEntry, Engine, FixedOperator, keeps_time
-from gantryctl.units import deg
-from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine, build_program
+from gantryctl.program import AxisState, BrakeTestResult, GantryProgram, PowerPhase, Reaction, Refusal
+from gantryctl.program.axis.command_checks import check_direction, check_overdue, check_setting, check_target
+from gantryctl.runtime import Engine, FixedOperator, keeps_time
+from gantryctl.units import deg, rad
+from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
 
 SLICE_S: Final = 0.1
-"""Axis time between two looks at observer and stop request."""
+"""Axis time between two calls of the observer."""
 LEASE_SLICE_S: Final = 0.03
 """The same while a hold-to-run command is renewed."""
-_POWER_S: Final = 10.0  # the power sequence has time limits of its own; this is only a net below them
 REST_S: Final = 120.0  # a stop on the slowest ramp from the highest speed
+# Power sequence and brake test have time limits of their own; these are only a net below them.
+_POWER_S: Final = 10.0
+_TEST_S: Final = 30.0
+
+
+class Stop(IntEnum):
+    """Urgency of a request to stop the axis."""
+
+    NO = 0
+    RAMP = 1
+    QUICK = 2
+
+
+class Snapshot(NamedTuple):
+    """State of the axis for a display. Angles at the gantry, measured by the motor encoder.
+
+    Attributes:
+        time_left_s: of a motion that has an end.
+    """
+
+    time_s: float
+    angle_deg: float
+    speed_deg_s: float
+    following_error_deg: float
+    state: str
+    time_left_s: float | None
+
+
+class Motion(NamedTuple):
+    """A motion that has ended: its time in the recording, and whether it did what was asked.
+
+    Attributes:
+        done: it ran to its end: not stopped, and in position where it has a target.
+        settled_s: from the end of the set-point's motion until in position; None without a target.
+        asked_deg_s: the speed that was asked for, times override; None where the time decides (jog).
+    """
+
+    from_s: float
+    to_s: float
+    done: bool
+    settled_s: float | None
+    asked_deg_s: float | None
+
+
+def require(refused: Refusal | None) -> None:
+    """Raise CommandRefused with the reason, unless it is None."""
+    if refused is not None:
+        raise CommandRefused(refused.text)
 
 
 class AxisRun:
-    """One power cycle of the axis of one machine: opened, scanned, switched on and off, kept. `AxisSession` moves it.
+    """One power cycle of the axis of one machine, for one command line or script.
 
     Args:
         store: the state directory, locked by the caller; None for a new machine that is forgotten afterwards.
-        program: made from the axis, `GantryProgram` unless it is a program of one's own.
+        program: made from the axis: `GantryProgram`, or a custom program.
         recorder: makes the recorder of the run.
         observer: gets a `Snapshot` every 0.1 s of axis time. One that fails is left out from then on, and the axis
-            stops: nobody is looking any more.
+            stops: its display has no reader any more.
         brake_test: the brake is to be tested: a failed test of an earlier run does not refuse it.
         commissioning: a CAN machine needs no commissioning record, because it is being made.
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
         notes: what had to be done to open the machine.
-        angle_deg: measured angle of the gantry, motor side.
         brake_due: when the next brake test is due.
 
     Raises:
-        CommandRefused: an alarm of an earlier run is not acknowledged, or the encoder cannot be believed.
+        CommandRefused: there is a reason against switching power on.
     """
 
     def __init__(
@@ -76,102 +113,56 @@ class AxisRun:
         commissioning: bool = False,
         brake_test: bool = False,
     ) -> None:
-        self.machine = machine
-        self._commissioning, self._for_brake_test = commissioning, brake_test
+        self.machine, self._store, self._observer = machine, store, observer
         self.stop = Stop.NO
-        self._store = store
-        self._observer = observer
-        virtual = open_machine(machine, store)
-        self.notes, self._retained, self._drive = virtual.notes, virtual.retained, virtual.drive
-        try:
-            self._prepare(program, recorder, real_time)
-        except BaseException:
-            leave_bus(self._drive)
-            raise
+        self._open = opened = open_axis(machine, store, program=program, commissioning=commissioning)
+        failed = None if brake_test else why_brake_failed(opened.retained)
+        reasons = opened.reasons if failed is None else (*opened.reasons, failed)
+        if reasons:
+            leave_bus(opened.drive)
+            raise CommandRefused(reasons[0].text)
+        self.notes, self.axis, self.operator = opened.notes, opened.program.axis, FixedOperator()
+        self.engine: Engine = build_engine(
+            machine, opened.drive, opened.program, self.operator, recorder=recorder, real_time=real_time
+        )
+        self.brake_due = judge_due(machine, self.axis, opened.retained, opened.retained.power_ups)
         self._power_ups = self._moves = 0
         self._powered = False
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
 
-    def _prepare(self, program: ProgramFactory, recorder: RecorderFactory | None, real_time: bool) -> None:
-        """Judge the encoder's reading and make the engine."""
-        machine, drive = self.machine, self._drive
-        judge_bus(machine, self._store, drive, self._commissioning)
-        scale = encoder_scale(machine, drive)
-        counts = drive.read().pos_act_counts
-        reading = evaluate(scale, counts, self._retained)
-        self._refuse(refusal(reading))
-        self._record_accepted(reading)
-        zero = self._retained.zero_offset_counts
-        assert zero is not None
-        assert reading.angle_deg is not None
-        self._opened_deg = reading.angle_deg
-        made = build_program(
-            machine,
-            drive,
-            program,
-            zero_counts=zero + counts - unwrapped(scale, counts, zero),
-            holding_torque_nm=self._retained.holding_torque_nm or 0.0,
-        )
-        self.axis, self.operator = made.axis, FixedOperator()
-        self.engine: Engine = build_engine(
-            machine, drive, made, self.operator, recorder=recorder, real_time=real_time
-        )
-        restore_failure(self.axis, self._retained)
-        self.brake_due = judge_due(machine, self.axis, self._retained, self._retained.power_ups)
-
-    def _refuse(self, reason: str | None) -> None:
-        held = self._retained.error_stop
-        if held:
-            raise CommandRefused(
-                f"{held} stopped the axis in an earlier run and is not acknowledged: look at it "
-                f"(`gantryctl alarms --last`, `gantryctl explain {held}`), then `gantryctl reset`"
-            )
-        if reason is not None:
-            raise CommandRefused(reason)
-        failed = self._retained.brake_failed
-        if failed and not self._for_brake_test:
-            raise CommandRefused(
-                f"BRK-08 · the last brake test failed ({failed}): nothing moves until one passes "
-                "(`gantryctl brake-test`), or service resets (`gantryctl reset`)"
-            )
-
-    def _record_accepted(self, reading: AbsoluteReading) -> None:
-        """A small motion while off is accepted, but not in silence."""
-        moved = reading.moved_deg
-        if moved is not None and abs(moved) >= SHOWN_DEG:
-            text = f"ENC-09 INFO · the gantry moved {moved:+.3f} deg while off · within {ACCEPTED_DEG:g} deg: accepted"
-            self.notes = (*self.notes, text)
-            alarms = (*self._retained.alarms, AlarmEntry("ENC-09", text, now_text()))
-            self._retained = replace(self._retained, alarms=alarms)
-
-    # --- what the axis does --------------------------------------------------------------------------------------
+    # --- state ---------------------------------------------------------------------------------------------------
 
     @property
     def angle_deg(self) -> float:
         """Measured angle of the gantry, motor side."""
-        return deg(self.axis.pos_act_rad) if self.engine.scan else self._opened_deg
+        if self.engine.scan:
+            return deg(self.axis.pos_act_rad)
+        opened_deg = self._open.reading.angle_deg
+        assert opened_deg is not None  # a machine without a zero offset is refused
+        return opened_deg
 
     @property
     def drive(self) -> Drive:
         """The drive that is run."""
-        return self._drive
+        return self._open.drive
 
     def snapshot(self) -> Snapshot:
-        """What a display shows now."""
-        axis, virtual = self.axis, self.axis.virtual
-        time_s = self.engine.time_s
-        end_s = virtual.start_scan * self.engine.period_s + virtual.plan.duration
+        """State of the axis for a display."""
+        axis, time_s = self.axis, self.engine.time_s
         vel = self.engine.image.drive.vel_act_rad_s / axis.settings.law.ratio
+        moves = axis.state is AxisState.DISCRETE_MOTION
         return Snapshot(
             time_s=time_s,
             angle_deg=deg(axis.pos_act_rad),
             speed_deg_s=deg(vel),
             following_error_deg=deg(axis.pos_err_rad),
-            state=state_words(axis.state),
-            time_left_s=max(0.0, end_s - time_s) if axis.state is AxisState.DISCRETE_MOTION else None,
+            state=_words(axis.state),
+            time_left_s=max(0.0, self._plan_end_s - time_s) if moves else None,
         )
+
+    # --- commands ------------------------------------------------------------------------------------------------
 
     def power_up(self) -> None:
         """Enable, prove torque, open the brake; nothing when that was done.
@@ -188,27 +179,96 @@ class AxisRun:
         self._raise_alarm()
         if self.axis.state is not AxisState.STANDSTILL:
             raise AlarmStop(
-                f"SYS-10 STOP · power-up did not end within {_POWER_S:g} s, the axis is "
-                f"{state_words(self.axis.state)} · torque off, brake closed · a program of one's own must switch "
-                "power on when the operator wants it"
+                f"SYS-10 STOP · power-up did not end within {_POWER_S:g} s, the axis is {_words(self.axis.state)} · "
+                "torque off, brake closed · a custom program must switch power on when the operator wants it"
             )
 
     def power_down(self) -> None:
-        """Come to rest, close the brake, take the torque off; keep what the next run needs to know."""
+        """Come to rest, close the brake, take the torque off."""
         self._powered = False
         self._command(power=False, forward=False, reverse=False, move=False)
-        self._follow(lambda: self._off() and self.axis.virtual.at_rest, REST_S, watch=False)
+        self._follow(lambda: self._off and self.axis.virtual.at_rest, REST_S, watch=False)
 
-    # --- how it does it ------------------------------------------------------------------------------------------
+    def move(self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0) -> Motion:
+        """Move to an angle and wait until the axis stands there; powers up where that was not done.
 
-    def _command(self, **levels: Any) -> None:
-        self.operator.command = self.operator.command._replace(**levels)
+        Raises:
+            CommandRefused: target or speed are not possible; nothing moved, and power was not switched on for it.
+            AlarmStop: an alarm ended it; the axis is at rest.
+        """
+        wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
+        self._check_speed(wanted)
+        require(check_target(rad(self.angle_deg), rad(target_deg), self.axis.settings.travel))
+        if not 0.0 < override <= 1.0:
+            raise UsageError(f"override {override:g}: above 0 and at most 1")
+        return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=rad(wanted), override=override)
 
-    def _renew(self) -> None:
-        self._command(lease=self.operator.command.lease + 1)
+    def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> Motion:
+        """Make one increment in the incremental mode."""
+        self._check_speed(speed_deg_s)
+        self.power_up()
+        self._command(mode=Mode.INCREMENTAL)
+        self.engine.step()
+        key = {"forward" if forward else "reverse": True}
+        return self._motion(increment_rad=rad(step_deg), speed_rad_s=rad(speed_deg_s), **key)
 
-    def _off(self) -> bool:
-        return self.axis.power.phase is PowerPhase.OFF
+    def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> Motion:
+        """Hold the key for a time in the continuous mode, then let go and wait for rest; powers up first.
+
+        Raises:
+            CommandRefused: the speed is outside the setting range, or the axis stands at its end; nothing moved.
+            AlarmStop: an alarm ended it; the axis is at rest.
+        """
+        self._check_speed(speed_deg_s)
+        direction = 1.0 if forward else -1.0
+        require(check_direction(rad(self.angle_deg), direction, self.axis.settings.travel))
+        self.power_up()
+        if self.stop is not Stop.NO:
+            return self._not_begun()
+        self._command(mode=Mode.CONTINUOUS, speed_rad_s=rad(speed_deg_s))
+        self.engine.step()
+        start_s, refusals = self.engine.time_s, self.axis.refusal_count
+        self._command(forward=forward, reverse=not forward)
+        self._renew()
+        self.engine.step()
+        self._follow(lambda: self.axis.refusal_count > refusals or self._at_rest, seconds, held=True)
+        self._raise_refusal(refusals)
+        self._command(forward=False, reverse=False)
+        return self._finished(start_s, lease=True)._replace(settled_s=None, asked_deg_s=None)
+
+    def test_brake(self) -> BrakeTestResult:
+        """Give torque both ways against the closed brake, with power off; the result is retained.
+
+        Raises:
+            CommandRefused: it cannot be tested here, or not now. AlarmStop: an alarm ended it.
+        """
+        refusals = self.axis.refusal_count
+        self._command(brake_test=True)
+        self.engine.step()
+        self._command(brake_test=False)
+        self._raise_refusal(refusals)
+        self._follow(lambda: not self.axis.brake_test.under_way, _TEST_S)
+        result = self.axis.brake_test.last
+        assert result is not None
+        power_ups = self._open.retained.power_ups + self._power_ups
+        retained = after_test(self._open.retained, result, power_ups, datetime.now(UTC))
+        self._open = self._open._replace(retained=retained)
+        self.brake_due = judge_due(self.machine, self.axis, retained, power_ups)
+        self._raise_alarm()
+        return result
+
+    # --- checks and refusals -------------------------------------------------------------------------------------
+
+    def _check_speed(self, speed_deg_s: float) -> None:
+        speed = self.axis.settings.speed
+        require(check_setting(rad(speed_deg_s), speed))
+        reason = check_overdue(rad(speed_deg_s), speed) if self.brake_due.overdue else None
+        if reason is not None:
+            raise CommandRefused(f"{reason.code} · {reason.text}; `gantryctl brake-test` tests it")
+
+    def _raise_refusal(self, before: int) -> None:
+        if self.axis.refusal_count > before:
+            require(self.axis.refusal)
 
     def _raise_alarm(self) -> None:
         first = self.axis.alarms.first_out
@@ -218,8 +278,59 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text)
             return
-        self._follow(self._off, REST_S, watch=False)
+        self._follow(lambda: self._off, REST_S, watch=False)
         raise AlarmStop(late or (first.text if first is not None else ""))
+
+    # --- motions -------------------------------------------------------------------------------------------------
+
+    def _not_begun(self) -> Motion:
+        """A stop was asked for before the motion began."""
+        return Motion(self.engine.time_s, self.engine.time_s, False, None, None)
+
+    def _motion(self, **levels: Any) -> Motion:
+        self.power_up()
+        if self.stop is not Stop.NO:
+            return self._not_begun()
+        start_s, refusals = self.engine.time_s, self.axis.refusal_count
+        self._command(**levels)
+        self.engine.step()
+        self._command(move=False, forward=False, reverse=False)
+        self._raise_refusal(refusals)
+        return self._finished(start_s)
+
+    def _finished(self, start_s: float, *, lease: bool = False) -> Motion:
+        """Wait until the motion has ended one way or the other."""
+        self._moves += 1
+        self._follow(lambda: self._at_rest, self.axis.virtual.plan.duration + REST_S, lease=lease)
+        end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self._plan_end_s)
+        self._raise_alarm()
+        done = self.stop is Stop.NO and self._at_rest and not self.axis.monitors.not_in_position
+        command = self.operator.command
+        return Motion(start_s, end_s, done, settled_s, deg(command.speed_rad_s) * command.override)
+
+    @property
+    def _plan_end_s(self) -> float:
+        virtual = self.axis.virtual
+        return virtual.start_scan * self.engine.period_s + virtual.plan.duration
+
+    @property
+    def _at_rest(self) -> bool:
+        """Nothing moves or waits; also after an alarm."""
+        motion = self.axis.motion
+        quiet = motion.current is None and motion.waiting is None and self.axis.virtual.at_rest
+        return quiet or self.axis.alarms.first_out is not None
+
+    @property
+    def _off(self) -> bool:
+        return self.axis.power.phase is PowerPhase.OFF
+
+    # --- scanning ------------------------------------------------------------------------------------------------
+
+    def _command(self, **levels: Any) -> None:
+        self.operator.command = self.operator.command._replace(**levels)
+
+    def _renew(self) -> None:
+        self._command(lease=self.operator.command.lease + 1)
 
     def _follow(
         self,
@@ -238,14 +349,14 @@ class AxisRun:
             watch: stop requests go to the program.
         """
         engine = self.engine
-        end = engine.time_s + timeout_s
+        end_s = engine.time_s + timeout_s
         slice_s = LEASE_SLICE_S if held or lease else SLICE_S
-        while engine.time_s < end - 1e-9:
+        while engine.time_s < end_s - 1e-9:
             if watch and self._asked_to_stop() and held:
                 return
             if held or lease:
                 self._renew()
-            reached = engine.run_until(lambda _: done(), min(slice_s, end - engine.time_s))
+            reached = engine.run_until(lambda _: done(), min(slice_s, end_s - engine.time_s))
             self._observe()
             if reached:
                 return
@@ -282,19 +393,19 @@ class AxisRun:
         try:
             if self.engine.failure is not None:
                 self.engine.run_for(_POWER_S)
-            elif not self._off():
+            elif not self._off:
                 self.power_down()
         finally:
             self._timed.close()
             if self.engine.scan:
                 self.engine.close()
             else:  # refused before anything was switched on: the drive stays as it is
-                leave_bus(self._drive)
+                leave_bus(self.drive)
                 if self.engine.recorder is not None:
                     self.engine.recorder.close()
-            self._keep(result, alarm)
+            end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
+            close_axis(self.machine, self._store, self._open, end)
 
-    def _keep(self, result: str, alarm: AlarmStop | None) -> None:
-        end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
-        retained = retained_after(self.machine, self._retained, self.axis, self._drive, end)
-        keep_machine(self.machine, self._store, self._drive, retained)
+
+def _words(state: AxisState) -> str:
+    return state.name.lower().replace("_", " ")

@@ -1,14 +1,20 @@
-"""For scripts and notebooks: a whole move in one call."""
+"""Custom programs named on the command line, and a whole move in one call for scripts and notebooks."""
 
 from __future__ import annotations
 
+import importlib.util
+import sys
+from pathlib import Path
 from typing import NamedTuple
 
+from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
-from gantryctl.operation.session import AxisSession
+from gantryctl.operation.run import AxisRun
 from gantryctl.operation.summary import MotionSummary, summarise
+from gantryctl.program import Axis, AxisProgram, GantryProgram
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
+from gantryctl.wiring.engine import ProgramFactory
 
 
 class MoveResult(NamedTuple):
@@ -28,7 +34,7 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
         CommandRefused: a target or the speed is not possible.
         AlarmStop: an alarm stopped the axis.
     """
-    session = AxisSession(machine, recorder=MemoryRecorder)
+    session = AxisRun(machine, recorder=MemoryRecorder)
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     try:
@@ -42,3 +48,47 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
     summary = summarise(trace, begin, end, machine.axis.ratio)
     assert summary is not None  # what makes rows useless raises before
     return MoveResult(summary, trace)
+
+
+def load_program(name: str | None) -> ProgramFactory:
+    """What makes the class behind FILE:CLASS, or the shipped program.
+
+    Raises:
+        UsageError: no such file or class, an error in the file, or a class that is no `AxisProgram`; when it is made,
+            an error in its constructor.
+    """
+    if name is None:
+        return GantryProgram
+    file, colon, kind = name.rpartition(":")
+    path = Path(file)
+    if not colon or not kind.isidentifier():
+        raise UsageError(f"--program {name}: write FILE:CLASS, for example my_program.py:MyProgram")
+    if not path.is_file():
+        raise UsageError(f"--program {name}: there is no file {path}")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    if spec is None or spec.loader is None:
+        raise UsageError(f"--program {name}: {path} is not a Python file")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)
+    try:
+        spec.loader.exec_module(module)
+    except (Exception, SystemExit) as error:
+        raise UsageError(
+            f"--program {name}: {path} cannot be run: {type(error).__name__}: {error}"
+        ) from error
+    found = getattr(module, kind, None)
+    if not (isinstance(found, type) and issubclass(found, AxisProgram)):
+        raise UsageError(f"--program {name}: {path} has no class {kind} derived from gantryctl.AxisProgram")
+
+    def make(axis: Axis) -> AxisProgram:
+        try:
+            made = found(axis)
+        except (Exception, SystemExit) as error:
+            raise UsageError(
+                f"--program {name}: {kind}(axis) failed: {type(error).__name__}: {error}"
+            ) from error
+        if getattr(made, "axis", None) is not axis or not hasattr(made, "trace_columns"):
+            raise UsageError(f"--program {name}: {kind}.__init__ must call super().__init__(axis)")
+        return made
+
+    return make

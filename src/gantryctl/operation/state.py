@@ -11,9 +11,16 @@ from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import brake_words
-from gantryctl.operation.home_reference import AbsoluteReading, EncoderScale, RestVerdict, evaluate, refusal
-from gantryctl.operation.store import StateStore
-from gantryctl.operation.virtual import encoder_scale, keep_machine, looked_at, new_machine
+from gantryctl.operation.home_reference import (
+    AbsoluteReading,
+    EncoderScale,
+    RestVerdict,
+    judge_reference,
+    why_not_referenced,
+)
+from gantryctl.operation.opening import keep_machine, leave_bus, new_machine, read_only
+from gantryctl.operation.store import StateStore, now_text
+from gantryctl.program import Code
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 from gantryctl.wiring.compensation import lead_deg
@@ -36,11 +43,6 @@ def operator_name() -> str:
         return getpass.getuser()
     except (OSError, KeyError):
         return "unknown user"
-
-
-def now_text() -> str:
-    """Date and time for the record, UTC."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
 @dataclass(frozen=True)
@@ -69,9 +71,8 @@ def machine_status(machine: Machine) -> MachineStatus:
     """
     with StateStore(machine) as store:
         try:
-            with looked_at(machine, store) as found:
-                seen = found.drive.read()
-                reading = evaluate(encoder_scale(machine, found.drive), seen.pos_act_counts, found.retained)
+            with read_only(machine, store) as found:
+                pass
         except StateError:
             raise
         except DeviceError as fault:
@@ -79,13 +80,13 @@ def machine_status(machine: Machine) -> MachineStatus:
             if retained is None:
                 raise
             return _status(machine, store, retained, "the drive cannot be reached", None, str(fault), ())
-    retained = found.retained
-    held = refusal(reading)
+    reading, state = found.reading, found.feedback.state
+    held = why_not_referenced(reading)
     condition = "power off, brake closed" if held is None else "may not move"
-    if seen.state in _MOVABLE:
-        condition = f"the drive is in {seen.state.name.lower().replace('_', ' ')}: another controller runs it"
-    words = held or reading.verdict.value
-    return _status(machine, store, retained, condition, reading.angle_deg, words, found.notes)
+    if state in _MOVABLE:
+        condition = f"the drive is in {state.name.lower().replace('_', ' ')}: another controller runs it"
+    words = reading.verdict.value if held is None else held.text
+    return _status(machine, store, found.retained, condition, reading.angle_deg, words, found.notes)
 
 
 def _status(
@@ -152,32 +153,30 @@ def reset_machine(machine: Machine) -> str:
         CommandRefused: the position is not valid; a reset cannot make it so.
     """
     who, when = operator_name(), now_text()
-    with StateStore(machine) as store, looked_at(machine, store) as virtual:
-        retained = virtual.retained
-        counts = virtual.drive.read().pos_act_counts
-        reading = evaluate(encoder_scale(machine, virtual.drive), counts, retained)
+    with StateStore(machine) as store, read_only(machine, store) as opened:
+        retained, reading = opened.retained, opened.reading
         said = []
         if reading.verdict is RestVerdict.MOVED:
-            text = f"ENC-09 acknowledged by {who}: moved {reading.moved_deg:+.3f} deg while off"
+            text = f"{Code.ENC_09} acknowledged by {who}: moved {reading.moved_deg:+.3f} deg while off"
             retained = replace(
                 retained,
-                rest_position_counts=int(counts),
-                alarms=(*retained.alarms, AlarmEntry("ENC-09", text, when)),
+                rest_position_counts=reading.raw_counts,
+                alarms=(*retained.alarms, AlarmEntry(str(Code.ENC_09), text, when)),
             )
             said.append(text)
-        elif (reason := refusal(reading)) is not None:
-            raise CommandRefused(reason)
+        elif (reason := why_not_referenced(reading)) is not None:
+            raise CommandRefused(reason.text)
         if retained.error_stop:
             said.append(f"{retained.error_stop} acknowledged by {who}; the axis stays without power")
             retained = replace(
                 retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}"
             )
         if retained.brake_failed:
-            said.append(f"BRK-08 acknowledged by {who}: {retained.brake_failed}")
-            retained = replace(retained, brake_failed="", last_result=f"reset of BRK-08 by {who}")
+            said.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
+            retained = replace(retained, brake_failed="", last_result=f"reset of {Code.BRK_08} by {who}")
         if not said:
             return "nothing to reset"
-        keep_machine(machine, store, virtual.drive, retained)
+        keep_machine(machine, store, opened.drive, retained)
     return "; ".join(said)
 
 
@@ -185,12 +184,11 @@ def reset_simulation(machine: Machine, angle_deg: float) -> str:
     """Throw the simulated machine and its memory away and put a new one there."""
     if not machine.plant_is_local:
         raise UsageError(f"{machine.name}: its drive is on a bus; there is nothing simulated to reset")
-    virtual = new_machine(machine, angle_deg)
+    fresh = new_machine(machine, angle_deg)
     with StateStore(machine) as store:
         store.forget()
-        keep_machine(machine, store, virtual.drive, virtual.retained)
-    if machine.on_bus:
-        virtual.drive.close()
+        keep_machine(machine, store, fresh.drive, fresh.retained)
+    leave_bus(fresh.drive)
     return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
 
 
@@ -216,6 +214,7 @@ class EncoderReport:
     def rows(self) -> list[tuple[str, str]]:
         """Name and value for a terminal."""
         r, kept, identity = self.reading, self.retained, self.scale.identity
+        held = why_not_referenced(r)
         margins = "-"
         if r.margin_minus_deg is not None and r.margin_plus_deg is not None:
             margins = f"{r.margin_minus_deg:.1f} deg below the travel, {r.margin_plus_deg:.1f} deg above"
@@ -239,16 +238,14 @@ class EncoderReport:
                 "-" if kept.rest_position_counts is None else f"fine count {kept.rest_position_counts}",
             ),
             ("moved while off", "-" if r.moved_deg is None else f"{r.moved_deg:+.5f} deg"),
-            ("verdict", refusal(r) or r.verdict.value),
+            ("verdict", r.verdict.value if held is None else held.text),
         ]
 
 
 def encoder_report(machine: Machine) -> EncoderReport:
     """What the encoder reads and what it means."""
-    with StateStore(machine) as store, looked_at(machine, store) as virtual:
-        scale = encoder_scale(machine, virtual.drive)
-        reading = evaluate(scale, virtual.drive.read().pos_act_counts, virtual.retained)
-    return EncoderReport(reading, virtual.retained, scale)
+    with StateStore(machine) as store, read_only(machine, store) as opened:
+        return EncoderReport(opened.reading, opened.retained, opened.scale)
 
 
 def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
@@ -268,25 +265,23 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")
     if not witness.isprintable() or len(witness) > _WITNESS_LENGTH:
         raise UsageError(f"--witness: one line of at most {_WITNESS_LENGTH} printable characters")
-    with StateStore(machine) as store, looked_at(machine, store) as virtual:
-        scale = encoder_scale(machine, virtual.drive)
-        seen = virtual.drive.read()
-        if seen.state in _MOVABLE:
+    with StateStore(machine) as store, read_only(machine, store) as opened:
+        scale, counts = opened.scale, opened.feedback.pos_act_counts
+        if opened.feedback.state in _MOVABLE:
             raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
-        counts = seen.pos_act_counts
         motor_deg = angle_deg + lead_deg(machine, angle_deg)
         zero = round(counts - motor_deg / scale.deg_per_count) % scale.range_counts
         retained = replace(
-            virtual.retained,
+            opened.retained,
             encoder_serial=scale.identity.encoder_serial,
             zero_offset_counts=zero,
-            previous_offset_counts=virtual.retained.zero_offset_counts,
+            previous_offset_counts=opened.retained.zero_offset_counts,
             rest_position_counts=int(counts),
             zero_set_by=operator_name(),
             zero_set_at=now_text(),
             zero_witness=witness,
         )
-        reading = evaluate(scale, counts, retained)
+        reading = judge_reference(scale, counts, retained)
         assert reading.margin_minus_deg is not None
         assert reading.margin_plus_deg is not None
         margin = min(reading.margin_minus_deg, reading.margin_plus_deg)
@@ -296,5 +291,5 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
                 f"[encoder] wrap_margin_min_deg = {machine.encoder.wrap_margin_min_deg:g} · turn the encoder on its "
                 "shaft, or mount it with its range centred"
             )
-        keep_machine(machine, store, virtual.drive, retained)
+        keep_machine(machine, store, opened.drive, retained)
     return f"zero set by {retained.zero_set_by}: the gantry stands at {angle_deg:g} deg ({retained.zero_witness})"

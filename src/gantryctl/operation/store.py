@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from datetime import UTC, datetime
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -22,6 +23,15 @@ STATE_VARIABLE: Final = "GANTRYCTL_STATE"
 _PLANT_FILE: Final = "plant.json"
 SERVICE_SOCKET: Final = "control.sock"
 """Local socket of a running service, in the machine's directory."""
+
+
+TIME_FORMAT: Final = "%Y-%m-%dT%H:%M:%SZ"
+"""Date and time in records, UTC."""
+
+
+def now_text() -> str:
+    """Date and time for a record, UTC."""
+    return datetime.now(UTC).strftime(TIME_FORMAT)
 
 
 def state_root() -> Path:

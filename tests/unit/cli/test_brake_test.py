@@ -40,7 +40,7 @@ def test_a_weak_brake_fails_and_nothing_moves_until_service_resets(
     assert answer.code == 1
     assert "brake test failed: +4" in answer.out  # 40 N m and some of the motor's friction
     for command in (["move", "3"], ["jog", "+", "--for", "1"]):
-        assert "BRK-08 · the last brake test failed" in refused(*command, "--config", config)
+        assert "BRK-08 · Brake test failed" in refused(*command, "--config", config)
     assert cli("brake-test", "--config", config).code == 1
     monkeypatch.setattr("sys.stdin", io.StringIO("n\n"))
     assert cli("reset", "--config", config).code == 2

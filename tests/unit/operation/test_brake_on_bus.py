@@ -11,7 +11,7 @@ from gantryctl.drives.virtual import DriveNode
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine import configs_folder, load_machine, with_values
-from gantryctl.operation import AxisSession, Snapshot, Stop
+from gantryctl.operation.run import AxisRun, Snapshot, Stop
 from gantryctl.program import BrakeTestOutcome, BrakeTestPhase, PowerPhase
 
 MACHINE = with_values(
@@ -25,7 +25,7 @@ class Bench:
     """A session whose drive gets a fault when the test reaches a phase."""
 
     def __init__(self) -> None:
-        self.session = AxisSession(MACHINE, None, observer=self._look, brake_test=True)
+        self.session = AxisRun(MACHINE, None, observer=self._look, brake_test=True)
         drive = self.session.drive
         assert isinstance(drive.truth_source, DriveNode)
         self.node = drive.truth_source

@@ -14,18 +14,18 @@ from gantryctl.operation.home_reference import (
     ACCEPTED_DEG,
     AMBIGUOUS_DEG,
     TURN_DEG,
+    AbsoluteReading,
     EncoderScale,
     RestVerdict,
-    evaluate,
-    refusal,
-    unwrapped,
+    judge_reference,
+    why_not_referenced,
 )
-from gantryctl.operation.virtual import encoder_scale, new_machine
+from gantryctl.operation.opening import new_machine
 from gantryctl.runtime import Retained
 
 MACHINE = default_machine()
 FRESH = new_machine(MACHINE, 20.0)
-SCALE = encoder_scale(MACHINE, FRESH.drive)
+SCALE = FRESH.scale
 REST = FRESH.retained
 RAW = FRESH.drive.read().pos_act_counts
 TURN = SCALE.identity.counts_per_turn
@@ -37,7 +37,13 @@ def reading_after(moved_deg: float, retained: Retained | None = REST, scale: Enc
 
 
 def verdict(moved_deg: float, retained: Retained | None = REST) -> RestVerdict:
-    return evaluate(SCALE, reading_after(moved_deg), retained).verdict
+    return judge_reference(SCALE, reading_after(moved_deg), retained).verdict
+
+
+def why_not(reading: AbsoluteReading) -> str:
+    reason = why_not_referenced(reading)
+    assert reason is not None
+    return reason.text
 
 
 def test_the_scale_is_that_of_the_reference_encoder() -> None:
@@ -47,9 +53,9 @@ def test_the_scale_is_that_of_the_reference_encoder() -> None:
 
 
 def test_unmoved_is_believed_with_angle_turn_and_step() -> None:
-    reading = evaluate(SCALE, RAW, REST)
+    reading = judge_reference(SCALE, RAW, REST)
     assert reading.verdict is RestVerdict.OK
-    assert refusal(reading) is None
+    assert why_not_referenced(reading) is None
     assert reading.angle_deg == pytest.approx(20.0, abs=0.01)
     assert reading.moved_deg == 0.0
     assert reading.multi_turn * TURN + reading.single_turn * (TURN // 8192) == pytest.approx(RAW, abs=512)
@@ -81,10 +87,9 @@ def test_a_motion_while_off_is_judged_by_its_size(moved_deg: float, expected: Re
 
 @given(st.floats(-360.0, 360.0))
 def test_no_motion_above_the_limit_is_accepted_in_silence(moved_deg: float) -> None:
-    reading = evaluate(SCALE, reading_after(moved_deg), REST)
+    reading = judge_reference(SCALE, reading_after(moved_deg), REST)
     if abs(moved_deg) > ACCEPTED_DEG + 1e-6:
-        text = refusal(reading)
-        assert text is not None
+        text = why_not(reading)
         assert text.startswith(("ENC-08 ·", "ENC-09 ·", "ENC-10 ·"))
     if abs(moved_deg) > AMBIGUOUS_DEG + 1e-6:
         assert reading.verdict in (RestVerdict.NOT_VALID, RestVerdict.TURNS)
@@ -98,17 +103,17 @@ def test_the_ambiguity_of_the_range_is_never_a_proof() -> None:
 
 
 def test_without_a_stored_rest_position_nothing_proves_the_angle() -> None:
-    reading = evaluate(SCALE, RAW, replace(REST, rest_position_counts=None))
+    reading = judge_reference(SCALE, RAW, replace(REST, rest_position_counts=None))
     assert reading.verdict is RestVerdict.NOT_VALID
-    assert "no rest position" in str(refusal(reading))
+    assert "no rest position" in why_not(reading)
 
 
 def test_an_angle_beyond_the_mechanical_stops_cannot_be_true() -> None:
     """Zero offset of elsewhere, rest position moved along: only the angle itself can tell."""
     shifted = round(RAW - 300.0 / SCALE.deg_per_count)
-    reading = evaluate(SCALE, RAW, replace(REST, zero_offset_counts=shifted))
+    reading = judge_reference(SCALE, RAW, replace(REST, zero_offset_counts=shifted))
     assert reading.verdict is RestVerdict.NOT_VALID
-    assert "beyond the mechanical stops" in str(refusal(reading))
+    assert "beyond the mechanical stops" in why_not(reading)
 
 
 # --- A10: lost turns --------------------------------------------------------------------------------------------------
@@ -116,27 +121,27 @@ def test_an_angle_beyond_the_mechanical_stops_cannot_be_true() -> None:
 
 @given(st.integers(-400, 400).filter(bool), st.floats(-0.9 * TURN_DEG, 0.9 * TURN_DEG))
 def test_lost_turns_are_not_a_motion_to_be_acknowledged(turns: int, settling_deg: float) -> None:
-    reading = evaluate(SCALE, reading_after(turns * SCALE.turn_deg + settling_deg), REST)
+    reading = judge_reference(SCALE, reading_after(turns * SCALE.turn_deg + settling_deg), REST)
     assert reading.verdict is RestVerdict.TURNS
-    assert str(refusal(reading)).startswith("ENC-08 ·")
-    assert "set-zero" in str(refusal(reading))
+    assert why_not(reading).startswith("ENC-08 ·")
+    assert "set-zero" in why_not(reading)
 
 
 # --- A14: another encoder ---------------------------------------------------------------------------------------------
 
 
 def test_another_serial_is_refused_even_where_the_reading_fits() -> None:
-    reading = evaluate(SCALE, RAW, replace(REST, encoder_serial="SIM-0002"))
+    reading = judge_reference(SCALE, RAW, replace(REST, encoder_serial="SIM-0002"))
     assert reading.verdict is RestVerdict.OTHER_ENCODER
-    assert str(refusal(reading)).startswith("ENC-11 · the encoder is SIM-0001")
+    assert why_not(reading).startswith("ENC-11 · the encoder is SIM-0001")
 
 
 @pytest.mark.parametrize("retained", [None, replace(REST, zero_offset_counts=None)])
 def test_without_a_zero_there_is_no_angle(retained: Retained | None) -> None:
-    reading = evaluate(SCALE, RAW, retained)
+    reading = judge_reference(SCALE, RAW, retained)
     assert reading.verdict is RestVerdict.NO_ZERO
     assert reading.angle_deg is None
-    assert str(refusal(reading)).startswith("ENC-10 ·")
+    assert why_not(reading).startswith("ENC-10 ·")
 
 
 # --- A9: the wrap of the range ----------------------------------------------------------------------------------------
@@ -151,22 +156,22 @@ def test_a_wrap_near_the_travel_is_refused(below: bool, distance_deg: float, fit
     edge_deg = SCALE.pos_min_deg - distance_deg if below else SCALE.pos_max_deg + distance_deg
     zero = round(-edge_deg / SCALE.deg_per_count) % SCALE.range_counts
     at_zero = replace(REST, zero_offset_counts=zero, rest_position_counts=zero)
-    reading = evaluate(SCALE, zero, at_zero)
+    reading = judge_reference(SCALE, zero, at_zero)
     assert reading.verdict is (RestVerdict.OK if fits else RestVerdict.WRAP)
     if not fits:
-        assert str(refusal(reading)).startswith("CFG-ENC-01 ·")
+        assert why_not(reading).startswith("CFG-ENC-01 ·")
 
 
 @given(st.floats(-500.0, 500.0), st.integers(0, SCALE.range_counts - 1))
 def test_unwrapping_never_jumps_wherever_the_wrap_is(angle_deg: float, zero: int) -> None:
     """Forced all the same, a wrap inside the travel still gives the true angle."""
     raw = (zero + angle_deg / SCALE.deg_per_count) % SCALE.range_counts
-    back = (unwrapped(SCALE, raw, zero) - zero) * SCALE.deg_per_count
+    back = (SCALE.unwrapped(raw, zero) - zero) * SCALE.deg_per_count
     assert back == pytest.approx(angle_deg, abs=1e-6)
 
 
 def test_the_angle_is_the_same_from_every_branch() -> None:
     for turns in (-4096, 0, 4096):
-        reading = evaluate(SCALE, (RAW + turns * TURN) % SCALE.range_counts, REST)
+        reading = judge_reference(SCALE, (RAW + turns * TURN) % SCALE.range_counts, REST)
         assert reading.angle_deg == pytest.approx(20.0, abs=0.01)
     assert math.isclose(SCALE.centred(SCALE.range_counts - 1), -1.0)

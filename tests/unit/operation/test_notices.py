@@ -9,7 +9,7 @@ import pytest
 
 import gantryctl
 from gantryctl.errors import CommandRefused
-from gantryctl.operation import all_codes, explain
+from gantryctl.operation.notices import all_codes, explain
 
 CODE = re.compile(r"\b((?:CFG-)?(?:ENC|DRV|BRK|CAN|CTL|LIM|INT|THM|PWR|SYS)-\d\d)\b")
 OPERATING = ("operation", "program", "runtime", "cli")

@@ -9,9 +9,9 @@ import pytest
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.operation import StateStore, encoder_report, machine_status, reset_machine, reset_simulation
-from gantryctl.operation.store import state_root
-from gantryctl.operation.virtual import keep_machine, new_machine, open_machine
+from gantryctl.operation.opening import keep_machine, new_machine, open_machine
+from gantryctl.operation.state import encoder_report, machine_status, reset_machine, reset_simulation
+from gantryctl.operation.store import StateStore, state_root
 
 
 @pytest.fixture

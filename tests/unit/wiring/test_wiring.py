@@ -87,7 +87,7 @@ def test_the_drive_has_the_encoder_evaluation_of_the_file() -> None:
 @pytest.mark.parametrize("machine", [MACHINE, IDEAL], ids=["sim", "ideal"])
 @pytest.mark.parametrize("angle_deg", [0.0, 90.0, -150.0])
 def test_a_delivered_machine_reads_its_angle(machine: object, angle_deg: float) -> None:
-    from gantryctl.operation.virtual import new_machine
+    from gantryctl.operation.opening import new_machine
 
     made = new_machine(machine, angle_deg)  # type: ignore[arg-type]
     counts = made.drive.read().pos_act_counts - delivered_zero_counts(machine)  # type: ignore[arg-type]

@@ -6,10 +6,10 @@ import click
 
 from gantryctl.errors import CommandRefused
 from gantryctl.machine.derived import rigid_stop
-from gantryctl.operation import AxisSession
+from gantryctl.operation.run import AxisRun
 
 
-def ask_for_torque(session: AxisSession, yes: bool) -> None:
+def ask_for_torque(session: AxisRun, yes: bool) -> None:
     """The same question before a brake test of a real drive.
 
     Raises:
@@ -23,7 +23,7 @@ def ask_for_torque(session: AxisSession, yes: bool) -> None:
         raise CommandRefused("not confirmed: no torque was given")
 
 
-def ask_before(session: AxisSession, way: str, speed_deg_s: float, yes: bool) -> None:
+def ask_before(session: AxisRun, way: str, speed_deg_s: float, yes: bool) -> None:
     """Say what will move, how fast and what a stop takes; ask, unless told not to. Virtual gantries are not asked for.
 
     Raises:

@@ -21,7 +21,8 @@ from gantryctl.cli.options import (
 if TYPE_CHECKING:
     from gantryctl.errors import AlarmStop, GantryctlError
     from gantryctl.machine import Machine
-    from gantryctl.operation import AxisSession, StateStore
+    from gantryctl.operation.run import AxisRun
+    from gantryctl.operation.store import StateStore
     from gantryctl.program import BrakeTestResult
 
 
@@ -47,7 +48,7 @@ def brake_test(
         return remote_brake_test(machine_of(config_file), yes=yes, take_over=take_over, as_json=as_json)
     from contextlib import nullcontext
 
-    from gantryctl.operation import StateStore
+    from gantryctl.operation.store import StateStore
 
     machine = proven_machine(config_file)
     with nullcontext() if fresh else StateStore(machine) as store:
@@ -59,9 +60,9 @@ def _test(machine: Machine, store: StateStore | None, *, yes: bool, as_json: boo
     from gantryctl.cli.axis.asking import ask_for_torque
     from gantryctl.cli.axis.running import stop_signals
     from gantryctl.errors import AlarmStop, CommandRefused
-    from gantryctl.operation import AxisSession
+    from gantryctl.operation.run import AxisRun
 
-    session = AxisSession(machine, store, brake_test=True)
+    session = AxisRun(machine, store, brake_test=True)
     failure: GantryctlError | None = None
     alarm: AlarmStop | None = None
     result: BrakeTestResult | None = None
@@ -82,7 +83,7 @@ def _test(machine: Machine, store: StateStore | None, *, yes: bool, as_json: boo
 
 
 def _report(
-    session: AxisSession, result: BrakeTestResult | None, failure: GantryctlError | None, as_json: bool
+    session: AxisRun, result: BrakeTestResult | None, failure: GantryctlError | None, as_json: bool
 ) -> int:
     from gantryctl.program import BrakeTestOutcome
     from gantryctl.units import deg

@@ -10,7 +10,7 @@ from typing import Final
 
 import click
 
-from gantryctl.operation import Snapshot
+from gantryctl.operation.run import Snapshot
 
 _LOG_EVERY_S: Final = 5.0  # axis time between two lines of a plain log
 

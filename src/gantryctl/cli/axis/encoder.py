@@ -19,7 +19,7 @@ def encoder() -> None:
 @json_option
 def show(config_file: Path | None, as_json: bool) -> int:
     """Serial, raw reading, zero offset, angle, wrap margin, stored rest position, verdict."""
-    from gantryctl.operation import encoder_report
+    from gantryctl.operation.state import encoder_report
 
     report = encoder_report(machine_of(config_file))
     if as_json:
@@ -41,7 +41,7 @@ def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool
     Only at standstill with the brake closed, which a machine that is not running is. The offset is stored with the
     encoder's serial and who set it; nothing is written into the encoder.
     """
-    from gantryctl.operation import set_encoder_zero
+    from gantryctl.operation.state import set_encoder_zero
 
     said = set_encoder_zero(machine_of(config_file), angle, witness)
     if as_json:

@@ -25,7 +25,7 @@ from gantryctl.cli.options import (
 
 if TYPE_CHECKING:
     from gantryctl.cli.axis.running import Action
-    from gantryctl.operation import AxisSession, Motion
+    from gantryctl.operation.run import AxisRun, Motion
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -64,7 +64,7 @@ def move(
     """
     from gantryctl.cli.axis.asking import ask_before
     from gantryctl.errors import UsageError
-    from gantryctl.operation import way_note
+    from gantryctl.operation.summary import way_note
 
     if (target is None) == (distance is None):
         raise UsageError(
@@ -89,7 +89,7 @@ def move(
             as_json=run["as_json"],
         )
 
-    def action(session: AxisSession, say: Callable[[str], None]) -> Motion:
+    def action(session: AxisRun, say: Callable[[str], None]) -> Motion:
         here = session.angle_deg
         end = target if target is not None else here + (distance or 0.0)
         note = way_note(session.machine, here, end)
@@ -129,7 +129,7 @@ def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
             machine, direction == "+", speed, seconds, take_over=take_over, as_json=run["as_json"]
         )
 
-    def action(session: AxisSession, _: Callable[[str], None]) -> Motion:
+    def action(session: AxisRun, _: Callable[[str], None]) -> Motion:
         wanted = session.machine.speed.setting_min_deg_s if speed is None else speed
         return session.jog(direction == "+", wanted, seconds)
 
@@ -153,7 +153,8 @@ def _run(
     from contextlib import nullcontext
 
     from gantryctl.cli.axis.running import run_axis, trace_path
-    from gantryctl.operation import StateStore, load_program
+    from gantryctl.operation.scripting import load_program
+    from gantryctl.operation.store import StateStore
 
     machine = proven_machine(config_file)
     program = load_program(program_name)

@@ -12,8 +12,8 @@ from gantryctl.cli.axis.remote import RemoteAxis, look_first
 from gantryctl.cli.options import print_json
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine
-from gantryctl.operation import way_note
-from gantryctl.operation.motions import require
+from gantryctl.operation.run import require
+from gantryctl.operation.summary import way_note
 from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.service.protocol.limits import HELD_S
 from gantryctl.units import rad

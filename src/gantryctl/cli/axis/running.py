@@ -18,26 +18,21 @@ from gantryctl.cli.options import directory, print_json
 from gantryctl.cli.text import shown
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError
 from gantryctl.machine import Machine, short_hash
-from gantryctl.operation import (
-    AxisSession,
-    Motion,
-    MotionSummary,
-    ProgramFactory,
-    StateStore,
-    Stop,
-    bus_lines,
-    summarise,
-)
+from gantryctl.operation.opening import bus_lines
+from gantryctl.operation.run import AxisRun, Motion, Stop
+from gantryctl.operation.store import StateStore
+from gantryctl.operation.summary import MotionSummary, summarise
 from gantryctl.ports import Recorder
 from gantryctl.runtime import ArrowRecorder, MemoryRecorder
 from gantryctl.trace import Metadata, read_trace
 from gantryctl.units import DEG_S_PER_R_MIN
+from gantryctl.wiring.engine import ProgramFactory
 from gantryctl.wiring.program import ramps_deg
 
 TRACES_KEPT: Final = 50
 """Recordings kept in the state directory; older ones are removed. --out keeps everything."""
 _STOOD_DEG_S: Final = 0.01  # slower than this it only settled where it already was
-Action = Callable[[AxisSession, Callable[[str], None]], Motion]
+Action = Callable[[AxisRun, Callable[[str], None]], Motion]
 """What a command does with an axis that is ready, and where its remarks go."""
 _SIGNALS: Final = ("SIGINT", "SIGTERM", "SIGHUP")
 
@@ -78,7 +73,7 @@ def run_axis(
         return MemoryRecorder(columns, metadata) if path is None else ArrowRecorder(path, columns, metadata)
 
     live = Display(enabled=not as_json)
-    session = AxisSession(
+    session = AxisRun(
         machine, store, program=program, recorder=recorder, real_time=real_time, observer=live.show
     )
     for note in session.notes:
@@ -88,9 +83,7 @@ def run_axis(
     return _report(session, motion, failure, as_json)
 
 
-def _guarded(
-    session: AxisSession, action: Action, live: Display
-) -> tuple[Motion | None, GantryctlError | None]:
+def _guarded(session: AxisRun, action: Action, live: Display) -> tuple[Motion | None, GantryctlError | None]:
     """The run itself; whatever happens, the axis is left without torque and its state kept."""
     motion: Motion | None = None
     failure: GantryctlError | None = None
@@ -111,7 +104,7 @@ def _guarded(
     return motion, failure
 
 
-def _result(session: AxisSession, motion: Motion) -> str:
+def _result(session: AxisRun, motion: Motion) -> str:
     """How a motion without an alarm ended, in words."""
     if motion.done:
         return "done"
@@ -119,7 +112,7 @@ def _result(session: AxisSession, motion: Motion) -> str:
 
 
 @contextmanager
-def stop_signals(session: AxisSession) -> Iterator[None]:
+def stop_signals(session: AxisRun) -> Iterator[None]:
     """Ctrl-C, SIGTERM and a lost terminal stop the axis; a second one is a quick stop."""
 
     def stop(_: int, __: FrameType | None) -> None:
@@ -134,9 +127,7 @@ def stop_signals(session: AxisSession) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _report(
-    session: AxisSession, motion: Motion | None, failure: GantryctlError | None, as_json: bool
-) -> int:
+def _report(session: AxisRun, motion: Motion | None, failure: GantryctlError | None, as_json: bool) -> int:
     """Summary and exit code."""
     code = failure.exit_code if failure is not None else int(motion is None or not motion.done)
     summary, file = _evaluate(session, motion)
@@ -165,7 +156,7 @@ def _report(
 
 
 def _print(
-    session: AxisSession,
+    session: AxisRun,
     motion: Motion | None,
     failure: GantryctlError | None,
     summary: MotionSummary | None,
@@ -188,7 +179,7 @@ def _print(
         click.echo(f"  trace             {file}")
 
 
-def _evaluate(session: AxisSession, motion: Motion | None) -> tuple[MotionSummary | None, Path | None]:
+def _evaluate(session: AxisRun, motion: Motion | None) -> tuple[MotionSummary | None, Path | None]:
     """The summary, and where the recording is; a recording without a row is thrown away."""
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder | ArrowRecorder)

@@ -33,7 +33,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
 
         return remote_status(machine_of(config_file), as_json)
     from gantryctl.cli.text import shown
-    from gantryctl.operation import machine_status
+    from gantryctl.operation.state import machine_status
 
     found = machine_status(machine_of(config_file))
     if as_json:
@@ -72,7 +72,7 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
 
         found, holds = service_alarms(machine_of(config_file))
     else:
-        from gantryctl.operation import read_retained
+        from gantryctl.operation.state import read_retained
 
         retained = read_retained(machine_of(config_file))
         found = list(reversed(retained.alarms)) if retained else []
@@ -93,8 +93,8 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
 @click.argument("code", required=False)
 def explain(code: str | None) -> int:
     """What an alarm code means, what is done and what to do. Without CODE: all codes."""
-    from gantryctl.operation import all_codes
-    from gantryctl.operation import explain as page
+    from gantryctl.operation.notices import all_codes
+    from gantryctl.operation.notices import explain as page
 
     if code is not None:
         click.echo(page(code))
@@ -121,7 +121,8 @@ def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, tak
         from gantryctl.cli.axis.remote_state import remote_reset
 
         return remote_reset(machine, yes=yes, take_over=take_over, as_json=as_json)
-    from gantryctl.operation import locked_code, read_retained, reset_machine
+    from gantryctl.operation.brake_policy import locked_code
+    from gantryctl.operation.state import read_retained, reset_machine
 
     locked = locked_code(read_retained(machine))
     if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
@@ -145,7 +146,7 @@ def retain() -> None:
 @service_option
 def retain_show(config_file: Path | None, as_json: bool, service: bool) -> int:
     """Everything the controller remembers over power-off."""
-    from gantryctl.operation import read_retained, retained_rows
+    from gantryctl.operation.state import read_retained, retained_rows
 
     machine = machine_of(config_file)
     if to_service(service, config_file):
@@ -179,7 +180,7 @@ def sim() -> None:
 @json_option
 def sim_reset(config_file: Path | None, angle: float, as_json: bool) -> int:
     """Throw the simulated machine and its memory away and put a new one there, brake closed."""
-    from gantryctl.operation import reset_simulation
+    from gantryctl.operation.state import reset_simulation
 
     said = reset_simulation(machine_of(config_file), angle)
     if as_json:

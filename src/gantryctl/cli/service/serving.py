@@ -15,8 +15,7 @@ import click
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.machine import Machine, default_machine_path, short_hash
-from gantryctl.operation import StateStore
-from gantryctl.operation.store import state_root
+from gantryctl.operation.store import StateStore, state_root
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import refuse_expired
 from gantryctl.service.supervisor.process import Options, Supervisor

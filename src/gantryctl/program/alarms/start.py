@@ -40,7 +40,7 @@ START: Final = (
         "the encoder's range ends {minus_deg:.1f} deg below and {plus_deg:.1f} deg above the travel, "
         "too near",
         "Zero is badly placed in the multiturn range: the reading would jump by the whole range in motion.",
-        "Turn the encoder on its shaft or mount it with its range centred, then set the zero again.",
+        "Turn the encoder on its shaft or mount it with its range centred, then `gantryctl encoder set-zero`.",
     ),
     Definition(
         Code.CFG_CAN_01, "Drive parameters forbid enabling", _REF, Reaction.REF,

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
-from gantryctl.operation.brake_policy import LOCKED, restore_failure
-from gantryctl.operation.bus import judge_bus
-from gantryctl.operation.home_reference import RestVerdict, evaluate, refusal, unwrapped
-from gantryctl.operation.virtual import encoder_scale, open_machine
+from gantryctl.operation.brake_policy import LOCKED
+from gantryctl.operation.opening import open_axis
+from gantryctl.operation.proofs import bus_reasons
+from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.program import GantryProgram
 from gantryctl.runtime import Engine, Retained
-from gantryctl.wiring.engine import build_program
 
 BUS: Final = "CFG-CAN"
 """Beginning of a refusal that comes from the bus."""
@@ -46,41 +43,23 @@ def open_service(machine: Machine, store: StateStore) -> Opened:
     Raises:
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
-    virtual = open_machine(machine, store)
-    retained, drive = virtual.retained, virtual.drive
-    counts = drive.read().pos_act_counts
-    scale = encoder_scale(machine, drive)
-    reading = evaluate(scale, counts, retained)
-    zero = retained.zero_offset_counts
-    zero_counts = counts if zero is None else zero + counts - unwrapped(scale, counts, zero)
-    moved = reading.verdict is RestVerdict.MOVED  # a reset acknowledges it, and nothing else of the encoder
-    wrong = refusal(reading) or ""
-    held = [wrong] if moved else []
-    if retained.error_stop:
-        held.append(f"{retained.error_stop} stopped the axis in an earlier run: look at it, then reset")
-    program = build_program(
-        machine, drive, zero_counts=zero_counts, holding_torque_nm=retained.holding_torque_nm or 0.0
-    )
+    opened = open_axis(machine, store)
+    retained, program, reasons = opened.retained, opened.program, opened.reasons
     assert isinstance(program, GantryProgram)
-    restore_failure(program.axis, retained)
     return Opened(
-        drive,
+        opened.drive,
         retained,
         program,
-        lock=("" if moved else wrong) or bus_refusal(machine, store, drive),
-        held="; ".join(held),
+        lock=next((reason.text for reason in reasons if not reason.by_reset), ""),
+        held="; ".join(reason.text for reason in reasons if reason.by_reset),
         locked_code=retained.error_stop if retained.error_stop in LOCKED else "",
-        notes=virtual.notes,
+        notes=opened.notes,
     )
 
 
 def bus_refusal(machine: Machine, store: StateStore, drive: Drive) -> str:
     """Why a drive on a bus may not be enabled, or ""."""
-    try:
-        judge_bus(machine, store, drive)
-    except CommandRefused as reason:
-        return f"{BUS} {' '.join(str(reason).split())}"
-    return ""
+    return next((reason.text for reason in bus_reasons(machine, store, drive)), "")
 
 
 class LastRead:

@@ -21,8 +21,8 @@ from typing import Final
 
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
-from gantryctl.operation import StateStore
-from gantryctl.operation.bus import set_up_again
+from gantryctl.operation.opening import set_up_again
+from gantryctl.operation.store import StateStore
 from gantryctl.program import PowerPhase
 from gantryctl.runtime import failure_text
 from gantryctl.service.command.inbox import Inbox

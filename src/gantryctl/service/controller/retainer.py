@@ -10,9 +10,8 @@ from typing import Final
 
 from gantryctl.errors import AlarmStop, GantryctlError
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
-from gantryctl.operation.ending import RunEnd, retained_after
-from gantryctl.operation.virtual import ReadDrive, keep_machine
+from gantryctl.operation.opening import ReadDrive, RunEnd, keep_machine, retained_after
+from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState
 from gantryctl.runtime import Engine, Retained
 from gantryctl.service.command.operator import ServiceOperator

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
-from gantryctl.operation import StateStore
+from gantryctl.operation.store import StateStore
 from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.recorder.journal import verify
 from gantryctl.service.recorder.journal_file import FILE

@@ -13,7 +13,8 @@ import numpy as np
 from gantryctl.engineering.accuracy.procedure.on_batch import REST_S, Readings, check_travel
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.machine import Machine
-from gantryctl.operation import AxisSession, StateStore
+from gantryctl.operation.run import AxisRun
+from gantryctl.operation.store import StateStore
 from gantryctl.runtime import MemoryRecorder
 from gantryctl.trace import Trace
 
@@ -45,7 +46,7 @@ def _driven(
     real_time: bool,
     progress: Progress | None,
 ) -> Readings:
-    session = AxisSession(machine, store, recorder=MemoryRecorder, real_time=real_time)
+    session = AxisRun(machine, store, recorder=MemoryRecorder, real_time=real_time)
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     rows: list[tuple[float, float, float, float, float]] = []

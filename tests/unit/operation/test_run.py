@@ -11,16 +11,9 @@ from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import DriveState, InputImage
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.operation import (
-    AxisSession,
-    Motion,
-    Snapshot,
-    StateStore,
-    Stop,
-    machine_status,
-    read_retained,
-    reset_machine,
-)
+from gantryctl.operation.run import AxisRun, Motion, Snapshot, Stop
+from gantryctl.operation.state import machine_status, read_retained, reset_machine
+from gantryctl.operation.store import StateStore
 from gantryctl.program import Axis, AxisProgram, GantryProgram
 
 IDEAL = with_values(default_machine(), {"drive.kind": "ideal"})
@@ -33,7 +26,7 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def assert_left_safely(session: AxisSession) -> None:
+def assert_left_safely(session: AxisRun) -> None:
     feedback = session.drive.read()
     assert feedback.state is DriveState.SWITCH_ON_DISABLED
     assert not feedback.brake_open
@@ -58,7 +51,7 @@ class Looker:
 
 @pytest.mark.parametrize("machine", [SIM, IDEAL], ids=["sim", "ideal"])
 def test_a_move_arrives_and_says_how(machine: Machine) -> None:
-    session = AxisSession(machine)
+    session = AxisRun(machine)
     assert session.angle_deg == pytest.approx(0.0, abs=1e-3)
     motion = session.move(1.0, 3.0)
     assert motion.done
@@ -71,7 +64,7 @@ def test_a_move_arrives_and_says_how(machine: Machine) -> None:
 
 
 def test_moves_follow_each_other_in_one_power_cycle() -> None:
-    session = AxisSession(IDEAL)
+    session = AxisRun(IDEAL)
     assert [session.move(target).done for target in (1.0, -1.0, 0.5)] == [True] * 3
     step = session.increment(0.25, forward=False, speed_deg_s=1.0)
     assert step.done
@@ -89,9 +82,9 @@ def test_moves_follow_each_other_in_one_power_cycle() -> None:
         lambda s: s.increment(1.0, True, 60.0),
     ],
 )
-def test_what_is_refused_never_switches_power_on(ask: Callable[[AxisSession], object]) -> None:
+def test_what_is_refused_never_switches_power_on(ask: Callable[[AxisRun], object]) -> None:
     with StateStore(SIM) as store:
-        session = AxisSession(SIM, store)
+        session = AxisRun(SIM, store)
         with pytest.raises(CommandRefused):
             ask(session)
         before = session.drive.read()
@@ -104,7 +97,7 @@ def test_what_is_refused_never_switches_power_on(ask: Callable[[AxisSession], ob
 
 
 def test_an_override_outside_is_refused() -> None:
-    session = AxisSession(IDEAL)
+    session = AxisRun(IDEAL)
     for override in (0.0, -1.0, 1.5, float("nan")):
         with pytest.raises(UsageError):
             session.move(1.0, override=override)
@@ -112,7 +105,7 @@ def test_an_override_outside_is_refused() -> None:
 
 
 def test_the_override_counts_in_the_speed_asked_for() -> None:
-    session = AxisSession(IDEAL)
+    session = AxisRun(IDEAL)
     motion = session.move(0.5, 6.0, override=0.5)
     assert motion.asked_deg_s == pytest.approx(3.0)
     session.close("done")
@@ -123,7 +116,7 @@ def test_the_override_counts_in_the_speed_asked_for() -> None:
 
 @pytest.mark.parametrize("forward", [True, False])
 def test_a_jog_takes_its_time_and_ends_by_itself(forward: bool) -> None:
-    session = AxisSession(SIM)
+    session = AxisRun(SIM)
     motion = session.jog(forward, 1.0, 3.0)
     session.close("done")
     assert motion.done
@@ -135,7 +128,7 @@ def test_a_jog_takes_its_time_and_ends_by_itself(forward: bool) -> None:
 
 
 def test_a_jog_ends_at_the_end_of_the_travel_and_does_not_wait_there() -> None:
-    session = AxisSession(IDEAL)
+    session = AxisRun(IDEAL)
     session.move(179.5)
     began = session.engine.time_s
     motion = session.jog(True, 0.6, 3000.0)
@@ -153,7 +146,7 @@ def test_a_jog_ends_at_the_end_of_the_travel_and_does_not_wait_there() -> None:
 
 @pytest.mark.parametrize("machine", [SIM, IDEAL], ids=["sim", "ideal"])
 def test_a_stop_request_ends_a_move_on_the_jog_release_ramp(machine: Machine) -> None:
-    session = AxisSession(machine, observer=Looker(6.0, lambda: setattr(session, "stop", Stop.RAMP)))
+    session = AxisRun(machine, observer=Looker(6.0, lambda: setattr(session, "stop", Stop.RAMP)))
     motion = session.move(90.0)
     session.power_down()
     session.close("stopped")
@@ -165,7 +158,7 @@ def test_a_stop_request_ends_a_move_on_the_jog_release_ramp(machine: Machine) ->
 
 
 def test_a_quick_stop_request_is_an_alarm_and_faster() -> None:
-    session = AxisSession(SIM, observer=Looker(6.0, lambda: setattr(session, "stop", Stop.QUICK)))
+    session = AxisRun(SIM, observer=Looker(6.0, lambda: setattr(session, "stop", Stop.QUICK)))
     with pytest.raises(AlarmStop, match=r"INT-06 STOP .* Quick stop, at rest after"):
         session.move(90.0)
     session.close("stopped")
@@ -177,9 +170,9 @@ def test_a_quick_stop_request_is_an_alarm_and_faster() -> None:
 )
 @pytest.mark.parametrize("at_s", [0.0, 0.1, 0.2, 0.3])
 def test_a_stop_request_during_power_up_means_no_motion(
-    at_s: float, begin: Callable[[AxisSession], Motion]
+    at_s: float, begin: Callable[[AxisRun], Motion]
 ) -> None:
-    session = AxisSession(SIM, observer=Looker(at_s, lambda: setattr(session, "stop", Stop.RAMP)))
+    session = AxisRun(SIM, observer=Looker(at_s, lambda: setattr(session, "stop", Stop.RAMP)))
     motion = begin(session)
     assert not motion.done
     session.power_down()
@@ -189,7 +182,7 @@ def test_a_stop_request_during_power_up_means_no_motion(
 
 
 def test_a_stop_request_before_anything_means_no_motion() -> None:
-    session = AxisSession(SIM)
+    session = AxisRun(SIM)
     session.stop = Stop.RAMP
     assert not session.move(5.0).done
     session.close("stopped")
@@ -200,7 +193,7 @@ def test_an_observer_that_fails_stops_the_axis() -> None:
     def gone() -> None:
         raise BrokenPipeError
 
-    session = AxisSession(SIM, observer=Looker(5.0, gone))
+    session = AxisRun(SIM, observer=Looker(5.0, gone))
     motion = session.move(90.0)
     session.power_down()
     session.close("stopped")
@@ -213,7 +206,7 @@ def test_an_observer_that_fails_at_the_very_end_changes_nothing_about_the_state(
     def gone() -> None:
         raise OSError
 
-    session = AxisSession(SIM, observer=Looker(0.0, gone))
+    session = AxisRun(SIM, observer=Looker(0.0, gone))
     session.close("done")
     assert_left_safely(session)
 
@@ -225,7 +218,7 @@ def test_whatever_ends_the_run_the_axis_is_left_at_rest_and_remembered(at_s: flo
     class Elsewhere(Exception):
         pass
 
-    class Breaking(AxisSession):
+    class Breaking(AxisRun):
         def snapshot(self) -> Snapshot:
             if self.engine.time_s >= at_s:
                 raise SystemExit
@@ -246,8 +239,8 @@ def test_whatever_ends_the_run_the_axis_is_left_at_rest_and_remembered(at_s: flo
 # --- alarms and memory ------------------------------------------------------------------------------------------------
 
 
-def alarm_by_estop(store: StateStore) -> AxisSession:
-    session = AxisSession(SIM, store, observer=Looker(4.0, lambda: setattr(session.drive, "estop_ok", False)))
+def alarm_by_estop(store: StateStore) -> AxisRun:
+    session = AxisRun(SIM, store, observer=Looker(4.0, lambda: setattr(session.drive, "estop_ok", False)))
     with pytest.raises(AlarmStop, match="INT-03") as stopped:
         session.move(90.0)
     session.close("stopped by an alarm", stopped.value)
@@ -258,10 +251,10 @@ def test_an_alarm_holds_the_axis_until_it_is_acknowledged() -> None:
     with StateStore(SIM) as store:
         assert_left_safely(alarm_by_estop(store))
     with StateStore(SIM) as store, pytest.raises(CommandRefused, match="INT-03 stopped the axis"):
-        AxisSession(SIM, store)
+        AxisRun(SIM, store)
     assert "acknowledged" in reset_machine(SIM)
     with StateStore(SIM) as store:
-        session = AxisSession(SIM, store)
+        session = AxisRun(SIM, store)
         assert session.move(session.angle_deg + 0.5).done
         session.close("done")
     retained = read_retained(SIM)
@@ -272,7 +265,7 @@ def test_an_alarm_holds_the_axis_until_it_is_acknowledged() -> None:
 
 def test_small_motions_while_off_are_recorded_when_they_are_accepted() -> None:
     with StateStore(SIM) as store:
-        session = AxisSession(SIM, store)
+        session = AxisRun(SIM, store)
         session.move(0.5)
         session.close("done")
         state, _ = store.load_plant() or ({}, False)
@@ -281,7 +274,7 @@ def test_small_motions_while_off_are_recorded_when_they_are_accepted() -> None:
             state | {"pos_load": state["pos_load"] + turned, "pos_motor": state["pos_motor"] + turned * 1144}
         )
     with StateStore(SIM) as store:
-        session = AxisSession(SIM, store)
+        session = AxisRun(SIM, store)
         assert any("moved +0.030 deg while off" in note for note in session.notes)
         session.close("done")
     retained = read_retained(SIM)
@@ -304,7 +297,7 @@ class NeverOn(AxisProgram):
 
 def test_a_fault_in_the_program_stops_the_axis_and_holds_it() -> None:
     with StateStore(SIM) as store:
-        session = AxisSession(SIM, store, program=Faulty)
+        session = AxisRun(SIM, store, program=Faulty)
         with pytest.raises(AlarmStop, match=r"SYS-09 STOP · ZeroDivisionError") as stopped:
             session.move(90.0)
         session.close("stopped by an alarm", stopped.value)
@@ -316,7 +309,7 @@ def test_a_fault_in_the_program_stops_the_axis_and_holds_it() -> None:
 
 
 def test_a_program_that_does_not_switch_on_is_told_so() -> None:
-    session = AxisSession(IDEAL, program=NeverOn)
+    session = AxisRun(IDEAL, program=NeverOn)
     with pytest.raises(AlarmStop, match="SYS-10 STOP · power-up did not end"):
         session.move(1.0)
     session.close("failed")
@@ -330,7 +323,7 @@ def test_a_program_is_made_from_the_axis() -> None:
             super().__init__(axis)
             made.append(axis)
 
-    session = AxisSession(IDEAL, program=Mine)
+    session = AxisRun(IDEAL, program=Mine)
     assert made == [session.axis]
     session.close("done")
 
@@ -338,7 +331,7 @@ def test_a_program_is_made_from_the_axis() -> None:
 def test_a_window_that_is_never_reached_is_not_called_done() -> None:
     """A weak loop creeps towards the target for longer than the tolerance time."""
     weak = {"control.kpp_per_s": 0.5, "control.kvf": 0.98, "monitors.in_position_window_deg": 1e-4}
-    session = AxisSession(with_values(SIM, weak))
+    session = AxisRun(with_values(SIM, weak))
     motion = session.move(0.5)
     session.close("not in position")
     assert not motion.done
@@ -347,7 +340,7 @@ def test_a_window_that_is_never_reached_is_not_called_done() -> None:
 
 def test_the_snapshot_says_what_a_display_needs() -> None:
     looker = Looker(1e9, lambda: None)
-    session = AxisSession(SIM, observer=looker)
+    session = AxisRun(SIM, observer=looker)
     session.move(3.0, 1.0)
     session.close("done")
     moving = [s for s in looker.seen if s.state == "discrete motion"]

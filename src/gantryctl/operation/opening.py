@@ -1,0 +1,380 @@
+"""One machine from power-on to power-off: opened with its retained memory, judged, given a program, and closed.
+
+The command line, the service and commissioning all open and close a machine here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+from gantryctl.errors import AlarmStop, StateError, UsageError
+from gantryctl.image import DriveFeedback, DriveIdentity
+from gantryctl.machine import Machine, config_hash
+from gantryctl.operation.brake_policy import LOCKED, restore_failure, still_failed
+from gantryctl.operation.home_reference import (
+    ACCEPTED_DEG,
+    SHOWN_DEG,
+    AbsoluteReading,
+    EncoderScale,
+    judge_reference,
+    why_not_referenced,
+)
+from gantryctl.operation.proofs import bus_reasons
+from gantryctl.operation.store import StateStore, now_text
+from gantryctl.ports import Drive
+from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
+from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.runtime import AlarmEntry, Engine, Retained
+from gantryctl.units import deg, rad
+from gantryctl.wiring.engine import ProgramFactory, build_program, drive_of
+
+
+class ReadDrive(Protocol):
+    """What the end of a run reads from a drive."""
+
+    def identity(self) -> DriveIdentity:
+        """Encoder."""
+        ...
+
+    def read(self) -> DriveFeedback:
+        """Reading."""
+        ...
+
+
+class OpenMachine(NamedTuple):
+    """The drive of a machine and what the controller remembers of it.
+
+    Attributes:
+        feedback: what the drive showed when it was opened.
+        reading: the encoder's part of it, compared with the retained memory.
+        notes: what had to be done to open it, in words.
+    """
+
+    drive: Drive
+    retained: Retained
+    feedback: DriveFeedback
+    scale: EncoderScale
+    reading: AbsoluteReading
+    notes: tuple[str, ...] = ()
+
+
+class OpenAxis(NamedTuple):
+    """An open machine with a program on its axis, power off.
+
+    Attributes:
+        reasons: why power cannot be switched on, the gravest first; () when nothing is wrong.
+    """
+
+    drive: Drive
+    retained: Retained
+    reading: AbsoluteReading
+    program: AxisProgram
+    notes: tuple[str, ...]
+    reasons: tuple[Reason, ...]
+
+
+class RunEnd(NamedTuple):
+    """How a run ended.
+
+    Attributes:
+        result: in words, for `status`.
+        alarm: what stopped the axis, if anything did.
+        power_ups, moves: how many there were.
+    """
+
+    result: str
+    alarm: AlarmStop | None
+    power_ups: int
+    moves: int
+    time_s: float
+
+
+# --- opening --------------------------------------------------------------------------------------------------
+
+
+def open_axis(
+    machine: Machine,
+    store: StateStore | None,
+    *,
+    program: ProgramFactory = GantryProgram,
+    commissioning: bool = False,
+) -> OpenAxis:
+    """Open the machine as the last run left it, judge it, and put a program on its axis.
+
+    Args:
+        store: the state directory, locked by the caller; None for a new machine that is forgotten afterwards.
+        commissioning: a CAN machine needs no commissioning record, because it is being made.
+
+    Raises:
+        StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
+    """
+    found = open_machine(machine, store)
+    try:
+        reasons = _reasons(found, bus_reasons(machine, store, found.drive, commissioning=commissioning))
+        retained, notes = _with_accepted_motion(found, reasons)
+        made = build_program(
+            machine,
+            found.drive,
+            program,
+            zero_counts=_zero_counts(found),
+            holding_torque_nm=retained.holding_torque_nm or 0.0,
+        )
+    except BaseException:
+        leave_bus(found.drive)
+        raise
+    restore_failure(made.axis, retained)
+    return OpenAxis(found.drive, retained, found.reading, made, notes, reasons)
+
+
+def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool = False) -> OpenMachine:
+    """Open the drive: a simulated machine as the last run left it (a new one without a store), a real one as it stands.
+
+    Args:
+        read_only: a drive on a bus is read by SDO and not set up.
+
+    Raises:
+        StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
+    """
+    if not machine.plant_is_local:
+        return _real_machine(machine, store, read_only)
+    if store is None:
+        return new_machine(machine)
+    kept = store.load_plant()
+    retained = store.load_retained()
+    notes = tuple(f"retained memory: {note}" for note in store.notes)
+    if kept is None:
+        if retained is None:
+            return new_machine(machine)._replace(notes=("a new simulated machine, standing at 0 deg",))
+        raise StateError(
+            f"{store.directory}: retained memory without a simulated plant; `gantryctl sim reset` makes a new machine"
+        )
+    if retained is None:
+        raise StateError(
+            f"{store.directory}: a simulated plant without retained memory: the zero offset is lost; "
+            "`gantryctl sim reset` makes a new machine"
+        )
+    state, same_plant = kept
+    if same_plant:
+        return _opened(machine, _kept_drive(machine, state), retained, notes)
+    angle = deg(state.get("pos_load", state.get("pos_ideal", 0.0)))
+    moved = new_machine(machine, angle)
+    note = f"[plant] has changed since the last run: the new plant stands at the same {angle:.4f} deg, zeroed anew"
+    return _opened(machine, moved.drive, retained_of_new_plant(retained, moved.retained), (*notes, note))
+
+
+@contextmanager
+def read_only(machine: Machine, store: StateStore) -> Iterator[OpenMachine]:
+    """Open a machine for questions, and leave its bus afterwards."""
+    found = open_machine(machine, store, read_only=True)
+    try:
+        yield found
+    finally:
+        leave_bus(found.drive)
+
+
+def new_machine(machine: Machine, angle_deg: float = 0.0) -> OpenMachine:
+    """A simulated machine as delivered: standing at an angle with the brake closed, encoder zeroed at 0 deg.
+
+    Raises:
+        UsageError: an angle outside the mechanical stops.
+    """
+    limit = machine.axis.mechanical_stop_deg
+    if not -limit < angle_deg < limit:
+        raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at +-{limit:g} deg")
+    from gantryctl.wiring.simulator import delivered_zero_counts  # a controller on a bus loads no simulator
+
+    drive = drive_of(machine, angle_deg)
+    retained = Retained(
+        machine=machine.name,
+        config_hash=config_hash(machine),
+        encoder_serial=drive.identity().encoder_serial,
+        zero_offset_counts=delivered_zero_counts(machine),
+        zero_set_by="simulator",
+        zero_witness="new simulated machine, zeroed at 0 deg",
+        rest_position_counts=int(drive.read().pos_act_counts),
+    )
+    return _opened(machine, drive, retained)
+
+
+def _opened(machine: Machine, drive: Drive, retained: Retained, notes: tuple[str, ...] = ()) -> OpenMachine:
+    scale, feedback = _encoder_scale(machine, drive.identity()), drive.read()
+    reading = judge_reference(scale, feedback.pos_act_counts, retained)
+    return OpenMachine(drive, retained, feedback, scale, reading, notes)
+
+
+def _encoder_scale(machine: Machine, identity: DriveIdentity) -> EncoderScale:
+    axis = machine.axis
+    return EncoderScale(
+        identity,
+        axis.ratio,
+        machine.encoder.counts_per_turn,
+        axis.pos_min_deg,
+        axis.pos_max_deg,
+        axis.mechanical_stop_deg,
+        machine.encoder.wrap_margin_min_deg,
+    )
+
+
+def _real_machine(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMachine:
+    if store is None:
+        raise UsageError(
+            f"{machine.name}: a drive on a bus has no new machine behind it; leave --fresh out, and set its zero once: "
+            "gantryctl encoder set-zero"
+        )
+    retained = store.load_retained() or Retained(machine=machine.name, config_hash=config_hash(machine))
+    notes = tuple(f"retained memory: {note}" for note in store.notes)
+    if not read_only:
+        return _opened(machine, drive_of(machine), retained, notes)
+    from gantryctl.wiring.canopen import read_only_drive  # only a machine on a bus loads the bus
+
+    return _opened(machine, read_only_drive(machine), retained, notes)
+
+
+def _kept_drive(machine: Machine, state: dict[str, float]) -> Drive:
+    """The drive as it was left; StateError when the state does not fit it."""
+    try:
+        return drive_of(machine, state=state)
+    except (ValueError, KeyError) as fault:
+        raise StateError(
+            f"{machine.name}: the kept state of the simulated plant cannot be used ({fault}); "
+            "`gantryctl sim reset` makes a new one"
+        ) from fault
+
+
+def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
+    """Settings, counters and alarms of the old machine with the encoder data of the new one."""
+    return replace(
+        old,
+        encoder_serial=new.encoder_serial,
+        zero_offset_counts=new.zero_offset_counts,
+        previous_offset_counts=old.zero_offset_counts,
+        zero_set_by=new.zero_set_by,
+        zero_witness=new.zero_witness,
+        rest_position_counts=new.rest_position_counts,
+        holding_torque_nm=None,
+    )
+
+
+# --- judging --------------------------------------------------------------------------------------------------
+
+
+def _reasons(found: OpenMachine, bus: tuple[Reason, ...]) -> tuple[Reason, ...]:
+    """Everything that keeps power off; what no reset clears comes first."""
+    encoder = why_not_referenced(found.reading)
+    reasons = [reason for reason in (encoder, *bus) if reason is not None and not reason.by_reset]
+    if encoder is not None and encoder.by_reset:
+        reasons.append(encoder)
+    stopped_by = found.retained.error_stop
+    if stopped_by:
+        cleared_by = ClearedBy.SERVICE if stopped_by in LOCKED else ClearedBy.RESET
+        reasons.append(Reason(Code.SYS_12, {"stopped_by": stopped_by}, cleared_by))
+    return tuple(reasons)
+
+
+def _with_accepted_motion(
+    found: OpenMachine, reasons: tuple[Reason, ...]
+) -> tuple[Retained, tuple[str, ...]]:
+    """Memory and notes of an opening; a small motion while off is accepted, but noted in both."""
+    moved = found.reading.moved_deg
+    if moved is None or abs(moved) < SHOWN_DEG or reasons:
+        return found.retained, found.notes
+    text = (
+        f"ENC-09 INFO · the gantry moved {moved:+.3f} deg while off · within {ACCEPTED_DEG:g} deg: accepted"
+    )
+    alarms = (*found.retained.alarms, AlarmEntry(str(Code.ENC_09), text, now_text()))
+    return replace(found.retained, alarms=alarms), (*found.notes, text)
+
+
+def _zero_counts(found: OpenMachine) -> float:
+    """Encoder count at 0 deg, on the branch of the present reading; the reading itself where no zero is stored."""
+    counts, zero = found.feedback.pos_act_counts, found.retained.zero_offset_counts
+    return counts if zero is None else zero + counts - found.scale.unwrapped(counts, zero)
+
+
+def set_up_again(engine: Engine) -> bool:
+    """Set up a drive that was lost or has changed: power off, between two scans.
+
+    Returns:
+        Whether there was anything to do.
+
+    Raises:
+        DeviceError: it cannot be; the alarms come again.
+    """
+    if not engine.drive.lost:
+        return False
+    engine.between_scans(engine.drive.set_up_again)
+    return True
+
+
+# --- closing --------------------------------------------------------------------------------------------------
+
+
+def close_axis(machine: Machine, store: StateStore | None, opened: OpenAxis, end: RunEnd) -> None:
+    """Keep what the controller has to remember of a run that has ended."""
+    retained = retained_after(machine, opened.retained, opened.program.axis, opened.drive, end)
+    keep_machine(machine, store, opened.drive, retained)
+
+
+def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDrive, end: RunEnd) -> Retained:
+    """The retained memory after a run."""
+    identity = drive.identity()
+    counts_range = identity.counts_per_turn * identity.turns
+    counts = drive.read().pos_act_counts
+    rest = before.rest_position_counts
+    way = abs(counts - (counts if rest is None else rest)) / machine.counts_per_turn
+    alarms, held = _alarms(axis, end, before.brake_failed)
+    return replace(
+        before,
+        config_hash=config_hash(machine),
+        rest_position_counts=int(counts) % counts_range,
+        zero_offset_counts=int(axis.zero_counts) % counts_range,
+        holding_torque_nm=axis.holding_torque_nm,
+        power_ups=before.power_ups + end.power_ups,
+        moves=before.moves + end.moves,
+        travelled_rad=before.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,
+        error_stop=held,
+        brake_failed=still_failed(axis, before),
+        last_result=end.result,
+        alarms=(*before.alarms, *alarms),
+    )
+
+
+def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEntry, ...], str]:
+    """The alarms of this run for the record, and the code that holds the axis, or ""."""
+    when = now_text()
+    alarms = tuple(
+        AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, alarm.pos_rad)
+        for alarm in axis.alarms.history
+        if not (failed_before and alarm.code is Code.BRK_08 and alarm.scan == 0)  # known from an earlier run
+    )
+    first = axis.alarms.first_out
+    if first is not None:
+        return alarms, str(first.code)
+    if end.alarm is None:
+        return alarms, ""
+    # an alarm of the engine: an exception in the program, or scans too late
+    code = str(end.alarm).partition(" ")[0]
+    return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, axis.pos_act_rad)), code
+
+
+def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retained: Retained) -> None:
+    """Put plant and memory back: the memory first, a plant without it could not be trusted."""
+    if store is not None:
+        store.store_retained(retained)
+        if machine.plant_is_local:
+            store.store_plant(drive.plant_state())
+
+
+def leave_bus(drive: Drive) -> None:
+    """Leave a bus as it was found; a drive in this process stays as it is."""
+    if drive.health() is not None:
+        drive.close()
+
+
+def bus_lines(drive: Drive) -> tuple[str, ...]:
+    """How well the bus worked, and what the drive complained of; () without a bus."""
+    health = drive.health()
+    return () if health is None else health.lines()
