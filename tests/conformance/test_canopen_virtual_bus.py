@@ -11,7 +11,7 @@ import pytest
 
 from conformance.drive_port import DriveBench, DriveConformance
 from conformance.test_canopen_drive import SYNC_S, CanBench
-from gantryctl.drives.virtual import BusLink, DriveLoop, DriveNode, Requests, running
+from gantryctl.drives.virtual import DriveLoop, DriveNode, FrameSender, Requests, running
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring.canopen import canopen_drive
 from gantryctl.wiring.virtual import drive_hardware
@@ -36,7 +36,7 @@ class VirtualBusBench(CanBench):
             },
         )
         bus = stack.enter_context(can.Bus(interface="virtual", channel=channel))
-        link = BusLink(bus)
+        link = FrameSender(bus)
         node = DriveNode(drive_hardware(machine), machine.can.node, link.send, stepped=True)
         self._loop = stack.enter_context(running(DriveLoop(node, link)))
         self._answer = Requests(node).answer

@@ -15,7 +15,7 @@ from gantryctl.runtime import ArrowRecorder, MemoryRecorder
 from gantryctl.trace import read_trace, unit_of
 from gantryctl.trace.columns import DEGREE_UNITS, SI_UNITS, in_degrees
 
-Row = tuple[float, ...]
+ParameterRow = tuple[float, ...]
 
 # every bit pattern: signed zeros, subnormals, infinities, NaN with any payload
 any_double = st.integers(0, 2**64 - 1).map(lambda bits: struct.unpack("<d", struct.pack("<Q", bits))[0])
@@ -30,20 +30,22 @@ metadata = st.dictionaries(
 
 
 @st.composite
-def recordings(draw: st.DrawFn) -> tuple[tuple[str, ...], list[Row]]:
+def recordings(draw: st.DrawFn) -> tuple[tuple[str, ...], list[ParameterRow]]:
     width = draw(st.integers(1, 5))
     columns = ("time_s", *(f"x{k}_rad" for k in range(width - 1)))
     return columns, draw(st.lists(st.tuples(*[numbers] * width), max_size=30))
 
 
-def cell_bits(rows: Sequence[Row]) -> bytes:
+def cell_bits(rows: Sequence[ParameterRow]) -> bytes:
     return b"".join(struct.pack(f"{len(row)}d", *row) for row in rows)
 
 
 @settings(max_examples=40)
 @given(recording=recordings(), about=metadata, flush_rows=st.integers(1, 12))
 def test_rows_round_trip_bit_for_bit_through_memory_stream_and_parquet(
-    recording: tuple[tuple[str, ...], list[Row]], about: dict[str, str | int | float], flush_rows: int
+    recording: tuple[tuple[str, ...], list[ParameterRow]],
+    about: dict[str, str | int | float],
+    flush_rows: int,
 ) -> None:
     columns, rows = recording
     with tempfile.TemporaryDirectory() as directory:

@@ -54,7 +54,7 @@ def test_a_move_ends_where_it_was_sent_and_leaves_the_brake_closed() -> None:
     assert run.session.angle_deg == pytest.approx(10.0, abs=0.001)
     run.session.power_down()
     run.session.close("done")
-    assert not run.node.motor.brake_open
+    assert not run.node.plant.brake_open
     assert run.node.axis.state.name == "SWITCH_ON_DISABLED"
 
 
@@ -116,7 +116,7 @@ def test_a_drive_that_lies_in_motion_is_caught(
     assert str(stopped.value).startswith(codes), stopped.value
     assert abs(moved_deg(run) - at_fault[0]) < way_deg
     run.session.close("stopped", stopped.value)
-    assert not run.node.motor.brake_open
+    assert not run.node.plant.brake_open
 
 
 def test_a_drive_that_takes_the_mode_and_never_moves_is_caught_from_the_start() -> None:
@@ -147,7 +147,7 @@ def test_a_quick_stop_that_is_not_obeyed_takes_the_torque_off() -> None:
     # 0.1 s until the request is looked at, 0.11 s outside the envelope, 0.6 s until the brake has stopped 3 deg/s
     assert abs(moved_deg(run) - asked[0]) < 2.1
     run.session.close("stopped", stopped.value)
-    assert not run.node.motor.brake_open
+    assert not run.node.plant.brake_open
 
 
 def test_a_parameter_changed_behind_our_back_stops_the_axis_and_keeps_it(

@@ -74,7 +74,7 @@ def virtual_node(
         stepped=True,
     )
     if state is not None:
-        node.motor.restore(state)
+        node.plant.restore(state)
     bus.attach(node)
     node.boot()
     return BusLink(bus, advance=lambda seconds: node.advance(round(seconds * 1e6))), node

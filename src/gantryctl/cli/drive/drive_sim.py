@@ -90,10 +90,10 @@ def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
 
 def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, Any]) -> None:
     from gantryctl.drives.virtual import (
-        BusLink,
         ControlServer,
         DriveLoop,
         DriveNode,
+        FrameSender,
         ParameterStore,
         Requests,
     )
@@ -101,7 +101,7 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
     from gantryctl.wiring.virtual import drive_hardware
 
     hardware = drive_hardware(machine_of(given["config_file"]), rad(given["angle"]))
-    link = BusLink(bus)
+    link = FrameSender(bus)
     store = ParameterStore(given["store"])
     node = DriveNode(hardware, given["node_id"], link.send, kind=kind, store=store, stepped=given["stepped"])
     loop = DriveLoop(node, link)

@@ -9,7 +9,7 @@ from gantryctl.drives.canopen.bus.link import BusLink, Link
 from gantryctl.drives.canopen.bus.node import NodeIdentity, RemoteNode
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.settings import CanopenSettings, InputBits
-from gantryctl.drives.canopen.setup.parameter_check import Row, Verdict
+from gantryctl.drives.canopen.setup.parameter_check import ParameterRow, ParameterVerdict
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 
 __all__ = [
@@ -19,8 +19,8 @@ __all__ = [
     "InputBits",
     "Link",
     "NodeIdentity",
+    "ParameterRow",
+    "ParameterVerdict",
     "ReadOnlyDrive",
     "RemoteNode",
-    "Row",
-    "Verdict",
 ]

@@ -18,7 +18,7 @@ _TURNING: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 _RESERVE_S: Final = 0.2
 
 
-class BrakeWork:
+class BrakeControl:
     """Who closes the brake, and how.
 
     Args:

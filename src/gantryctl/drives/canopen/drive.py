@@ -11,10 +11,9 @@ from contextlib import suppress
 from typing import Final
 
 from gantryctl.drives.base import SimulatedPlant
-from gantryctl.drives.canopen.brake import BrakeWork
-from gantryctl.drives.canopen.bus.connection import LATCHED, LOST, connection_flags
+from gantryctl.drives.canopen.brake import BrakeControl
 from gantryctl.drives.canopen.bus.link import Link
-from gantryctl.drives.canopen.bus.node import NmtCommand, RemoteNode
+from gantryctl.drives.canopen.bus.node import LATCHED, LOST, NmtCommand, RemoteNode, connection_flags
 from gantryctl.drives.canopen.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,
@@ -26,10 +25,9 @@ from gantryctl.drives.canopen.cia402 import (
 )
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
-from gantryctl.drives.canopen.setup.mark import RESTART_MARKERS, write_restart_marker
-from gantryctl.drives.canopen.setup.opening import Opened, open_node
-from gantryctl.drives.canopen.setup.parameter_check import Verdict
-from gantryctl.drives.canopen.setup.parameter_watch import ReadBack
+from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, open_node, write_restart_marker
+from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict
+from gantryctl.drives.canopen.setup.parameter_watch import ParameterWatch
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     SAFE_OUTPUT,
@@ -73,7 +71,7 @@ class CanopenDrive:
     Attributes:
         node: NMT, SDO, emergency messages.
         opened: identity, matrix, mapping; after `open`.
-        read_back: the same parameters, read again while it runs.
+        parameter_watch: the same parameters, read again while it runs.
         commanded: the program has written: heartbeats are sent, and the drive watches us.
         silent_process_data, silent_heartbeat: for the proof that the drive stops a silent controller's axis.
     """
@@ -105,26 +103,26 @@ class CanopenDrive:
             raise
         return self
 
-    def _set_up(self, opened: Opened, before: ProcessImage | None) -> None:
+    def _set_up(self, opened: NodeSetup, before: ProcessImage | None) -> None:
         """Begin with what was found and written: nothing of an earlier connection counts any more."""
         settings, node = self.settings, self.node
         self.opened = opened
         self.process = ProcessImage(node, settings, opened.units, opened.mapping, before)
-        self.read_back = ReadBack(node, opened.kept, settings.period_s)
-        self._brake, self._controlword = BrakeWork(settings), DISABLE_VOLTAGE
+        self.parameter_watch = ParameterWatch(node, opened.kept, settings.period_s)
+        self._brake, self._controlword = BrakeControl(settings), DISABLE_VOLTAGE
         self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
         self._flags, self._enabling = LinkFlag.NONE, 0
         node.state = None
         node.forget_boots()
         node.emergencies.code = opened.error_code
-        watched = any(row.place == "1017:00" and row.verdict is Verdict.OK for row in opened.rows)
+        watched = any(row.place == "1017:00" and row.verdict is ParameterVerdict.OK for row in opened.rows)
         self._heartbeat_timeout = settings.timeout_scans if watched else None
         self._first_answer()
 
     @property
     def lost(self) -> bool:
         """The drive has to be set up anew before it may be enabled: its connection was lost, or a parameter changed."""
-        return bool(self._flags & LATCHED) or bool(self.read_back.differs)
+        return bool(self._flags & LATCHED) or bool(self.parameter_watch.differs)
 
     def set_up_again(self) -> None:
         """Set a lost drive up again on the same bus: power off, standing, between two scans. Nothing moves.
@@ -209,7 +207,7 @@ class CanopenDrive:
         if not self.silent_process_data:
             self.process.send(word, vel, torque, self._brake.released)
             unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
-            self.read_back.scan(self._passed, unknown)
+            self.parameter_watch.scan(self._passed, unknown)
         self._due = True
 
     def _exchange(self, answer_s: float) -> None:
@@ -247,7 +245,7 @@ class CanopenDrive:
         state = DriveState.UNKNOWN if flags & LOST else self._shown(decode_statusword(status), status)
         inputs, brake = process.inputs()
         brake_open = self._brake.is_open(state, brake)
-        code = process.error_code or self.node.emergencies.code or self.read_back.error_code
+        code = process.error_code or self.node.emergencies.code or self.parameter_watch.error_code
         return DriveFeedback(
             state,
             process.position,
@@ -262,7 +260,7 @@ class CanopenDrive:
             process.age,
             inputs,
             link=flags,
-            changed="" if flags & LOST else self.read_back.line,
+            changed="" if flags & LOST else self.parameter_watch.line,
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:

@@ -10,8 +10,7 @@ from __future__ import annotations
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.communication.drive_objects import device_tables
 from gantryctl.drives.virtual.communication.store import ParameterStore
-from gantryctl.drives.virtual.direct import DirectBus
-from gantryctl.drives.virtual.loop import BusLink, DriveLoop, running
+from gantryctl.drives.virtual.loop import DirectBus, DriveLoop, FrameSender, running
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import PERSONALITIES, Personality, personality
 from gantryctl.drives.virtual.side_channel.control import ControlClient, ControlServer
@@ -19,12 +18,12 @@ from gantryctl.drives.virtual.side_channel.requests import Requests
 
 __all__ = [
     "PERSONALITIES",
-    "BusLink",
     "ControlClient",
     "ControlServer",
     "DirectBus",
     "DriveLoop",
     "DriveNode",
+    "FrameSender",
     "Hardware",
     "ParameterStore",
     "Personality",

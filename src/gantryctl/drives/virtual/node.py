@@ -6,12 +6,12 @@ from collections.abc import Callable
 from typing import Final
 
 from gantryctl.drives.base import TRUTH_COLUMNS, settle
-from gantryctl.drives.virtual.axis.axis import Axis
+from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.axis.motor import Motor
+from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.axis.scaling import Scaling
-from gantryctl.drives.virtual.axis.setpoint import SetPoint, interpolation_us
 from gantryctl.drives.virtual.axis.signals import Signals
+from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, interpolation_us
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.drive_objects import device_tables
 from gantryctl.drives.virtual.communication.emergency import Emergency
@@ -22,13 +22,11 @@ from gantryctl.drives.virtual.communication.heartbeat import (
 )
 from gantryctl.drives.virtual.communication.nmt import NmtCommand, NmtState, command_for, next_nmt
 from gantryctl.drives.virtual.communication.parameters import Parameters
-from gantryctl.drives.virtual.communication.pdo import DEADLINE
-from gantryctl.drives.virtual.communication.process_data import ProcessData
+from gantryctl.drives.virtual.communication.pdo import DEADLINE, ProcessData
 from gantryctl.drives.virtual.communication.sdo import SdoServer, abort_frame
 from gantryctl.drives.virtual.communication.store import ParameterStore
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.drives.virtual.side_channel.faults import Faults
-from gantryctl.drives.virtual.side_channel.tpdo_gate import TpdoGate
+from gantryctl.drives.virtual.side_channel.faults import Faults, TpdoGate
 from gantryctl.errors import UsageError
 
 _NMT: Final = 0x000
@@ -93,9 +91,9 @@ class DriveNode:
         self.scaling = scaling = Scaling(hardware, kind)
         self.od = od = Dictionary(full, self.device, node_id)
         self.emergency = Emergency(od, self._send_emcy, kind.short_emcy)
-        self.motor = Motor(hardware, self.faults)
-        set_point = SetPoint(od, self.motor, scaling, kind, self.faults, hardware.tick_s)
-        self.axis = Axis(hardware, od, self.motor, set_point, self.emergency, kind, self.faults)
+        self.plant = DrivePlant(hardware, self.faults)
+        reference = SpeedReference(od, self.plant, scaling, kind, self.faults, hardware.tick_s)
+        self.axis = DriveAxis(hardware, od, self.plant, reference, self.emergency, kind, self.faults)
         self._signals = Signals(hardware, self.axis, od, scaling, kind, self.faults)
         self._store = store or ParameterStore()
         self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving)
@@ -155,11 +153,11 @@ class DriveNode:
 
     def truth(self) -> tuple[float, ...]:
         """What only a simulator knows; see `truth_columns`. Never on the bus."""
-        return self.motor.sim.truth()
+        return self.plant.sim.truth()
 
     def plant_state(self) -> dict[str, float]:
         """Everything of the gantry that a later run needs to go on."""
-        return dict(self.motor.sim.state)
+        return dict(self.plant.sim.state)
 
     def settle(self) -> None:
         """Let the load come to rest after the master has left."""
@@ -257,7 +255,7 @@ class DriveNode:
         self._consumer.reload()
         if not communication_only:
             self.axis.reset()
-            self.motor.power_on()
+            self.plant.power_on()
         if off_us:
             self.after(off_us, self._boot_up)
         else:

@@ -32,7 +32,7 @@ def test_a_drive_with_this_quirk_is_set_up_and_runs(quirk: str) -> None:
     assert math.degrees(feedback.vel_act_rad_s) / bench.ratio == pytest.approx(0.6, rel=0.05)
     assert bench.load_deg - before > 0.2
     bench.drive.close()
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
 
 
 def test_another_unit_of_speed_is_a_matter_of_the_machine_file() -> None:
@@ -111,7 +111,7 @@ def test_a_restart_in_motion_is_told_at_once_and_never_enables_again() -> None:
     assert feedback.link & LinkFlag.RESTARTED
     assert feedback.state is DriveState.UNKNOWN
     bench.run(1.0, ENABLE, 0.6)
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
     assert bench.virtual.axis.state.name == "SWITCH_ON_DISABLED"
 
 
@@ -146,11 +146,11 @@ def test_a_bus_that_goes_down_in_motion_and_comes_back_never_moves_the_axis_agai
     # 1 deg/s for the deadline of 50 ms and its granularity, the ramp of 5.4 deg/s2, some swing
     assert 0.0 < way < 1.0 * 0.07 + 1.0 / (2.0 * 5.4) + 0.05
     assert bench.virtual.axis.state.name == "FAULT"
-    stood = bench.virtual.motor.counts
+    stood = bench.virtual.plant.counts
     bench.run(1.0, ENABLE, 1.0)  # the bus is back, and somebody still wants to move
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
     # The load swings on against the braked motor, which gives way by less than a thousandth of a turn.
-    assert abs(bench.virtual.motor.counts - stood) < 1e-3 * bench.virtual.hardware.fine_counts_per_turn
+    assert abs(bench.virtual.plant.counts - stood) < 1e-3 * bench.virtual.hardware.fine_counts_per_turn
 
 
 def test_a_node_that_leaves_operational_is_noticed() -> None:
@@ -171,7 +171,7 @@ def test_a_turning_drive_that_leaves_operational_is_stopped_by_its_own_watch(sta
     # 1 deg/s for its heartbeat (50 ms), ours (50 ms) and its time-out (150 ms), the ramp of 5.4 deg/s2, some swing
     assert bench.load_deg - begun < 1.0 * 0.26 + 1.0 / (2.0 * 5.4) + 0.05
     assert bench.virtual.axis.state.name == "FAULT"
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
 
 
 def test_missing_and_doubled_telegrams_are_counted_and_bridged() -> None:
@@ -290,7 +290,7 @@ def test_either_silence_alone_stops_the_axis_and_brakes_it(what: str) -> None:
     most = 1.0 * (deadline + 0.06) + 1.0**2 / (2.0 * 5.4) + 0.05
     assert 0.0 < bench.load_deg - begun < most
     assert bench.virtual.axis.state.name == "FAULT"
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
 
 
 def test_an_orderly_leave_is_no_fault() -> None:

@@ -13,8 +13,8 @@ from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.cia402 import decode_statusword, next_controlword
 from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.drives.canopen.emergency import HISTORY, EmergencyLog, emergency_text
+from gantryctl.drives.canopen.process_image import Unwrap
 from gantryctl.drives.canopen.setup.parameter_check import interpolation
-from gantryctl.drives.canopen.unwrap import Unwrap
 from gantryctl.image import DriveRequest, DriveState
 
 # CiA 402, statusword: (mask, value) of every state.

@@ -25,7 +25,7 @@ def test_parameters_are_read_again_while_the_axis_moves(monkeypatch: pytest.Monk
     bench = quick_round(monkeypatch, quirk)
     bench.ramp_to(0.6)
     assert bench.run(1.0, ENABLE, 0.6).changed == ""
-    back = bench.drive.read_back
+    back = bench.drive.parameter_watch
     assert back.answered >= 2 * len(bench.drive.opened.kept)
     assert back.unanswered == 0
     counters = bench.drive.health()
@@ -42,7 +42,7 @@ def test_a_parameter_that_is_changed_behind_our_back_is_told_until_it_is_right_a
     bench.ask("write", index=0x6085, value=17)
     changed = bench.run(1.0).changed
     assert changed.startswith(("6007:00 Abort connection option code: want 1, have 0", "6085:00"))
-    assert len(bench.drive.read_back.differs) == 2
+    assert len(bench.drive.parameter_watch.differs) == 2
     bench.ask("write", index=0x6007, value=1)
     assert "have 17" in bench.run(1.0).changed
     bench.drive.close()
@@ -52,23 +52,23 @@ def test_a_parameter_that_is_not_answered_any_more_holds_nothing_up(monkeypatch:
     bench = quick_round(monkeypatch)
     bench.inject("silence")
     bench.run(0.3)
-    assert bench.drive.read_back.unanswered > 3
+    assert bench.drive.parameter_watch.unanswered > 3
     assert (
-        bench.drive.read_back.line == ""
+        bench.drive.parameter_watch.line == ""
     )  # what is not known is not wrong; the heartbeat has an alarm of its own
 
 
 @given(data=st.binary(max_size=8))
 def test_no_answer_to_a_request_breaks_a_scan(data: bytes) -> None:
     bench = _asked()
-    bench.drive.read_back._answer(data)
-    assert isinstance(bench.drive.read_back.line, str)
+    bench.drive.parameter_watch._answer(data)
+    assert isinstance(bench.drive.parameter_watch.line, str)
 
 
 @cache
 def _asked() -> Bench:
     bench = Bench().open()
-    bench.drive.read_back.scan(1_000_000)
+    bench.drive.parameter_watch.scan(1_000_000)
     return bench
 
 
@@ -104,9 +104,9 @@ def test_a_lost_drive_is_set_up_again_within_the_run_and_nothing_moves(lose: Cal
     assert (
         bench.drive.read().changed == ""
     )  # a drive that restarted has forgotten them all: one cause, one alarm
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
     bench.run(2.0, DriveRequest.DISABLE)
-    stood, stood_counts = bench.load_deg, bench.virtual.motor.counts
+    stood, stood_counts = bench.load_deg, bench.virtual.plant.counts
     way_counts = (stood - begun_deg) * bench.drive.identity().counts_per_turn * bench.ratio / 360.0
     bench.drive.set_up_again()
     assert not bench.drive.lost
@@ -118,9 +118,9 @@ def test_a_lost_drive_is_set_up_again_within_the_run_and_nothing_moves(lose: Cal
     bench.run(0.5, DriveRequest.FAULT_RESET)
     assert bench.run(0.2, DriveRequest.DISABLE).state is DriveState.SWITCH_ON_DISABLED
     # The load swings on against the braked motor, which gives way by less than a thousandth of a turn.
-    moved = bench.virtual.motor.counts - stood_counts
+    moved = bench.virtual.plant.counts - stood_counts
     assert abs(moved) < 1e-3 * bench.virtual.hardware.fine_counts_per_turn
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
     bench.enable()
     bench.ramp_to(0.6)
     assert bench.load_deg > stood + 0.1
@@ -136,7 +136,7 @@ def test_a_drive_that_stays_silent_stays_lost() -> None:
     assert bench.drive.lost
     bench.inject("silence", False)
     assert bench.run(0.4).state is DriveState.UNKNOWN
-    assert not bench.virtual.motor.brake_open
+    assert not bench.virtual.plant.brake_open
 
 
 def test_another_drive_on_the_bus_is_not_taken() -> None:

@@ -125,7 +125,7 @@ def test_the_brake_opens_after_the_preload_and_the_state_follows_the_brake(bench
     phases = []
     for _ in range(60):
         feedback = bench.cycle(ENABLE, 0, 100)
-        phases.append((bench.node.motor.brake_open, feedback.state, round(bench.node.motor.torque_nm)))
+        phases.append((bench.node.plant.brake_open, feedback.state, round(bench.node.plant.torque_nm)))
     closed = [p for p in phases if not p[0]]
     assert all(state is State.SWITCHED_ON for _, state, _ in closed[:-1])
     assert closed[10][2] == pytest.approx(25.7, abs=2)  # 100 per mille of 257 N m against the closed brake
@@ -147,7 +147,7 @@ def test_a_leaving_ramp_holds_the_load_until_the_brake_is_closed(bench: Bench) -
     torques = []
     for _ in range(70):
         feedback = bench.cycle(SWITCH_ON)
-        torques.append((feedback.state, bench.node.motor.brake_open, abs(bench.node.motor.torque_nm) > 1.0))
+        torques.append((feedback.state, bench.node.plant.brake_open, abs(bench.node.plant.torque_nm) > 1.0))
     assert all(held for state, brake_open, held in torques if brake_open)
     assert torques[-1] == (State.SWITCHED_ON, False, False)
     assert bench.node.axis.stage.phase is Phase.OFF
@@ -273,14 +273,14 @@ def test_60fe_works_the_brake_where_it_owns_it_and_only_with_torque() -> None:
     bench.down(0x60FE, 2, 1, 4)
     bench.down(0x60FE, 1, 0, 4)
     bench.run(0.3, SHUTDOWN)
-    assert not bench.node.motor.brake_open
+    assert not bench.node.plant.brake_open
     bench.down(0x60FE, 1, 1, 4)
     assert bench.enable().state is State.ENABLED
-    assert not bench.node.motor.brake_open
+    assert not bench.node.plant.brake_open
     bench.run(0.2, ENABLE, 0, 20)  # torque proof against the closed brake
-    assert bench.node.motor.torque_nm == pytest.approx(5.14, abs=0.2)
+    assert bench.node.plant.torque_nm == pytest.approx(5.14, abs=0.2)
     bench.down(0x60FE, 1, 0, 4)
     bench.run(0.2, ENABLE, 0, 20)
-    assert bench.node.motor.brake_open
+    assert bench.node.plant.brake_open
     bench.run(0.3, DISABLE_VOLTAGE)
-    assert not bench.node.motor.brake_open
+    assert not bench.node.plant.brake_open

@@ -122,10 +122,10 @@ def test_the_brake_can_be_stuck(bench: Bench, position: str) -> None:
     bench.inject("brake", position)
     for word in (0, 0x06, SWITCH_ON, ENABLE):
         bench.run(0.3, word)
-        assert bench.node.motor.brake_open is (position == "open")
+        assert bench.node.plant.brake_open is (position == "open")
     bench.inject("brake", None)
     bench.run(0.3, 0)
-    assert not bench.node.motor.brake_open
+    assert not bench.node.plant.brake_open
 
 
 def test_a_weaker_brake_slips() -> None:

@@ -63,7 +63,7 @@ def test_60b2_is_a_torque_in_per_mille_of_6076(bench: Bench) -> None:
     bench.inject("brake", "closed")
     bench.enable()
     bench.run(0.2, ENABLE, 0, 200)
-    assert bench.node.motor.torque_nm == pytest.approx(0.2 * 257, abs=2.5)
+    assert bench.node.plant.torque_nm == pytest.approx(0.2 * 257, abs=2.5)
     assert bench.cycle(ENABLE, 0, 200).torque == pytest.approx(200, abs=10)
 
 

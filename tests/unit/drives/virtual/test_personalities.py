@@ -257,7 +257,7 @@ def test_standstill_torque_scales_60b2_and_6077_otherwise() -> None:
     bench.inject("brake", "closed")
     bench.enable()
     feedback = bench.run(0.2, ENABLE, 0, 100)
-    assert bench.node.motor.torque_nm == pytest.approx(0.1 * 1.2 * 257, abs=2)
+    assert bench.node.plant.torque_nm == pytest.approx(0.1 * 1.2 * 257, abs=2)
     assert feedback.torque == pytest.approx(100, abs=8)
 
 

@@ -10,6 +10,7 @@ from gantryctl.drives.canopen.bus.link import Frame, Link
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.emergency import EmergencyLog
 from gantryctl.errors import DeviceError
+from gantryctl.image import LinkFlag
 
 NMT: Final = 0x000
 SYNC: Final = 0x080
@@ -198,3 +199,36 @@ class RemoteNode:
         vendor, product, revision, serial = (sdo.optional(0x1018, sub) or 0 for sub in (1, 2, 3, 4))
         names = (sdo.text(0x1008), sdo.text(0x1009), sdo.text(0x100A))
         return NodeIdentity(vendor, product, revision, serial, device_type, *names)
+
+
+LATCHED: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEAT_LOST
+"""What cannot mend itself: it stays until the drive is set up anew."""
+LOST: Final = LATCHED | LinkFlag.BUS_DOWN
+"""With one of these nothing that the drive said last is believed."""
+_WELL: Final = (None, NmtState.BOOT_UP, NmtState.OPERATIONAL)
+
+
+def connection_flags(
+    node: RemoteNode, before: LinkFlag, *, commanded: bool, timeout_scans: int | None
+) -> LinkFlag:
+    """The flags of this scan.
+
+    Args:
+        before: those of the scan before.
+        commanded: the node is run, and nothing of what it does by itself is meant.
+        timeout_scans: scans without a heartbeat until it counts as lost; None where it sends none.
+    """
+    flags = before & LATCHED
+    if node.link.down:
+        flags |= LinkFlag.BUS_DOWN
+    if not commanded:
+        return flags
+    if node.boots:
+        flags |= LinkFlag.RESTARTED
+    if timeout_scans is not None and node.heartbeat_age > timeout_scans:
+        flags |= LinkFlag.HEARTBEAT_LOST
+    if node.state not in _WELL and node.heartbeat_age == 0:
+        flags |= LinkFlag.NOT_OPERATIONAL
+    if node.foreign:
+        flags |= LinkFlag.OTHER_MASTER
+    return flags

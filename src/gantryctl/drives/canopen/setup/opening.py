@@ -6,17 +6,17 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.node import NmtCommand, NodeIdentity, RemoteNode
+from gantryctl.drives.canopen.bus.sdo import SdoClient
 from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.mapping import Mapping, configure
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.drives.canopen.setup.mark import read_restart_marker
 from gantryctl.drives.canopen.setup.parameter_check import (
     CSV,
-    Row,
-    Verdict,
-    Wanted,
-    read_matrix,
+    ParameterRow,
+    ParameterVerdict,
+    WantedParameter,
+    check_parameters,
     refusals,
     wanted_parameters,
     write_parameters,
@@ -29,16 +29,52 @@ _LAG_S: Final = 0.2
 _STEP_S: Final = 0.005
 
 
-class Opened(NamedTuple):
+# The restart marker: the identifier of a telegram that is not used, with its invalid bit set, means nothing to the
+# drive. It comes back with its default at every boot-up (CiA 301), and is kept over one only when 1010 stores it.
+_UNUSED: Final = ((0x1403, 0x500), (0x1402, 0x400))  # RPDO 4 and 3, and where their defaults begin
+_INVALID: Final = 0x8000_0000
+_IDENTIFIER: Final = 0x7FF
+RESTART_MARKERS: Final = range(0x181, 0x400)
+"""Identifiers that CiA 301 restricts to nothing; the defaults of both telegrams lie above."""
+
+
+def read_restart_marker(sdo: SdoClient) -> int | None:
+    """The marker; None where the drive has none, or no place for one."""
+    for index, _ in _UNUSED:
+        found = sdo.optional(index, 1)
+        if found is not None:
+            marker = found & _IDENTIFIER
+            return marker if found & _INVALID and marker in RESTART_MARKERS else None
+    return None
+
+
+def write_restart_marker(sdo: SdoClient, node: int, marker: int | None) -> bool:
+    """Write a marker, or remove it (None); False where the drive takes none."""
+    for index, default in _UNUSED:
+        found = sdo.optional(index, 1)
+        if found is None:
+            continue
+        wanted = _INVALID | (default + node if marker is None else marker)
+        if not found & _INVALID:
+            return False
+        try:
+            sdo.set(index, 1, wanted, 4)
+        except DeviceError:
+            return False
+        return sdo.optional(index, 1) == wanted
+    return False
+
+
+class NodeSetup(NamedTuple):
     """What is known of a drive before the first scan."""
 
     identity: NodeIdentity
     units: BusUnits
-    rows: tuple[Row, ...]
+    rows: tuple[ParameterRow, ...]
     refusals: tuple[str, ...]
     mapping: Mapping
     error_code: int
-    kept: tuple[Wanted, ...]
+    kept: tuple[WantedParameter, ...]
     """Parameters that are as they must be, and must stay so."""
     restart_marker: int | None
     """What was left in the drive; gone after a boot-up."""
@@ -50,15 +86,15 @@ def rated_torque_nm(node: RemoteNode, settings: CanopenSettings) -> float:
     return rated_mnm / 1000.0 if rated_mnm else settings.torque_rated_nm
 
 
-def look(node: RemoteNode, settings: CanopenSettings) -> tuple[NodeIdentity, tuple[Row, ...]]:
+def look(node: RemoteNode, settings: CanopenSettings) -> tuple[NodeIdentity, tuple[ParameterRow, ...]]:
     """Identity and matrix as they are; nothing is written."""
     node.drain()
     identity = node.identity()
     rated = rated_torque_nm(node, settings)
-    return identity, read_matrix(node.sdo, wanted_parameters(settings, BusUnits(settings, rated), rated))
+    return identity, check_parameters(node.sdo, wanted_parameters(settings, BusUnits(settings, rated), rated))
 
 
-def open_node(node: RemoteNode, settings: CanopenSettings) -> Opened:
+def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     """Set a drive up and start it; it is not enabled.
 
     Raises:
@@ -79,12 +115,12 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> Opened:
     node.sdo.set(0x60FF, 0, 0)
     mapping = configure(node.sdo, node.node, settings.brake_owner == "object_60FE")
     wrong_mode = _select_csv(node)
-    rows = read_matrix(node.sdo, wanted)
+    rows = check_parameters(node.sdo, wanted)
     error = node.sdo.optional(0x603F) or 0
     node.nmt(NmtCommand.START)
     marker = read_restart_marker(node.sdo)
-    kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is Verdict.OK)
-    return Opened(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, marker)
+    kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is ParameterVerdict.OK)
+    return NodeSetup(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, marker)
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:

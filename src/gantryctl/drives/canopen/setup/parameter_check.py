@@ -19,7 +19,7 @@ SYNC_ID: Final = 0x80
 _MASK_ID: Final = 0x7FF
 
 
-class Verdict(Enum):
+class ParameterVerdict(Enum):
     """What a row says."""
 
     OK = "ok"
@@ -30,10 +30,10 @@ class Verdict(Enum):
     @property
     def refuses(self) -> bool:
         """The axis may not be enabled with it."""
-        return self in (Verdict.DIFFERS, Verdict.LACKING)
+        return self in (ParameterVerdict.DIFFERS, ParameterVerdict.LACKING)
 
 
-class Wanted(NamedTuple):
+class WantedParameter(NamedTuple):
     """One parameter as it must be."""
 
     obj: int
@@ -48,14 +48,14 @@ class Wanted(NamedTuple):
     tolerance: int = 0
 
 
-class Row(NamedTuple):
+class ParameterRow(NamedTuple):
     """One parameter as it was found."""
 
     place: str
     name: str
     want: str
     have: str
-    verdict: Verdict
+    verdict: ParameterVerdict
     meaning: str
 
     @property
@@ -64,7 +64,9 @@ class Row(NamedTuple):
         return f"{self.place} {self.name}: want {self.want}, have {self.have} · {self.meaning}"
 
 
-def wanted_parameters(settings: CanopenSettings, units: BusUnits, rated_nm: float) -> tuple[Wanted, ...]:
+def wanted_parameters(
+    settings: CanopenSettings, units: BusUnits, rated_nm: float
+) -> tuple[WantedParameter, ...]:
     """Everything the controller writes before it enables, and what it only compares."""
     s = settings
     period_us = round(s.period_s * 1e6)
@@ -74,27 +76,35 @@ def wanted_parameters(settings: CanopenSettings, units: BusUnits, rated_nm: floa
     ceiling = round(r_min_from_rad_s(s.speed_ceiling_rad_s))
     quick = units.unsigned_velocity(s.quick_dec_rad_s2)
     return (
-        Wanted(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
-        Wanted(0x1006, 0, period_us, "SYNC period, us"),
-        Wanted(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
-        Wanted(0x60C2, 2, exponent, "the same, power of ten of a second"),
-        Wanted(0x1017, 0, round(s.heartbeat_s * 1e3), "the drive shows that it lives, ms"),
-        Wanted(0x1016, 1, watched, "the drive watches the controller's heartbeat: node and ms"),
-        Wanted(0x1400, 5, round(s.rpdo_deadline_s * 1e3), "the drive watches for commands, ms"),
-        Wanted(0x6007, 0, 1, "lost communication is a fault: 0 lets a silent controller's axis run on"),
-        Wanted(0x605E, 0, 2, "a fault ramps down, then brake and torque off: 0 drops the load on the brake"),
-        Wanted(0x605A, 0, 6, "quick stop ramps down and holds"),
-        Wanted(0x605B, 0, 1, "shutdown ramps down first"),
-        Wanted(0x605C, 0, 1, "disable operation ramps down, closes the brake, then takes the torque off"),
-        Wanted(0x605D, 0, 1, "halt ramps down (it may have no function in CSV)"),
-        Wanted(0x1029, 1, 0, "after lost communication the drive leaves OPERATIONAL"),
-        Wanted(0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2", True),
-        Wanted(0x6080, 0, ceiling, "speed ceiling in the drive, r/min", tolerance=1),
-        Wanted(0x6072, 0, torque, "torque limit, per mille", True, tolerance=1),
-        Wanted(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
-        Wanted(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
-        Wanted(0x608F, 2, 1, "the same, per motor turn", writable=False),
-        Wanted(0x60A9, 0, VELOCITY_UNITS[s.velocity_unit], "[can] velocity_unit", writable=False),
+        WantedParameter(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
+        WantedParameter(0x1006, 0, period_us, "SYNC period, us"),
+        WantedParameter(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
+        WantedParameter(0x60C2, 2, exponent, "the same, power of ten of a second"),
+        WantedParameter(0x1017, 0, round(s.heartbeat_s * 1e3), "the drive shows that it lives, ms"),
+        WantedParameter(0x1016, 1, watched, "the drive watches the controller's heartbeat: node and ms"),
+        WantedParameter(0x1400, 5, round(s.rpdo_deadline_s * 1e3), "the drive watches for commands, ms"),
+        WantedParameter(
+            0x6007, 0, 1, "lost communication is a fault: 0 lets a silent controller's axis run on"
+        ),
+        WantedParameter(
+            0x605E, 0, 2, "a fault ramps down, then brake and torque off: 0 drops the load on the brake"
+        ),
+        WantedParameter(0x605A, 0, 6, "quick stop ramps down and holds"),
+        WantedParameter(0x605B, 0, 1, "shutdown ramps down first"),
+        WantedParameter(
+            0x605C, 0, 1, "disable operation ramps down, closes the brake, then takes the torque off"
+        ),
+        WantedParameter(0x605D, 0, 1, "halt ramps down (it may have no function in CSV)"),
+        WantedParameter(0x1029, 1, 0, "after lost communication the drive leaves OPERATIONAL"),
+        WantedParameter(
+            0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2", True
+        ),
+        WantedParameter(0x6080, 0, ceiling, "speed ceiling in the drive, r/min", tolerance=1),
+        WantedParameter(0x6072, 0, torque, "torque limit, per mille", True, tolerance=1),
+        WantedParameter(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
+        WantedParameter(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
+        WantedParameter(0x608F, 2, 1, "the same, per motor turn", writable=False),
+        WantedParameter(0x60A9, 0, VELOCITY_UNITS[s.velocity_unit], "[can] velocity_unit", writable=False),
     )
 
 
@@ -111,31 +121,31 @@ def interpolation(period_us: int) -> tuple[int, int]:
     raise DeviceError(f"a SYNC period of {period_us} us cannot be told to the drive (60C2)")
 
 
-def read_matrix(sdo: SdoClient, wanted: Iterable[Wanted]) -> tuple[Row, ...]:
+def check_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> tuple[ParameterRow, ...]:
     """Compare the drive with what it must be; nothing is written."""
     rows = [compare(parameter, sdo.optional(parameter.obj, parameter.sub)) for parameter in wanted]
     return (*rows, *_watched(rows))
 
 
-def _watched(rows: Iterable[Row]) -> tuple[Row, ...]:
+def _watched(rows: Iterable[ParameterRow]) -> tuple[ParameterRow, ...]:
     """Something must stop the axis of a silent controller."""
-    have = {row.place for row in rows if row.verdict is Verdict.OK}
+    have = {row.place for row in rows if row.verdict is ParameterVerdict.OK}
     if have & {"1016:01", "1400:05"}:
         return ()
     text = "nothing in this drive stops the axis of a silent controller: not without a hard-wired watchdog"
     return (
-        Row(
+        ParameterRow(
             "1016:01",
             "Consumer heartbeat time or RPDO deadline",
             "one of them",
             "none",
-            Verdict.LACKING,
+            ParameterVerdict.LACKING,
             text,
         ),
     )
 
 
-def write_parameters(sdo: SdoClient, wanted: Iterable[Wanted]) -> None:
+def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> None:
     """Write what differs; a refusal shows in the matrix that is read afterwards."""
     for parameter in wanted:
         if not parameter.writable:
@@ -150,26 +160,26 @@ def write_parameters(sdo: SdoClient, wanted: Iterable[Wanted]) -> None:
                 raise
 
 
-def refusals(rows: Iterable[Row]) -> tuple[str, ...]:
+def refusals(rows: Iterable[ParameterRow]) -> tuple[str, ...]:
     """Lines that forbid enabling."""
     return tuple(row.line for row in rows if row.verdict.refuses)
 
 
-def _equal(wanted: Wanted, have: int) -> bool:
+def _equal(wanted: WantedParameter, have: int) -> bool:
     if wanted.mask != -1:
         return (have & wanted.mask) == (wanted.value & wanted.mask)
     return abs(have - wanted.value) <= wanted.tolerance
 
 
-def compare(wanted: Wanted, have: int | None) -> Row:
+def compare(wanted: WantedParameter, have: int | None) -> ParameterRow:
     """One parameter; `have` is None where the drive gives none."""
     known = STANDARD.get((wanted.obj, wanted.sub))
     name = known.name if known is not None else "SI unit velocity"
     if have is None:
-        verdict = Verdict.LACKING if wanted.needed else Verdict.ACCEPTED
+        verdict = ParameterVerdict.LACKING if wanted.needed else ParameterVerdict.ACCEPTED
     else:
-        verdict = Verdict.OK if _equal(wanted, have) else Verdict.DIFFERS
-    return Row(
+        verdict = ParameterVerdict.OK if _equal(wanted, have) else ParameterVerdict.DIFFERS
+    return ParameterRow(
         f"{wanted.obj:04X}:{wanted.sub:02X}",
         name,
         _shown(wanted.obj, wanted.value),

@@ -7,19 +7,19 @@ from collections.abc import Sequence
 from typing import Final
 
 from gantryctl.drives.canopen.bus.node import RemoteNode
-from gantryctl.drives.canopen.setup.parameter_check import Verdict, Wanted, compare
+from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict, WantedParameter, compare
 from gantryctl.drives.od import decode
 from gantryctl.drives.od.standard import standard_of
 
 ROUND_S: Final = 60.0
 """Every parameter is read once in this time."""
-_ERROR_CODE: Final = Wanted(0x603F, 0, 0, "why the drive is in fault")
+_ERROR_CODE: Final = WantedParameter(0x603F, 0, 0, "why the drive is in fault")
 _ABORT: Final = 0x80
 _UPLOAD: Final = 0x40
 _EXPEDITED: Final = 0x02
 
 
-class ReadBack:
+class ParameterWatch:
     """One request at a time, round robin; its answer is taken whenever it comes, between process data.
 
     Args:
@@ -33,12 +33,12 @@ class ReadBack:
         answered, unanswered: requests so far.
     """
 
-    def __init__(self, node: RemoteNode, wanted: Sequence[Wanted], period_s: float) -> None:
+    def __init__(self, node: RemoteNode, wanted: Sequence[WantedParameter], period_s: float) -> None:
         self._node, self._wanted = node, tuple(wanted)
         self._every = max(1, round(ROUND_S / period_s / max(1, len(wanted))))
         self._left = self._every
         self._next = 0
-        self._asked: Wanted | None = None
+        self._asked: WantedParameter | None = None
         self.differs: dict[tuple[int, int], str] = {}
         self.answered = self.unanswered = 0
         self.error_code = 0
@@ -67,7 +67,7 @@ class ReadBack:
         if not unknown_fault:
             self.error_code = 0
 
-    def _ask(self, wanted: Wanted) -> None:
+    def _ask(self, wanted: WantedParameter) -> None:
         self.unanswered += self._asked is not None
         self._asked = wanted
         request = struct.pack("<BHB4x", _UPLOAD, wanted.obj, wanted.sub)
@@ -90,13 +90,13 @@ class ReadBack:
             self.error_code = have or 0
             return
         row = compare(asked, have)
-        if row.verdict is Verdict.OK:
+        if row.verdict is ParameterVerdict.OK:
             self.differs.pop((asked.obj, asked.sub), None)
         else:
             self.differs[asked.obj, asked.sub] = row.line
 
 
-def _number(wanted: Wanted, data: bytes) -> int | None:
+def _number(wanted: WantedParameter, data: bytes) -> int | None:
     known = standard_of(wanted.obj, wanted.sub)
     try:
         value = int.from_bytes(data, "little") if known is None else decode(known.data_type, data)

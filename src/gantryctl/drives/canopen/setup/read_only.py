@@ -6,9 +6,9 @@ from gantryctl.drives.base import BaseDrive
 from gantryctl.drives.canopen.bus.link import Link
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.process_image import Unwrap
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import look
-from gantryctl.drives.canopen.unwrap import Unwrap
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveFeedback, DriveIdentity, EncoderFlag, LinkHealth, OutputImage
 

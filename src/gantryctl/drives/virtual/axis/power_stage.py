@@ -18,16 +18,15 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final, assert_never
 
-from gantryctl.drives.virtual.axis import motor as plant
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.axis.motor import Motor
 from gantryctl.drives.virtual.axis.options import Ramp
-from gantryctl.drives.virtual.axis.setpoint import Drive, SetPoint
+from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
+from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, StageCommand
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 
 _REST_US: Final = 10_000  # the shaft must be slow that long to be at rest
-_IDLE: Final = Drive(plant.OFF, 0.0)
-_STAND: Final = Drive(plant.SPEED, 0.0)
+_IDLE: Final = StageCommand(StageMode.OFF, 0.0)
+_STAND: Final = StageCommand(StageMode.SPEED, 0.0)
 
 
 class Phase(Enum):
@@ -56,14 +55,16 @@ class PowerStage:
     Args:
         hardware: who owns the brake.
         od: brake times, 60FE.
-        motor: the plant.
-        set_point: what is followed while RUNNING.
+        plant: the plant.
+        reference: what is followed while RUNNING.
     """
 
-    def __init__(self, hardware: Hardware, od: Dictionary, motor: Motor, set_point: SetPoint) -> None:
+    def __init__(
+        self, hardware: Hardware, od: Dictionary, plant: DrivePlant, reference: SpeedReference
+    ) -> None:
         self._od = od
-        self._motor = motor
-        self._set_point = set_point
+        self._plant = plant
+        self._reference = reference
         self._tick_us = round(hardware.tick_s * 1e6)
         self._owns_brake = hardware.brake_owner == "drive"
         self.phase = Phase.OFF
@@ -88,7 +89,7 @@ class PowerStage:
     def run(self) -> None:
         """Follow the set-point."""
         self.phase = Phase.RUNNING
-        self._set_point.start()
+        self._reference.start()
 
     def stop(self, ramp: Ramp, stay: bool) -> None:
         """Bring the shaft to rest; a brake that closes already goes on closing."""
@@ -101,7 +102,7 @@ class PowerStage:
     def off(self) -> None:
         """Torque off now, brake closed."""
         self.phase = Phase.OFF
-        self._set_point.start()
+        self._reference.start()
 
     def advance(self) -> Event | None:
         """Timers and phases of one tick."""
@@ -115,7 +116,7 @@ class PowerStage:
                 self.run()
                 return Event.READY
             case Phase.STOPPING:
-                self._timer_us = self._timer_us + self._tick_us if self._set_point.at_rest else 0
+                self._timer_us = self._timer_us + self._tick_us if self._reference.at_rest else 0
                 return self._rested() if self._timer_us >= _REST_US else None
             case Phase.CLOSING:
                 self._timer_us += self._tick_us
@@ -141,9 +142,9 @@ class PowerStage:
             coasting: keep the last speed instead of following (a quick stop that is not obeyed).
         """
         drive = self._drive(controlword, coasting)
-        self._motor.scan(drive.mode, drive.vel_rad_s, self._set_point.torque_ff_nm, self._brake_open())
+        self._plant.scan(drive.mode, drive.vel_rad_s, self._reference.torque_ff_nm, self._brake_open())
 
-    def _drive(self, controlword: int, coasting: bool) -> Drive:
+    def _drive(self, controlword: int, coasting: bool) -> StageCommand:
         match self.phase:
             case Phase.OFF:
                 return _IDLE
@@ -151,14 +152,14 @@ class PowerStage:
                 return _STAND
             case Phase.RUNNING:
                 if coasting:
-                    return Drive(plant.SPEED, self._set_point.vel_rad_s)
-                return self._set_point.run(controlword)
+                    return StageCommand(StageMode.SPEED, self._reference.vel_rad_s)
+                return self._reference.run(controlword)
             case Phase.STOPPING | Phase.HOLDING | Phase.CLOSING:
-                self._set_point.vel_rad_s = 0.0
+                self._reference.vel_rad_s = 0.0
                 if self._ramp is Ramp.LIMIT:
                     return _STAND
-                self._motor.set_ramp(self._set_point.deceleration(self._ramp))
-                return Drive(plant.RAMP, 0.0)
+                self._plant.set_ramp(self._reference.deceleration(self._ramp))
+                return StageCommand(StageMode.RAMP, 0.0)
             case _:
                 assert_never(self.phase)
 

@@ -6,8 +6,8 @@ from collections import deque
 from typing import Final
 
 from gantryctl.drives.virtual.axis import cia402
-from gantryctl.drives.virtual.axis.axis import Axis
 from gantryctl.drives.virtual.axis.cia402 import State
+from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.axis.power_stage import Phase
 from gantryctl.drives.virtual.axis.scaling import Scaling, clamp_int, wrap_i32
@@ -66,7 +66,7 @@ class Signals:
     def __init__(
         self,
         hardware: Hardware,
-        axis: Axis,
+        axis: DriveAxis,
         od: Dictionary,
         scaling: Scaling,
         kind: Personality,
@@ -80,22 +80,22 @@ class Signals:
         self._frozen: int | None = None
         self._now_us = 0
         self._lagging = (Lagging(1000 * kind.lag_ms), Lagging(1000 * kind.lag_ms)) if kind.lag_ms else None
-        motor = axis.motor
+        plant = axis.plant
         od.readers.update(
             {
                 (0x6041, 0): self.statusword,
                 (0x6061, 0): self.mode_display,
                 (0x603F, 0): lambda: axis.error_code,
                 (0x6064, 0): self.position,
-                (0x606B, 0): lambda: scaling.velocity(axis.set_point.vel_rad_s),
+                (0x606B, 0): lambda: scaling.velocity(axis.reference.vel_rad_s),
                 (0x606C, 0): self.velocity,
-                (0x6077, 0): lambda: scaling.torque(motor.torque_nm + faults.torque_offset),
+                (0x6077, 0): lambda: scaling.torque(plant.torque_nm + faults.torque_offset),
                 (0x6078, 0): lambda: clamp_int(
-                    1000.0 * motor.torque_nm / hardware.torque_rated_nm, -32768, 32767
+                    1000.0 * plant.torque_nm / hardware.torque_rated_nm, -32768, 32767
                 ),
                 (0x6079, 0): lambda: _DC_LINK_MV if faults.mains_ready else 0,
                 (0x60FD, 0): self.inputs,
-                (0x2101, 1): lambda: clamp_int(1000.0 * motor.overload, 0, 1000),
+                (0x2101, 1): lambda: clamp_int(1000.0 * plant.overload, 0, 1000),
                 (0x2110, 2): lambda: self._absolute() % scaling.counts_per_turn,
                 (0x2110, 3): lambda: self._absolute() // scaling.counts_per_turn,
                 (0x2120, 0): lambda: self._now_us // 1000 & 0xFFFF_FFFF,
@@ -107,7 +107,7 @@ class Signals:
         self._now_us = now_us
         if self._lagging is not None:
             self._lagging[0].note(self._status(), now_us)
-            self._lagging[1].note(self._axis.set_point.mode, now_us)
+            self._lagging[1].note(self._axis.reference.mode, now_us)
 
     def statusword(self) -> int:
         """6041."""
@@ -124,7 +124,7 @@ class Signals:
         """6061."""
         if self._faults.mode_display is not None:
             return clamp_int(self._faults.mode_display, -128, 127)
-        return self._axis.set_point.mode if self._lagging is None else self._lagging[1].at(self._now_us)
+        return self._axis.reference.mode if self._lagging is None else self._lagging[1].at(self._now_us)
 
     def position(self) -> int:
         """6064."""
@@ -137,15 +137,15 @@ class Signals:
 
     def velocity(self) -> int:
         """606C."""
-        return 0 if self._faults.freeze_position else self._scaling.velocity(self._axis.motor.vel_rad_s)
+        return 0 if self._faults.freeze_position else self._scaling.velocity(self._axis.plant.vel_rad_s)
 
     def inputs(self) -> int:
         """60FD."""
         faults, switch = self._faults, self._hardware.limit_switch_rad
-        pos_load = self._axis.motor.sim.truth()[0]
+        pos_load = self._axis.plant.sim.truth()[0]
         minus_ok = pos_load > -switch if faults.limit_minus_ok is None else faults.limit_minus_ok
         plus_ok = pos_load < switch if faults.limit_plus_ok is None else faults.limit_plus_ok
-        brake_open = self._axis.motor.brake_open if faults.brake_feedback is None else faults.brake_feedback
+        brake_open = self._axis.plant.brake_open if faults.brake_feedback is None else faults.brake_feedback
         word = 0 if minus_ok else LIMIT_MINUS
         word |= 0 if plus_ok else LIMIT_PLUS
         word |= ESTOP_OK | INTERLOCK if faults.estop_ok else 0
@@ -154,27 +154,27 @@ class Signals:
         return word | (BRAKE_IS_OPEN if brake_open else 0)
 
     def _position(self) -> int:
-        motor = self._axis.motor
+        plant = self._axis.plant
         return wrap_i32(
-            self._scaling.increments(motor.counts - motor.wrap_counts) + self._faults.position_offset
+            self._scaling.increments(plant.counts - plant.wrap_counts) + self._faults.position_offset
         )
 
     def _absolute(self) -> int:
         """What the encoder itself tells: one multiturn range."""
         span = self._hardware.turns * self._scaling.counts_per_turn
-        return self._scaling.increments(self._axis.motor.counts) % span
+        return self._scaling.increments(self._axis.plant.counts) % span
 
     def _status(self) -> int:
         """6041 as it truly is."""
         axis, faults = self._axis, self._faults
-        state, set_point = axis.state, axis.set_point
+        state, reference = axis.state, axis.reference
         bits = cia402.REMOTE
         if faults.mains_ready:
             bits |= cia402.VOLTAGE_ENABLED
         if axis.overload_warning or faults.warning:
             bits |= cia402.WARNING
         if axis.stage.energised:
-            if axis.motor.limited or set_point.clamped or axis.motor.exhausted:
+            if axis.plant.limited or reference.clamped or axis.plant.exhausted:
                 bits |= cia402.INTERNAL_LIMIT
             bits |= self._mode_bits(state)
         return cia402.statusword(state, bits)
@@ -182,13 +182,13 @@ class Signals:
     def _mode_bits(self, state: State) -> int:
         """Bits 10 and 12 of an energised drive."""
         axis = self._axis
-        set_point, phase = axis.set_point, axis.stage.phase
+        reference, phase = axis.reference, axis.stage.phase
         if state is State.QUICK_STOP:
             return cia402.TARGET_REACHED if phase is Phase.HOLDING else 0
         if state is not State.ENABLED or phase is not Phase.RUNNING:
             return 0
-        reached = set_point.at_rest if set_point.halted else set_point.target_reached
+        reached = reference.at_rest if reference.halted else reference.target_reached
         bits = cia402.TARGET_REACHED if reached else 0
-        if set_point.mode == MODE_CSV:
-            return bits | (cia402.FOLLOWS_COMMAND if set_point.follows else 0)
-        return bits | (cia402.FOLLOWS_COMMAND if set_point.mode == MODE_PV and set_point.at_rest else 0)
+        if reference.mode == MODE_CSV:
+            return bits | (cia402.FOLLOWS_COMMAND if reference.follows else 0)
+        return bits | (cia402.FOLLOWS_COMMAND if reference.mode == MODE_PV and reference.at_rest else 0)

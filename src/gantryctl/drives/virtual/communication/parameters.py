@@ -6,9 +6,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from gantryctl.drives.virtual.axis.axis import Axis
+from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
 from gantryctl.drives.virtual.axis.scaling import Scaling
-from gantryctl.drives.virtual.axis.setpoint import MODES
+from gantryctl.drives.virtual.axis.speed_reference import MODES
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.store import ParameterStore
@@ -34,7 +34,12 @@ class Parameters:
     """
 
     def __init__(
-        self, od: Dictionary, axis: Axis, scaling: Scaling, store: ParameterStore, saving: Callable[[], None]
+        self,
+        od: Dictionary,
+        axis: DriveAxis,
+        scaling: Scaling,
+        store: ParameterStore,
+        saving: Callable[[], None],
     ) -> None:
         self._od = od
         self._axis = axis
@@ -44,8 +49,8 @@ class Parameters:
         self._to_drop: set[int] = set()
         od.actions[0x6040, 0] = axis.control
         od.checks[0x6060, 0] = _check_mode
-        od.actions[0x6060, 0] = axis.set_point.set_mode
-        od.actions[0x6072, 0] = lambda value: axis.motor.limit_torque(scaling.nm(value))
+        od.actions[0x6060, 0] = axis.reference.set_mode
+        od.actions[0x6072, 0] = lambda value: axis.plant.limit_torque(scaling.nm(value))
         for sub in (1, 2):
             od.actions[0x60C2, sub] = self._cycle_time
         for sub in _GROUPS:
@@ -54,7 +59,7 @@ class Parameters:
             od.checks[0x1011, sub] = partial(self._load, sub)
 
     def _cycle_time(self, _value: int) -> None:
-        self._axis.set_point.cycle_time_written = True
+        self._axis.reference.cycle_time_written = True
 
     def _save(self, sub: int, value: int) -> None:
         """1010: by its signature only, and not while there is torque."""
@@ -91,7 +96,7 @@ class Parameters:
                 written = False
         self._to_drop.clear()
         self._od.reset(self._store.values(), communication_only)
-        self._axis.motor.limit_torque(self._scaling.nm(self._od.number(0x6072)))
+        self._axis.plant.limit_torque(self._scaling.nm(self._od.number(0x6072)))
         return written
 
 

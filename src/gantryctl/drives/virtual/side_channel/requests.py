@@ -104,11 +104,11 @@ class Requests:
             "phase": axis.stage.phase.name,
             "statusword": node.od.packed(node.od.entry(0x6041, 0)).hex(),
             "error_code": axis.error_code,
-            "mode": axis.set_point.mode,
-            "brake_open": axis.motor.brake_open,
-            "torque_nm": axis.motor.torque_nm,
-            "vel_motor_rad_s": axis.motor.vel_rad_s,
-            "overload": axis.motor.overload,
+            "mode": axis.reference.mode,
+            "brake_open": axis.plant.brake_open,
+            "torque_nm": axis.plant.torque_nm,
+            "vel_motor_rad_s": axis.plant.vel_rad_s,
+            "overload": axis.plant.overload,
             "faults": spoiled | ({"tpdo": tpdos} if tpdos else {}),
         }
 
@@ -182,13 +182,13 @@ class Requests:
     def _lose_turns(self, request: Mapping[str, Any]) -> None:
         """turns: the multiturn part of the encoder is wrong from now on."""
         turns = _whole(request, "turns", 1, -100_000, 100_000)
-        self._node.motor.lose_turns(turns)
+        self._node.plant.lose_turns(turns)
 
     def _plant(self, request: Mapping[str, Any]) -> None:
         """name, value: another parameter of the plant (eccentric_moment, brake_torque, half_backlash ...)."""
         name = str(request.get("name"))
         value = _number(request, "value", 0.0, -1e12, 1e12) or 0.0
-        self._node.motor.change_plant(name, value)
+        self._node.plant.change_plant(name, value)
 
     def _frame(self, request: Mapping[str, Any]) -> None:
         """can_id, data (hex): any frame, as if this node had sent it."""

@@ -24,7 +24,6 @@ from gantryctl.drives.virtual.axis.cia402 import (
     next_state,
 )
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.axis.motor import Motor
 from gantryctl.drives.virtual.axis.options import (
     AbortConnection,
     Ramp,
@@ -33,8 +32,9 @@ from gantryctl.drives.virtual.axis.options import (
     leave_plan,
     quick_stop_plan,
 )
+from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.axis.power_stage import Event, Phase, PowerStage
-from gantryctl.drives.virtual.axis.setpoint import SetPoint
+from gantryctl.drives.virtual.axis.speed_reference import SpeedReference
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.emergency import Emergency
 from gantryctl.drives.virtual.personality import Personality
@@ -47,14 +47,14 @@ _PLAIN_ENABLE: Final = 0x8F
 _FAULTY: Final = (State.FAULT, State.FAULT_REACTION)
 
 
-class Axis:
+class DriveAxis:
     """One drive axis; `tick` is one period of its machine and of everything behind it.
 
     Args:
         hardware: name plates.
         od: option codes, brake times, limits.
-        motor: the plant.
-        set_point: what an enabled drive follows.
+        plant: the plant.
+        reference: what an enabled drive follows.
         emergency: takes its errors.
         kind: quirks.
         faults: what is spoiled.
@@ -64,16 +64,16 @@ class Axis:
         self,
         hardware: Hardware,
         od: Dictionary,
-        motor: Motor,
-        set_point: SetPoint,
+        plant: DrivePlant,
+        reference: SpeedReference,
         emergency: Emergency,
         kind: Personality,
         faults: Faults,
     ) -> None:
         self._od = od
-        self.motor = motor
-        self.set_point = set_point
-        self.stage = PowerStage(hardware, od, motor, set_point)
+        self.plant = plant
+        self.reference = reference
+        self.stage = PowerStage(hardware, od, plant, reference)
         self._emergency = emergency
         self._kind = kind
         self._faults = faults
@@ -95,7 +95,7 @@ class Axis:
         self.error_code = 0
         self.overload_warning = False
         self._own_stop = False
-        self.set_point.reset()
+        self.reference.reset()
         self._off(State.SWITCH_ON_DISABLED)
 
     @property
@@ -171,7 +171,7 @@ class Axis:
                 self._off(State.FAULT)
             elif self.stage.energised or self.state is State.SWITCHED_ON:
                 self._off(State.FAULT if self.state in _FAULTY else State.SWITCH_ON_DISABLED)
-        loaded = 1000.0 * self.motor.overload >= self._od.number(0x2101, 2)
+        loaded = 1000.0 * self.plant.overload >= self._od.number(0x2101, 2)
         if loaded and not self.overload_warning:
             self._emergency.warn(LOAD_WARNING)
         self.overload_warning = loaded
@@ -215,7 +215,7 @@ class Axis:
             case State.ENABLED, State.SWITCHED_ON:
                 self._leave(target, leave_plan(self._od.number(0x605C)))
             case State.QUICK_STOP, State.ENABLED:
-                self.set_point.dead = self._kind.dead_after_quick_stop
+                self.reference.dead = self._kind.dead_after_quick_stop
                 self._run()
             case _:
                 if target is not self.state or self.stage.phase is Phase.STARTING:

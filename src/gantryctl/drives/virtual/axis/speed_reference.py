@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.drives.virtual.axis import motor as plant
 from gantryctl.drives.virtual.axis.cia402 import HALT_BIT
-from gantryctl.drives.virtual.axis.motor import Motor
 from gantryctl.drives.virtual.axis.options import Ramp, halt_ramp
+from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.axis.scaling import Scaling, rad_s_of_r_min
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.drive_objects import MODE_CSV, MODE_PV
@@ -18,19 +17,19 @@ NO_MODE: Final = 0
 MODES: Final = (NO_MODE, MODE_PV, MODE_CSV)
 
 
-class Drive(NamedTuple):
+class StageCommand(NamedTuple):
     """What the power stage is told for one tick."""
 
-    mode: int
+    mode: StageMode
     vel_rad_s: float
 
 
-class SetPoint:
+class SpeedReference:
     """Modes 9 (CSV) and 3 (PV).
 
     Args:
         od: 60FF, 60B1, 6080, 607F, 6083 to 6085, 605D.
-        motor: for its speed and its ramp.
+        plant: for its speed and its ramp.
         scaling: units.
         kind: quirks.
         faults: what is spoiled.
@@ -38,10 +37,16 @@ class SetPoint:
     """
 
     def __init__(
-        self, od: Dictionary, motor: Motor, scaling: Scaling, kind: Personality, faults: Faults, tick_s: float
+        self,
+        od: Dictionary,
+        plant: DrivePlant,
+        scaling: Scaling,
+        kind: Personality,
+        faults: Faults,
+        tick_s: float,
     ) -> None:
         self._od = od
-        self._motor = motor
+        self._plant = plant
         self._scaling = scaling
         self._kind = kind
         self._faults = faults
@@ -65,7 +70,7 @@ class SetPoint:
 
     def start(self) -> None:
         """Enabled, or enabled again: profiles begin at the present speed."""
-        self.vel_rad_s = self._motor.vel_rad_s if abs(self._motor.vel_rad_s) > self.threshold_rad_s else 0.0
+        self.vel_rad_s = self._plant.vel_rad_s if abs(self._plant.vel_rad_s) > self.threshold_rad_s else 0.0
         self.clamped = False
         self.halted = False
         self._reached_s = 0.0
@@ -101,12 +106,12 @@ class SetPoint:
         """Of a ramp, rad/s2."""
         return self._scaling.rad_s(self._od.number(0x6085 if ramp is Ramp.QUICK else 0x6084))
 
-    def run(self, controlword: int) -> Drive:
+    def run(self, controlword: int) -> StageCommand:
         """One tick of an enabled drive."""
         faults = self._faults
         if faults.ignore_target:
             self._held = self.vel_rad_s if self._held is None else self._held
-            return Drive(plant.SPEED, self._held)
+            return StageCommand(StageMode.SPEED, self._held)
         self._held = None
         halting = self.mode == MODE_PV or (self.mode == MODE_CSV and self._kind.halt_in_csv)
         if controlword & HALT_BIT and halting:
@@ -115,20 +120,20 @@ class SetPoint:
             self.start()
         if faults.never_move or self.dead or not self._can_follow():
             self.vel_rad_s = 0.0
-            self._motor.set_ramp(self.deceleration(Ramp.QUICK))
-            return Drive(plant.RAMP, 0.0)
+            self._plant.set_ramp(self.deceleration(Ramp.QUICK))
+            return StageCommand(StageMode.RAMP, 0.0)
         wanted = self._wanted()
         self.vel_rad_s = wanted if self.mode == MODE_CSV else self._profiled(wanted)
-        return Drive(plant.SPEED, self.vel_rad_s)
+        return StageCommand(StageMode.SPEED, self.vel_rad_s)
 
-    def _halt(self) -> Drive:
+    def _halt(self) -> StageCommand:
         self.halted = True
         self.vel_rad_s = 0.0
         ramp = halt_ramp(self._od.number(0x605D))
         if ramp is Ramp.LIMIT:
-            return Drive(plant.SPEED, 0.0)
-        self._motor.set_ramp(self.deceleration(ramp))
-        return Drive(plant.RAMP, 0.0)
+            return StageCommand(StageMode.SPEED, 0.0)
+        self._plant.set_ramp(self.deceleration(ramp))
+        return StageCommand(StageMode.RAMP, 0.0)
 
     def _wanted(self) -> float:
         """60FF with its offset, within the speed limits."""
@@ -148,7 +153,7 @@ class SetPoint:
         step = rate * self._tick_s
         vel = max(vel - step, min(vel + step, wanted))
         window = self._scaling.rad_s(self._od.number(0x606D))
-        near = abs(self._motor.vel_rad_s - wanted) <= window
+        near = abs(self._plant.vel_rad_s - wanted) <= window
         self._reached_s = self._reached_s + self._tick_s if near else 0.0
         return vel
 
@@ -169,7 +174,7 @@ class SetPoint:
     @property
     def at_rest(self) -> bool:
         """The shaft turns slower than 606F."""
-        return abs(self._motor.vel_rad_s) < self.threshold_rad_s
+        return abs(self._plant.vel_rad_s) < self.threshold_rad_s
 
 
 def interpolation_us(od: Dictionary) -> int:

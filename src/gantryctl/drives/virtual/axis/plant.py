@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import IntEnum
 from typing import Final
 
 from gantryctl import _core
@@ -10,16 +11,20 @@ from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.side_channel.faults import Faults
 from gantryctl.errors import UsageError
 
-OFF: Final = 0
-SPEED: Final = 1
-RAMP: Final = 2
-"""The speed set-point goes to zero on the ramp of `ramp_rad_s2`, at the speed loop's own cycle, and stays there."""
-
-_FOR_EVER: Final = 1e9
+_UNLIMITED_S: Final = 1e9
 _RELEASE: Final = 0.9  # of the overload budget: then the peak torque is there again
 
 
-class Motor:
+class StageMode(IntEnum):
+    """What the power stage asks of the speed loop for one tick."""
+
+    OFF = 0
+    SPEED = 1
+    RAMP = 2
+    """The speed set-point goes to zero on the ramp of `ramp_rad_s2`, at the speed loop's own cycle, and stays there."""
+
+
+class DrivePlant:
     """The plant with the limits of the moment.
 
     The plant's own I2t account is switched off: the overload belongs to the motor, not to the torque limit that a
@@ -35,7 +40,7 @@ class Motor:
         self._faults = faults
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
-        self._drive.overload_time_s = _FOR_EVER
+        self._drive.overload_time_s = _UNLIMITED_S
         self._drive.vel_max = hardware.speed_max_rad_s
         self._drive.torque_max = hardware.torque_max_nm
         self._stale = False
@@ -109,13 +114,13 @@ class Motor:
         """The multiturn part of the encoder is wrong from now on."""
         self.sim.count_offset += float(turns * self._hardware.fine_counts_per_turn)
 
-    def scan(self, mode: int, vel_rad_s: float, torque_ff_nm: float, brake_open: bool) -> None:
+    def scan(self, mode: StageMode, vel_rad_s: float, torque_ff_nm: float, brake_open: bool) -> None:
         """One tick of drive loops and plant."""
         faults = self._faults
         if faults.brake is not None:
             brake_open = faults.brake == "open"
         if faults.no_torque:
-            mode = OFF
+            mode = StageMode.OFF
         if self._stale and self.sim.state["brake_closed"] == float(not brake_open):
             self._remake()  # never while the brake moves: its dead time is no part of the plant's state
         self.sim.scan(mode, vel_rad_s, torque_ff_nm, brake_open)
