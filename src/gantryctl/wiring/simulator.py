@@ -10,7 +10,7 @@ from gantryctl import _core
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.machine import Machine
-from gantryctl.machine.tables.plant import SCALE_TERMS, GearError, Plant
+from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTable
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import lead_deg
 
@@ -74,7 +74,7 @@ def _transmission(p: _core.PlantParams, machine: Machine) -> None:
     )
 
 
-def _gear_error(p: _core.PlantParams, g: GearError, ring_ratio: float) -> None:
+def _gear_error(p: _core.PlantParams, g: GearErrorTable, ring_ratio: float) -> None:
     phases = g.phases_rad
     per_um = g.scale * 1e-6 / g.ring_radius_m
     ring = [um * per_um for um in g.ring_um]
@@ -89,7 +89,7 @@ def _gear_error(p: _core.PlantParams, g: GearError, ring_ratio: float) -> None:
     p.pinion_teeth = g.pinion_teeth
 
 
-def _friction(p: _core.PlantParams, plant: Plant) -> None:
+def _friction(p: _core.PlantParams, plant: PlantTable) -> None:
     roller, motor = plant.roller_friction, plant.motor_friction
     p.roller_friction = plant.switches.roller_friction and roller.coulomb_nm > 0.0
     p.roller_coulomb = roller.coulomb_nm
@@ -108,7 +108,7 @@ def _friction(p: _core.PlantParams, plant: Plant) -> None:
     p.motor_micro_damping = motor.micro_damping
 
 
-def _base(p: _core.PlantParams, plant: Plant) -> None:
+def _base(p: _core.PlantParams, plant: PlantTable) -> None:
     omega = 2.0 * math.pi * plant.base.frequency_hz
     p.base = plant.switches.base
     p.base_inertia = plant.base.inertia_kg_m2

@@ -9,11 +9,11 @@ from gantryctl.engineering.sizing.chain import machine_values
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
 from gantryctl.engineering.sizing.paper_figures import paper_figures
 from gantryctl.engineering.sizing.train import over_angle
-from gantryctl.machine.tables.drive import SpeedLoop
+from gantryctl.machine.tables.drive import SpeedLoopTable
 from gantryctl.units import deg
 
 
-def sizing_data(shown: Fit, fits: Sequence[Fit], loop: SpeedLoop) -> dict[str, Any]:
+def sizing_data(shown: Fit, fits: Sequence[Fit], loop: SpeedLoopTable) -> dict[str, Any]:
     """Everything `size --json` prints.
 
     Args:

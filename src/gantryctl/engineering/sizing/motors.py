@@ -11,12 +11,12 @@ from gantryctl.engineering.sizing.equations import power_kw
 from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, load_table
 from gantryctl.machine.reading import parse_toml, read_text
-from gantryctl.machine.tables.axis import Identity
+from gantryctl.machine.tables.axis import IdentityTable
 from gantryctl.machine.tables.fields import UNIT, Table, number, required_number, table
-from gantryctl.machine.tables.motor import Motor
+from gantryctl.machine.tables.motor import MotorTable
 
 
-class MotorIdentity(Identity):
+class MotorIdentity(IdentityTable):
     """[identity]: what the motor is, and where its figures come from."""
 
     source: str = Field(
@@ -58,7 +58,7 @@ class MotorFile(Table):
     """One motor with its encoder and brake."""
 
     identity: MotorIdentity = table("What it is.")
-    motor: Motor = table("Name plate; the same table as in a machine file.")
+    motor: MotorTable = table("Name plate; the same table as in a machine file.")
     drive: MotorDrive = table("Motor and drive together.", MotorDrive)
     encoder: MotorEncoder = table("Its encoder.")
     brake: MotorBrake = table("Its brake.")

@@ -9,7 +9,7 @@ from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_re
 from gantryctl.engineering.sizing import equations as eq
 from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
-from gantryctl.machine.tables.drive import SpeedLoop
+from gantryctl.machine.tables.drive import SpeedLoopTable
 from gantryctl.units import DEG_S_PER_R_MIN
 
 MOVES_DEG: Final = (5, 10, 15, 20, 90, 180, 360)
@@ -26,7 +26,7 @@ def printed_torque_nm(sheet: Sheet) -> float:
     return round(eq.motor_torque_nm(sheet.load.inertia_kg_m2, acc, sheet.gears.ratio))
 
 
-def paper_figures(sheet: Sheet, motor: MotorFile, loop: SpeedLoop) -> dict[str, float]:
+def paper_figures(sheet: Sheet, motor: MotorFile, loop: SpeedLoopTable) -> dict[str, float]:
     """Every figure of the paper's sizing for one motor.
 
     Args:
@@ -76,7 +76,7 @@ def _normal_move(sheet: Sheet, rotor_kg_m2: float, sizing_acc_rad_s2: float) -> 
     }
 
 
-def _encoder_noise(motor: MotorFile, loop: SpeedLoop) -> dict[str, float]:
+def _encoder_noise(motor: MotorFile, loop: SpeedLoopTable) -> dict[str, float]:
     """One step of the encoder in one drive cycle, as speed and as torque through the speed loop's gain."""
     counts, fine = motor.encoder.counts_per_turn, motor.encoder.lines * motor.encoder.interpolation
     cycle, kvp = loop.cycle_us * 1e-6, loop.kvp_nm_s_per_rad

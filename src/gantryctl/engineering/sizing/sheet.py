@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gantryctl.machine.tables.axis import Identity
+from gantryctl.machine.tables.axis import IdentityTable
 from gantryctl.machine.tables.fields import SOURCE, UNIT, Table, number, required_number, table
 
 
@@ -130,7 +130,7 @@ class Margins(Table):
 class Sheet(Table):
     """A complete requirement sheet."""
 
-    sheet: Identity = table("Name of the sheet.")
+    sheet: IdentityTable = table("Name of the sheet.")
     range: Range = table("Travel.")
     motion: Motion = table("Speeds and accelerations.")
     accuracy: AccuracyWanted = table("The requirement on the angle.")

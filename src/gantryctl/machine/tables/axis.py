@@ -9,7 +9,7 @@ from pydantic import Field
 from gantryctl.machine.tables.fields import UNIT, Table, choice, number, required_number, text
 
 
-class Identity(Table):
+class IdentityTable(Table):
     """[machine]: the machine's name."""
 
     name: str = Field(
@@ -23,7 +23,7 @@ class Identity(Table):
     description: str = text("", 300, "choice", "One line for people.")
 
 
-class Axis(Table):
+class AxisTable(Table):
     """[axis]: travel, limits, gear ratio. Degrees at the gantry; the axis is linear, it has a cable."""
 
     pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "deg", "Lowest angle the set-point may reach.")
@@ -56,7 +56,7 @@ class Axis(Table):
         return self.reducer_ratio * self.ring_ratio
 
 
-class Speed(Table):
+class SpeedTable(Table):
     """[speed]: the speed chain in deg/s at the gantry, from the slowest setting to the overspeed trip."""
 
     setting_min_deg_s: float = number(0.6, 0.001, 5.0, "deg/s", "paper", "Lowest speed setting (0.1 r/min).")
@@ -77,7 +77,7 @@ class Speed(Table):
     overspeed_trip_deg_s: float = number(6.6, 0.1, 72.0, "deg/s", "choice", "Measured speed that trips.")
 
 
-class VirtualAxis(Table):
+class VirtualAxisTable(Table):
     """[virtual_axis]: dynamics of the set-point at the gantry, with three decelerations."""
 
     profile: Literal["trapezoid", "jerk_limited"] = choice(

@@ -7,7 +7,7 @@ from typing import Literal
 from gantryctl.machine.tables.fields import Table, choice, number, switch, table, text
 
 
-class CanInputs(Table):
+class CanInputsTable(Table):
     """[can.inputs]: bits of object 60FD; -1 = not wired, the input then counts as good."""
 
     estop_ok: int = number(
@@ -22,7 +22,7 @@ class CanInputs(Table):
     limit_plus: int = number(1, -1, 31, "-", "standard", "Bit that is 1 at the positive limit switch.")
 
 
-class Can(Table):
+class CanTable(Table):
     """[can]: bus and drive; read only with [drive] kind = "canopen"."""
 
     interface: str = text(
@@ -89,7 +89,7 @@ class Can(Table):
     commissioning_required: bool = switch(
         True, "choice", "false = move without a commissioning record: for virtual drives only."
     )
-    inputs: CanInputs = table("Bits of object 60FD.", CanInputs)
+    inputs: CanInputsTable = table("Bits of object 60FD.", CanInputsTable)
 
     @property
     def simulated(self) -> bool:

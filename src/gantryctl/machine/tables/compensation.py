@@ -24,7 +24,7 @@ def _fast_cycles(default: tuple[float, ...], meaning: str) -> Any:
     )
 
 
-class TorqueFeedForward(Table):
+class TorqueFeedForwardTable(Table):
     """[control.compensation.torque]: motor torque that is known beforehand, given to the drive."""
 
     eccentric: bool = switch(False, "choice", "Feed forward the torque that carries the eccentric moment.")
@@ -34,7 +34,7 @@ class TorqueFeedForward(Table):
     limit_nm: float = number(60.0, 0.0, 500.0, "N m", "choice", "Largest torque fed forward, motor side.")
 
 
-class GearMap(Table):
+class GearMapTable(Table):
     """[control.compensation.gear_map]: gear error over the turn, from the calibration."""
 
     active: bool = switch(False, "choice", "Apply the map.")
@@ -55,7 +55,7 @@ class GearMap(Table):
     )
 
 
-class Windup(Table):
+class WindupTable(Table):
     """[control.compensation.windup]: what the transmission gives way, from the calibration."""
 
     active: bool = switch(
@@ -67,7 +67,7 @@ class Windup(Table):
     )
 
 
-class LoadEncoderLoop(Table):
+class LoadEncoderLoopTable(Table):
     """[control.compensation.load_encoder]: slow outer loop through an encoder on the load."""
 
     active: bool = switch(False, "choice", "Close the loop.")
@@ -86,7 +86,7 @@ class LoadEncoderLoop(Table):
     disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "ms", "choice", "How long, before it trips.")
 
 
-class Damping(Table):
+class DampingTable(Table):
     """[control.compensation.damping]: the motor yields to the swing of the load; needs the load encoder."""
 
     active: bool = switch(False, "choice", "Damp the swing.")
@@ -95,7 +95,7 @@ class Damping(Table):
     slow_s: float = number(1.0, 0.1, 50.0, "s", "choice", "Twist that lasts longer is no swing.")
 
 
-class Compensation(Table):
+class CompensationTable(Table):
     """[control.compensation]: file of identified values, and what holds for all."""
 
     calibration: str = text(
@@ -104,11 +104,11 @@ class Compensation(Table):
     latency_us: float = number(
         0.0, 0.0, 2000.0, "us", "choice", "Age of encoder readings by their time stamp; 0 = not compensated."
     )
-    torque: TorqueFeedForward = table("Torque feed-forward.", TorqueFeedForward)
-    gear_map: GearMap = table("Gear-error map.", GearMap)
-    windup: Windup = table("Wind-up and lost motion.", Windup)
-    load_encoder: LoadEncoderLoop = table("Load-side loop.", LoadEncoderLoop)
-    damping: Damping = table("Swing damping.", Damping)
+    torque: TorqueFeedForwardTable = table("Torque feed-forward.", TorqueFeedForwardTable)
+    gear_map: GearMapTable = table("Gear-error map.", GearMapTable)
+    windup: WindupTable = table("Wind-up and lost motion.", WindupTable)
+    load_encoder: LoadEncoderLoopTable = table("Load-side loop.", LoadEncoderLoopTable)
+    damping: DampingTable = table("Swing damping.", DampingTable)
 
     @property
     def any_active(self) -> bool:

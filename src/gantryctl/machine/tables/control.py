@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.tables.compensation import Compensation
+from gantryctl.machine.tables.compensation import CompensationTable
 from gantryctl.machine.tables.fields import Table, number, table
 
 
-class Control(Table):
+class ControlTable(Table):
     """[control]: the scan and the position loop."""
 
     scan_period_ms: float = number(1.0, 0.1, 40.0, "ms", "estimate", "Period of the scan.")
     kpp_per_s: float = number(10.0, 0.1, 200.0, "1/s", "paper", "Gain of the position loop.")
     kvf: float = number(1.0, 0.0, 1.5, "-", "paper", "Velocity feed-forward; 1 = 100 %.")
-    compensation: Compensation = table("What goes beyond the paper's loop.", Compensation)
+    compensation: CompensationTable = table("What goes beyond the paper's loop.", CompensationTable)
 
 
-class Monitors(Table):
+class MonitorsTable(Table):
     """[monitors]: thresholds of the supervision, at the gantry; times become at least two scans."""
 
     following_error_base_deg: float = number(
@@ -65,7 +65,7 @@ class Monitors(Table):
     )
 
 
-class Accuracy(Table):
+class AccuracyTable(Table):
     """[accuracy]: the chord test."""
 
     chord_radius_m: float = number(2.5, 0.1, 20.0, "m", "estimate", "Radius of the tracker's target.")

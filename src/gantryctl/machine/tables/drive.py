@@ -7,7 +7,7 @@ from typing import Literal
 from gantryctl.machine.tables.fields import Table, choice, number, switch, table
 
 
-class SpeedLoop(Table):
+class SpeedLoopTable(Table):
     """[drive.speed_loop]: speed PI of the simulated drive; a real drive keeps its own."""
 
     cycle_us: float = number(125.0, 10.0, 5000.0, "us", "catalogue", "Period of the drive's speed loop.")
@@ -31,14 +31,14 @@ class SpeedLoop(Table):
     )
 
 
-class CurrentLoop(Table):
+class CurrentLoopTable(Table):
     """[drive.current_loop]: first-order current loop of the simulated drive."""
 
     bandwidth_hz: float = number(600.0, 10.0, 10000.0, "Hz", "catalogue", "Corner frequency of the torque.")
     ideal: bool = switch(False, "choice", "true = the torque follows at once.")
 
 
-class Drive(Table):
+class DriveTable(Table):
     """[drive]: the kind of drive and its loops."""
 
     kind: Literal["sim", "ideal", "canopen"] = choice(
@@ -46,5 +46,5 @@ class Drive(Table):
         "choice",
         "Simulated drive with the gantry behind it, actual = set-point for trying programs, or a drive on a bus.",
     )
-    speed_loop: SpeedLoop = table("Speed loop of the simulated drive.", SpeedLoop)
-    current_loop: CurrentLoop = table("Current loop of the simulated drive.", CurrentLoop)
+    speed_loop: SpeedLoopTable = table("Speed loop of the simulated drive.", SpeedLoopTable)
+    current_loop: CurrentLoopTable = table("Current loop of the simulated drive.", CurrentLoopTable)

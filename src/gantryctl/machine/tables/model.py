@@ -8,13 +8,13 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from gantryctl.machine.calibration import Calibration
 from gantryctl.machine.rules.book import violations
-from gantryctl.machine.tables.axis import Axis, Identity, Speed, VirtualAxis
-from gantryctl.machine.tables.can import Can
-from gantryctl.machine.tables.control import Accuracy, Control, Monitors
-from gantryctl.machine.tables.drive import Drive
+from gantryctl.machine.tables.axis import AxisTable, IdentityTable, SpeedTable, VirtualAxisTable
+from gantryctl.machine.tables.can import CanTable
+from gantryctl.machine.tables.control import AccuracyTable, ControlTable, MonitorsTable
+from gantryctl.machine.tables.drive import DriveTable
 from gantryctl.machine.tables.fields import Table, table
-from gantryctl.machine.tables.motor import Brake, Encoder, Motor, Reducer
-from gantryctl.machine.tables.plant import Plant
+from gantryctl.machine.tables.motor import BrakeTable, EncoderTable, MotorTable, ReducerTable
+from gantryctl.machine.tables.plant import PlantTable
 
 RULES_LATER: Final = "rules_later"
 """Key of the validation context: the caller checks the rules itself, because it wants the lines."""
@@ -27,20 +27,20 @@ class Machine(Table):
     built in any other way obeys the same rules, except by `model_copy(update=...)`, which checks nothing.
     """
 
-    machine: Identity = table("Name of the machine.")
-    axis: Axis = table("Travel, limits, ratio.")
-    speed: Speed = table("Speed chain.", Speed)
-    virtual_axis: VirtualAxis = table("Dynamics of the set-point.", VirtualAxis)
-    control: Control = table("Scan and position loop.", Control)
-    motor: Motor = table("Name plate of the motor.")
-    reducer: Reducer = table("Limits of the reducer.", Reducer)
-    encoder: Encoder = table("Motor encoder.")
-    brake: Brake = table("Holding brake.", Brake)
-    drive: Drive = table("Drive and its loops.", Drive)
-    can: Can = table("CANopen bus and drive.", Can)
-    monitors: Monitors = table("Supervision.", Monitors)
-    accuracy: Accuracy = table("Chord test.", Accuracy)
-    plant: Plant = table("Simulated physics.", Plant)
+    machine: IdentityTable = table("Name of the machine.")
+    axis: AxisTable = table("Travel, limits, ratio.")
+    speed: SpeedTable = table("Speed chain.", SpeedTable)
+    virtual_axis: VirtualAxisTable = table("Dynamics of the set-point.", VirtualAxisTable)
+    control: ControlTable = table("Scan and position loop.", ControlTable)
+    motor: MotorTable = table("Name plate of the motor.")
+    reducer: ReducerTable = table("Limits of the reducer.", ReducerTable)
+    encoder: EncoderTable = table("Motor encoder.")
+    brake: BrakeTable = table("Holding brake.", BrakeTable)
+    drive: DriveTable = table("Drive and its loops.", DriveTable)
+    can: CanTable = table("CANopen bus and drive.", CanTable)
+    monitors: MonitorsTable = table("Supervision.", MonitorsTable)
+    accuracy: AccuracyTable = table("Chord test.", AccuracyTable)
+    plant: PlantTable = table("Simulated physics.", PlantTable)
 
     _calibration: Calibration | None = PrivateAttr(default=None)
 

@@ -7,7 +7,7 @@ from typing import Literal
 from gantryctl.machine.tables.fields import Table, choice, number, required_number
 
 
-class Motor(Table):
+class MotorTable(Table):
     """[motor]: name plate, at the motor shaft."""
 
     power_rated_kw: float = required_number(31.0, 0.1, 500.0, "kW", "Rated power.")
@@ -25,7 +25,7 @@ class Motor(Table):
     )
 
 
-class Reducer(Table):
+class ReducerTable(Table):
     """[reducer]: limits of the reducer, at its output."""
 
     torque_rated_nm: float = number(17600.0, 10.0, 2e5, "N m", "paper", "Rated torque at the reducer output.")
@@ -39,7 +39,7 @@ class Reducer(Table):
     )
 
 
-class Encoder(Table):
+class EncoderTable(Table):
     """[encoder]: absolute multiturn encoder on the motor shaft."""
 
     counts_per_turn: int = required_number(8192, 64, 2**25, "1/turn", "Absolute steps per motor turn.")
@@ -61,7 +61,7 @@ class Encoder(Table):
         return self.lines * self.interpolation
 
 
-class Brake(Table):
+class BrakeTable(Table):
     """[brake]: the holding brake on the motor shaft and how it is used."""
 
     owner: Literal["drive", "controller_output", "object_60FE"] = choice(

@@ -18,7 +18,7 @@ _PHASES_RAD = (
 )  # fmt: skip
 
 
-class Load(Table):
+class LoadTable(Table):
     """[plant.load]: everything that turns with the gantry, about the gantry axis."""
 
     inertia_kg_m2: float = number(
@@ -49,7 +49,7 @@ class Load(Table):
         return value
 
 
-class PlantMotor(Table):
+class PlantMotorTable(Table):
     """[plant.motor]: what the motor's name plate does not say, at the motor shaft."""
 
     wave_generator_inertia_kg_m2: float = number(
@@ -64,7 +64,7 @@ class PlantMotor(Table):
     torque_ripple_order: int = number(12, 1, 200, "1/turn", "estimate", "Ripple periods per motor turn.")
 
 
-class Transmission(Table):
+class TransmissionTable(Table):
     """[plant.transmission]: stiffness, damping, hysteresis and backlash from motor to ring."""
 
     reducer_stiffness_1_nm_per_rad: float = number(
@@ -98,7 +98,7 @@ class Transmission(Table):
     backlash_mm: float = number(0.05, 0.0, 2.0, "mm", "calibrated", "Backlash at the ring's pitch circle.")
 
 
-class GearError(Table):
+class GearErrorTable(Table):
     """[plant.gear_error]: the gear-error map, at the ring's pitch circle or at the reducer output."""
 
     ring_radius_m: float = number(2.366, 0.1, 20.0, "m", "estimate", "Radius of the ring's pitch circle.")
@@ -129,7 +129,7 @@ class GearError(Table):
     )
 
 
-class RollerFriction(Table):
+class RollerFrictionTable(Table):
     """[plant.roller_friction]: the support rollers, at the gantry."""
 
     coulomb_nm: float = number(6000.0, 0.0, 2e5, "N m", "derived", "Friction while turning.")
@@ -144,7 +144,7 @@ class RollerFriction(Table):
     )
 
 
-class MotorFriction(Table):
+class MotorFrictionTable(Table):
     """[plant.motor_friction]: motor, seals and reducer input, at the motor shaft."""
 
     coulomb_nm: float = number(5.5, 0.0, 200.0, "N m", "estimate", "Friction while turning.")
@@ -160,7 +160,7 @@ class MotorFriction(Table):
     )
 
 
-class Base(Table):
+class BaseTable(Table):
     """[plant.base]: rocking of roller frames and plinth about the gantry axis."""
 
     inertia_kg_m2: float = number(6.0e5, 1e3, 2e7, "kg m2", "estimate", "Effective rocking inertia.")
@@ -168,7 +168,7 @@ class Base(Table):
     damping_ratio: float = number(0.03, 0.0, 0.9, "-", "estimate", "Damping ratio of the rocking.")
 
 
-class PlantBrake(Table):
+class PlantBrakeTable(Table):
     """[plant.brake]: how the closed brake gives way."""
 
     presliding_rad: float = number(
@@ -179,7 +179,7 @@ class PlantBrake(Table):
     )
 
 
-class PlantEncoder(Table):
+class PlantEncoderTable(Table):
     """[plant.encoder]: how the simulated encoder is mounted."""
 
     latency_us: float = number(62.5, 0.0, 2000.0, "us", "estimate", "Age of the angle when it is read.")
@@ -191,7 +191,7 @@ SCALE_TERMS: Final = ((2.0, 1.0, 1.0), (5.0, 0.6, 2.0), (37.0, 0.4, 3.0))
 """Scale error of the encoder on the ring over one turn: waves per turn, relative amplitude, phase in rad."""
 
 
-class LoadEncoder(Table):
+class LoadEncoderTable(Table):
     """[plant.load_encoder]: optional encoder on the ring."""
 
     fitted: bool = switch(False, "choice", "The controller can read it; measuring runs can in any case.")
@@ -201,7 +201,7 @@ class LoadEncoder(Table):
     latency_us: float = number(62.5, 0.0, 2000.0, "us", "estimate", "Age of the angle when it is read.")
 
 
-class Switches(Table):
+class SwitchesTable(Table):
     """[plant.switches]: false = the effect is exactly absent."""
 
     gear_error: bool = switch(True, "choice", "Gear-error map.")
@@ -216,7 +216,7 @@ class Switches(Table):
     rigid: bool = switch(False, "choice", "One inertia without any compliance.")
 
 
-class Integration(Table):
+class IntegrationTable(Table):
     """[plant.integration]: how the simulator steps through a drive cycle."""
 
     scheme: Literal["one_evaluation", "rk4"] = choice(
@@ -225,18 +225,18 @@ class Integration(Table):
     rk4_steps: int = number(2, 1, 64, "-", "choice", 'Sub-steps per drive cycle; only with scheme = "rk4".')
 
 
-class Plant(Table):
+class PlantTable(Table):
     """[plant]: all of the simulated physics."""
 
-    load: Load = table("What turns with the gantry.", Load)
-    motor: PlantMotor = table("Motor, beyond its name plate.", PlantMotor)
-    transmission: Transmission = table("From motor to ring.", Transmission)
-    gear_error: GearError = table("Gear-error map.", GearError)
-    roller_friction: RollerFriction = table("Support rollers.", RollerFriction)
-    motor_friction: MotorFriction = table("Motor and reducer input.", MotorFriction)
-    base: Base = table("Rocking base.", Base)
-    brake: PlantBrake = table("Brake lining.", PlantBrake)
-    encoder: PlantEncoder = table("Mounting of the motor encoder.", PlantEncoder)
-    load_encoder: LoadEncoder = table("Encoder on the ring.", LoadEncoder)
-    switches: Switches = table("Effects on and off.", Switches)
-    integration: Integration = table("Integration of the equations.", Integration)
+    load: LoadTable = table("What turns with the gantry.", LoadTable)
+    motor: PlantMotorTable = table("Motor, beyond its name plate.", PlantMotorTable)
+    transmission: TransmissionTable = table("From motor to ring.", TransmissionTable)
+    gear_error: GearErrorTable = table("Gear-error map.", GearErrorTable)
+    roller_friction: RollerFrictionTable = table("Support rollers.", RollerFrictionTable)
+    motor_friction: MotorFrictionTable = table("Motor and reducer input.", MotorFrictionTable)
+    base: BaseTable = table("Rocking base.", BaseTable)
+    brake: PlantBrakeTable = table("Brake lining.", PlantBrakeTable)
+    encoder: PlantEncoderTable = table("Mounting of the motor encoder.", PlantEncoderTable)
+    load_encoder: LoadEncoderTable = table("Encoder on the ring.", LoadEncoderTable)
+    switches: SwitchesTable = table("Effects on and off.", SwitchesTable)
+    integration: IntegrationTable = table("Integration of the equations.", IntegrationTable)
