@@ -1,14 +1,20 @@
-"""The only place that converts units: radians and SI inside, degrees at the edge."""
+"""The only place that converts units: radians and SI inside, degrees at the edge; and the unit at a name's end."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Final
 
 RAD_PER_DEG: Final = math.pi / 180.0
 DEG_PER_RAD: Final = 180.0 / math.pi
 RAD_S_PER_R_MIN: Final = 2.0 * math.pi / 60.0
 DEG_S_PER_R_MIN: Final = 6.0
+
+
+def name_ending(name: str, suffixes: Iterable[str]) -> str:
+    """The longest of `suffixes` that ends a name `<quantity>_<role>_<unit>`; "" when none does."""
+    return max((end for end in suffixes if name.endswith(f"_{end}")), key=len, default="")
 
 
 def rad(angle_deg: float) -> float:

@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias, cast, get_args, get_origin
 import annotated_types
 from pydantic.fields import FieldInfo
 
-from gantryctl.machine.tables.fields import SOURCE, UNIT, Table
+from gantryctl.machine.tables.fields import SOURCE, Table, unit_of
 from gantryctl.machine.tables.model import Machine
 
 Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers"]
@@ -136,7 +136,7 @@ def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
         table=table_path,
         key=key,
         kind=kind,
-        unit=str(notes[UNIT]),
+        unit=unit_of(key, info),
         meaning=info.description or "",
         required=info.is_required(),
         default=None if info.is_required() else info.get_default(),

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 from gantryctl.errors import UsageError
-from gantryctl.units import deg
+from gantryctl.units import deg, name_ending
 
 TIME_COLUMN: Final = "time_s"
 
@@ -65,16 +65,10 @@ class Unit(NamedTuple):
 PLAIN: Final = Unit("", "")
 
 
-def _ending(name: str, suffixes: Sequence[str]) -> str:
-    """The longest of `suffixes` that is the end of `name`, or nothing."""
-    found = [suffix for suffix in suffixes if name.endswith("_" + suffix)]
-    return max(found, key=len, default="")
-
-
 def unit_of(name: str) -> Unit:
     """The unit of a column, from the end of its name; degrees too, as exported files have them."""
     symbols = SI_UNITS | DEGREE_UNITS
-    suffix = _ending(name, tuple(symbols))
+    suffix = name_ending(name, symbols)
     return Unit(suffix, symbols[suffix]) if suffix else PLAIN
 
 
@@ -101,7 +95,7 @@ def validate_columns(columns: Sequence[str]) -> tuple[str, ...]:
     if not columns or columns[0] != TIME_COLUMN:
         problems.append(f"the first column must be {TIME_COLUMN}, not {columns[0] if columns else 'nothing'}")
     for index, name in enumerate(columns):
-        foreign = _ending(name, tuple(FOREIGN_UNITS))
+        foreign = name_ending(name, FOREIGN_UNITS)
         if not _NAME.fullmatch(name):
             problems.append(f"{name!r}: only small letters, digits and single underscores, a letter first")
         elif foreign and len(foreign) >= len(unit_of(name).suffix):

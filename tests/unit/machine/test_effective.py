@@ -112,7 +112,7 @@ def test_schema_has_bounds_units_and_no_room_for_unknown_keys():
     schema = json.loads(json.dumps(json_schema(), allow_nan=False))
     assert schema["required"] == ["machine", "axis", "motor", "encoder"]
     assert schema["additionalProperties"] is False
-    axis = schema["$defs"]["Axis"]
+    axis = schema["$defs"]["AxisTable"]
     assert axis["additionalProperties"] is False
     assert axis["properties"]["stopping_angle_max_deg"] == {
         "default": 4.0,

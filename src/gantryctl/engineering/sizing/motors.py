@@ -12,7 +12,7 @@ from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, load_table
 from gantryctl.machine.reading import parse_toml, read_text
 from gantryctl.machine.tables.axis import IdentityTable
-from gantryctl.machine.tables.fields import UNIT, Table, number, required_number, table
+from gantryctl.machine.tables.fields import Table, number, required_number, table
 from gantryctl.machine.tables.motor import MotorTable
 
 
@@ -24,34 +24,31 @@ class MotorIdentity(IdentityTable):
         max_length=300,
         examples=["paper"],
         description="Where the figures come from; which of them are estimates.",
-        json_schema_extra={UNIT: "-"},
     )
-    mass_kg: float = required_number(230.0, 0.1, 20000.0, "kg", "Mass of the motor.")
+    mass_kg: float = required_number(230.0, 0.1, 20000.0, "Mass of the motor.")
 
 
 class MotorDrive(Table):
     """[drive]: what motor and drive give together."""
 
-    overload_time_s: float = number(
-        60.0, 0.1, 600.0, "s", "estimate", "How long the highest torque may be drawn."
-    )
+    overload_time_s: float = number(60.0, 0.1, 600.0, "estimate", "How long the highest torque may be drawn.")
 
 
 class MotorEncoder(Table):
     """[encoder]: the encoder that the motor comes with."""
 
-    counts_per_turn: int = required_number(8192, 64, 2**25, "1/turn", "Absolute steps per motor turn.")
-    turns: int = required_number(4096, 1, 65536, "turns", "Motor turns told apart.")
-    lines: int = required_number(2048, 1, 65536, "1/turn", "Sine/cosine lines per motor turn.")
-    interpolation: int = required_number(2048, 1, 65536, "-", "Interpolated steps per line.")
+    counts_per_turn: int = required_number(8192, 64, 2**25, "Absolute steps per motor turn.")
+    turns: int = required_number(4096, 1, 65536, "Motor turns told apart.")
+    lines: int = required_number(2048, 1, 65536, "Sine/cosine lines per motor turn.", unit="1/turn")
+    interpolation: int = required_number(2048, 1, 65536, "Interpolated steps per line.")
 
 
 class MotorBrake(Table):
     """[brake]: the holding brake that the motor comes with."""
 
-    torque_nm: float = required_number(400.0, 1.0, 10000.0, "N m", "Torque of the closed brake at the motor.")
-    close_time_ms: float = required_number(150.0, 1.0, 2000.0, "ms", "From command to full torque.")
-    open_time_ms: float = required_number(100.0, 1.0, 2000.0, "ms", "From command to no torque.")
+    torque_nm: float = required_number(400.0, 1.0, 10000.0, "Torque of the closed brake at the motor.")
+    close_time_ms: float = required_number(150.0, 1.0, 2000.0, "From command to full torque.")
+    open_time_ms: float = required_number(100.0, 1.0, 2000.0, "From command to no torque.")
 
 
 class MotorFile(Table):

@@ -6,89 +6,76 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gantryctl.machine.tables.axis import IdentityTable
-from gantryctl.machine.tables.fields import SOURCE, UNIT, Table, number, required_number, table
+from gantryctl.machine.tables.axis import REDUCER_RATIO, RING_RATIO, STOPPING_ANGLE_MAX_DEG, IdentityTable
+from gantryctl.machine.tables.fields import Table, number, numbers, required_number, table
 
 
 class Range(Table):
     """[range]: travel, deg at the gantry."""
 
-    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "deg", "Lowest angle.")
-    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "deg", "Highest angle.")
+    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "Lowest angle.")
+    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "Highest angle.")
     wrap_margin_min_deg: float = number(
-        5.0, 0.1, 180.0, "deg", "choice", "Least distance between travel and the wrap of the encoder."
+        5.0, 0.1, 180.0, "choice", "Least distance between travel and the wrap of the encoder."
     )
 
 
 class Motion(Table):
     """[motion]: speeds and accelerations of the gantry."""
 
-    speed_min_r_min: float = required_number(0.1, 1e-4, 10.0, "r/min", "Lowest speed setting.")
-    speed_max_r_min: float = required_number(1.0, 1e-3, 10.0, "r/min", "Highest speed setting.")
+    speed_min_r_min: float = required_number(0.1, 1e-4, 10.0, "Lowest speed setting.")
+    speed_max_r_min: float = required_number(1.0, 1e-3, 10.0, "Highest speed setting.")
     sizing_time_s: float = required_number(
-        1.0, 0.01, 600.0, "s", "From standstill to the highest speed: the acceleration that sizes the motor."
+        1.0, 0.01, 600.0, "From standstill to the highest speed: the acceleration that sizes the motor."
     )
-    acc_deg_s2: float = required_number(
-        0.39335664335664333, 0.001, 60.0, "deg/s2", "Acceleration of normal moves."
-    )
-    stopping_angle_max_deg: float = number(
-        4.0,
-        0.1,
-        30.0,
-        "deg",
-        "choice",
-        "Permitted quick-stop angle from the highest speed, reaction included.",
-    )
+    acc_deg_s2: float = required_number(0.39335664335664333, 0.001, 60.0, "Acceleration of normal moves.")
+    stopping_angle_max_deg: float = STOPPING_ANGLE_MAX_DEG
 
 
 class AccuracyWanted(Table):
     """[accuracy]: the requirement on the angle."""
 
-    angle_deg: float = required_number(0.1, 1e-5, 10.0, "deg", "Required accuracy of the angle.")
+    angle_deg: float = required_number(0.1, 1e-5, 10.0, "Required accuracy of the angle.")
 
 
 class LoadSheet(Table):
     """[load]: everything that turns with the gantry, and the rollers under it."""
 
-    inertia_kg_m2: float = required_number(2.18e6, 1e3, 2e7, "kg m2", "Inertia about the axis.")
-    mass_kg: float = required_number(2.0e5, 100.0, 5e6, "kg", "Turning mass.")
-    eccentricity_m: float = required_number(0.00815, 0.0, 0.3, "m", "Centre of mass off the axis.")
+    inertia_kg_m2: float = required_number(2.18e6, 1e3, 2e7, "Inertia about the axis.")
+    mass_kg: float = required_number(2.0e5, 100.0, 5e6, "Turning mass.")
+    eccentricity_m: float = required_number(0.00815, 0.0, 0.3, "Centre of mass off the axis.")
     eccentric_angle_deg: float = number(
-        0.0, -180.0, 180.0, "deg", "choice", "Gantry angle at which the eccentric moment is zero."
+        0.0, -180.0, 180.0, "choice", "Gantry angle at which the eccentric moment is zero."
     )
     eccentric_check_moment_nm: float = required_number(
-        50000.0, 0.0, 2e6, "N m", "Largest eccentric moment that motor and brake must master."
+        50000.0, 0.0, 2e6, "Largest eccentric moment that motor and brake must master."
     )
-    friction_coulomb_nm: float = number(
-        0.0, 0.0, 2e5, "N m", "choice", "Friction of the rollers while turning."
-    )
+    friction_coulomb_nm: float = number(0.0, 0.0, 2e5, "choice", "Friction of the rollers while turning.")
     friction_viscous_nm_s_per_rad: float = number(
-        0.0, 0.0, 1e6, "N m s/rad", "choice", "Growth of the rollers' friction with speed."
+        0.0, 0.0, 1e6, "choice", "Growth of the rollers' friction with speed."
     )
 
 
 class Gears(Table):
     """[gears]: ratio, losses and limits of the transmission."""
 
-    reducer_ratio: float = required_number(
-        88.0, 1.0, 500.0, "-", "Motor turns per turn of the reducer output."
-    )
-    ring_ratio: float = required_number(13.0, 1.0, 100.0, "-", "Turns of the reducer output per gantry turn.")
+    reducer_ratio: float = REDUCER_RATIO
+    ring_ratio: float = RING_RATIO
     input_inertia_kg_m2: float = number(
-        0.0, 0.0, 5.0, "kg m2", "choice", "Wave generator, coupling and brake rotor, at the motor shaft."
+        0.0, 0.0, 5.0, "choice", "Wave generator, coupling and brake rotor, at the motor shaft."
     )
     load_loss_ratio: float = number(
-        0.0, 0.0, 0.9, "-", "choice", "Part of the transmitted torque that is lost; efficiency 1/(1 + this)."
+        0.0, 0.0, 0.9, "choice", "Part of the transmitted torque that is lost; efficiency 1/(1 + this)."
     )
     friction_coulomb_nm: float = number(
-        0.0, 0.0, 200.0, "N m", "choice", "Friction without load, at the motor shaft."
+        0.0, 0.0, 200.0, "choice", "Friction without load, at the motor shaft."
     )
     friction_viscous_nm_s_per_rad: float = number(
-        0.0, 0.0, 1.0, "N m s/rad", "choice", "Its growth with speed, at the motor shaft."
+        0.0, 0.0, 1.0, "choice", "Its growth with speed, at the motor shaft."
     )
-    torque_rated_nm: float = required_number(17600.0, 10.0, 2e5, "N m", "Rated torque at the reducer output.")
+    torque_rated_nm: float = required_number(17600.0, 10.0, 2e5, "Rated torque at the reducer output.")
     torque_momentary_nm: float = required_number(
-        35200.0, 10.0, 5e5, "N m", "Torque at the reducer output that it bears for a moment."
+        35200.0, 10.0, 5e5, "Torque at the reducer output that it bears for a moment."
     )
 
     @property
@@ -100,31 +87,29 @@ class Gears(Table):
 class Duty(Table):
     """[duty]: one treatment day."""
 
-    treatments: int = number(40, 1, 1000, "-", "choice", "Treatments in a day.")
-    hours: float = number(12.0, 0.1, 24.0, "h", "choice", "Length of the day.")
-    stops_deg: tuple[Annotated[float, Field(ge=-400.0, le=400.0)], ...] = Field(
-        default=(90.0, 180.0, -90.0, 0.0),
-        min_length=1,
-        max_length=100,
-        description="Angles of one treatment in this order; it begins at the last one.",
-        json_schema_extra={UNIT: "deg", SOURCE: "choice"},
+    treatments: int = number(40, 1, 1000, "choice", "Treatments in a day.")
+    hours: float = number(12.0, 0.1, 24.0, "choice", "Length of the day.")
+    stops_deg: tuple[Annotated[float, Field(ge=-400.0, le=400.0)], ...] = numbers(
+        (90.0, 180.0, -90.0, 0.0),
+        1,
+        100,
+        "choice",
+        "Angles of one treatment in this order; it begins at the last one.",
     )
-    hold_s: float = number(120.0, 0.0, 3600.0, "s", "choice", "Time at every stop.")
+    hold_s: float = number(120.0, 0.0, 3600.0, "choice", "Time at every stop.")
 
 
 class Margins(Table):
     """[margins]: how much more than needed a part must give."""
 
-    peak_torque: float = number(1.1, 1.0, 5.0, "-", "choice", "Torque available over the largest torque.")
-    thermal: float = number(1.25, 1.0, 5.0, "-", "choice", "Rated torque over the r.m.s. torque.")
-    brake: float = number(1.3, 1.0, 10.0, "-", "choice", "Brake over the largest eccentric moment.")
-    overspeed: float = number(1.1, 1.0, 3.0, "-", "choice", "Overspeed trip over the highest speed.")
+    peak_torque: float = number(1.1, 1.0, 5.0, "choice", "Torque available over the largest torque.")
+    thermal: float = number(1.25, 1.0, 5.0, "choice", "Rated torque over the r.m.s. torque.")
+    brake: float = number(1.3, 1.0, 10.0, "choice", "Brake over the largest eccentric moment.")
+    overspeed: float = number(1.1, 1.0, 3.0, "choice", "Overspeed trip over the highest speed.")
     inertia_ratio_max: float = number(
-        10.0, 0.1, 1000.0, "-", "choice", "Load at the motor shaft over rotor and reducer input."
+        10.0, 0.1, 1000.0, "choice", "Load at the motor shaft over rotor and reducer input."
     )
-    resolution: float = number(
-        100.0, 1.0, 1e6, "-", "choice", "Required accuracy over one step of the encoder."
-    )
+    resolution: float = number(100.0, 1.0, 1e6, "choice", "Required accuracy over one step of the encoder.")
 
 
 class Sheet(Table):

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from gantryctl.machine.tables.fields import UNIT, Table, choice, number, required_number, text
+from gantryctl.machine.tables.fields import Table, choice, number, required_number, text
+
+# Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
+STOPPING_ANGLE_MAX_DEG: Final[Any] = number(
+    4.0, 0.1, 30.0, "choice", "Permitted quick-stop angle from the highest speed, reaction included."
+)
+REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 500.0, "Motor turns per turn of the reducer output.")
+RING_RATIO: Final[Any] = required_number(13.0, 1.0, 100.0, "Turns of the reducer output per gantry turn.")
 
 
 class IdentityTable(Table):
@@ -18,7 +25,6 @@ class IdentityTable(Table):
         pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$",
         examples=["hust_gantry"],
         description="Short name, used in messages and file names: letters, digits, '_', '-', '.'.",
-        json_schema_extra={UNIT: "-"},
     )
     description: str = text("", 300, "choice", "One line for people.")
 
@@ -26,29 +32,18 @@ class IdentityTable(Table):
 class AxisTable(Table):
     """[axis]: travel, limits, gear ratio. Degrees at the gantry; the axis is linear, it has a cable."""
 
-    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "deg", "Lowest angle the set-point may reach.")
-    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "deg", "Highest angle the set-point may reach.")
+    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "Lowest angle the set-point may reach.")
+    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "Highest angle the set-point may reach.")
     over_travel_deg: float = number(
-        180.5, 0.1, 410.0, "deg", "choice", "Measured angle that trips, on both sides of zero."
+        180.5, 0.1, 410.0, "choice", "Measured angle that trips, on both sides of zero."
     )
-    limit_switch_deg: float = number(
-        182.0, 0.1, 420.0, "deg", "choice", "Limit switches, on both sides of zero."
-    )
+    limit_switch_deg: float = number(182.0, 0.1, 420.0, "choice", "Limit switches, on both sides of zero.")
     mechanical_stop_deg: float = number(
-        187.0, 0.1, 430.0, "deg", "choice", "Mechanical stops, on both sides of zero."
+        187.0, 0.1, 430.0, "choice", "Mechanical stops, on both sides of zero."
     )
-    stopping_angle_max_deg: float = number(
-        4.0,
-        0.1,
-        30.0,
-        "deg",
-        "choice",
-        "Permitted quick-stop angle from the highest speed, reaction included.",
-    )
-    reducer_ratio: float = required_number(
-        88.0, 1.0, 500.0, "-", "Motor turns per turn of the reducer output."
-    )
-    ring_ratio: float = required_number(13.0, 1.0, 100.0, "-", "Turns of the reducer output per gantry turn.")
+    stopping_angle_max_deg: float = STOPPING_ANGLE_MAX_DEG
+    reducer_ratio: float = REDUCER_RATIO
+    ring_ratio: float = RING_RATIO
 
     @property
     def ratio(self) -> float:
@@ -59,22 +54,21 @@ class AxisTable(Table):
 class SpeedTable(Table):
     """[speed]: the speed chain in deg/s at the gantry, from the slowest setting to the overspeed trip."""
 
-    setting_min_deg_s: float = number(0.6, 0.001, 5.0, "deg/s", "paper", "Lowest speed setting (0.1 r/min).")
-    setting_max_deg_s: float = number(6.0, 0.1, 60.0, "deg/s", "paper", "Highest speed setting (1 r/min).")
-    creep_deg_s: float = number(0.1, 0.001, 1.0, "deg/s", "choice", "Service creep, a limit of its own.")
+    setting_min_deg_s: float = number(0.6, 0.001, 5.0, "paper", "Lowest speed setting (0.1 r/min).")
+    setting_max_deg_s: float = number(6.0, 0.1, 60.0, "paper", "Highest speed setting (1 r/min).")
+    creep_deg_s: float = number(0.1, 0.001, 1.0, "choice", "Service creep, a limit of its own.")
     command_clamp_deg_s: float = number(
         6.3,
         0.1,
         66.0,
-        "deg/s",
         "choice",
         "Clamp of the speed command; above the highest setting it is the "
         "correction reserve of the position loop, at least 5 %.",
     )
     drive_ceiling_deg_s: float = number(
-        6.5, 0.1, 68.0, "deg/s", "choice", "Speed limit inside the drive (CiA 402 object 6080)."
+        6.5, 0.1, 68.0, "choice", "Speed limit inside the drive (CiA 402 object 6080)."
     )
-    overspeed_trip_deg_s: float = number(6.6, 0.1, 72.0, "deg/s", "choice", "Measured speed that trips.")
+    overspeed_trip_deg_s: float = number(6.6, 0.1, 72.0, "choice", "Measured speed that trips.")
 
 
 class VirtualAxisTable(Table):
@@ -84,23 +78,14 @@ class VirtualAxisTable(Table):
         "trapezoid", "paper", "Shape of a move: constant acceleration, or limited jerk."
     )
     acc_deg_s2: float = number(
-        450.0 / 1144.0,
-        0.01,
-        20.0,
-        "deg/s2",
-        "paper",
-        "Acceleration (450 deg/s2 at the motor, divided by 1144).",
+        450.0 / 1144.0, 0.01, 20.0, "paper", "Acceleration (450 deg/s2 at the motor, divided by 1144)."
     )
-    dec_deg_s2: float = number(450.0 / 1144.0, 0.01, 20.0, "deg/s2", "paper", "Normal deceleration.")
+    dec_deg_s2: float = number(450.0 / 1144.0, 0.01, 20.0, "paper", "Normal deceleration.")
     jerk_deg_s3: float = number(
-        0.788, 0.01, 40.0, "deg/s3", "estimate", 'Jerk of a move; only with profile = "jerk_limited".'
+        0.788, 0.01, 40.0, "estimate", 'Jerk of a move; only with profile = "jerk_limited".'
     )
-    jog_release_dec_deg_s2: float = number(
-        2.0, 0.1, 20.0, "deg/s2", "choice", "Deceleration when a jog key is let go."
-    )
-    jog_release_jerk_deg_s3: float = number(
-        20.0, 0.1, 1000.0, "deg/s3", "choice", "Jerk of the jog-release ramp."
-    )
+    jog_release_dec_deg_s2: float = number(2.0, 0.1, 20.0, "choice", "Deceleration when a jog key is let go.")
+    jog_release_jerk_deg_s3: float = number(20.0, 0.1, 1000.0, "choice", "Jerk of the jog-release ramp.")
     quick_dec_deg_s2: float = number(
-        5.4, 0.1, 30.0, "deg/s2", "derived", "Deceleration of the quick stop, a step without jerk limit."
+        5.4, 0.1, 30.0, "derived", "Deceleration of the quick stop, a step without jerk limit."
     )

@@ -10,16 +10,12 @@ from gantryctl.machine.tables.fields import Table, choice, number, switch, table
 class CanInputsTable(Table):
     """[can.inputs]: bits of object 60FD; -1 = not wired, the input then counts as good."""
 
-    estop_ok: int = number(
-        16, -1, 31, "-", "choice", "Bit that is 1 while the emergency-stop chain is closed."
-    )
-    enabling_switch: int = number(
-        17, -1, 31, "-", "choice", "Bit that is 1 while the enabling switch is held."
-    )
-    mains_ready: int = number(18, -1, 31, "-", "choice", "Bit that is 1 while the mains are ready.")
-    brake_open: int = number(19, -1, 31, "-", "choice", "Bit that is 1 while the brake's contact says open.")
-    limit_minus: int = number(0, -1, 31, "-", "standard", "Bit that is 1 at the negative limit switch.")
-    limit_plus: int = number(1, -1, 31, "-", "standard", "Bit that is 1 at the positive limit switch.")
+    estop_ok: int = number(16, -1, 31, "choice", "Bit that is 1 while the emergency-stop chain is closed.")
+    enabling_switch: int = number(17, -1, 31, "choice", "Bit that is 1 while the enabling switch is held.")
+    mains_ready: int = number(18, -1, 31, "choice", "Bit that is 1 while the mains are ready.")
+    brake_open: int = number(19, -1, 31, "choice", "Bit that is 1 while the brake's contact says open.")
+    limit_minus: int = number(0, -1, 31, "standard", "Bit that is 1 at the negative limit switch.")
+    limit_plus: int = number(1, -1, 31, "standard", "Bit that is 1 at the positive limit switch.")
 
 
 class CanTable(Table):
@@ -35,51 +31,37 @@ class CanTable(Table):
     channel: str = text(
         "", 200, "choice", "Channel of the interface: can0, a serial port, a multicast address."
     )
-    bitrate: int = number(1_000_000, 10_000, 1_000_000, "bit/s", "choice", "Where the interface sets it.")
+    bitrate: int = number(
+        1_000_000, 10_000, 1_000_000, "choice", "Where the interface sets it.", unit="bit/s"
+    )
     stepped: bool = switch(
         False,
         "choice",
         "true = a virtual drive that is stepped by SYNC: virtual time. Never for a real drive.",
     )
-    node: int = number(2, 1, 127, "-", "choice", "Node id of the drive.")
-    master_node: int = number(127, 1, 127, "-", "choice", "Node id of the controller's heartbeat.")
+    node: int = number(2, 1, 127, "choice", "Node id of the drive.")
+    master_node: int = number(127, 1, 127, "choice", "Node id of the controller's heartbeat.")
     eds: str = text("", 200, "choice", "EDS of the drive, for `gantryctl can scan` and `drive objects`.")
-    increments_per_turn: int = number(
-        524_288, 64, 2**24, "1/turn", "catalogue", "Increments of 6064 per motor turn."
-    )
+    increments_per_turn: int = number(524_288, 64, 2**24, "catalogue", "Increments of 6064 per motor turn.")
     velocity_unit: Literal["inc/s", "r/min", "0.1 r/min", "0.001 r/min"] = choice(
         "inc/s", "catalogue", "Unit of 60FF, 606C and, per second, of 6085."
     )
     torque_reference: float = number(
-        1.0,
-        0.1,
-        10.0,
-        "-",
-        "catalogue",
-        "What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.",
+        1.0, 0.1, 10.0, "catalogue", "What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque."
     )
     inverted: bool = switch(
         False, "choice", "true = the motor's positive direction turns the gantry negative."
     )
     follows_bit: bool = switch(True, "standard", "Bit 12 of 6041 says that the drive follows 60FF.")
-    heartbeat_ms: float = number(50.0, 10.0, 1000.0, "ms", "choice", "Period of both heartbeats.")
+    heartbeat_ms: float = number(50.0, 10.0, 1000.0, "choice", "Period of both heartbeats.")
     heartbeat_timeout_ms: float = number(
-        150.0, 20.0, 5000.0, "ms", "choice", "Without a heartbeat for this long the other one is lost (1016)."
+        150.0, 20.0, 5000.0, "choice", "Without a heartbeat for this long the other one is lost (1016)."
     )
     rpdo_deadline_ms: float = number(
-        50.0,
-        2.0,
-        1000.0,
-        "ms",
-        "choice",
-        "Without a command for this long the drive stops the axis (1400:05).",
+        50.0, 2.0, 1000.0, "choice", "Without a command for this long the drive stops the axis (1400:05)."
     )
-    answer_ms: float = number(
-        2.0, 0.1, 50.0, "ms", "choice", "How long a scan waits for the answers to its SYNC."
-    )
-    sdo_timeout_ms: float = number(
-        500.0, 10.0, 10_000.0, "ms", "choice", "For the answer to one SDO request."
-    )
+    answer_ms: float = number(2.0, 0.1, 50.0, "choice", "How long a scan waits for the answers to its SYNC.")
+    sdo_timeout_ms: float = number(500.0, 10.0, 10_000.0, "choice", "For the answer to one SDO request.")
     side_channel: str = text(
         "",
         100,

@@ -5,23 +5,13 @@ What these laws know about the machine stands in the calibration file (`calibrat
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import Field
 
-from gantryctl.machine.tables.fields import SOURCE, UNIT, Table, number, switch, table, text
+from gantryctl.machine.tables.fields import Table, number, numbers, switch, table, text
 
 MAX_FAST_WAVES = 6
-
-
-def _fast_cycles(default: tuple[float, ...], meaning: str) -> Any:
-    return Field(
-        default=default,
-        min_length=1,
-        max_length=MAX_FAST_WAVES,
-        description=meaning,
-        json_schema_extra={UNIT: "-", SOURCE: "derived"},
-    )
 
 
 class TorqueFeedForwardTable(Table):
@@ -31,27 +21,25 @@ class TorqueFeedForwardTable(Table):
     acceleration: bool = switch(
         False, "choice", "Feed forward the torque that accelerates; jerk-limited only."
     )
-    limit_nm: float = number(60.0, 0.0, 500.0, "N m", "choice", "Largest torque fed forward, motor side.")
+    limit_nm: float = number(60.0, 0.0, 500.0, "choice", "Largest torque fed forward, motor side.")
 
 
 class GearMapTable(Table):
     """[control.compensation.gear_map]: gear error over the turn, from the calibration."""
 
     active: bool = switch(False, "choice", "Apply the map.")
-    cycles_per_turn: tuple[Annotated[float, Field(ge=1.0, le=1e5)], ...] = _fast_cycles(
+    cycles_per_turn: tuple[Annotated[float, Field(ge=1.0, le=1e5)], ...] = numbers(
         (338.0, 1144.0, 2288.0, 4576.0),
+        1,
+        MAX_FAST_WAVES,
+        "derived",
         "Waves per gantry turn to identify beside the slow ones: tooth mesh, motor, wave generator.",
     )
     fade_hz: float = number(
-        8.0,
-        0.1,
-        100.0,
-        "Hz",
-        "choice",
-        "A wave that passes faster is no longer followed: torque for nothing.",
+        8.0, 0.1, 100.0, "choice", "A wave that passes faster is no longer followed: torque for nothing."
     )
     limit_deg: float = number(
-        0.05, 0.0, 0.5, "deg", "choice", "Largest correction of all maps together, the motor's lead."
+        0.05, 0.0, 0.5, "choice", "Largest correction of all maps together, the motor's lead."
     )
 
 
@@ -63,7 +51,7 @@ class WindupTable(Table):
     )
     reversal: bool = switch(False, "choice", "Lost motion of friction and backlash, by the last direction.")
     reversal_length_deg: float = number(
-        0.01, 1e-4, 0.5, "deg", "choice", "Way over which the direction turns round."
+        0.01, 1e-4, 0.5, "choice", "Way over which the direction turns round."
     )
 
 
@@ -72,27 +60,26 @@ class LoadEncoderLoopTable(Table):
 
     active: bool = switch(False, "choice", "Close the loop.")
     own_errors: bool = switch(False, "choice", "Take the encoder's own errors out, from the calibration.")
-    integral_per_s: float = number(1.0, 0.01, 10.0, "1/s", "choice", "Integral gain.")
-    dead_band_deg: float = number(1e-4, 0.0, 0.005, "deg", "choice", "Errors below this are left alone.")
-    limit_deg: float = number(0.05, 0.0, 0.5, "deg", "choice", "Largest correction.")
+    integral_per_s: float = number(1.0, 0.01, 10.0, "choice", "Integral gain.")
+    dead_band_deg: float = number(1e-4, 0.0, 0.005, "choice", "Errors below this are left alone.")
+    limit_deg: float = number(0.05, 0.0, 0.5, "choice", "Largest correction.")
     disagreement_deg: float = number(
         0.05,
         0.001,
         2.5,
-        "deg",
         "choice",
         "Difference of both encoders that trips; supervised if the loop is closed.",
     )
-    disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "ms", "choice", "How long, before it trips.")
+    disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "choice", "How long, before it trips.")
 
 
 class DampingTable(Table):
     """[control.compensation.damping]: the motor yields to the swing of the load; needs the load encoder."""
 
     active: bool = switch(False, "choice", "Damp the swing.")
-    gain: float = number(0.05, 0.0, 0.3, "-", "choice", "Part of the swing that the motor yields to.")
-    filter_ms: float = number(5.0, 0.1, 100.0, "ms", "choice", "Filter of the load speed.")
-    slow_s: float = number(1.0, 0.1, 50.0, "s", "choice", "Twist that lasts longer is no swing.")
+    gain: float = number(0.05, 0.0, 0.3, "choice", "Part of the swing that the motor yields to.")
+    filter_ms: float = number(5.0, 0.1, 100.0, "choice", "Filter of the load speed.")
+    slow_s: float = number(1.0, 0.1, 50.0, "choice", "Twist that lasts longer is no swing.")
 
 
 class CompensationTable(Table):
@@ -102,7 +89,7 @@ class CompensationTable(Table):
         "", 200, "choice", 'Calibration file beside this one, written by `gantryctl identify`; "" = none.'
     )
     latency_us: float = number(
-        0.0, 0.0, 2000.0, "us", "choice", "Age of encoder readings by their time stamp; 0 = not compensated."
+        0.0, 0.0, 2000.0, "choice", "Age of encoder readings by their time stamp; 0 = not compensated."
     )
     torque: TorqueFeedForwardTable = table("Torque feed-forward.", TorqueFeedForwardTable)
     gear_map: GearMapTable = table("Gear-error map.", GearMapTable)

@@ -9,57 +9,46 @@ from gantryctl.machine.tables.fields import Table, number, table
 class ControlTable(Table):
     """[control]: the scan and the position loop."""
 
-    scan_period_ms: float = number(1.0, 0.1, 40.0, "ms", "estimate", "Period of the scan.")
-    kpp_per_s: float = number(10.0, 0.1, 200.0, "1/s", "paper", "Gain of the position loop.")
-    kvf: float = number(1.0, 0.0, 1.5, "-", "paper", "Velocity feed-forward; 1 = 100 %.")
+    scan_period_ms: float = number(1.0, 0.1, 40.0, "estimate", "Period of the scan.")
+    kpp_per_s: float = number(10.0, 0.1, 200.0, "paper", "Gain of the position loop.")
+    kvf: float = number(1.0, 0.0, 1.5, "paper", "Velocity feed-forward; 1 = 100 %.")
     compensation: CompensationTable = table("What goes beyond the paper's loop.", CompensationTable)
 
 
 class MonitorsTable(Table):
     """[monitors]: thresholds of the supervision, at the gantry; times become at least two scans."""
 
-    following_error_base_deg: float = number(
-        0.03, 1e-4, 1.0, "deg", "choice", "Following error at rest that trips."
-    )
+    following_error_base_deg: float = number(0.03, 1e-4, 1.0, "choice", "Following error at rest that trips.")
     following_error_per_speed_s: float = number(
-        0.012, 0.0, 0.5, "s", "choice", "Widening of that band: base + this x |speed|."
+        0.012, 0.0, 0.5, "choice", "Widening of that band: base + this x |speed|."
     )
-    following_error_warning_ratio: float = number(
-        0.5, 0.05, 0.95, "-", "choice", "Part of the band that warns."
-    )
-    following_error_time_ms: float = number(10.0, 1.0, 500.0, "ms", "choice", "How long, before it trips.")
+    following_error_warning_ratio: float = number(0.5, 0.05, 0.95, "choice", "Part of the band that warns.")
+    following_error_time_ms: float = number(10.0, 1.0, 500.0, "choice", "How long, before it trips.")
     velocity_deviation_deg_s: float = number(
-        0.5, 0.001, 10.0, "deg/s", "choice", "Measured against commanded speed that trips."
+        0.5, 0.001, 10.0, "choice", "Measured against commanded speed that trips."
     )
-    velocity_deviation_time_ms: float = number(
-        20.0, 1.0, 1000.0, "ms", "choice", "How long, before it trips."
-    )
-    overspeed_time_ms: float = number(20.0, 1.0, 1000.0, "ms", "choice", "Overspeed before it trips.")
+    velocity_deviation_time_ms: float = number(20.0, 1.0, 1000.0, "choice", "How long, before it trips.")
+    overspeed_time_ms: float = number(20.0, 1.0, 1000.0, "choice", "Overspeed before it trips.")
     standstill_window_deg: float = number(
-        0.02, 1e-5, 1.0, "deg", "choice", "Movement at commanded standstill that trips."
+        0.02, 1e-5, 1.0, "choice", "Movement at commanded standstill that trips."
     )
-    standstill_time_ms: float = number(10.0, 1.0, 500.0, "ms", "choice", "How long, before it trips.")
-    in_position_window_deg: float = number(
-        0.005, 1e-5, 0.2, "deg", "choice", "Distance that counts as arrived."
-    )
-    in_position_dwell_ms: float = number(
-        200.0, 1.0, 10000.0, "ms", "choice", "Time inside the window before Done."
-    )
+    standstill_time_ms: float = number(10.0, 1.0, 500.0, "choice", "How long, before it trips.")
+    in_position_window_deg: float = number(0.005, 1e-5, 0.2, "choice", "Distance that counts as arrived.")
+    in_position_dwell_ms: float = number(200.0, 1.0, 10000.0, "choice", "Time inside the window before Done.")
     in_position_tolerance_time_s: float = number(
-        3.0, 0.1, 100.0, "s", "choice", "Time after the profile's end to come into position, else alarm."
+        3.0, 0.1, 100.0, "choice", "Time after the profile's end to come into position, else alarm."
     )
     torque_saturation_time_ms: float = number(
-        200.0, 1.0, 10000.0, "ms", "choice", "Time at the torque limit before it trips."
+        200.0, 1.0, 10000.0, "choice", "Time at the torque limit before it trips."
     )
     brake_feedback_time_ms: float = number(
-        300.0, 1.0, 10000.0, "ms", "choice", "Time the brake's feedback may differ from its command."
+        300.0, 1.0, 10000.0, "choice", "Time the brake's feedback may differ from its command."
     )
-    power_up_time_ms: float = number(2000.0, 10.0, 60000.0, "ms", "choice", "Longest power-up, then alarm.")
+    power_up_time_ms: float = number(2000.0, 10.0, 60000.0, "choice", "Longest power-up, then alarm.")
     lease_ms: float = number(
         250.0,
         20.0,
         1000.0,
-        "ms",
         "choice",
         "Hold-to-run ends when not renewed for this long; renewals come every 30 ms.",
     )
@@ -68,9 +57,7 @@ class MonitorsTable(Table):
 class AccuracyTable(Table):
     """[accuracy]: the chord test."""
 
-    chord_radius_m: float = number(2.5, 0.1, 20.0, "m", "estimate", "Radius of the tracker's target.")
-    tracker_noise_um: float = number(
-        10.0, 0.0, 500.0, "um", "catalogue", "Tracker noise per coordinate, 1 sigma."
-    )
-    dwell_s: float = number(6.0, 0.1, 300.0, "s", "choice", "Rest at each point.")
-    average_s: float = number(2.0, 0.01, 100.0, "s", "choice", "Last part of the rest that is averaged.")
+    chord_radius_m: float = number(2.5, 0.1, 20.0, "estimate", "Radius of the tracker's target.")
+    tracker_noise_um: float = number(10.0, 0.0, 500.0, "catalogue", "Tracker noise per coordinate, 1 sigma.")
+    dwell_s: float = number(6.0, 0.1, 300.0, "choice", "Rest at each point.")
+    average_s: float = number(2.0, 0.01, 100.0, "choice", "Last part of the rest that is averaged.")

@@ -10,31 +10,24 @@ from gantryctl.machine.tables.fields import Table, choice, number, switch, table
 class SpeedLoopTable(Table):
     """[drive.speed_loop]: speed PI of the simulated drive; a real drive keeps its own."""
 
-    cycle_us: float = number(125.0, 10.0, 5000.0, "us", "catalogue", "Period of the drive's speed loop.")
-    kvp_nm_s_per_rad: float = number(
-        77.6959, 0.01, 2000.0, "N m s/rad", "paper", "Proportional gain, at the motor."
-    )
-    tvi_ms: float = number(10.0, 0.1, 500.0, "ms", "paper", "Integral time.")
-    delay_cycles: int = number(1, 0, 1, "-", "estimate", "Drive cycles from reading the speed to the torque.")
+    cycle_us: float = number(125.0, 10.0, 5000.0, "catalogue", "Period of the drive's speed loop.")
+    kvp_nm_s_per_rad: float = number(77.6959, 0.01, 2000.0, "paper", "Proportional gain, at the motor.")
+    tvi_ms: float = number(10.0, 0.1, 500.0, "paper", "Integral time.")
+    delay_cycles: int = number(1, 0, 1, "estimate", "Drive cycles from reading the speed to the torque.")
     feedback: Literal["ideal", "interpolated", "counts"] = choice(
         "interpolated",
         "catalogue",
         "Speed from the true angle, from lines x interpolation, or from counts_per_turn.",
     )
     overload_time_s: float = number(
-        60.0,
-        0.1,
-        600.0,
-        "s",
-        "estimate",
-        "How long the highest torque may be drawn, then rated torque (I2t).",
+        60.0, 0.1, 600.0, "estimate", "How long the highest torque may be drawn, then rated torque (I2t)."
     )
 
 
 class CurrentLoopTable(Table):
     """[drive.current_loop]: first-order current loop of the simulated drive."""
 
-    bandwidth_hz: float = number(600.0, 10.0, 10000.0, "Hz", "catalogue", "Corner frequency of the torque.")
+    bandwidth_hz: float = number(600.0, 10.0, 10000.0, "catalogue", "Corner frequency of the torque.")
     ideal: bool = switch(False, "choice", "true = the torque follows at once.")
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import Any, Final, Literal, TypeAlias
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
+
+from gantryctl.units import name_ending
 
 Source: TypeAlias = Literal["paper", "catalogue", "standard", "derived", "estimate", "calibrated", "choice"]
 """Where a default comes from; "choice" is a decision of this product, `plant.md` explains the others."""
@@ -12,47 +15,77 @@ Source: TypeAlias = Literal["paper", "catalogue", "standard", "derived", "estima
 UNIT: Final = "unit"
 SOURCE: Final = "source"
 
+# By the end of a key, as the reference page, the messages and the JSON schema write it.
+UNITS: Final = {
+    "deg": "deg", "deg_s": "deg/s", "deg_s2": "deg/s2", "deg_s3": "deg/s3", "rad": "rad", "rad_s": "rad/s",
+    "r_min": "r/min", "nm": "N m", "nm_per_rad": "N m/rad", "nm_s_per_rad": "N m s/rad", "kg": "kg",
+    "kg_m2": "kg m2", "m": "m", "mm": "mm", "um": "um", "s": "s", "ms": "ms", "us": "us", "days": "d", "hours": "h",
+    "hz": "Hz", "per_s": "1/s", "kw": "kW", "a": "A", "turns": "turns", "per_turn": "1/turn", "cycles_per_turn": "-",
+}  # fmt: skip
+
+
+def unit_of(key: str, info: FieldInfo) -> str:
+    """The unit of a field: what its declaration says, else what its name ends with; "-" for a pure number."""
+    notes = info.json_schema_extra
+    given = str(notes.get(UNIT, "")) if isinstance(notes, dict) else ""
+    return given or UNITS.get(name_ending(f"_{key}", UNITS), "-")
+
+
+def _add_units(schema: dict[str, Any], model: type[BaseModel]) -> None:
+    for key, info in model.model_fields.items():
+        if not (isinstance(info.annotation, type) and issubclass(info.annotation, Table)):
+            schema["properties"][key][UNIT] = unit_of(key, info)
+
 
 class Table(BaseModel):
     """One table of the machine file: immutable, without unknown keys, without NaN or infinity."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-
-
-def number(default: float, low: float, high: float, unit: str, source: Source, meaning: str) -> Any:
-    """Declare a number with a default, both bounds included; `unit` is "-" for a pure number."""
-    return Field(
-        default=default,
-        ge=low,
-        le=high,
-        description=meaning,
-        json_schema_extra={UNIT: unit, SOURCE: source},
+    model_config = ConfigDict(
+        frozen=True,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        json_schema_extra=_add_units,
+        model_title_generator=lambda model: model.__name__.removesuffix("Table"),
     )
 
 
-def required_number(usual: float, low: float, high: float, unit: str, meaning: str) -> Any:
+def number(default: float, low: float, high: float, source: Source, meaning: str, unit: str = "") -> Any:
+    """Declare a number with a default, both bounds included; `unit` only where the key does not end with it."""
+    return Field(
+        default=default, ge=low, le=high, description=meaning, json_schema_extra={UNIT: unit, SOURCE: source}
+    )
+
+
+def numbers(default: tuple[float, ...], least: int, most: int, source: Source, meaning: str) -> Any:
+    """Declare an array of `least` to `most` numbers, whose bounds stand in the annotation."""
+    return Field(
+        default=default,
+        min_length=least,
+        max_length=most,
+        description=meaning,
+        json_schema_extra={SOURCE: source},
+    )
+
+
+def required_number(usual: float, low: float, high: float, meaning: str, unit: str = "") -> Any:
     """Declare a number that every machine file must give; `usual` is the reference machine's value."""
     return Field(ge=low, le=high, description=meaning, examples=[usual], json_schema_extra={UNIT: unit})
 
 
 def choice(default: str, source: Source, meaning: str) -> Any:
     """Declare one word out of the annotation's `Literal`."""
-    return Field(default=default, description=meaning, json_schema_extra={UNIT: "-", SOURCE: source})
+    return Field(default=default, description=meaning, json_schema_extra={SOURCE: source})
 
 
 def switch(default: bool, source: Source, meaning: str) -> Any:
     """Declare a true/false field."""
-    return Field(default=default, description=meaning, json_schema_extra={UNIT: "-", SOURCE: source})
+    return Field(default=default, description=meaning, json_schema_extra={SOURCE: source})
 
 
 def text(default: str, longest: int, source: Source, meaning: str) -> Any:
     """Declare a free text of at most `longest` characters."""
-    return Field(
-        default=default,
-        max_length=longest,
-        description=meaning,
-        json_schema_extra={UNIT: "-", SOURCE: source},
-    )
+    return Field(default=default, max_length=longest, description=meaning, json_schema_extra={SOURCE: source})
 
 
 def table(meaning: str, default: type[Table] | None = None) -> Any:

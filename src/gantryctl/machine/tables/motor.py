@@ -10,49 +10,37 @@ from gantryctl.machine.tables.fields import Table, choice, number, required_numb
 class MotorTable(Table):
     """[motor]: name plate, at the motor shaft."""
 
-    power_rated_kw: float = required_number(31.0, 0.1, 500.0, "kW", "Rated power.")
-    torque_rated_nm: float = required_number(257.0, 1.0, 5000.0, "N m", "Rated torque.")
+    power_rated_kw: float = required_number(31.0, 0.1, 500.0, "Rated power.")
+    torque_rated_nm: float = required_number(257.0, 1.0, 5000.0, "Rated torque.")
     torque_max_nm: float = required_number(
-        385.0, 1.0, 10000.0, "N m", "Torque limit, one value everywhere (CiA 402 object 6072)."
+        385.0, 1.0, 10000.0, "Torque limit, one value everywhere (CiA 402 object 6072)."
     )
-    speed_rated_r_min: float = required_number(1150.0, 10.0, 10000.0, "r/min", "Rated speed.")
-    speed_max_r_min: float = required_number(2000.0, 10.0, 15000.0, "r/min", "Highest permitted speed.")
-    current_rated_a: float = number(69.0, 0.5, 1000.0, "A", "paper", "Rated current, r.m.s.")
-    power_factor: float = number(0.89, 0.3, 1.0, "-", "paper", "Power factor at rated power.")
-    efficiency: float = number(0.921, 0.3, 1.0, "-", "paper", "Efficiency at rated power.")
-    inertia_kg_m2: float = required_number(
-        0.232, 1e-5, 5.0, "kg m2", "Rotor inertia, without what is mounted on it."
-    )
+    speed_rated_r_min: float = required_number(1150.0, 10.0, 10000.0, "Rated speed.")
+    speed_max_r_min: float = required_number(2000.0, 10.0, 15000.0, "Highest permitted speed.")
+    current_rated_a: float = number(69.0, 0.5, 1000.0, "paper", "Rated current, r.m.s.")
+    power_factor: float = number(0.89, 0.3, 1.0, "paper", "Power factor at rated power.")
+    efficiency: float = number(0.921, 0.3, 1.0, "paper", "Efficiency at rated power.")
+    inertia_kg_m2: float = required_number(0.232, 1e-5, 5.0, "Rotor inertia, without what is mounted on it.")
 
 
 class ReducerTable(Table):
     """[reducer]: limits of the reducer, at its output."""
 
-    torque_rated_nm: float = number(17600.0, 10.0, 2e5, "N m", "paper", "Rated torque at the reducer output.")
+    torque_rated_nm: float = number(17600.0, 10.0, 2e5, "paper", "Rated torque at the reducer output.")
     torque_momentary_nm: float = number(
-        35200.0,
-        10.0,
-        5e5,
-        "N m",
-        "estimate",
-        "Torque at the reducer output that a stop may draw for a moment.",
+        35200.0, 10.0, 5e5, "estimate", "Torque at the reducer output that a stop may draw for a moment."
     )
 
 
 class EncoderTable(Table):
     """[encoder]: absolute multiturn encoder on the motor shaft."""
 
-    counts_per_turn: int = required_number(8192, 64, 2**25, "1/turn", "Absolute steps per motor turn.")
-    turns: int = required_number(4096, 1, 65536, "turns", "Motor turns told apart before the encoder wraps.")
-    lines: int = number(2048, 1, 65536, "1/turn", "catalogue", "Sine/cosine lines per motor turn.")
-    interpolation: int = number(2048, 1, 65536, "-", "catalogue", "Interpolated steps per line.")
+    counts_per_turn: int = required_number(8192, 64, 2**25, "Absolute steps per motor turn.")
+    turns: int = required_number(4096, 1, 65536, "Motor turns told apart before the encoder wraps.")
+    lines: int = number(2048, 1, 65536, "catalogue", "Sine/cosine lines per motor turn.", unit="1/turn")
+    interpolation: int = number(2048, 1, 65536, "catalogue", "Interpolated steps per line.")
     wrap_margin_min_deg: float = number(
-        5.0,
-        0.1,
-        180.0,
-        "deg",
-        "choice",
-        "Least distance between travel and the wrap of the encoder, at the gantry.",
+        5.0, 0.1, 180.0, "choice", "Least distance between travel and the wrap of the encoder, at the gantry."
     )
 
     @property
@@ -69,42 +57,31 @@ class BrakeTable(Table):
         "choice",
         "Who works the brake: the drive's state machine, an output of ours, or CiA 402 object 60FE.",
     )
-    torque_nm: float = number(
-        400.0, 1.0, 10000.0, "N m", "estimate", "Torque of the closed brake at the motor."
-    )
-    close_time_ms: float = number(150.0, 1.0, 2000.0, "ms", "estimate", "From command to full torque.")
-    open_time_ms: float = number(100.0, 1.0, 2000.0, "ms", "estimate", "From command to no torque.")
+    torque_nm: float = number(400.0, 1.0, 10000.0, "estimate", "Torque of the closed brake at the motor.")
+    close_time_ms: float = number(150.0, 1.0, 2000.0, "estimate", "From command to full torque.")
+    open_time_ms: float = number(100.0, 1.0, 2000.0, "estimate", "From command to no torque.")
     hold: Literal["servo", "brake"] = choice("servo", "choice", "What holds the axis at standstill.")
     hold_brake_after_s: float = number(
-        30.0, 0.5, 1000.0, "s", "choice", 'Standstill before the brake closes; only with hold = "brake".'
+        30.0, 0.5, 1000.0, "choice", 'Standstill before the brake closes; only with hold = "brake".'
     )
     proof_torque_nm: float = number(
-        30.0,
-        0.1,
-        1000.0,
-        "N m",
-        "choice",
-        "Torque the drive must build against the closed brake before it opens.",
+        30.0, 0.1, 1000.0, "choice", "Torque the drive must build against the closed brake before it opens."
     )
     test_torque_nm: float = number(
         70.0,
         0.1,
         5000.0,
-        "N m",
         "derived",
         "Brake test: torque that the closed brake must bear both ways, 1.3 x the check moment or more.",
     )
-    test_interval_days: float = number(
-        7.0, 0.1, 366.0, "d", "choice", "The next brake test is due after so long."
-    )
+    test_interval_days: float = number(7.0, 0.1, 366.0, "choice", "The next brake test is due after so long.")
     test_interval_power_ups: int = number(
-        100, 1, 5000, "-", "choice", "... or after so many power-ups, whichever comes first."
+        100, 1, 5000, "choice", "... or after so many power-ups, whichever comes first."
     )
     sag_max_deg: float = number(
         0.02,
         1e-4,
         1.0,
-        "deg",
         "choice",
         "Movement after release, or under the brake test, that is too much; at the gantry.",
     )

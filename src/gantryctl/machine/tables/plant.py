@@ -6,7 +6,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, field_validator
 
-from gantryctl.machine.tables.fields import SOURCE, UNIT, Table, choice, number, switch, table, text
+from gantryctl.machine.tables.fields import Table, choice, number, numbers, switch, table, text
 
 RING_HARMONICS = 12
 PHASES = 18
@@ -21,24 +21,21 @@ _PHASES_RAD = (
 class LoadTable(Table):
     """[plant.load]: everything that turns with the gantry, about the gantry axis."""
 
-    inertia_kg_m2: float = number(
-        2.18e6, 1e3, 2e7, "kg m2", "paper", "Inertia of gantry, magnets, counterweight."
-    )
-    mass_kg: float = number(2.0e5, 100.0, 5e6, "kg", "estimate", "Turning mass.")
-    eccentricity_m: float = number(0.00815, 0.0, 0.3, "m", "calibrated", "Centre of mass off the axis.")
+    inertia_kg_m2: float = number(2.18e6, 1e3, 2e7, "paper", "Inertia of gantry, magnets, counterweight.")
+    mass_kg: float = number(2.0e5, 100.0, 5e6, "estimate", "Turning mass.")
+    eccentricity_m: float = number(0.00815, 0.0, 0.3, "calibrated", "Centre of mass off the axis.")
     eccentric_angle_deg: float = number(
-        0.0, -180.0, 180.0, "deg", "paper", "Gantry angle at which the eccentric moment is zero."
+        0.0, -180.0, 180.0, "paper", "Gantry angle at which the eccentric moment is zero."
     )
     eccentric_sign: float = number(
         -1.0,
         -1.0,
         1.0,
-        "-",
         "calibrated",
         "-1: restoring at that angle; +1: falling away from it. Nothing between.",
     )
     eccentric_check_moment_nm: float = number(
-        50000.0, 0.0, 2e6, "N m", "choice", "Eccentric moment that stops and brake are proved with."
+        50000.0, 0.0, 2e6, "choice", "Eccentric moment that stops and brake are proved with."
     )
 
     @field_validator("eccentric_sign")
@@ -53,137 +50,118 @@ class PlantMotorTable(Table):
     """[plant.motor]: what the motor's name plate does not say, at the motor shaft."""
 
     wave_generator_inertia_kg_m2: float = number(
-        0.13,
-        0.0,
-        5.0,
-        "kg m2",
-        "estimate",
-        "Wave generator, coupling and brake rotor; not in the paper's Js.",
+        0.13, 0.0, 5.0, "estimate", "Wave generator, coupling and brake rotor; not in the paper's Js."
     )
-    torque_ripple_nm: float = number(1.9, 0.0, 100.0, "N m", "catalogue", "Amplitude of the torque ripple.")
-    torque_ripple_order: int = number(12, 1, 200, "1/turn", "estimate", "Ripple periods per motor turn.")
+    torque_ripple_nm: float = number(1.9, 0.0, 100.0, "catalogue", "Amplitude of the torque ripple.")
+    torque_ripple_order: int = number(12, 1, 200, "estimate", "Ripple periods per motor turn.", unit="1/turn")
 
 
 class TransmissionTable(Table):
     """[plant.transmission]: stiffness, damping, hysteresis and backlash from motor to ring."""
 
     reducer_stiffness_1_nm_per_rad: float = number(
-        4.6e6, 1e4, 1e8, "N m/rad", "catalogue", "First slope, at the reducer output."
+        4.6e6, 1e4, 1e8, "catalogue", "First slope, at the reducer output."
     )
     reducer_stiffness_2_nm_per_rad: float = number(
-        6.4e6, 1e4, 1e8, "N m/rad", "catalogue", "Second slope, at the reducer output."
+        6.4e6, 1e4, 1e8, "catalogue", "Second slope, at the reducer output."
     )
     reducer_stiffness_3_nm_per_rad: float = number(
-        8.1e6, 1e4, 1e8, "N m/rad", "catalogue", "Third slope, at the reducer output."
+        8.1e6, 1e4, 1e8, "catalogue", "Third slope, at the reducer output."
     )
-    reducer_torque_1_nm: float = number(
-        1850.0, 1.0, 1e5, "N m", "catalogue", "End of the first slope, same place."
-    )
-    reducer_torque_2_nm: float = number(
-        6680.0, 1.0, 3e5, "N m", "catalogue", "End of the second slope, same place."
-    )
+    reducer_torque_1_nm: float = number(1850.0, 1.0, 1e5, "catalogue", "End of the first slope, same place.")
+    reducer_torque_2_nm: float = number(6680.0, 1.0, 3e5, "catalogue", "End of the second slope, same place.")
     rest_stiffness_nm_per_rad: float = number(
-        1.5e9, 1e6, 5e10, "N m/rad", "estimate", "Everything behind the reducer in series, at the gantry."
+        1.5e9, 1e6, 5e10, "estimate", "Everything behind the reducer in series, at the gantry."
     )
-    damping_ratio: float = number(0.025, 0.0, 0.5, "-", "estimate", "Damping ratio with the motor locked.")
+    damping_ratio: float = number(0.025, 0.0, 0.5, "estimate", "Damping ratio with the motor locked.")
     hysteresis_torque_nm: float = number(
-        2000.0, 0.0, 1e5, "N m", "catalogue", "Half width of the hysteresis without load, at the gantry."
+        2000.0, 0.0, 1e5, "catalogue", "Half width of the hysteresis without load, at the gantry."
     )
-    hysteresis_load_ratio: float = number(
-        0.1, 0.0, 1.0, "-", "calibrated", "Its part in proportion to the load."
-    )
+    hysteresis_load_ratio: float = number(0.1, 0.0, 1.0, "calibrated", "Its part in proportion to the load.")
     hysteresis_length_rad: float = number(
-        1.0e-5, 1e-7, 5e-4, "rad", "estimate", "Pre-sliding length of the hysteresis, at the gantry."
+        1.0e-5, 1e-7, 5e-4, "estimate", "Pre-sliding length of the hysteresis, at the gantry."
     )
-    backlash_mm: float = number(0.05, 0.0, 2.0, "mm", "calibrated", "Backlash at the ring's pitch circle.")
+    backlash_mm: float = number(0.05, 0.0, 2.0, "calibrated", "Backlash at the ring's pitch circle.")
 
 
 class GearErrorTable(Table):
     """[plant.gear_error]: the gear-error map, at the ring's pitch circle or at the reducer output."""
 
-    ring_radius_m: float = number(2.366, 0.1, 20.0, "m", "estimate", "Radius of the ring's pitch circle.")
-    pinion_teeth: int = number(26, 6, 500, "-", "estimate", "Teeth of the pinion.")
-    ring_um: tuple[Annotated[float, Field(ge=0.0, le=1000.0)], ...] = Field(
-        default=_RING_UM,
-        min_length=1,
-        max_length=RING_HARMONICS,
-        description="Ring error, one amplitude per harmonic of the gantry turn; missing harmonics are zero.",
-        json_schema_extra={UNIT: "um", SOURCE: "standard"},
+    ring_radius_m: float = number(2.366, 0.1, 20.0, "estimate", "Radius of the ring's pitch circle.")
+    pinion_teeth: int = number(26, 6, 500, "estimate", "Teeth of the pinion.")
+    ring_um: tuple[Annotated[float, Field(ge=0.0, le=1000.0)], ...] = numbers(
+        _RING_UM,
+        1,
+        RING_HARMONICS,
+        "standard",
+        "Ring error, one amplitude per harmonic of the gantry turn; missing harmonics are zero.",
     )
-    reducer_2x_rad: float = number(4.0e-5, 0.0, 2e-3, "rad", "catalogue", "Two cycles per motor turn.")
-    reducer_1x_rad: float = number(1.5e-5, 0.0, 8e-4, "rad", "estimate", "One cycle per motor turn.")
-    reducer_4x_rad: float = number(1.0e-5, 0.0, 5e-4, "rad", "estimate", "Four cycles per motor turn.")
-    output_1x_rad: float = number(
-        9.0e-5, 0.0, 5e-3, "rad", "catalogue", "One cycle per turn of the reducer output."
-    )
-    pinion_1x_um: float = number(20.0, 0.0, 1000.0, "um", "standard", "Run-out of the pinion.")
-    mesh_um: float = number(8.0, 0.0, 400.0, "um", "standard", "Tooth mesh.")
-    scale: float = number(1.2, 0.0, 20.0, "-", "calibrated", "Factor on every amplitude of this table.")
-    phases_rad: tuple[Annotated[float, Field(ge=-6.3, le=6.3)], ...] = Field(
-        default=_PHASES_RAD,
-        min_length=PHASES,
-        max_length=PHASES,
-        description="Phases: 12 ring harmonics, reducer 2x, 1x, 4x, pinion and output 1x, mesh, one unused. "
+    reducer_2x_rad: float = number(4.0e-5, 0.0, 2e-3, "catalogue", "Two cycles per motor turn.")
+    reducer_1x_rad: float = number(1.5e-5, 0.0, 8e-4, "estimate", "One cycle per motor turn.")
+    reducer_4x_rad: float = number(1.0e-5, 0.0, 5e-4, "estimate", "Four cycles per motor turn.")
+    output_1x_rad: float = number(9.0e-5, 0.0, 5e-3, "catalogue", "One cycle per turn of the reducer output.")
+    pinion_1x_um: float = number(20.0, 0.0, 1000.0, "standard", "Run-out of the pinion.")
+    mesh_um: float = number(8.0, 0.0, 400.0, "standard", "Tooth mesh.")
+    scale: float = number(1.2, 0.0, 20.0, "calibrated", "Factor on every amplitude of this table.")
+    phases_rad: tuple[Annotated[float, Field(ge=-6.3, le=6.3)], ...] = numbers(
+        _PHASES_RAD,
+        PHASES,
+        PHASES,
+        "calibrated",
+        "Phases: 12 ring harmonics, reducer 2x, 1x, 4x, pinion and output 1x, mesh, one unused. "
         "The defaults are fitted to the paper's table 2, not predicted.",
-        json_schema_extra={UNIT: "rad", SOURCE: "calibrated"},
     )
 
 
 class RollerFrictionTable(Table):
     """[plant.roller_friction]: the support rollers, at the gantry."""
 
-    coulomb_nm: float = number(6000.0, 0.0, 2e5, "N m", "derived", "Friction while turning.")
-    breakaway_nm: float = number(6800.0, 0.0, 3e5, "N m", "estimate", "Friction at the start.")
-    stribeck_deg_s: float = number(
-        0.02, 1e-4, 1.0, "deg/s", "estimate", "Speed over which one becomes the other."
-    )
-    viscous_nm_s_per_rad: float = number(2.0e4, 0.0, 1e6, "N m s/rad", "estimate", "Grease and seals.")
-    presliding_rad: float = number(3.0e-5, 1e-7, 1e-3, "rad", "estimate", "Angle before the rollers slide.")
+    coulomb_nm: float = number(6000.0, 0.0, 2e5, "derived", "Friction while turning.")
+    breakaway_nm: float = number(6800.0, 0.0, 3e5, "estimate", "Friction at the start.")
+    stribeck_deg_s: float = number(0.02, 1e-4, 1.0, "estimate", "Speed over which one becomes the other.")
+    viscous_nm_s_per_rad: float = number(2.0e4, 0.0, 1e6, "estimate", "Grease and seals.")
+    presliding_rad: float = number(3.0e-5, 1e-7, 1e-3, "estimate", "Angle before the rollers slide.")
     micro_damping: float = number(
-        0.3, 0.0, 5.0, "-", "estimate", "Damping before sliding: this x sqrt(stiffness x J)."
+        0.3, 0.0, 5.0, "estimate", "Damping before sliding: this x sqrt(stiffness x J)."
     )
 
 
 class MotorFrictionTable(Table):
     """[plant.motor_friction]: motor, seals and reducer input, at the motor shaft."""
 
-    coulomb_nm: float = number(5.5, 0.0, 200.0, "N m", "estimate", "Friction while turning.")
-    breakaway_nm: float = number(6.5, 0.0, 300.0, "N m", "estimate", "Friction at the start.")
-    stribeck_rad_s: float = number(
-        1.0, 0.001, 50.0, "rad/s", "estimate", "Speed over which one becomes the other."
-    )
-    viscous_nm_s_per_rad: float = number(0.03, 0.0, 1.0, "N m s/rad", "estimate", "Growth with speed.")
-    load_ratio: float = number(0.1, 0.0, 0.9, "-", "estimate", "Part of the transmitted torque that is lost.")
-    presliding_rad: float = number(0.005, 1e-5, 0.2, "rad", "estimate", "Motor angle before it slides.")
+    coulomb_nm: float = number(5.5, 0.0, 200.0, "estimate", "Friction while turning.")
+    breakaway_nm: float = number(6.5, 0.0, 300.0, "estimate", "Friction at the start.")
+    stribeck_rad_s: float = number(1.0, 0.001, 50.0, "estimate", "Speed over which one becomes the other.")
+    viscous_nm_s_per_rad: float = number(0.03, 0.0, 1.0, "estimate", "Growth with speed.")
+    load_ratio: float = number(0.1, 0.0, 0.9, "estimate", "Part of the transmitted torque that is lost.")
+    presliding_rad: float = number(0.005, 1e-5, 0.2, "estimate", "Motor angle before it slides.")
     micro_damping: float = number(
-        0.3, 0.0, 5.0, "-", "estimate", "Damping before sliding: this x sqrt(stiffness x J)."
+        0.3, 0.0, 5.0, "estimate", "Damping before sliding: this x sqrt(stiffness x J)."
     )
 
 
 class BaseTable(Table):
     """[plant.base]: rocking of roller frames and plinth about the gantry axis."""
 
-    inertia_kg_m2: float = number(6.0e5, 1e3, 2e7, "kg m2", "estimate", "Effective rocking inertia.")
-    frequency_hz: float = number(7.0, 0.5, 200.0, "Hz", "estimate", "Rocking frequency.")
-    damping_ratio: float = number(0.03, 0.0, 0.9, "-", "estimate", "Damping ratio of the rocking.")
+    inertia_kg_m2: float = number(6.0e5, 1e3, 2e7, "estimate", "Effective rocking inertia.")
+    frequency_hz: float = number(7.0, 0.5, 200.0, "estimate", "Rocking frequency.")
+    damping_ratio: float = number(0.03, 0.0, 0.9, "estimate", "Damping ratio of the rocking.")
 
 
 class PlantBrakeTable(Table):
     """[plant.brake]: how the closed brake gives way."""
 
-    presliding_rad: float = number(
-        5.0e-4, 1e-6, 0.02, "rad", "estimate", "Motor angle before the brake slides."
-    )
+    presliding_rad: float = number(5.0e-4, 1e-6, 0.02, "estimate", "Motor angle before the brake slides.")
     torque_share: float = number(
-        1.0, 0.001, 3.0, "-", "choice", "Part of [brake] torque_nm that it really has; below 1 it is worn."
+        1.0, 0.001, 3.0, "choice", "Part of [brake] torque_nm that it really has; below 1 it is worn."
     )
 
 
 class PlantEncoderTable(Table):
     """[plant.encoder]: how the simulated encoder is mounted."""
 
-    latency_us: float = number(62.5, 0.0, 2000.0, "us", "estimate", "Age of the angle when it is read.")
-    mounting_turns: int = number(2048, 0, 65536, "turns", "choice", "Encoder turns at gantry 0 deg.")
+    latency_us: float = number(62.5, 0.0, 2000.0, "estimate", "Age of the angle when it is read.")
+    mounting_turns: int = number(2048, 0, 65536, "choice", "Encoder turns at gantry 0 deg.")
     serial: str = text("SIM-0001", 40, "choice", "Serial number the simulated encoder reports.")
 
 
@@ -195,10 +173,10 @@ class LoadEncoderTable(Table):
     """[plant.load_encoder]: optional encoder on the ring."""
 
     fitted: bool = switch(False, "choice", "The controller can read it; measuring runs can in any case.")
-    bits: int = number(26, 8, 32, "bit", "estimate", "Steps per gantry turn, as a power of two.")
-    noise_rad: float = number(2.0e-7, 0.0, 1e-5, "rad", "estimate", "Noise, r.m.s.")
-    scale_error_rad: float = number(4.0e-6, 0.0, 2e-4, "rad", "estimate", "Amplitude of the scale-error map.")
-    latency_us: float = number(62.5, 0.0, 2000.0, "us", "estimate", "Age of the angle when it is read.")
+    bits: int = number(26, 8, 32, "estimate", "Steps per gantry turn, as a power of two.", unit="bit")
+    noise_rad: float = number(2.0e-7, 0.0, 1e-5, "estimate", "Noise, r.m.s.")
+    scale_error_rad: float = number(4.0e-6, 0.0, 2e-4, "estimate", "Amplitude of the scale-error map.")
+    latency_us: float = number(62.5, 0.0, 2000.0, "estimate", "Age of the angle when it is read.")
 
 
 class SwitchesTable(Table):
@@ -222,7 +200,7 @@ class IntegrationTable(Table):
     scheme: Literal["one_evaluation", "rk4"] = choice(
         "one_evaluation", "choice", "One force evaluation per drive cycle, or classical Runge-Kutta."
     )
-    rk4_steps: int = number(2, 1, 64, "-", "choice", 'Sub-steps per drive cycle; only with scheme = "rk4".')
+    rk4_steps: int = number(2, 1, 64, "choice", 'Sub-steps per drive cycle; only with scheme = "rk4".')
 
 
 class PlantTable(Table):
