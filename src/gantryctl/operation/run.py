@@ -19,7 +19,7 @@ from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_fa
 from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, open_axis
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
-from gantryctl.program import AxisState, BrakeTestResult, GantryProgram, PowerPhase, Reaction, Refusal
+from gantryctl.program import AxisState, BrakeTestResult, GantryProgram, Reaction, Refusal
 from gantryctl.program.axis.command_checks import check_direction, check_overdue, check_setting, check_target
 from gantryctl.runtime import Engine, FixedOperator, keeps_time
 from gantryctl.units import deg, rad
@@ -159,7 +159,7 @@ class AxisRun:
             speed_deg_s=deg(vel),
             following_error_deg=deg(axis.pos_err_rad),
             state=_words(axis.state),
-            time_left_s=max(0.0, self._plan_end_s - time_s) if moves else None,
+            time_left_s=max(0.0, axis.plan_end_s - time_s) if moves else None,
         )
 
     # --- commands ------------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ class AxisRun:
         """Come to rest, close the brake, take the torque off."""
         self._powered = False
         self._command(power=False, forward=False, reverse=False, move=False)
-        self._follow(lambda: self._off and self.axis.virtual.at_rest, REST_S, watch=False)
+        self._follow(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)
 
     def move(self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0) -> Motion:
         """Move to an angle and wait until the axis stands there; powers up where that was not done.
@@ -278,7 +278,7 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text)
             return
-        self._follow(lambda: self._off, REST_S, watch=False)
+        self._follow(lambda: self.axis.is_off, REST_S, watch=False)
         raise AlarmStop(late or (first.text if first is not None else ""))
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -301,28 +301,17 @@ class AxisRun:
     def _finished(self, start_s: float, *, lease: bool = False) -> Motion:
         """Wait until the motion has ended one way or the other."""
         self._moves += 1
-        self._follow(lambda: self._at_rest, self.axis.virtual.plan.duration + REST_S, lease=lease)
-        end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self._plan_end_s)
+        self._follow(lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S, lease=lease)
+        end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
         done = self.stop is Stop.NO and self._at_rest and not self.axis.monitors.not_in_position
         command = self.operator.command
         return Motion(start_s, end_s, done, settled_s, deg(command.speed_rad_s) * command.override)
 
     @property
-    def _plan_end_s(self) -> float:
-        virtual = self.axis.virtual
-        return virtual.start_scan * self.engine.period_s + virtual.plan.duration
-
-    @property
     def _at_rest(self) -> bool:
         """Nothing moves or waits; also after an alarm."""
-        motion = self.axis.motion
-        quiet = motion.current is None and motion.waiting is None and self.axis.virtual.at_rest
-        return quiet or self.axis.alarms.first_out is not None
-
-    @property
-    def _off(self) -> bool:
-        return self.axis.power.phase is PowerPhase.OFF
+        return self.axis.at_rest or self.axis.alarms.first_out is not None
 
     # --- scanning ------------------------------------------------------------------------------------------------
 
@@ -393,7 +382,7 @@ class AxisRun:
         try:
             if self.engine.failure is not None:
                 self.engine.run_for(_POWER_S)
-            elif not self._off:
+            elif not self.axis.is_off:
                 self.power_down()
         finally:
             self._timed.close()

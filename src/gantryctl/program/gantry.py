@@ -122,8 +122,7 @@ class GantryProgram(AxisProgram):
 
     def _choose_mode(self, op: OperatorCommand) -> None:
         """At standstill only; keys that are held now start nothing in the new mode."""
-        motion = self.axis.motion
-        if motion.current is None and motion.waiting is None and self.axis.virtual.at_rest:
+        if self.axis.at_rest:
             self.mode = op.mode
             self._keys_dead = op.forward or op.reverse
         else:

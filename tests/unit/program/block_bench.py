@@ -1,9 +1,8 @@
 """A program that calls the blocks which a test puts into it."""
 
-from gantryctl.program import AxisProgram
-from gantryctl.program.blocks import (
-    Power,
-)
+from gantryctl.program import AxisProgram, AxisState
+from gantryctl.program.blocks import Power
+from unit.program.rig import Rig
 
 FINAL = ("done", "command_aborted", "error")
 
@@ -20,6 +19,14 @@ class Bench(AxisProgram):
         self.power(enable=True)
         for block, inputs in self.calls.items():
             block(**inputs)
+
+
+def standing():
+    """An axis with power on, in position at 0 deg."""
+    rig = Rig(Bench)
+    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 5.0)
+    rig.run(0.3)
+    return rig
 
 
 def call(rig, block, **inputs):

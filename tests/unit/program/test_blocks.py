@@ -18,17 +18,13 @@ from gantryctl.program.blocks import (
     Stop,
 )
 from gantryctl.units import deg, rad
-from unit.program.block_bench import FINAL, Bench, call, outputs
+from unit.program.block_bench import FINAL, Bench, call, outputs, standing
 from unit.program.rig import Rig
 
 
 @pytest.fixture
 def rig():
-    """An axis with power on, in position at 0 deg."""
-    rig = Rig(Bench)
-    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 5.0)
-    rig.run(0.3)
-    return rig
+    return standing()
 
 
 # --- Execute, Busy, Active, Done, CommandAborted, Error -------------------------------------------

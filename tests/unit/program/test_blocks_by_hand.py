@@ -5,6 +5,7 @@ import math
 import pytest
 
 from gantryctl.program import AxisState
+from gantryctl.program.axis.reference import Reference
 from gantryctl.program.blocks import (
     Home,
     Inch,
@@ -21,17 +22,13 @@ from gantryctl.program.blocks import (
     SetPosition,
 )
 from gantryctl.units import deg, rad
-from unit.program.block_bench import Bench, call, outputs
+from unit.program.block_bench import Bench, call, outputs, standing
 from unit.program.rig import COUNTS_PER_DEG, ZERO_COUNTS, Rig
 
 
 @pytest.fixture
 def rig():
-    """An axis with power on, in position at 0 deg."""
-    rig = Rig(Bench)
-    rig.until(lambda: rig.axis.state is AxisState.STANDSTILL, 5.0)
-    rig.run(0.3)
-    return rig
+    return standing()
 
 
 # --- by hand --------------------------------------------------------------------------------------
@@ -216,7 +213,7 @@ def test_set_position_is_refused_where_the_encoder_would_wrap():
     for raw_deg, refused in ((184.0, True), (186.0, False), (1289.0 - 184.0, True)):
         counts = raw_deg * COUNTS_PER_DEG
         rig.axis.feedback.counts = counts
-        result = rig.axis._check_reference(0.0)
+        result = Reference(rig.axis.settings, rig.axis.feedback, None).check(0.0, standing=True)
         assert (result is not None) == refused, raw_deg
         if result is not None:
             assert "the encoder would wrap" in result.text

@@ -1,4 +1,4 @@
-"""The axis as a program sees it: commands, status, trace."""
+"""The axis: one scan of it, and what a program may ask of it."""
 
 from __future__ import annotations
 
@@ -6,16 +6,25 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gantryctl._core import Segments
-from gantryctl.image import DriveState
+from gantryctl._core import PositionLaw
+from gantryctl.image import InputImage, OutputImage
 from gantryctl.motion import SetPoint, stop_point
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import Refusal, refusal
-from gantryctl.program.axis.axis_scan import AxisScan
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
-from gantryctl.program.axis.states import AxisState
+from gantryctl.program.axis.commands import MotionCommands
+from gantryctl.program.axis.load_side import LoadSide
+from gantryctl.program.axis.permission import why_no_brake_test, why_no_torque
+from gantryctl.program.axis.reference import Reference
+from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.power.phases import PowerPhase
-from gantryctl.program.virtual_axis import OVERRIDE_MIN
+from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.settings import AxisSettings, StandstillPolicy
+from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
 from gantryctl.units import deg
 
 TRACE_COLUMNS: Final = (
@@ -33,16 +42,18 @@ TRACE_COLUMNS: Final = (
 )
 """What every axis writes per scan; all at the gantry but the torque, which is the motor's."""
 
-_NO_POWER: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN)
+_OFF: Final = PowerPhase.OFF
+_ON: Final = PowerPhase.ON
+_new = tuple.__new__  # builds an image in half the time of its constructor
 
 
-class Axis(AxisScan):
+class Axis:
     """One axis. A program calls `begin(image)`, then its own logic, then `end()`, once per scan.
 
     The order inside a scan is fixed: (edges,) alarms, interlocks, power, the program's mode logic, virtual
     axis, position loop, output guard. While no monitor acts and the axis follows, the set-point of scan k
     is `plan.sample((k - start_scan) x period)` and the speed command is `PositionLaw.scan` of it, bit for
-    bit.
+    bit (decision 5).
 
     Args:
         settings: the machine, in SI.
@@ -55,50 +66,162 @@ class Axis(AxisScan):
         pos_act_rad, pos_err_rad: measured angle; set-point minus measured angle, 0 while not following.
         vel_cmd_rad_s: the last speed command, motor side.
         zero_counts: encoder count at 0 deg; SetPosition and Home change it, and then it is to be retained.
-        alarms: what is wrong, first-out, history.
+        alarms: active alarms, first-out, history.
         refusal, refusal_count: the last command that was refused, and how many there were.
-        power, virtual, motion, monitors, feedback: its parts, to look at.
+        brake_test: the brake test and its last result.
+        plans: every plan taken with its start scan, if asked for with `keep_plans`.
+        power, virtual, motion, monitors, feedback, recovery: the parts, for reading.
     """
 
-    __slots__ = ()
+    __slots__ = (
+        "_error", "_events", "_hold_scans", "_law", "_ratio", "_reference", "_settled", "_switching_off",
+        "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
+        "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
+        "scan", "settings", "state", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+    )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS
+
+    def __init__(self, settings: AxisSettings, zero_counts: float, *, keep_plans: bool = False) -> None:
+        law = settings.law
+        self.settings = settings
+        self.zero_counts = zero_counts
+        self._ratio = law.ratio
+        self._vel_max = settings.speed.command_clamp_rad_s * law.ratio
+        self._torque_max = settings.power.torque_max_nm
+        position_law = PositionLaw(law.kpp_per_s, law.kvf, law.ratio, law.counts_per_turn, self._vel_max)
+        self._law = position_law.scan
+        self.alarms = AlarmLog()
+        self.feedback = Feedback(settings, self.alarms)
+        self.load_side = (
+            None
+            if settings.compensation is None
+            else LoadSide(settings, settings.compensation, position_law, self.feedback, self.alarms)
+        )
+        self.virtual = VirtualAxis(settings, keep_plans=keep_plans)
+        self.plans = self.virtual.plans
+        self.power = PowerSequence(settings, self.feedback, self.alarms)
+        self.brake_test = self.power.brake_test
+        self.interlocks = Interlocks(settings, self.feedback, self.alarms)
+        self.monitors = Monitors(settings, self.feedback, self.virtual, self.power.holding, self.alarms)
+        self.motion = MotionCommands(
+            settings, self.virtual, self.power, self.monitors, self.interlocks, self.alarms
+        )
+        self.recovery = Recovery(settings, self.feedback, self.power, self.alarms)
+        self._reference = Reference(settings, self.feedback, self.load_side)
+        self.state = AxisState.DISABLED
+        self.scan = -1
+        self.time_s = 0.0
+        self.pos_act_rad = self.pos_err_rad = self.vel_cmd_rad_s = self._vel_next = 0.0
+        power = settings.power
+        self._hold_scans = (
+            settings.scans(power.hold_brake_after_s)
+            if power.standstill is StandstillPolicy.BRAKE
+            else math.inf
+        )
+        self.refusal: Refusal | None = None
+        self.refusal_count = 0
+        self._error = self._switching_off = False
+        self._settled = True
+        self._events = AxisEvents(False, False, False, None)
+
+    def begin(self, image: InputImage) -> None:
+        """Take the image: feedback, set-point, monitors, reactions, power."""
+        scan, time_s, drive, _ = image
+        alarms, feedback, virtual, power = self.alarms, self.feedback, self.virtual, self.power
+        feedback.periods = scan - self.scan
+        self.scan = self.motion.scan = alarms.scan = scan
+        self.time_s = alarms.time_s = time_s
+        feedback.scan(drive, self.vel_cmd_rad_s)
+        counts = feedback.counts - self.zero_counts
+        virtual.changed = False
+        if virtual.following:
+            virtual.sample(scan)
+            if self.load_side is None:
+                self._vel_next, pos, self.pos_err_rad = self._law(
+                    virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts
+                )
+            else:
+                self._vel_next, pos, self.pos_err_rad = self.load_side.scan(virtual, counts)
+            self.pos_act_rad = alarms.pos_rad = pos
+            self.monitors.scan(pos, self.pos_err_rad, self.vel_cmd_rad_s)
+        else:
+            if self.load_side is None:
+                _, pos, _ = self._law(0.0, 0.0, counts)
+            else:
+                pos = self.load_side.resting(counts)
+            self.pos_act_rad = alarms.pos_rad = pos
+            virtual.release(pos)
+            self.monitors.scan_released(pos)
+        self.interlocks.scan(pos, power.phase is not _OFF)
+        power.step(pos)
+        if alarms.pending or self._error or self._switching_off or self.recovery.resetting:
+            self._interrupted()
+        if power.phase is _ON:
+            if not virtual.following:
+                self._follow()
+            elif self.monitors.rest_scans >= self._hold_scans:
+                self._hold_with_brake()
+        elif virtual.following:
+            self._unfollow()
+        self.motion.progress()
+
+    def end(self) -> OutputImage:
+        """What this scan says to the drive, after the program's logic; decides on the axis state."""
+        virtual, power, motion = self.virtual, self.power, self.motion
+        vel_cmd = 0.0
+        torque = power.torque_ff_nm
+        if virtual.following:
+            if virtual.changed:
+                self._control_again()
+            vel_cmd = self._vel_next
+            if self.load_side is not None:
+                torque += self.load_side.torque_ff_nm
+        vel_max, torque_max = self._vel_max, self._torque_max
+        if not (-vel_max <= vel_cmd <= vel_max and -torque_max <= torque <= torque_max):
+            vel_cmd, torque = self._guard(vel_cmd, torque)
+        self.vel_cmd_rad_s = vel_cmd
+        current = motion.current
+        events = (
+            self._error,
+            power.status,
+            motion.stop_command is not None or (self._switching_off and not virtual.at_rest),
+            None if current is None else current.state,
+        )
+        if events != self._events or not self._settled:
+            self._decide(AxisEvents(*events))
+        return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
+
+    def _control_again(self) -> None:
+        """The program took a new plan in this scan: the position loop once more, for its set-point."""
+        virtual, counts = self.virtual, self.feedback.counts - self.zero_counts
+        self._vel_next, self.pos_act_rad, self.pos_err_rad = (
+            self._law(virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts)
+            if self.load_side is None
+            else self.load_side.scan_again(virtual, counts)
+        )
 
     # --- asked for by programs and blocks ---------------------------------------------------------
 
     def power_on(self) -> Refusal | None:
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
-        if self.power.brake_test.under_way:
+        if self.brake_test.under_way:
             return refusal(Code.PWR_04, measured="a brake test is under way")
-        if self.power.phase is not PowerPhase.OFF:
+        if not self.is_off:
             if self._switching_off or self.power.falling or self.power.phase is PowerPhase.TORQUE_HOLD:
                 return refusal(Code.PWR_04, measured="the axis is still being switched off")
             return None
-        reason = self._no_torque(None)
-        if reason is not None:
-            return refusal(Code.PWR_04, measured=reason)
-        self.power.switch_on()
-        return None
+        refused = why_no_torque(self.feedback, self.alarms)
+        if refused is None:
+            self.power.switch_on()
+        return refused
 
     def begin_brake_test(self) -> Refusal | None:
         """Begin a brake test; None when it was accepted. `brake_test.under_way` tells when it has ended."""
-        power = self.power
-        if self.brake_test.under_way:
-            return refusal(Code.CTL_14, measured="a brake test is under way already")
-        if self.settings.power.untestable:
-            return refusal(Code.CTL_14, measured=f"not testable here: {self.settings.power.untestable}")
-        if power.phase is not PowerPhase.OFF:
-            return refusal(Code.CTL_14, measured="a brake test begins with power off: switch it off first")
-        room = self.settings.power.torque_max_nm - abs(power.holding.mean_nm)
-        level = self.brake_test.level_nm
-        if not level <= room:
-            text = f"a brake test with {level:.1f} N m and the load are more than the motor's torque limit"
-            return refusal(Code.CTL_14, measured=text)
-        reason = self._no_torque(Code.BRK_08)
-        if reason is not None:
-            return refusal(Code.PWR_04, measured=reason)
-        power.begin_test()
-        return None
+        refused = why_no_brake_test(self.settings.power, self.power, self.feedback, self.alarms)
+        if refused is None:
+            self.power.begin_test()
+        return refused
 
     def judge_brake(self, *, overdue: bool) -> None:
         """Limit the speed of later commands while the brake test is overdue (BRK-12).
@@ -113,38 +236,19 @@ class Axis(AxisScan):
 
     def stop(self) -> MotionCommand:
         """To rest on the jog-release ramp, held until released; a brake test under way ends."""
-        if self.power.brake_test.under_way:
+        if self.brake_test.under_way:
             self.abort_brake_test("stopped")
             command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
             command.status = CommandStatus.DONE
             return command
         return self.motion.stop()
 
-    def _no_torque(self, but: Code | None) -> str | None:
-        """Why the drive may not be enabled now; the alarm `but` does not count."""
-        inputs, first = self.feedback.inputs, self.alarms.first_out
-        reason = None
-        blocking = self.alarms.blocking(but)
-        if first is not None:
-            reason = f"{first.code} is latched ({first.measured}): reset first"
-        elif blocking is not None:
-            reason = f"{blocking.code} is active ({blocking.measured}): {blocking.definition.before_motion}"
-        elif not inputs.estop_ok:
-            reason = "the emergency-stop chain is open"
-        elif not inputs.mains_ready:
-            reason = "the mains are not ready"
-        elif self.feedback.state in _NO_POWER:
-            reason = "the drive is in fault or its state is unknown: reset first"
-        elif not self.feedback.position_valid:
-            reason = "the position is not valid: service must compare the angle and reset"
-        return reason
-
     def power_off(self) -> None:
         """Come to rest on the jog-release ramp, close the brake, take the torque off."""
-        if self.power.brake_test.under_way:
+        if self.brake_test.under_way:
             self.abort_brake_test("power was switched off")
             return
-        if self.power.phase is PowerPhase.OFF or self._error or self._switching_off:
+        if self.is_off or self._error or self._switching_off:
             return
         self.motion.abort_for_power_off()
         self._switching_off = True
@@ -157,7 +261,7 @@ class Axis(AxisScan):
 
     def quick_stop(self) -> None:
         """QUICK STOP asked for by a person: ErrorStop afterwards."""
-        if self.power.phase is not PowerPhase.OFF:
+        if not self.is_off:
             speed = deg(self.feedback.vel_rad_s)
             self.alarms.raise_(Code.INT_06, measured=deg(self.pos_act_rad), speed=speed)
             self._interrupted()
@@ -202,12 +306,11 @@ class Axis(AxisScan):
 
     def set_position(self, position_rad: float) -> Refusal | None:
         """Call the present angle `position_rad`; only at standstill, and never so that the encoder wraps."""
-        refused = self._check_reference(position_rad)
+        resting = self.state in (AxisState.STANDSTILL, AxisState.DISABLED) and not self.brake_test.under_way
+        refused = self._reference.check(position_rad, resting and self.at_rest)
         if refused is not None:
             return refused
-        counts_per_rad = self.settings.law.counts_per_turn * self.settings.law.ratio / (2.0 * math.pi)
-        motor_rad = position_rad if self.load_side is None else self.load_side.new_reference(position_rad)
-        self.zero_counts = self.feedback.counts - motor_rad * counts_per_rad
+        self.zero_counts = self._reference.zero_counts(position_rad)
         self.power.rebase()
         self.pos_act_rad = position_rad
         if self.virtual.following:
@@ -232,38 +335,97 @@ class Axis(AxisScan):
         self.refusal = reason
         self.refusal_count += 1
 
-    def _check_reference(self, position_rad: float) -> Refusal | None:
-        travel, law = self.settings.travel, self.settings.law
-        if not travel.pos_min_rad <= position_rad <= travel.pos_max_rad:
-            allowed = f"within {deg(travel.pos_min_rad):.2f} and {deg(travel.pos_max_rad):.2f} deg"
-            measured = f"{deg(position_rad):.6g} deg"
-            return refusal(Code.CTL_01, name="position", allowed=allowed, measured=measured)
-        standing = (
-            self.state in (AxisState.STANDSTILL, AxisState.DISABLED) and not self.power.brake_test.under_way
-        )
-        if not standing or self.motion.current is not None or self.motion.waiting is not None:
-            return refusal(Code.CTL_14, measured="a new reference needs standstill")
-        if not self.virtual.at_rest or abs(self.feedback.vel_rad_s) > self.settings.speed.creep_rad_s:
-            return refusal(Code.CTL_14, measured="a new reference needs standstill")
-        turn_rad = 2.0 * math.pi / law.ratio  # one motor turn at the gantry
-        raw_rad = self.feedback.counts / law.counts_per_turn * turn_rad
-        low = raw_rad - position_rad + travel.pos_min_rad
-        high = raw_rad - position_rad + travel.pos_max_rad
-        margin = min(low, law.turns * turn_rad - high)
-        if margin < law.wrap_margin_rad:
-            text = (
-                f"the encoder would wrap {deg(margin):.2f} deg from the travel, "
-                f"at least {deg(law.wrap_margin_rad):.2f} deg wanted"
-            )
-            return refusal(Code.CTL_14, measured=text)
-        return None
+    # --- the slow paths ---------------------------------------------------------------------------
 
-    # --- looked at --------------------------------------------------------------------------------
+    def _guard(self, vel_cmd: float, torque_nm: float) -> tuple[float, float]:
+        """Nothing that is no number or over its limit reaches the drive: stop, command 0."""
+        what = f"speed command {vel_cmd}" if not -self._vel_max <= vel_cmd <= self._vel_max else (
+            f"torque command {torque_nm}"
+        )  # fmt: skip
+        self.alarms.raise_(Code.CTL_02, measured=what)
+        self._react()
+        self._unfollow()
+        torque = torque_nm if -self._torque_max <= torque_nm <= self._torque_max else 0.0
+        return 0.0, torque
+
+    def _interrupted(self) -> None:
+        """An alarm to act on, an alarm latched, power going off, or a reset under way."""
+        if self.alarms.pending:
+            self._react()
+        if self._error:
+            self.recovery.scan(self.scan, self.pos_act_rad)
+        if self._switching_off and self.virtual.at_rest:
+            self._switching_off = False
+            self.power.switch_off()
+        if self.recovery.resetting and self.recovery.finished():
+            self._reset_now()
+
+    def _react(self) -> None:
+        """Take the strongest reaction that waits; what it stops ends with the first alarm as its error."""
+        reaction, self.alarms.pending = self.alarms.pending, Reaction.W
+        first = self.alarms.first_out
+        if reaction is Reaction.HLT and (blocking := self.alarms.blocking()) is not None:
+            self.motion.stop_by(blocking.refusal)
+        if first is None or reaction < Reaction.QUICK_STOP:
+            return
+        self._error = True
+        self._switching_off = False
+        self.motion.fail_all(first.refusal)
+        self.recovery.stop_begun(first)
+        self.power.react(reaction)
+
+    def _reset_now(self) -> None:
+        """Forget the alarms; the axis stays as it is: Reset never enables."""
+        if self.recovery.service:
+            self.feedback.accept_position()
+            self.power.rebase()
+        self.alarms.clear()
+        self.monitors.reset()
+        self._error = False
+        self.power.release_hold()
+
+    def _follow(self) -> None:
+        """Power is on: the set-point is where the axis is, and the axis follows from now on."""
+        self.virtual.follow_from(self.pos_act_rad, self.scan)
+        if self.load_side is not None:
+            self.load_side.begin()
+        self.monitors.reset()
+        self.monitors.open_the_way_back(self.pos_act_rad)
+
+    def _unfollow(self) -> None:
+        """The drive ramps by itself or is going off: the set-point is where the axis is."""
+        self.virtual.release(self.pos_act_rad)
+        self.pos_err_rad = 0.0
+
+    def _hold_with_brake(self) -> None:
+        motion = self.motion
+        if motion.current is None and motion.stop_command is None and not self._switching_off:
+            self.power.park()
+            self._unfollow()
+
+    def _decide(self, events: AxisEvents) -> None:
+        self._events = events
+        before, self.state = self.state, next_state(self.state, events)
+        self._settled = before is self.state
+        self.motion.state = self.state
+
+    # --- status -------------------------------------------------------------------------------------
 
     @property
-    def plans(self) -> list[tuple[int, Segments]]:
-        """Every plan taken with its start scan, if asked for with `keep_plans`."""
-        return self.virtual.plans
+    def at_rest(self) -> bool:
+        """No motion under way or waiting for the brake, and the set-point at rest."""
+        motion = self.motion
+        return motion.current is None and motion.waiting is None and self.virtual.at_rest
+
+    @property
+    def is_off(self) -> bool:
+        """Power is off: drive disabled, brake closed."""
+        return self.power.phase is _OFF
+
+    @property
+    def plan_end_s(self) -> float:
+        """Axis time at which the set-point comes, or came, to rest."""
+        return self.virtual.start_scan * self.settings.period_s + self.virtual.plan.duration
 
     @property
     def in_position(self) -> bool:
@@ -280,16 +442,6 @@ class Axis(AxisScan):
         """A motion is under way or waits for the brake, and override 0 holds it back."""
         motion, virtual = self.motion, self.virtual
         return virtual.paused or (motion.waiting is not None and virtual.override < OVERRIDE_MIN)
-
-    @property
-    def switching_off(self) -> bool:
-        """Power was taken back and the axis is coming to rest before it goes down."""
-        return self._switching_off
-
-    @property
-    def resetting(self) -> bool:
-        """A reset is under way."""
-        return self.recovery.resetting
 
     def stopping_angle_rad(self) -> float:
         """How far the set-point would still go if a hold-to-run key were released now."""

@@ -73,9 +73,10 @@ class Reset(Block):
             self.done = False
             self._fail(None)
         self._execute = execute
-        if self.busy and not self.axis.resetting:
+        recovery = self.axis.recovery
+        if self.busy and not recovery.resetting:
             self.busy = False
-            reason = self.axis.recovery.failure
+            reason = recovery.failure
             self.done = reason is None
             if reason is not None:
                 self._refused(reason)

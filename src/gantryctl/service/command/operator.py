@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.machine import Machine
-from gantryctl.program import Code, GantryProgram, PowerPhase
+from gantryctl.program import Code, GantryProgram
 from gantryctl.program.power.phases import RISING
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
@@ -85,8 +85,7 @@ class ServiceOperator:
     @property
     def at_rest(self) -> bool:
         """No motion under way or waiting."""
-        axis = self.program.axis
-        return axis.motion.current is None and axis.motion.waiting is None and axis.virtual.at_rest
+        return self.program.axis.at_rest
 
     @property
     def frame(self) -> int:
@@ -290,7 +289,7 @@ class ServiceOperator:
         }[tag]
 
     def _power(self, on: bool) -> bool:
-        if on and self.levels.power and self.program.axis.power.phase is not PowerPhase.OFF:
+        if on and self.levels.power and not self.program.axis.is_off:
             return True
         if not on:
             self.hold.end()

@@ -23,7 +23,6 @@ from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation.opening import set_up_again
 from gantryctl.operation.store import StateStore
-from gantryctl.program import PowerPhase
 from gantryctl.runtime import failure_text
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -148,7 +147,7 @@ class Controller:
             return False
         now_s = time.monotonic()
         self._end_s = min(self._end_s, now_s + END_S)
-        resting = self.axis.power.phase is PowerPhase.OFF and self.operator.at_rest
+        resting = self.axis.is_off and self.operator.at_rest
         return resting or now_s > self._end_s
 
     def _watch(self) -> None:
@@ -162,7 +161,7 @@ class Controller:
         retainer.retained = self.brake.scan(before, retainer.power_ups, engine.time_s)
         if retainer.retained is not before:
             retainer.start("brake test")
-        on = self.axis.power.phase is not PowerPhase.OFF
+        on = not self.axis.is_off
         if on is not self._powered:
             self._powered = on
             self._switched(on)
@@ -175,7 +174,7 @@ class Controller:
         if not self.permit.held:
             self.engine.overrun_stop = None
             self.retainer.retained = replace(self.retainer.retained, error_stop="")
-        if self.axis.power.phase is not PowerPhase.OFF:
+        if not self.axis.is_off:
             return
         try:
             if not set_up_again(self.engine):

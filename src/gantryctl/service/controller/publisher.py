@@ -117,7 +117,6 @@ class Publisher:
         virtual, feedback = axis.virtual, axis.feedback
         vel = feedback.vel_rad_s
         pos = deg(axis.pos_act_rad)
-        end_s = virtual.start_scan * engine.period_s + virtual.plan.duration
         monitors, travel = axis.settings.monitors, self._machine.axis
         trip = monitors.following_error_base_rad + monitors.following_error_per_speed_s * abs(
             virtual.vel_ref_rad_s
@@ -134,7 +133,7 @@ class Publisher:
             "torque_expected_nm": self._expected_nm(),
             "overload": feedback.overload,
             "target_deg": deg(virtual.plan.pos_end) if virtual.following else pos,
-            "time_left_s": max(0.0, end_s - engine.time_s) if virtual.following else 0.0,
+            "time_left_s": max(0.0, axis.plan_end_s - engine.time_s) if virtual.following else 0.0,
             "stopping_angle_deg": deg(axis.stopping_angle_rad()),
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
             "travel_left_minus_deg": pos - travel.pos_min_deg,

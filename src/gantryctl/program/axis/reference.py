@@ -1,0 +1,59 @@
+"""The reference of the angle: the encoder count at 0 deg, and when it may be set anew. Nothing moves."""
+
+from __future__ import annotations
+
+import math
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.axis.load_side import LoadSide
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg
+
+
+class Reference:
+    """Sets the present angle by a new encoder count at 0 deg.
+
+    There is no homing motion: the encoder is absolute, so only the direct form of PLCopen's homing exists.
+    """
+
+    __slots__ = ("_creep_rad_s", "_feedback", "_law", "_load_side", "_travel")
+
+    def __init__(self, settings: AxisSettings, feedback: Feedback, load_side: LoadSide | None) -> None:
+        self._travel, self._law = settings.travel, settings.law
+        self._creep_rad_s = settings.speed.creep_rad_s
+        self._feedback, self._load_side = feedback, load_side
+
+    def check(self, position_rad: float, standing: bool) -> Refusal | None:
+        """Refuse an angle outside the travel, or from which the encoder would wrap near the travel.
+
+        Args:
+            standing: the axis is in Standstill or Disabled, and nothing is under way.
+        """
+        travel, law = self._travel, self._law
+        if not travel.pos_min_rad <= position_rad <= travel.pos_max_rad:
+            allowed = f"within {deg(travel.pos_min_rad):.2f} and {deg(travel.pos_max_rad):.2f} deg"
+            measured = f"{deg(position_rad):.6g} deg"
+            return refusal(Code.CTL_01, name="position", allowed=allowed, measured=measured)
+        if not standing or abs(self._feedback.vel_rad_s) > self._creep_rad_s:
+            return refusal(Code.CTL_14, measured="a new reference needs standstill")
+        turn_rad = 2.0 * math.pi / law.ratio  # one motor turn at the gantry
+        raw_rad = self._feedback.counts / law.counts_per_turn * turn_rad
+        low = raw_rad - position_rad + travel.pos_min_rad
+        high = raw_rad - position_rad + travel.pos_max_rad
+        margin = min(low, law.turns * turn_rad - high)
+        # A wrap inside the travel is a jump of the angle by the whole range at some later move.
+        if margin < law.wrap_margin_rad:
+            text = (
+                f"the encoder would wrap {deg(margin):.2f} deg from the travel, "
+                f"at least {deg(law.wrap_margin_rad):.2f} deg wanted"
+            )
+            return refusal(Code.CTL_14, measured=text)
+        return None
+
+    def zero_counts(self, position_rad: float) -> float:
+        """Encoder count at 0 deg, when the gantry stands at `position_rad` now."""
+        counts_per_rad = self._law.counts_per_turn * self._law.ratio / (2.0 * math.pi)
+        motor_rad = position_rad if self._load_side is None else self._load_side.new_reference(position_rad)
+        return self._feedback.counts - motor_rad * counts_per_rad
