@@ -6,16 +6,14 @@ The gateway parses a message to refuse it early; the controller parses it again 
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Callable, Mapping
-from typing import Any, Final, NamedTuple, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gantryctl.errors import GantryctlError
-from gantryctl.image import Mode
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Action, Role
-
-_SAFE_INTEGER: Final = 2**53
 
 
 class MessageRefused(GantryctlError):
@@ -59,31 +57,6 @@ class Message(NamedTuple):
     values: dict[str, Any]
 
 
-Check: TypeAlias = Callable[[Any], bool]
-
-
-def _whole(value: Any) -> bool:
-    return type(value) is int and 0 <= value <= _SAFE_INTEGER
-
-
-def _number(value: Any) -> bool:
-    return type(value) in (int, float) and -1e9 < value < 1e9 and math.isfinite(value)
-
-
-def _flag(value: Any) -> bool:
-    return type(value) is bool
-
-
-def _lease(value: Any) -> bool:
-    return isinstance(value, str) and len(value) == 16 and all(c in "0123456789abcdef" for c in value)
-
-
-def _one_of(*words: str) -> Check:
-    return lambda value: isinstance(value, str) and value in words
-
-
-_MODES: Final = tuple(mode.name.lower() for mode in Mode)
-_DIRECTION: Final = _one_of("forward", "reverse")
 SETTABLE: Final = {
     "speed_setting_deg_s": Action.SPEED,
     "increment_deg": Action.INCREMENT,
@@ -95,30 +68,170 @@ SETTABLE: Final = {
 ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_LOCKED}
 """What `arm` takes, with the action that it is."""
 
-FIELDS: Final[dict[str, dict[str, Check]]] = {
-    "alive": {},
-    "take": {"over": _flag},
-    "give": {},
-    "power": {"on": _flag},
-    "mode": {"mode": _one_of(*_MODES)},
-    "jog": {"lease": _lease, "direction": _DIRECTION},
-    "renew": {"lease": _lease},
-    "release": {"lease": _lease},
-    "increment": {"direction": _DIRECTION},
-    "move": {"target_deg": _number},
-    "halt": {},
-    "stop": {},
-    "quick_stop": {},
-    "reset": {},
-    "acknowledge": {"id": _whole},
-    "set": {"tag": _one_of(*SETTABLE), "value": _number},
-    "arm": {"action": _one_of(*ARMABLE)},
-    "brake_test": {},
-}
-"""Every message with its own keys."""
+Whole: TypeAlias = Annotated[int, Field(ge=0, le=2**53)]
+"""A safe integer: JavaScript holds no larger one exactly."""
+Number: TypeAlias = Annotated[float, Field(gt=-1e9, lt=1e9, allow_inf_nan=False)]
+Lease: TypeAlias = Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
+Direction: TypeAlias = Literal["forward", "reverse"]
 
-WITHOUT_EPOCH: Final = frozenset({"alive", "stop", "quick_stop", "release"})
-"""Stopping and letting go are never too late."""
+
+class Untimed(BaseModel):
+    """Keys of every message. Stopping and letting go are never too late: an epoch is not read."""
+
+    # Strict: a string is no number and True is no 1, whatever a language of clients makes of it (SEC-05).
+    model_config = ConfigDict(strict=True, extra="forbid")
+    seq: Whole
+    frame: Whole
+    epoch: Any = None
+
+
+class Timed(Untimed):
+    """Keys of a message that is refused in another epoch than its own."""
+
+    epoch: Whole
+
+
+class Alive(Untimed):
+    """Sign of life of the holder of control."""
+
+    type: Literal["alive"]
+
+
+class Take(Timed):
+    """Take control, with `over` from another holder."""
+
+    type: Literal["take"]
+    over: bool
+
+
+class Give(Timed):
+    """Give control back."""
+
+    type: Literal["give"]
+
+
+class Power(Timed):
+    """Switch power on or off."""
+
+    type: Literal["power"]
+    on: bool
+
+
+class ChooseMode(Timed):
+    """Choose the motion mode."""
+
+    type: Literal["mode"]
+    mode: Literal["none", "continuous", "incremental"]
+
+
+class Jog(Timed):
+    """Press a key: begin hold-to-run."""
+
+    type: Literal["jog"]
+    lease: Lease
+    direction: Direction
+
+
+class Renew(Timed):
+    """Renew the lease of a held key."""
+
+    type: Literal["renew"]
+    lease: Lease
+
+
+class Release(Untimed):
+    """Let a key go."""
+
+    type: Literal["release"]
+    lease: Lease
+
+
+class Increment(Timed):
+    """Move by one increment."""
+
+    type: Literal["increment"]
+    direction: Direction
+
+
+class Move(Timed):
+    """Move to an angle."""
+
+    type: Literal["move"]
+    target_deg: Number
+
+
+class Halt(Timed):
+    """End the motion on the normal ramp."""
+
+    type: Literal["halt"]
+
+
+class Stop(Untimed):
+    """Stop on the jog-release ramp."""
+
+    type: Literal["stop"]
+
+
+class QuickStop(Untimed):
+    """Stop by a quick stop."""
+
+    type: Literal["quick_stop"]
+
+
+class Reset(Timed):
+    """Reset alarms."""
+
+    type: Literal["reset"]
+
+
+class Acknowledge(Timed):
+    """Mark an alarm as seen."""
+
+    type: Literal["acknowledge"]
+    id: Whole
+
+
+class Set(Timed):
+    """Change a setting."""
+
+    type: Literal["set"]
+    tag: Literal["speed_setting_deg_s", "increment_deg", "override_percent", "acc_setting_deg_s2"]
+    value: Number
+
+
+class Arm(Timed):
+    """Arm an action that takes two steps."""
+
+    type: Literal["arm"]
+    action: Literal["brake_test", "reset_locked"]
+
+
+class StartBrakeTest(Timed):
+    """Execute the armed brake test."""
+
+    type: Literal["brake_test"]
+
+
+AnyMessage: TypeAlias = Annotated[
+    Alive | Take | Give | Power | ChooseMode | Jog | Renew | Release | Increment | Move | Halt | Stop
+    | QuickStop | Reset | Acknowledge | Set | Arm | StartBrakeTest,
+    Field(discriminator="type"),
+]  # fmt: skip
+"""Every message to the service; its JSON schema is `MESSAGES.json_schema()`."""
+MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
+_COMMON: Final = frozenset({"type", *Timed.model_fields})
+
+
+def _models() -> Iterator[tuple[str, type[Untimed]]]:
+    for model in get_args(get_args(AnyMessage)[0]):
+        yield get_args(model.model_fields["type"].annotation)[0], model
+
+
+FIELDS: Final = {
+    kind: tuple(name for name in model.model_fields if name not in _COMMON) for kind, model in _models()
+}
+"""Keys that a message of a type has beside those of all messages."""
+WITHOUT_EPOCH: Final = frozenset(kind for kind, model in _models() if not issubclass(model, Timed))
 FREE: Final = frozenset({"alive", "renew", "release", "stop", "quick_stop"})
 """Not counted with the commands by the rate limit: each has a limit of its own."""
 SILENT: Final = frozenset({"alive", "renew"})
@@ -160,7 +273,7 @@ def parse(text: str | bytes) -> Message:
         return checked(found)
     except MessageRefused as refused:
         seq = found.get("seq") if isinstance(found, dict) else 0
-        refused.seq = seq if _whole(seq) and isinstance(seq, int) else 0
+        refused.seq = seq if type(seq) is int and 0 <= seq <= 2**53 else 0
         raise
 
 
@@ -168,20 +281,28 @@ def checked(found: object) -> Message:
     """The same for a message that is JSON values already."""
     if not isinstance(found, dict):
         raise MessageRefused("SEC-05", "a message is one JSON object")
-    kind = found.get("type")
-    fields = FIELDS.get(kind) if isinstance(kind, str) else None
-    if fields is None or not isinstance(kind, str):
-        raise MessageRefused("SEC-05", "unknown type of message")
-    known: dict[str, Check] = {"seq": _whole, "frame": _whole, **fields}
-    if kind not in WITHOUT_EPOCH:
-        known["epoch"] = _whole
-    wrong = sorted((set(found) - {"type", "epoch"}) ^ (set(known) - {"epoch"}))
-    wrong += [name for name in known if name not in found or not known[name](found[name])]
-    if wrong:
-        raise MessageRefused("SEC-05", f"{kind}: {wrong[0][:40]!a} is missing, unknown or of a wrong type")
-    values = {name: found[name] for name in fields}
-    epoch = found["epoch"] if "epoch" in known else None
-    return Message(kind, found["seq"], found["frame"], epoch, values)
+    try:
+        MESSAGES.validate_python(found)
+    except ValidationError as fault:
+        kind = found.get("type")
+        if not isinstance(kind, str) or kind not in FIELDS:
+            raise MessageRefused("SEC-05", "unknown type of message") from None
+        wrong = _first_wrong(fault)
+        raise MessageRefused(
+            "SEC-05", f"{kind}: {wrong[:40]!a} is missing, unknown or of a wrong type"
+        ) from None
+    kind = found["type"]
+    # The values as they came: 40 stays a whole number in the journal, where a float would read 40.0.
+    values = {name: found[name] for name in FIELDS[kind]}
+    return Message(
+        kind, found["seq"], found["frame"], None if kind in WITHOUT_EPOCH else found["epoch"], values
+    )
+
+
+def _first_wrong(fault: ValidationError) -> str:
+    """The key that a refusal names: keys that are missing or unknown come first."""
+    errors = fault.errors(include_url=False, include_context=False, include_input=False)
+    return str(min(errors, key=lambda each: each["type"] not in ("missing", "extra_forbidden"))["loc"][-1])
 
 
 def to_record(identity: Identity, message: Mapping[str, Any]) -> bytes:

@@ -1,0 +1,120 @@
+"""Every message is checked strictly: type, keys, kinds of values and their ranges."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gantryctl.image import Mode
+from gantryctl.service.protocol.messages import (
+    ARMABLE,
+    FIELDS,
+    MESSAGES,
+    SETTABLE,
+    WITHOUT_EPOCH,
+    Arm,
+    ChooseMode,
+    MessageRefused,
+    Set,
+    checked,
+    parse,
+)
+
+STAMP: dict[str, Any] = {"seq": 1, "frame": 2, "epoch": 3}
+LEASE = "0123456789abcdef"
+WHOLE: dict[str, dict[str, Any]] = {
+    "take": {"over": True}, "power": {"on": False}, "mode": {"mode": "none"},
+    "jog": {"lease": LEASE, "direction": "forward"},
+    "renew": {"lease": LEASE}, "release": {"lease": LEASE}, "increment": {"direction": "reverse"},
+    "move": {"target_deg": 90}, "acknowledge": {"id": 7}, "set": {"tag": "override_percent", "value": 40},
+    "arm": {"action": "brake_test"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", sorted(FIELDS))
+def test_a_whole_message_is_taken_with_its_values_as_they_came(kind: str) -> None:
+    values = WHOLE.get(kind, {})
+    message = checked({"type": kind, **STAMP, **values})
+    assert (message.kind, message.seq, message.frame) == (kind, 1, 2)
+    assert message.epoch == (None if kind in WITHOUT_EPOCH else 3)
+    assert [*message.values.items()] == [
+        *values.items()
+    ]  # in the order of the table: the journal writes it so
+    assert all(type(each) is type(values[name]) for name, each in message.values.items())
+
+
+@pytest.mark.parametrize("kind", sorted(FIELDS))
+def test_each_key_is_needed_and_no_other_is_known(kind: str) -> None:
+    whole = {"type": kind, **STAMP, **WHOLE.get(kind, {})}
+    for name in whole:
+        if name == "epoch" and kind in WITHOUT_EPOCH:
+            continue
+        refuse({other: value for other, value in whole.items() if other != name})
+    refuse({**whole, "more": 1}, "more")
+
+
+def refuse(found: object, name: str = "") -> None:
+    with pytest.raises(MessageRefused, match=name or None):
+        checked(found)
+
+
+WRONG: dict[str, list[Any]] = {
+    "seq": [True, 1.0, -1, 2**53 + 1, "1", None],
+    "frame": [False, 0.5, [1]],
+    "epoch": ["3", None, -3, True],
+    "over": [1, 0, "true", None],
+    "target_deg": [True, "1", None, 1e9, -1e9, 10**400, float("nan"), float("inf"), [1.0]],
+    "lease": ["0" * 15, "0" * 17, "ABCDEF0123456789", LEASE + "\n", 16, "\ud800" * 16],
+    "direction": ["up", "", True, None],
+    "id": [1.0, True, -1],
+    "mode": ["NONE", 0, None],
+    "tag": ["mode", "pos_act_deg", None],
+    "action": ["power", "view", None],
+}
+
+
+@pytest.mark.parametrize("name", sorted(WRONG))
+def test_values_of_another_kind_or_range_are_refused(name: str) -> None:
+    kind = next((kind for kind, values in WHOLE.items() if name in values), "move")
+    whole = {"type": kind, **STAMP, **WHOLE[kind]}
+    checked(whole)
+    for value in WRONG[name]:
+        refuse({**whole, name: value}, f"{kind}: '{name}' is missing, unknown or of a wrong type")
+
+
+@pytest.mark.parametrize("found", [[], None, 3, {}, {"type": 3}, {"type": ["stop"]}, {"type": "start"}])
+def test_what_is_no_message_is_refused(found: object) -> None:
+    refuse(found)
+
+
+def test_the_largest_safe_integer_is_taken() -> None:
+    assert checked({"type": "stop", "seq": 2**53, "frame": 0}).seq == 2**53
+
+
+@pytest.mark.parametrize(
+    "text", ['{"type":"stop","seq":1,"seq":2,"frame":1}', '{"type":"stop","seq":NaN,"frame":1}', "[" * 9000]
+)
+def test_texts_that_a_parser_may_read_in_two_ways_are_refused(text: str) -> None:
+    with pytest.raises(MessageRefused, match="not one JSON object"):
+        parse(text)
+
+
+def test_a_refusal_carries_the_number_of_its_message() -> None:
+    with pytest.raises(MessageRefused) as refused:
+        parse('{"type":"move","seq":12,"frame":1,"epoch":1,"target_deg":"1"}')
+    assert refused.value.seq == 12
+
+
+def test_words_of_messages_are_those_of_the_tables() -> None:
+    def words(model: type[Any], name: str) -> list[str]:
+        return list(model.model_json_schema()["properties"][name]["enum"])
+
+    assert words(Set, "tag") == list(SETTABLE)
+    assert words(Arm, "action") == list(ARMABLE)
+    assert words(ChooseMode, "mode") == [mode.name.lower() for mode in Mode]
+
+
+def test_the_schema_names_every_message() -> None:
+    schema = MESSAGES.json_schema()
+    assert set(schema["discriminator"]["mapping"]) == set(FIELDS)
