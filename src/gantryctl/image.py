@@ -23,11 +23,6 @@ class DriveState(IntEnum):
     FAULT_REACTION_ACTIVE = 7
     FAULT = 8
 
-    @property
-    def words(self) -> str:
-        """The name of the state as the standard writes it."""
-        return "an unknown state" if self is DriveState.UNKNOWN else self.name.capitalize().replace("_", " ")
-
 
 class DriveRequest(IntEnum):
     """What the program asks of the drive. The device walks the CiA 402 states; the program never sees a controlword."""

@@ -81,11 +81,11 @@ def brake(c: Context) -> StepResult:
     """The brake test of operation, where the controller can keep the brake closed. It is the machine's first one."""
     reason = untestable(c.machine)
     if reason:
-        return StepResult("brake", Outcome.NOT_TESTABLE, reason, to_do="use the drive's own brake test")
+        return StepResult("brake", Outcome.NOT_TESTABLE, str(reason), to_do="use the drive's own brake test")
     with by_hand(c.machine, c.store, _STAND_DEG) as hand:
         if not hand.drive.torque_preload:
             return StepResult(
-                "brake", Outcome.NOT_TESTABLE, untestable(c.machine, torque_preload=False),
+                "brake", Outcome.NOT_TESTABLE, str(untestable(c.machine, torque_preload=False)),
                 to_do="use the drive's own brake test",
             )  # fmt: skip
         result = _test_brake(c, hand)

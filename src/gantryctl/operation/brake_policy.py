@@ -11,6 +11,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.store import TIME_FORMAT
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.runtime import Retained
 from gantryctl.units import deg
 from gantryctl.wiring.program import speed_settings, untestable
@@ -53,14 +54,16 @@ def brake_words(machine: Machine, retained: Retained, now: datetime) -> str:
     return f"{last}{due.words}"
 
 
-def brake_due(machine: Machine, reason: str, retained: Retained, power_ups: int, now: datetime) -> BrakeDue:
+def brake_due(
+    machine: Machine, reason: Words | Said | None, retained: Retained, power_ups: int, now: datetime
+) -> BrakeDue:
     """When the next test is due, by what is retained and the power-ups so far.
 
     A simulated machine is delivered with a sound brake: without a test yet its power-ups count from the first. A
     real one that was never tested is overdue; commissioning tests it.
 
     Args:
-        reason: why it cannot be tested here, or "".
+        reason: why it cannot be tested here, or None.
     """
     if reason:
         return BrakeDue("", None, overdue=False)

@@ -5,8 +5,9 @@ Errors are values inside the scan: a bad input gives a refusal or an alarm, neve
 
 from gantryctl.program.alarms.codes import Code, Reaction, Severity
 from gantryctl.program.alarms.definition import Definition
-from gantryctl.program.alarms.encoder_and_control import ALARMS
-from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, all_codes, explain
+from gantryctl.program.alarms.explain import all_codes, explain
+from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal
+from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state

@@ -9,6 +9,7 @@ from typing import Final
 from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
@@ -149,7 +150,7 @@ class Feedback:
             period_ms = self._period_s * 1e3
             self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
         if not math.isfinite(counts):
-            self._raise_invalid("encoder count")
+            self._raise_invalid(Words.ENCODER_COUNT)
             return self.counts
         if encoder & EncoderFlag.CRC_ERROR:
             return self._bad_reading(counts)
@@ -192,6 +193,6 @@ class Feedback:
         self.position_valid = False
         self._alarms.raise_(code, None, **values)
 
-    def _raise_invalid(self, what: str) -> None:
+    def _raise_invalid(self, what: Words) -> None:
         self.position_valid = False
         self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=what)

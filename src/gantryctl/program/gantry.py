@@ -5,6 +5,7 @@ from __future__ import annotations
 from gantryctl.image import InputImage, Mode, OperatorCommand
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command import MotionCommand
 from gantryctl.program.axis.command_checks import check_setting
@@ -126,7 +127,7 @@ class GantryProgram(AxisProgram):
             self.mode = op.mode
             self._keys_dead = op.forward or op.reverse
         else:
-            self._allowed(refusal(Code.CTL_14, measured="the mode changes at standstill only"))
+            self._allowed(refusal(Code.CTL_14, reason=Words.MODE_AT_REST))
 
     def _choose_speed(self, op: OperatorCommand) -> None:
         """Another speed setting, for a jog under way too; outside the range it is refused and the old one stays."""
@@ -184,7 +185,7 @@ class GantryProgram(AxisProgram):
     def _check_keys(self, op: OperatorCommand) -> Refusal | None:
         """Whether a key pressed now may start a motion by hand."""
         if self.mode is Mode.NONE:
-            return refusal(Code.CTL_16)
+            return refusal(Code.CTL_16, reason=Words.MODE_NONE)
         wrong = self._check_setting(op)
         if wrong is not None:
             return wrong
@@ -208,7 +209,7 @@ class GantryProgram(AxisProgram):
 
     def _check_not_jogging(self) -> Refusal | None:
         if self.jog.busy:
-            return refusal(Code.CTL_14, measured="the axis is moving by hand: release the key first")
+            return refusal(Code.CTL_14, reason=Words.MOVING_BY_HAND)
         return None
 
     def _switch_allows(self, speed_rad_s: float) -> bool:

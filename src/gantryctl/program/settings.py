@@ -13,6 +13,7 @@ from typing import Final
 
 from gantryctl._core import Compensation
 from gantryctl.motion import MotionLimits
+from gantryctl.program.alarms.words import Said, Words
 
 _DEG: Final = math.pi / 180.0
 
@@ -157,7 +158,7 @@ class PowerSettings:
     power_up_time_s: float = 2.0
     test_torque_nm: float = 70.0
     """What the closed brake must bear both ways in a brake test, motor side."""
-    untestable: str = ""
+    untestable: Words | Said | None = None
     """Why the brake cannot be tested by the controller, or nothing."""
     unload_step_s: float = 0.050
     """Torque goes off in three steps of this length, each with a look at the brake."""

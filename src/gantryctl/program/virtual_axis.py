@@ -9,6 +9,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move, plan_stop, stop_point
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.settings import AxisSettings, RampSettings
 from gantryctl.units import deg
 
@@ -145,12 +146,11 @@ class VirtualAxis:
             else:
                 plan = plan_move(start, target_rad, self._ramps.normal(speed))
         except CommandRefused as error:
-            return refusal(Code.CTL_17, measured=str(error))
+            return refusal(Code.CTL_17, reason=str(error))
         if not self._within_travel(plan):
             low, high = plan.extremes()
             reached = high if high > self._pos_max else low
-            text = f"the way there would pass {deg(reached):.2f} deg, outside the travel; stop first"
-            return refusal(Code.CTL_17, measured=text)
+            return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=deg(reached)))
         return plan
 
     def _within_travel(self, plan: Segments) -> bool:

@@ -20,6 +20,7 @@ from gantryctl.program.settings import (
 )
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation_settings
+from gantryctl.program.alarms.words import Said, Words
 
 _MS: Final = 1e-3
 
@@ -102,21 +103,18 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
     )
 
 
-def untestable(machine: Machine, torque_preload: bool = True) -> str:
+def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | None:
     """Why the controller cannot test the brake, or nothing: it must keep it closed while the drive gives torque.
 
     The simulated drive of this process always does what the brake command says, whoever owns the brake.
     """
     if not machine.on_bus:
-        return ""
+        return None
     if machine.brake.owner != "object_60FE":
-        return (
-            f'[brake] owner = "{machine.brake.owner}": the drive works the brake itself and opens it whenever it is '
-            "enabled; use the drive's own brake test"
-        )
+        return Words.DRIVE_OWNS_BRAKE(owner=machine.brake.owner)
     if not torque_preload:
-        return "the drive takes no torque beside the speed (60B2, 6077); use the drive's own brake test"
-    return ""
+        return Words.NO_TORQUE_INPUT
+    return None
 
 
 def _monitors(machine: Machine) -> MonitorSettings:

@@ -1,5 +1,6 @@
 """The alarm table, the latch, the texts, and the page made from them."""
 
+import ast
 import re
 import string
 from pathlib import Path
@@ -9,15 +10,14 @@ import pytest
 from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity, all_codes, explain
 from gantryctl.program.alarms.alarms_page import reference_page
-from gantryctl.program.alarms.log import HISTORY_LENGTH, refusal
+from gantryctl.program.alarms.log import HISTORY_LENGTH, refusal, to_wire
+from gantryctl.program.alarms.words import Words
 
 ROOT = Path(__file__).parents[3]
 
 
-def filled(row):
-    """The message with a number in every place."""
-    names = [name for _, name, _, _ in string.Formatter().parse(row.message) if name]
-    return row.message.format(**dict.fromkeys(names, 1.0))
+def fields(template):
+    return {name for _, name, _, _ in string.Formatter().parse(template) if name}
 
 
 def test_every_code_has_its_row():
@@ -25,19 +25,33 @@ def test_every_code_has_its_row():
     assert set(ALARMS) == set(Code)
 
 
-@pytest.mark.parametrize("row", ALARMS.values(), ids=str)
+@pytest.mark.parametrize("row", ALARMS.values(), ids=lambda row: row.code)
 def test_rows_are_complete_and_plain(row):
     assert re.fullmatch(r"(CFG-)?[A-Z]{3}-\d\d", row.code)
-    for text in (row.title, row.cause, row.to_do):
+    english = row.english
+    for text in (english.title, english.cause, english.to_do):
         assert text
         assert text[0].isupper()
-    assert row.cause.endswith(".")
-    assert row.to_do.endswith(".")
-    assert not re.search(r"0x[0-9A-Fa-f]", row.message), "no bare hexadecimal"
-    assert filled(row)
+    assert english.cause.endswith(".")
+    assert english.to_do.endswith(".")
+    assert not re.search(r"0x[0-9A-Fa-f]", english.message), "no bare hexadecimal"
+    assert english.message.format(**dict.fromkeys(fields(english.message), 1.0))
 
 
-@pytest.mark.parametrize("row", ALARMS.values(), ids=str)
+@pytest.mark.parametrize("row", ALARMS.values(), ids=lambda row: row.code)
+def test_both_languages_of_a_row_have_the_same_fields(row):
+    assert fields(row.chinese.message) == fields(row.english.message)
+    assert all(re.search(r"[\u4e00-\u9fff]", text) for text in row.chinese if not text.startswith("{"))
+
+
+@pytest.mark.parametrize("words", Words, ids=lambda words: words.name)
+def test_both_languages_of_words_have_the_same_fields(words):
+    assert fields(words.chinese) == fields(words.english)
+    assert re.search(r"[\u4e00-\u9fff°%]|°/s", re.sub(r"\{\w+\}", "", words.chinese))
+    assert not re.search(r"\{\w+:", words.chinese), "number formats stand in the English text"
+
+
+@pytest.mark.parametrize("row", ALARMS.values(), ids=lambda row: row.code)
 def test_severity_and_reaction_fit(row):
     stops = row.reaction >= Reaction.QUICK_STOP
     assert (row.severity is Severity.STOP) == stops
@@ -60,21 +74,39 @@ def test_explain_gives_the_page():
         assert part in page
 
 
-@pytest.mark.parametrize(("asked", "near"), [("CTL-33", "CTL-03"), ("ENC", "ENC-01"), ("BRK03", "BRK-03")])
+@pytest.mark.parametrize("code", Code)
+def test_every_entry_names_message_cause_reaction_and_action(code):
+    head, _, *rows = explain(code).splitlines()
+    assert head.startswith(code + " ")
+    assert [row.split()[0] for row in rows] == ["Message", "Cause", "Reaction", "What"]
+    assert all(len(row) > 12 for row in rows)
+    assert not any("{" in row for row in rows)
+
+
+def test_codes_are_sorted_and_told_apart():
+    codes = [code for code, _, _ in all_codes()]
+    assert codes == sorted(ALARMS)
+    assert ("CTL-03", "STOP", "Following error") in all_codes()
+
+
+def test_a_code_is_found_in_small_letters_and_with_spaces():
+    assert explain(" enc-09 ") == explain("ENC-09")
+
+
+@pytest.mark.parametrize(
+    ("asked", "near"),
+    [("CTL-33", "CTL-03"), ("ENC", "ENC-01.*ENC-09"), ("BRK03", "BRK-03"), ("SYS-99", "SYS-09")],
+)
 def test_explain_an_unknown_code_names_near_ones(asked, near):
     with pytest.raises(CommandRefused, match=near) as refused:
         explain(asked)
     assert f"unknown code {asked!r}" in str(refused.value)
 
 
-def test_explain_nonsense_still_helps():
-    with pytest.raises(CommandRefused, match="there are ENC-01"):
-        explain("???")
-
-
-def test_all_codes_lists_each_once():
-    assert len(all_codes()) == len(ALARMS)
-    assert "CTL-03 Following error" in all_codes()
+@pytest.mark.parametrize("asked", ["???", "", "xx", "\x1b[31m"])
+def test_explain_nonsense_still_helps(asked):
+    with pytest.raises(CommandRefused, match="unknown code"):
+        explain(asked)
 
 
 def test_reference_page_is_made_from_the_table():
@@ -139,7 +171,11 @@ def test_clear_keeps_the_history():
 def test_text_has_its_four_parts():
     log = AlarmLog()
     log.raise_(Code.CTL_03, measured=0.111, limit=0.102, speed=6.0)
-    log.first_out.done = "Quick stop, at rest after 1090 ms, gantry moved 3.30 deg to 12.44 deg"
+    log.first_out.steps = (
+        Words.QUICK_STOP,
+        Words.AT_REST_AFTER(time_ms=1090.0),
+        Words.MOVED_TO(way=3.3, position=12.44),
+    )
     assert log.first_out.text == (
         "CTL-03 STOP · Following error 0.111 deg, limit 0.102 deg at 6.00 deg/s · Quick stop, at rest after 1090 ms, "
         "gantry moved 3.30 deg to 12.44 deg · Look at torque and following error in the trace, remove the cause, "
@@ -149,3 +185,93 @@ def test_text_has_its_four_parts():
 
 def test_a_refusal_is_one_sentence():
     assert refusal(Code.PWR_03).text == "power is off"
+
+
+def test_a_refusal_compares_by_its_values_and_is_read_in_english():
+    reason = Words.LATCHED(code=Code.CTL_04, measured=refusal(Code.CTL_04, measured=6.7, limit=6.6))
+    assert refusal(Code.PWR_04, reason=reason).text == (
+        "cannot switch on: CTL-04 is latched (Speed 6.70 deg/s, limit 6.60 deg/s): reset first"
+    )
+
+
+def test_values_travel_as_json():
+    inner = refusal(Code.CTL_04, measured=float("nan"), limit=6.6)
+    assert to_wire({"a": inner, "b": Words.OPEN, "c": Words.SPEED(value=2), "d": "CAN-1", "e": True}) == {
+        "a": {"code": "CTL-04", "values": {"measured": "nan", "limit": 6.6}},
+        "b": {"words": "OPEN", "values": {}},
+        "c": {"words": "SPEED", "values": {"value": 2}},
+        "d": "CAN-1",
+        "e": True,
+    }
+
+
+# --- who says what ------------------------------------------------------------------------------
+
+SAID = re.compile(r"\b((?:CFG-)?(?:ENC|CTL|CAN|LIM|BRK|DRV|INT|PWR|THM|SYS|SEC|JRN)-\d\d)\b")
+SOURCES = [
+    *(file for file in (ROOT / "src" / "gantryctl").rglob("*.py") if file.parent.name != "alarms"),
+    *(file for kind in ("ts", "svelte") for file in (ROOT / "hmi" / "src").rglob(f"*.{kind}")),
+]
+STRANGERS = {"runtime/engine.py", "runtime/overrun.py"}
+"""The engine knows no program (contract): it types its own three codes."""
+
+
+def test_every_code_in_the_sources_has_its_row():
+    assert len(SOURCES) > 300
+    found = {code for file in SOURCES for code in SAID.findall(file.read_text(encoding="utf-8"))}
+    assert found
+    assert found <= set(Code)
+
+
+def typed(file):
+    """String literals with a code in them that are neither docstrings nor pages of the reference."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
+            yield from SAID.findall(node.value)
+
+
+def test_no_code_is_typed_outside_the_table():
+    prose = {
+        "service/protocol/reference_text.py",
+        "service/protocol/tags.py",
+        "service/protocol/service_page.py",
+    }
+    files = {
+        str(file.relative_to(ROOT / "src" / "gantryctl")): file for file in SOURCES if file.suffix == ".py"
+    }
+    wrong = {name: found for name, file in files.items() if (found := list(typed(file)))}
+    assert set(wrong) - prose - STRANGERS == set()
+
+
+def raised(file):
+    """Code and field names of every raise, refusal and note with a literal code."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Attribute):
+            first = node.args[0]
+            if isinstance(first.value, ast.Name) and first.value.id == "Code":
+                yield Code[first.attr], node
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            owner = node.func.value
+            if isinstance(owner, ast.Name) and owner.id == "Words":
+                yield Words[node.func.attr], node
+
+
+SAYS = {"raise_", "_raise", "note", "complete", "stop_by", "refusal", "MessageRefused", "error"}
+
+
+def test_every_message_gets_exactly_its_values():
+    """The text is made when it is read: a field that is missing would show only then."""
+    files = [file for file in SOURCES if file.suffix == ".py"]
+    calls = [(file, *call) for file in files for call in raised(file)]
+    assert len(calls) > 100
+    for file, what, call in calls:
+        names = {key.arg for key in call.keywords}
+        if isinstance(what, Words):
+            english = what.english
+        elif ast.unparse(call.func).split(".")[-1] in SAYS and None not in names:
+            english = ALARMS[what].english.message
+        else:
+            continue
+        assert names == fields(english), f"{file}:{call.lineno} {what}"

@@ -6,10 +6,9 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from gantryctl.program.alarms.chinese import ALARMS_ZH
 from gantryctl.program.alarms.definition import Definition
-from gantryctl.program.alarms.encoder_and_control import ALARMS
-from gantryctl.program.alarms.log import describe_reaction
+from gantryctl.program.alarms.explain import describe_reaction
+from gantryctl.program.alarms.table import ALARMS
 
 _HEAD: Final = """\
 # Alarms and refusals
@@ -55,16 +54,16 @@ def reference_page() -> str:
 
 
 def _entry(row: Definition) -> str:
-    message = row.message.replace("|", "\\|")
-    words = ALARMS_ZH[row.code]
+    english, chinese = row.english, row.chinese
+    message = english.message.replace("|", "\\|")
     return (
-        f"## {row.code} {row.title}\n\n"
+        f"## {row.code} {english.title}\n\n"
         f"- Severity: {row.severity.value}\n"
         f"- Message: `{message}`\n"
-        f"- Cause: {row.cause}\n"
+        f"- Cause: {english.cause}\n"
         f"- Reaction: {describe_reaction(row)}\n"
-        f"- What to do: {row.to_do}\n"
-        f"- 中文：{words.title}。`{words.message}` 原因：{words.cause} 处理方法：{words.to_do}\n"
+        f"- What to do: {english.to_do}\n"
+        f"- 中文：{chinese.title}。`{chinese.message}` 原因：{chinese.cause} 处理方法：{chinese.to_do}\n"
     )
 
 

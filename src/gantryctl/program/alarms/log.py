@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
+import math
 from collections import deque
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from gantryctl.errors import CommandRefused
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.definition import Definition
-from gantryctl.program.alarms.encoder_and_control import ALARMS
+from gantryctl.program.alarms.table import ALARMS
+from gantryctl.program.alarms.words import Said, Words
 
 HISTORY_LENGTH: Final = 200
 
@@ -24,7 +24,7 @@ class Refusal(NamedTuple):
     @property
     def text(self) -> str:
         """The message of the code with its values."""
-        return ALARMS[self.code].message.format(**self.values)
+        return ALARMS[self.code].english.message.format(**self.values)
 
     def __str__(self) -> str:
         return self.text
@@ -33,7 +33,17 @@ class Refusal(NamedTuple):
 class Alarm:
     """One alarm: what was measured, when and where; what was done about it grows while it is being done."""
 
-    __slots__ = ("code", "consequences", "done", "pos_rad", "reaction", "scan", "time_s", "values")
+    __slots__ = (
+        "code",
+        "consequences",
+        "follows",
+        "pos_rad",
+        "reaction",
+        "scan",
+        "steps",
+        "time_s",
+        "values",
+    )
 
     def __init__(
         self,
@@ -51,8 +61,10 @@ class Alarm:
         self.reaction = reaction
         self.scan = scan
         self.pos_rad = pos_rad
-        self.done = _DOING[reaction]
-        """What gantryctl did."""
+        self.steps = _STEPS[reaction]
+        """What gantryctl did, one by one."""
+        self.follows: Code | None = None
+        """Code of the latched alarm that came before it."""
         self.consequences: list[Alarm] = []
         """Alarms that came after this one, while it was latched."""
 
@@ -67,28 +79,41 @@ class Alarm:
         return Refusal(self.code, self.values)
 
     @property
+    def active_words(self) -> Said:
+        """Why it forbids motion, for the refusal of a command."""
+        first = self.definition.before_motion
+        return Words.ACTIVE(code=self.code, measured=self.refusal, first=first)
+
+    @property
     def measured(self) -> str:
         """What was measured against which limit, with units."""
-        return ALARMS[self.code].message.format(**self.values)
+        return ALARMS[self.code].english.message.format(**self.values)
+
+    @property
+    def done(self) -> str:
+        """What gantryctl did about it."""
+        steps = ", ".join(map(str, self.steps))
+        follows = f"(follows {self.follows})" if self.follows else ""
+        return f"{steps[:1].upper()}{steps[1:]} {follows}".strip()
 
     @property
     def text(self) -> str:
         """Code, severity, what was measured, what was done, what to do: one line."""
         row = self.definition
-        parts = [f"{self.code} {row.severity.value}", self.measured, self.done, row.to_do]
+        parts = [f"{self.code} {row.severity.value}", self.measured, self.done, row.english.to_do]
         return " · ".join(part for part in parts if part)
 
     def __repr__(self) -> str:
         return f"Alarm({self.text})"
 
 
-_DOING: Final = {
-    Reaction.W: "",
-    Reaction.REF: "",
-    Reaction.HLT: "Stopping on the jog-release ramp",
-    Reaction.QUICK_STOP: "Quick stop",
-    Reaction.TORQUE_OFF: "Torque off and brake",
-    Reaction.HOLD: "Torque kept at zero speed",
+_STEPS: Final[dict[Reaction, tuple[Words | Said, ...]]] = {
+    Reaction.W: (),
+    Reaction.REF: (),
+    Reaction.HLT: (Words.STOPPING,),
+    Reaction.QUICK_STOP: (Words.QUICK_STOP,),
+    Reaction.TORQUE_OFF: (Words.TORQUE_OFF,),
+    Reaction.HOLD: (Words.TORQUE_KEPT,),
 }
 
 
@@ -138,7 +163,7 @@ class AlarmLog:
         self.active[code] = alarm
         if self.first_out is not None:
             self.first_out.consequences.append(alarm)
-            alarm.done = f"{alarm.done} (follows {self.first_out.code})".strip()
+            alarm.follows = self.first_out.code
         elif reaction >= Reaction.QUICK_STOP:
             self.first_out = alarm
 
@@ -167,55 +192,26 @@ class AlarmLog:
         return None
 
 
+def to_wire(values: Mapping[str, object]) -> dict[str, object]:
+    """Values as JSON: words, refusals and what they hold as a key with values, numbers and names as they are."""
+    return {name: _wire(value) for name, value in values.items()}
+
+
+def _wire(value: object) -> object:
+    match value:
+        case Refusal():
+            return {"code": str(value.code), "values": to_wire(value.values)}
+        case Said():
+            return {"words": value.words.name, "values": to_wire(value.values)}
+        case Words():
+            return {"words": value.name, "values": {}}
+        case float() if not math.isfinite(value):  # JSON has no nan
+            return str(value)
+        case int() | float():
+            return value
+    return str(value)
+
+
 def refusal(code: Code, /, **values: object) -> Refusal:
     """The refusal `code` with the values of its message."""
     return Refusal(code, values)
-
-
-def all_codes() -> tuple[str, ...]:
-    """Every code with its title, one line each."""
-    return tuple(f"{row.code} {row.title}" for row in ALARMS.values())
-
-
-def explain(code: str) -> str:
-    """The page of one code: what it means, what is done, what to do.
-
-    Raises:
-        CommandRefused: no such code; the message lists those that look like it.
-    """
-    wanted = code.strip().upper()
-    known = {str(each): each for each in ALARMS}
-    if wanted not in known:
-        group = [each for each in known if each[:3] == wanted[:3]]
-        near = (
-            group if len(wanted) <= 4 else difflib.get_close_matches(wanted, group or known, n=5, cutoff=0.4)
-        )
-        hint = f"; did you mean {', '.join(near)}?" if near else f"; there are {', '.join(known)}"
-        raise CommandRefused(f"unknown code {code!r}{hint}")
-    row = ALARMS[known[wanted]]
-    lines = [
-        f"{row.code} {row.title} ({row.severity.value})",
-        "",
-        f"Message    {row.message}",
-        f"Cause      {row.cause}",
-        f"Reaction   {describe_reaction(row)}",
-        f"What to do {row.to_do}",
-    ]
-    return "\n".join(lines)
-
-
-def describe_reaction(row: Definition) -> str:
-    """What the axis does, in words."""
-    words = {
-        Reaction.W: "none, the axis goes on",
-        Reaction.REF: "the command is refused, nothing moves",
-        Reaction.HLT: "stop on the jog-release ramp, power stays on",
-        Reaction.QUICK_STOP: "QUICK STOP: the drive's quick-stop ramp, then brake, then torque off",
-        Reaction.TORQUE_OFF: "TORQUE OFF and brake at once",
-        Reaction.HOLD: "HOLD: torque at zero speed, because the brake is not trusted",
-    }[row.reaction]
-    if row.lock:
-        words += "; LOCK: only the service role may reset"
-    if row.blocks_motion:
-        words += "; no motion until then" if row.lock else "; no motion until reset"
-    return words

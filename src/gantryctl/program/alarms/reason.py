@@ -7,7 +7,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.encoder_and_control import ALARMS
+from gantryctl.program.alarms.table import ALARMS
 
 
 class ClearedBy(StrEnum):
@@ -38,7 +38,7 @@ class Reason(NamedTuple):
     def text(self) -> str:
         """Code, what is wrong and what to do, in one line."""
         row = ALARMS[self.code]
-        return f"{self.code} · {row.message.format(**self.values)} · {row.to_do}"
+        return f"{self.code} · {row.english.message.format(**self.values)} · {row.english.to_do}"
 
     @property
     def by_reset(self) -> bool:

@@ -9,8 +9,6 @@ from typing import Final
 from gantryctl._core import PositionLaw
 from gantryctl.image import InputImage, OutputImage
 from gantryctl.motion import SetPoint, stop_point
-from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.load_side import LoadSide
@@ -26,6 +24,9 @@ from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
 from gantryctl.units import deg
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
+from gantryctl.program.alarms.words import Words
 
 TRACE_COLUMNS: Final = (
     "pos_ref_rad",
@@ -206,10 +207,10 @@ class Axis:
     def power_on(self) -> Refusal | None:
         """Begin to switch on; None when it was accepted. `power.status` tells when it is on."""
         if self.brake_test.under_way:
-            return refusal(Code.PWR_04, measured="a brake test is under way")
+            return refusal(Code.PWR_04, reason=Words.TEST_UNDER_WAY)
         if not self.is_off:
             if self._switching_off or self.power.falling or self.power.phase is PowerPhase.TORQUE_HOLD:
-                return refusal(Code.PWR_04, measured="the axis is still being switched off")
+                return refusal(Code.PWR_04, reason=Words.SWITCHING_OFF)
             return None
         refused = why_no_torque(self.feedback, self.alarms)
         if refused is None:
@@ -230,14 +231,14 @@ class Axis:
         """
         self.motion.brake_overdue = overdue
 
-    def abort_brake_test(self, why: str) -> None:
+    def abort_brake_test(self, why: Words) -> None:
         """End a brake test that is under way: torque back, off, drive disabled."""
         self.power.abort_test(why)
 
     def stop(self) -> MotionCommand:
         """To rest on the jog-release ramp, held until released; a brake test under way ends."""
         if self.brake_test.under_way:
-            self.abort_brake_test("stopped")
+            self.abort_brake_test(Words.STOPPED)
             command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
             command.status = CommandStatus.DONE
             return command
@@ -246,7 +247,7 @@ class Axis:
     def power_off(self) -> None:
         """Come to rest on the jog-release ramp, close the brake, take the torque off."""
         if self.brake_test.under_way:
-            self.abort_brake_test("power was switched off")
+            self.abort_brake_test(Words.POWER_SWITCHED_OFF)
             return
         if self.is_off or self._error or self._switching_off:
             return
@@ -279,7 +280,9 @@ class Axis:
         Raised from 0 it is judged like a new motion: when that would be refused, so is the override.
         """
         if not 0.0 <= override <= 1.0:
-            return refusal(Code.CTL_01, name="override", allowed="within 0 and 1", measured=override)
+            return refusal(
+                Code.CTL_01, name=Words.NAME_OVERRIDE, allowed=Words.WITHIN_ZERO_AND_ONE, measured=override
+            )
         if override == self.virtual.override:
             return None
         refused = self.motion.check_resume() if override >= OVERRIDE_MIN else None
@@ -294,12 +297,14 @@ class Axis:
         """
         ramps = self.settings.ramps
         if not 0.0 < acc_rad_s2 <= ramps.acc_rad_s2:
-            allowed = f"above 0 and at most {deg(ramps.acc_rad_s2):.4g} deg/s2"
             return refusal(
-                Code.CTL_01, name="acceleration", allowed=allowed, measured=f"{deg(acc_rad_s2):.6g} deg/s2"
+                Code.CTL_01,
+                name=Words.NAME_ACCELERATION,
+                allowed=Words.AT_MOST_ACCELERATION(high=deg(ramps.acc_rad_s2)),
+                measured=Words.ACCELERATION(value=deg(acc_rad_s2)),
             )
         if not self.virtual.at_rest or self.motion.current is not None:
-            return refusal(Code.CTL_14, measured="the acceleration changes at standstill only")
+            return refusal(Code.CTL_14, reason=Words.ACCELERATION_AT_REST)
         dec = ramps.dec_rad_s2 * acc_rad_s2 / ramps.acc_rad_s2
         self.virtual.use_ramps(replace(ramps, acc_rad_s2=acc_rad_s2, dec_rad_s2=dec))
         return None
@@ -323,7 +328,7 @@ class Axis:
         """The direct form of homing: `set_position` as a command, one scan in state Homing. Nothing moves."""
         command = MotionCommand(AxisState.HOMING, position_rad, 0.0, settles=False)
         if self.state is not AxisState.STANDSTILL:
-            return command.fail(refusal(Code.CTL_14, measured="Home needs Standstill"))
+            return command.fail(refusal(Code.CTL_14, reason=Words.HOME_AT_REST))
         refused = self.set_position(position_rad)
         if refused is not None:
             return command.fail(refused)
@@ -339,9 +344,8 @@ class Axis:
 
     def _guard(self, vel_cmd: float, torque_nm: float) -> tuple[float, float]:
         """Nothing that is no number or over its limit reaches the drive: stop, command 0."""
-        what = f"speed command {vel_cmd}" if not -self._vel_max <= vel_cmd <= self._vel_max else (
-            f"torque command {torque_nm}"
-        )  # fmt: skip
+        wrong_speed = not -self._vel_max <= vel_cmd <= self._vel_max
+        what = Words.SPEED_COMMAND(value=vel_cmd) if wrong_speed else Words.TORQUE_COMMAND(value=torque_nm)
         self.alarms.raise_(Code.CTL_02, measured=what)
         self._react()
         self._unfollow()

@@ -10,6 +10,7 @@ from typing import Final
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.settings import SpeedSettings, TravelSettings
 from gantryctl.units import deg, rad
@@ -24,7 +25,12 @@ def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
     """Refuse a target that is not finite, or absurdly far away."""
     if -_ABSURD_RAD <= target_rad <= _ABSURD_RAD:
         return None
-    return _out_of_range("target", target_rad, travel.pos_min_rad, travel.pos_max_rad, "deg")
+    return refusal(
+        Code.CTL_01,
+        name=Words.NAME_TARGET,
+        allowed=Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad)),
+        measured=Words.ANGLE(value=deg(target_rad)),
+    )
 
 
 def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:
@@ -53,18 +59,18 @@ def check_way(
     if refused is not None:
         return refused
     if target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side="reverse")
+        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE)
     if target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side="forward")
+        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.FORWARD)
     return None
 
 
 def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
     """Refuse a speed towards the end of the travel at which the axis stands; its sign is the direction."""
     if vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side="reverse")
+        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE)
     if vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side="forward")
+        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.FORWARD)
     return None
 
 
@@ -72,15 +78,15 @@ def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     """Refuse a speed of 0 or above the highest setting: a program may creep below the lowest one."""
     if 0.0 < speed_rad_s <= speed.setting_max_rad_s:
         return None
-    allowed = f"above 0 and at most {deg(speed.setting_max_rad_s):.2f} deg/s"
-    return refusal(Code.CTL_01, name="speed", allowed=allowed, measured=f"{deg(speed_rad_s):.6g} deg/s")
+    return _wrong_speed(speed_rad_s, Words.AT_MOST_SPEED(high=deg(speed.setting_max_rad_s)))
 
 
 def check_setting(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     """Refuse a speed outside the range of the speed setting; it is never clamped."""
     if speed.setting_min_rad_s <= speed_rad_s <= speed.setting_max_rad_s:
         return None
-    return _out_of_range("speed", speed_rad_s, speed.setting_min_rad_s, speed.setting_max_rad_s, "deg/s")
+    low, high = deg(speed.setting_min_rad_s), deg(speed.setting_max_rad_s)
+    return _wrong_speed(speed_rad_s, Words.WITHIN_SPEEDS(low=low, high=high))
 
 
 def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
@@ -91,6 +97,6 @@ def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))
 
 
-def _out_of_range(name: str, value: float, low: float, high: float, unit: str) -> Refusal:
-    allowed = f"within {deg(low):.2f} and {deg(high):.2f} {unit}"
-    return refusal(Code.CTL_01, name=name, allowed=allowed, measured=f"{deg(value):.10g} {unit}")
+def _wrong_speed(speed_rad_s: float, allowed: Said) -> Refusal:
+    measured = Words.SPEED(value=deg(speed_rad_s))
+    return refusal(Code.CTL_01, name=Words.NAME_SPEED, allowed=allowed, measured=measured)

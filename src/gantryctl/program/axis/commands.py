@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.axis.command_checks import (
     check_direction,
@@ -239,16 +240,14 @@ class MotionCommands:
         if not self._power.status:
             return self._not_ready()
         if self.stop_command is not None:
-            return refusal(Code.CTL_14, measured="the axis is held by Stop: release it first")
+            return refusal(Code.CTL_14, reason=Words.HELD_BY_STOP)
         blocking = self._alarms.blocking()
         if blocking is not None:
-            text = f"{blocking.code} is active ({blocking.measured}): {blocking.definition.before_motion}"
-            return refusal(Code.CTL_14, measured=text)
+            return refusal(Code.CTL_14, reason=blocking.active_words)
         return None
 
     def _not_ready(self) -> Refusal:
         first = self._alarms.first_out
         if first is not None:
-            text = f"the axis is in ErrorStop by {first.code} ({first.measured}): reset first"
-            return refusal(Code.CTL_14, measured=text)
+            return refusal(Code.CTL_14, reason=Words.ERROR_STOP(code=first.code, measured=first.refusal))
         return refusal(Code.PWR_03)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Words
 
 
 class Reference:
@@ -33,11 +34,11 @@ class Reference:
         """
         travel, law = self._travel, self._law
         if not travel.pos_min_rad <= position_rad <= travel.pos_max_rad:
-            allowed = f"within {deg(travel.pos_min_rad):.2f} and {deg(travel.pos_max_rad):.2f} deg"
-            measured = f"{deg(position_rad):.6g} deg"
-            return refusal(Code.CTL_01, name="position", allowed=allowed, measured=measured)
+            allowed = Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad))
+            measured = Words.ANGLE(value=deg(position_rad))
+            return refusal(Code.CTL_01, name=Words.NAME_POSITION, allowed=allowed, measured=measured)
         if not standing or abs(self._feedback.vel_rad_s) > self._creep_rad_s:
-            return refusal(Code.CTL_14, measured="a new reference needs standstill")
+            return refusal(Code.CTL_14, reason=Words.REFERENCE_AT_REST)
         turn_rad = 2.0 * math.pi / law.ratio  # one motor turn at the gantry
         raw_rad = self._feedback.counts / law.counts_per_turn * turn_rad
         low = raw_rad - position_rad + travel.pos_min_rad
@@ -45,11 +46,8 @@ class Reference:
         margin = min(low, law.turns * turn_rad - high)
         # A wrap inside the travel is a jump of the angle by the whole range at some later move.
         if margin < law.wrap_margin_rad:
-            text = (
-                f"the encoder would wrap {deg(margin):.2f} deg from the travel, "
-                f"at least {deg(law.wrap_margin_rad):.2f} deg wanted"
-            )
-            return refusal(Code.CTL_14, measured=text)
+            wrap = Words.ENCODER_WOULD_WRAP(margin=deg(margin), limit=deg(law.wrap_margin_rad))
+            return refusal(Code.CTL_14, reason=wrap)
         return None
 
     def zero_counts(self, position_rad: float) -> float:

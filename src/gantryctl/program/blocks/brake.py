@@ -73,7 +73,7 @@ class BrakeTest(Block):
         self.done = outcome is BrakeTestOutcome.PASSED
         self.command_aborted = outcome is BrakeTestOutcome.ABORTED
         if outcome is BrakeTestOutcome.FAILED:
-            self._fail(refusal(Code.BRK_08, measured=test.text))
+            self._fail(refusal(Code.BRK_08, measured=test.words))
 
     def _clear(self) -> None:
         self.done = self.busy = self.command_aborted = self._final = False

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
@@ -55,12 +56,10 @@ class Jog(ExecuteBlock):
         axis = self.axis
         still_moving = self._command is not None and self._command.alive
         if still_moving and direction != self._direction:
-            self._refused(
-                refusal(Code.CTL_14, measured="reversal only from standstill: release and press again")
-            )
+            self._refused(refusal(Code.CTL_14, reason=Words.REVERSAL_FROM_REST))
             return
         if not still_moving and axis.motion.current is not None:
-            self._refused(refusal(Code.CTL_14, measured="the axis is moving: jog from standstill only"))
+            self._refused(refusal(Code.CTL_14, reason=Words.JOG_FROM_REST))
             return
         reason = axis.motion.check_speed(velocity_rad_s)  # the keys give the sign, not the speed
         if reason is not None:
@@ -108,15 +107,13 @@ class Inch(ExecuteBlock):
         travel = axis.settings.travel
         length = travel.pos_max_rad - travel.pos_min_rad
         if forward and backward:
-            self._refused(refusal(Code.CTL_14, measured="both keys are pressed: one increment needs one key"))
+            self._refused(refusal(Code.CTL_14, reason=Words.BOTH_KEYS))
         elif axis.motion.current is not None:
-            self._refused(
-                refusal(Code.CTL_14, measured="the axis is moving: increments from standstill only")
-            )
+            self._refused(refusal(Code.CTL_14, reason=Words.INCREMENT_FROM_REST))
         elif not 0.0 < distance_rad <= length:
-            allowed = f"above 0 and at most {deg(length):.2f} deg"
-            measured = f"{deg(distance_rad):.6g} deg"
-            self._refused(refusal(Code.CTL_01, name="increment", allowed=allowed, measured=measured))
+            allowed = Words.AT_MOST_ANGLE(high=deg(length))
+            measured = Words.ANGLE(value=deg(distance_rad))
+            self._refused(refusal(Code.CTL_01, name=Words.NAME_INCREMENT, allowed=allowed, measured=measured))
         else:
             way = distance_rad if forward else -distance_rad
             self._begin(axis.motion.move_relative(way, velocity_rad_s))

@@ -7,6 +7,7 @@ from typing import Final
 from gantryctl.image import DigitalInputs, DriveState
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -70,13 +71,13 @@ class Interlocks:
         if (opened_plus or opened_minus) and not (self.plus_open or self.minus_open):
             self._alarms.raise_(Code.LIM_04, measured=deg(pos_rad))
         elif opened_plus or opened_minus:
-            side = "plus" if opened_plus else "minus"
+            side = Words.PLUS if opened_plus else Words.MINUS
             self._alarms.raise_(Code.LIM_03, measured=deg(pos_rad), side=side)
 
     def _fault(self) -> None:
         code = self._feedback.error_code
-        text = f"error {code} (hexadecimal {code:04X})" if code else "without an error code"
-        self._alarms.raise_(Code.DRV_01, measured=text)
+        error = Words.DRIVE_ERROR(error=code, word=f"{code:04X}") if code else Words.DRIVE_ERROR_UNKNOWN
+        self._alarms.raise_(Code.DRV_01, measured=error)
         if code and not self._told:  # some drives tell it some scans later
-            self._alarms.complete(Code.DRV_01, measured=text)
+            self._alarms.complete(Code.DRV_01, measured=error)
         self._told = code != 0

@@ -7,6 +7,7 @@ from typing import Final
 
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
@@ -120,7 +121,7 @@ class Monitors:
     def _torque_and_brake(self, vel: float, pos_err_rad: float, warning: float) -> None:
         feedback, torque_max = self._feedback, self._torque_max
         if not -torque_max <= feedback.torque_nm <= torque_max:
-            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=Words.TORQUE_READING)
         if feedback.torque_limited:
             self._saturated(pos_err_rad)
         elif self._saturation:
@@ -137,7 +138,7 @@ class Monitors:
         if not -_ANY_RAD_S < vel < _ANY_RAD_S:
             self._velocity_deviation(vel, 0.0)
         if not -torque_max <= feedback.torque_nm <= torque_max:
-            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="torque reading")
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=Words.TORQUE_READING)
         self._arm_over_travel(pos_rad)
 
     def _arm_over_travel(self, pos_rad: float) -> None:
@@ -177,7 +178,7 @@ class Monitors:
         """Obeying with too little torque is slow the right way; everything else is disobedience."""
         if not math.isfinite(vel):
             self._feedback.position_valid = False
-            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured="speed reading")
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=Words.SPEED_READING)
             return
         self._deviation_count = self._feedback.lasting(self._deviation_count)
         if self._deviation_count < self._deviation_scans:
@@ -222,7 +223,7 @@ class Monitors:
                 self._alarms.raise_(Code.BRK_05, measured=deg(vel), error=deg(abs(error)))
             else:
                 time_ms = self._brake * self._period_s * 1e3
-                self._alarms.raise_(Code.BRK_06, measured="closed", command="open", time_ms=time_ms)
+                self._alarms.raise_(Code.BRK_06, measured=Words.CLOSED, command=Words.OPEN, time_ms=time_ms)
 
     def _at_standstill(self, error: float) -> None:
         """In-position, then standstill: the window must be kept once it was reached."""

@@ -7,6 +7,7 @@ from typing import Final
 from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.stop_record import StopRecord
 from gantryctl.program.power.sequence import PowerSequence
@@ -73,7 +74,7 @@ class Recovery:
         self._power.fault_reset = True  # also for a fault that shows only when a lost drive is heard again
         self._count += self._feedback.periods
         if self._count > self._reset_scans:
-            self._abandon_reset(refusal(Code.CTL_14, measured="the drive keeps its fault: read its display"))
+            self._abandon_reset(refusal(Code.CTL_14, reason=Words.DRIVE_KEEPS_FAULT))
         return False
 
     def _abandon_reset(self, failure: Refusal | None) -> None:
@@ -83,14 +84,14 @@ class Recovery:
     def _cause(self, service: bool) -> Refusal | None:
         """Why a reset is not possible now."""
         if self._power.falling:
-            return refusal(Code.CTL_14, measured="the axis is still stopping: reset when it is at rest")
+            return refusal(Code.CTL_14, reason=Words.STILL_STOPPING)
         active = self._alarms.active
         for alarm in active.values():
             if alarm.definition.lock and not service:
-                text = f"{alarm.code} ({alarm.measured}) may be reset by the service role only"
-                return refusal(Code.CTL_14, measured=text)
+                reason = Words.SERVICE_ONLY(code=alarm.code, measured=alarm.refusal)
+                return refusal(Code.CTL_14, reason=reason)
         if Code.INT_03 in active and not self._feedback.inputs.estop_ok:
-            return refusal(Code.CTL_14, measured="the emergency-stop chain is still open: release it first")
+            return refusal(Code.CTL_14, reason=Words.ESTOP_STILL_OPEN)
         if Code.ENC_05 in active and self._feedback.encoder_alarm:
-            return refusal(Code.CTL_14, measured="the encoder still reports its alarm: clear it there first")
+            return refusal(Code.CTL_14, reason=Words.ENCODER_KEEPS_ALARM)
         return None

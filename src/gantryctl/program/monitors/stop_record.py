@@ -7,6 +7,7 @@ from typing import Final
 from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Reaction
 from gantryctl.program.alarms.log import Alarm
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.sequence import REST_RAD_S
 from gantryctl.units import deg
@@ -16,7 +17,7 @@ _REST_S: Final = 0.050
 
 
 class StopRecord:
-    """Follows one stop from its alarm to rest and writes `alarm.done`."""
+    """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
         "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
@@ -49,34 +50,33 @@ class StopRecord:
                 feedback.position_valid
             )  # else speed and angle are of a wrong or frozen encoder
             self.finished = True
-            self.alarm.done = self._text()
+            self.alarm.steps = self._steps()
 
-    def _text(self) -> str:
+    def _steps(self) -> tuple[Words | Said, ...]:
         alarm = self.alarm
         steps = []
         if self._slow_scan > alarm.scan and self._angle_known:
-            steps.append(("at rest", self._slow_scan))
+            steps.append((Words.AT_REST_AFTER, self._slow_scan))
         if self._was_torque and alarm.reaction is not Reaction.HOLD:
-            steps.append(("torque off", self._torque_scan))
+            steps.append((Words.TORQUE_OFF_AFTER, self._torque_scan))
         if self._was_open and alarm.reaction is not Reaction.HOLD:
-            steps.append(("brake closed", self._brake_scan))
-        parts = []
+            steps.append((Words.BRAKE_CLOSED_AFTER, self._brake_scan))
+        parts: list[Words | Said] = []
         if alarm.reaction is Reaction.QUICK_STOP and self._was_torque:
-            parts.append("Quick stop")
+            parts.append(Words.QUICK_STOP)
         elif alarm.reaction is Reaction.HOLD:
-            parts.append("Torque kept at zero speed")
+            parts.append(Words.TORQUE_KEPT)
         steps.sort(key=lambda step: step[1])
-        parts += [f"{name} after {self._after(at):.0f} ms" for name, at in steps if at >= 0]
+        parts += [words(time_ms=self._after(at)) for words, at in steps if at >= 0]
         if not parts:
-            return "Nothing was switched on"
+            return (Words.NOTHING_ON,)
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
         parts.append(
-            f"gantry moved {abs(moved):.2f} deg to {deg(self._rest_pos_rad):.2f} deg"
+            Words.MOVED_TO(way=abs(moved), position=deg(self._rest_pos_rad))
             if self._angle_known
-            else "the angle is not known"
+            else Words.ANGLE_UNKNOWN
         )
-        text = ", ".join(parts)
-        return text[0].upper() + text[1:]
+        return tuple(parts)
 
     def _after(self, scan: int) -> float:
         return (scan - self.alarm.scan) * self._period_s * 1e3

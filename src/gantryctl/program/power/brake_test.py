@@ -6,6 +6,7 @@ import math
 from enum import IntEnum
 from typing import Final, NamedTuple
 
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.units import deg
 
 HELD_S: Final = 2.0
@@ -70,14 +71,19 @@ class BrakeTestResult(NamedTuple):
     Attributes:
         plus_nm, minus_nm: means while held; NaN for a direction that was not held.
         moved_rad: largest motion during the test, at the gantry, rad.
-        text: the result in a sentence.
+        words: the result in a sentence.
     """
 
     outcome: BrakeTestOutcome
     plus_nm: float
     minus_nm: float
     moved_rad: float
-    text: str
+    words: Words | Said | None
+
+    @property
+    def text(self) -> str:
+        """The sentence in English, "" for a test under way."""
+        return str(self.words or "")
 
 
 _P: Final = BrakeTestPhase
@@ -116,7 +122,7 @@ class BrakeTest:
 
     __slots__ = (
         "_correction", "_mean", "_period_s", "_preload_nm", "_scans", "_start_rad", "_torque_max_nm", "count", "last",
-        "level_nm", "minus_nm", "moved_max_rad", "moved_rad", "on_brake_nm", "outcome", "phase", "plus_nm", "text",
+        "level_nm", "minus_nm", "moved_max_rad", "moved_rad", "on_brake_nm", "outcome", "phase", "plus_nm", "words",
     )  # fmt: skip
 
     def __init__(self, level_nm: float, moved_max_rad: float, torque_max_nm: float, period_s: float) -> None:
@@ -138,7 +144,8 @@ class BrakeTest:
         self._correction = 0.0
         self.on_brake_nm = self.moved_rad = 0.0
         self.plus_nm = self.minus_nm = math.nan
-        self.outcome, self.text = BrakeTestOutcome.NONE, ""
+        self.outcome = BrakeTestOutcome.NONE
+        self.words: Words | Said | None = None
         self._enter(BrakeTestPhase.ENABLING)
 
     def begin(self) -> None:
@@ -166,12 +173,12 @@ class BrakeTest:
     @property
     def result(self) -> BrakeTestResult:
         """What is known so far."""
-        return BrakeTestResult(self.outcome, self.plus_nm, self.minus_nm, self.moved_rad, self.text)
+        return BrakeTestResult(self.outcome, self.plus_nm, self.minus_nm, self.moved_rad, self.words)
 
-    def end(self, outcome: BrakeTestOutcome, text: str) -> None:
+    def end(self, outcome: BrakeTestOutcome, words: Words | Said) -> None:
         """Decide how the test ends, unless that is known already; the torque goes back to the preload."""
         if self.outcome is BrakeTestOutcome.NONE:
-            self.outcome, self.text = outcome, text
+            self.outcome, self.words = outcome, words
         if self.phase is BrakeTestPhase.ENABLING:
             self._enter(BrakeTestPhase.DISABLING)
         elif self.running and self.phase is not BrakeTestPhase.RELIEVING:
@@ -181,7 +188,7 @@ class BrakeTest:
         """Fail a test that has passed: the brake does not bear the load when the torque goes off."""
         if self.outcome is BrakeTestOutcome.PASSED:
             self.outcome = BrakeTestOutcome.FAILED
-            self.text = "the brake slipped when the torque was taken off after the test"
+            self.words = Words.TEST_SLIPPED_AFTER
 
     def finish(self) -> BrakeTestResult:
         """Keep the result: the drive is disabled, or an alarm decides about torque and drive."""
@@ -222,9 +229,9 @@ class BrakeTest:
     def _watch(self, given_nm: float, moved_rad: float) -> None:
         """End the test at once on an invalid reading or a brake that slips."""
         if not math.isfinite(given_nm):
-            self.end(BrakeTestOutcome.ABORTED, "the torque reading is no number")
+            self.end(BrakeTestOutcome.ABORTED, Words.TORQUE_NOT_FINITE)
         elif not moved_rad <= self.moved_max_rad:
-            self._fail(f"the brake slipped under {given_nm:+.1f} N m")
+            self._fail(Words.TEST_SLIPPED(given=given_nm))
             # No ramp: every further scan under torque moves the load further.
             self.on_brake_nm = 0.0
 
@@ -236,7 +243,7 @@ class BrakeTest:
         if self.on_brake_nm == sign * self.level_nm and sign * given_nm >= _SHARE * self.level_nm:
             self._enter(BrakeTestPhase.PLUS_HELD if sign > 0.0 else BrakeTestPhase.MINUS_HELD)
         elif over_s > _GIVE_S:
-            self._fail(f"{given_nm:+.1f} N m reached, {sign * self.level_nm:+.1f} N m wanted")
+            self._fail(Words.TEST_NOT_REACHED(given=given_nm, wanted=sign * self.level_nm))
 
     def _holding(self, given_nm: float) -> None:
         """Mean over the time that the torque must be held."""
@@ -249,11 +256,12 @@ class BrakeTest:
         if self._scans * self._period_s < HELD_S - 1e-9:
             return
         if abs(self._mean) < _SHARE * self.level_nm:
-            self._fail(f"{self._mean:+.1f} N m held of {math.copysign(self.level_nm, self._mean):+.1f} N m")
+            wanted = math.copysign(self.level_nm, self._mean)
+            self._fail(Words.TEST_NOT_HELD(given=self._mean, wanted=wanted))
         elif plus:
             self._enter(BrakeTestPhase.MINUS_RISING)
         else:
-            held = f"held {self.plus_nm:+.1f} and {self.minus_nm:+.1f} N m for {HELD_S:g} s each"
+            held = Words.TEST_HELD(plus=self.plus_nm, minus=self.minus_nm, time_s=HELD_S)
             self.end(BrakeTestOutcome.PASSED, self._with_way(held))
 
     def _relieving(self, given_nm: float) -> None:
@@ -281,8 +289,8 @@ class BrakeTest:
         torque = self._preload_nm + self.on_brake_nm + self._correction
         return min(max(torque, -self._torque_max_nm), self._torque_max_nm)
 
-    def _fail(self, what: str) -> None:
+    def _fail(self, what: Said) -> None:
         self.end(BrakeTestOutcome.FAILED, self._with_way(what))
 
-    def _with_way(self, what: str) -> str:
-        return f"{what}, moved {deg(self.moved_rad):.4f} deg of {deg(self.moved_max_rad):.4f} deg allowed"
+    def _with_way(self, what: Said) -> Said:
+        return Words.TEST_RESULT(what=what, way=deg(self.moved_rad), limit=deg(self.moved_max_rad))

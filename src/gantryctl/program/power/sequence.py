@@ -8,6 +8,7 @@ from typing import Final, assert_never
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words, drive_state_words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
 from gantryctl.program.power.holding_torque import HoldingTorque
@@ -139,7 +140,7 @@ class PowerSequence:
             self.brake_test.prepare(self.holding.limited(self.holding.mean_nm))
             self._enter(PowerPhase.ENABLING)
 
-    def abort_test(self, why: str) -> None:
+    def abort_test(self, why: Words) -> None:
         """End a brake test: torque back to the preload, off, drive disabled."""
         if not self.brake_test.under_way:
             return
@@ -407,7 +408,7 @@ class PowerSequence:
     def _test_enabled(self) -> None:
         """Begin to give torque, unless the drive has opened the brake."""
         if self._feedback.brake_open:
-            why = "the drive opened its brake when it was enabled: not testable here"
+            why = Words.BRAKE_OPENED_BY_DRIVE
             self.brake_test.end(BrakeTestOutcome.ABORTED, why)
             self._enter(PowerPhase.DISABLING)
         else:
@@ -417,7 +418,7 @@ class PowerSequence:
     def _testing(self, pos_rad: float) -> None:
         test, feedback = self.brake_test, self._feedback
         if feedback.brake_open:
-            test.end(BrakeTestOutcome.FAILED, "the brake's contact says that it is open")
+            test.end(BrakeTestOutcome.FAILED, Words.BRAKE_CONTACT_OPEN)
         torque_nm = test.scan(feedback.torque_nm, pos_rad, feedback.periods)
         self.torque_ff_nm = self.holding.limited(torque_nm)
         if not test.running:
@@ -429,7 +430,7 @@ class PowerSequence:
         if reaction is Reaction.HOLD:
             self.brake_test.slipped_afterwards()
         first = self._alarms.first_out
-        why = "ended by an alarm" if first is None else f"ended by {first.code}"
+        why = Words.ENDED_BY_ALARM if first is None else Words.ENDED_BY(code=first.code)
         self.brake_test.end(BrakeTestOutcome.ABORTED, why)
         self._finish_test()
 
@@ -437,7 +438,7 @@ class PowerSequence:
         """Raise or clear BRK-08: a failed brake lets nothing move until a test passes, or service resets."""
         result = self.brake_test.finish()
         if result.outcome is BrakeTestOutcome.FAILED:
-            self._alarms.raise_(Code.BRK_08, measured=result.text)
+            self._alarms.raise_(Code.BRK_08, measured=result.words)
         elif result.outcome is BrakeTestOutcome.PASSED:
             self._alarms.active.pop(Code.BRK_08, None)
 
@@ -474,13 +475,15 @@ class PowerSequence:
     def _lost(self) -> None:
         """The drive is not enabled where it must be; a fault of its own is DRV-01, raised by the interlocks."""
         if self._feedback.state not in _FAULTS:
-            self._alarms.raise_(Code.DRV_04, measured=self._feedback.state.words)
+            self._alarms.raise_(Code.DRV_04, measured=drive_state_words(self._feedback.state))
 
     def _stuck(self, wanted: DriveState, reaction: Reaction | None = None) -> None:
         time_ms = self._milliseconds(self._count)
-        state = self._feedback.state.words
-        self._alarms.raise_(Code.DRV_03, reaction, measured=state, time_ms=time_ms, command=wanted.words)
+        state = drive_state_words(self._feedback.state)
+        self._alarms.raise_(
+            Code.DRV_03, reaction, measured=state, time_ms=time_ms, command=drive_state_words(wanted)
+        )
 
     def _brake_still_open(self) -> None:
         time_ms = self._milliseconds(self._count)
-        self._alarms.raise_(Code.BRK_06, measured="open", command="closed", time_ms=time_ms)
+        self._alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)

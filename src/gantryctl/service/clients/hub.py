@@ -15,6 +15,9 @@ from collections import deque
 from importlib.metadata import version
 from typing import Any, Final
 
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import to_wire
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot
@@ -84,14 +87,15 @@ class Client:
             if limit.wait_s(message.kind if message.kind in FREE else "command") > 0.0:
                 if message.kind in SILENT:
                     return
-                raise MessageRefused("SEC-06", f"more than {COMMANDS_PER_S:g} commands in a second")
+                raise MessageRefused(Code.SEC_06, reason=Words.TOO_MANY_COMMANDS(limit=COMMANDS_PER_S))
             if not may(self.who.role, action_of(message)):
-                raise MessageRefused("SEC-01", f"the role {self.who.role} may not do this")
+                reason = Words.ROLE_MAY_NOT(role=self.who.role, action=action_of(message))
+                raise MessageRefused(Code.SEC_01, reason=reason)
             raw: dict[str, Any] = {"type": message.kind, "seq": seq, "frame": message.frame, **message.values}
             if message.epoch is not None:
                 raw["epoch"] = message.epoch
             if not self._hub.send(self.who, raw):
-                raise MessageRefused("SYS-11", "the controller takes no commands now")
+                raise MessageRefused(Code.SYS_11, reason=Words.NO_COMMANDS_NOW)
         except MessageRefused as refused:
             self.answer(refusal_of(seq or refused.seq, refused))
             return
@@ -110,7 +114,7 @@ class Client:
     def overdue(self, now_s: float) -> None:
         """Answer for a controller that does not."""
         for seq in [seq for seq, due_s in self._asked.items() if now_s > due_s]:
-            self.answer(refusal_of(seq, MessageRefused("SYS-11", "the controller does not answer")))
+            self.answer(refusal_of(seq, MessageRefused(Code.SYS_11, reason=Words.NO_ANSWER)))
 
     @property
     def waiting(self) -> bool:
@@ -277,8 +281,9 @@ def refusal_of(seq: int, refused: MessageRefused) -> dict[str, Any]:
         "type": "reply",
         "seq": seq,
         "ok": False,
-        "code": refused.code,
+        "code": str(refused.refusal.code),
         "text": str(refused),
+        "values": to_wire(refused.refusal.values),
         "epoch": None,
         "journal": 0,
     }

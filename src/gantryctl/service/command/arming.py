@@ -7,6 +7,8 @@ from typing import NamedTuple
 from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 
 
 class Armed(NamedTuple):
@@ -64,11 +66,9 @@ class Arming:
 def check_armed(armed: Armed | None, action: Action, who: Identity, *, second_person: bool) -> None:
     """Refuse with SEC-10 an execution that this person may not begin now."""
     if armed is None or armed.action is not action:
-        by = "another user must arm it first" if second_person else "arm it first"
-        raise MessageRefused("SEC-10", f"{action} is not armed: {by}, then execute within {ARMED_S:g} s")
+        first = Words.OTHER_ARMS_FIRST if second_person else Words.ARM_FIRST
+        raise MessageRefused(Code.SEC_10, reason=first(action=action, limit=ARMED_S))
     if second_person and armed.who.user == who.user:
-        raise MessageRefused("SEC-10", f"{action} was armed by {who.user}: another user must execute it")
+        raise MessageRefused(Code.SEC_10, reason=Words.OTHER_EXECUTES(action=action, user=who.user))
     if not second_person and armed.who.client != who.client:
-        raise MessageRefused(
-            "SEC-10", f"{action} was armed by {armed.who.user} at another screen: arm it here"
-        )
+        raise MessageRefused(Code.SEC_10, reason=Words.ARMED_ELSEWHERE(action=action, user=armed.who.user))

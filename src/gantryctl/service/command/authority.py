@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.limits import SILENCE_S
 from gantryctl.service.protocol.messages import Identity
 
@@ -28,19 +31,19 @@ class Authority:
         if self.holds(who):
             self._alive_s = now_s
 
-    def take(self, who: Identity, over: bool, at_rest: bool, now_s: float) -> tuple[str, str] | None:
-        """Give control to `who`; None when done, else code and reason.
+    def take(self, who: Identity, over: bool, at_rest: bool, now_s: float) -> Refusal | None:
+        """Give control to `who`; None when done, else the reason.
 
         The local console is always let in; the caller stops the axis first when it is moving.
         """
         held = self.holder
         if held is not None and held.client != who.client and not who.local:
             if not over:
-                return "SEC-07", f"{held.user} has control"
+                return refusal(Code.SEC_07, reason=Words.HAS_CONTROL(user=held.user))
             if held.local:
-                return "SEC-08", f"{held.user} has control at the local console"
+                return refusal(Code.SEC_08, reason=Words.HAS_CONTROL_LOCALLY(user=held.user))
             if not at_rest:
-                return "SEC-08", f"{held.user} has control and the axis is moving"
+                return refusal(Code.SEC_08, reason=Words.HAS_CONTROL_MOVING(user=held.user))
         if held is None or held.client != who.client:
             self.new_epoch()
         self.holder, self._alive_s = who, now_s

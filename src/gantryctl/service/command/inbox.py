@@ -7,6 +7,9 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import to_wire
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog, printable
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import (
@@ -141,17 +144,17 @@ class Inbox:
             self.first.setdefault(message.kind, []).append(waiting)
         elif message.kind in SILENT and who.client != holder:
             if message.kind == "renew":
-                dead = MessageRefused("SEC-09", "the lease has ended: release and press again")
+                dead = MessageRefused(Code.SEC_09, reason=Words.LEASE_DEAD(why=Words.LEASE_ENDED))
                 self._reply(source, who, message.seq, dead, 0, epoch)
         elif not self.others.append(waiting):
-            full = MessageRefused("SEC-06", "the controller takes no commands now")
+            full = MessageRefused(Code.SEC_06, reason=Words.NO_COMMANDS_NOW)
             self._reply(source, who, message.seq, full, 0, epoch)
 
     def check_sequence(self, waiting: PendingCommand) -> None:
         """Each number of a connection once, and rising; raises MessageRefused."""
         client, seq = waiting.who.client, waiting.message.seq
         if not seq > self._last_seq.get(client, -1):
-            raise MessageRefused("SEC-04", f"sequence number {seq} was used before")
+            raise MessageRefused(Code.SEC_04, reason=Words.SEQUENCE_USED(number=seq))
         self._last_seq[client] = seq
         self._last_seq.move_to_end(client)
         if len(self._last_seq) > _CLIENTS:
@@ -177,7 +180,7 @@ class Inbox:
     def _event(self, waiting: PendingCommand, refused: MessageRefused | None, **more: int) -> int:
         """Its number. It has the time of the scan that carried it out: journal and recording belong together."""
         message = waiting.message
-        outcome = "done" if refused is None else f"refused: {refused.code} {refused}"
+        outcome = "done" if refused is None else f"refused: {refused.refusal.code} {refused}"
         values = {name: value for name, value in message.values.items() if name != "lease"}
         words = [str(value) for name, value in values.items() if name != "before"]
         words += [f"(before: {values['before']:g})"] if "before" in values else []
@@ -192,8 +195,9 @@ class Inbox:
             "type": "reply",
             "seq": seq if isinstance(seq, int) else 0,
             "ok": refused is None,
-            "code": "" if refused is None else refused.code,
+            "code": "" if refused is None else str(refused.refusal.code),
             "text": "" if refused is None else printable(str(refused), 300),
+            "values": {} if refused is None else to_wire(refused.refusal.values),
             "epoch": epoch,
             "journal": number,
         }

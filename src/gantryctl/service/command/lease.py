@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Final
 
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.protocol.limits import HELD_S
 
 _REMEMBERED: Final = 10_000
@@ -30,7 +31,7 @@ class HoldToRun:
         self.count = 0
         self.client = ""
         self._lease = ""
-        self.ended = ""
+        self.ended: Words | Said | None = None
         self.too_long = False
         self._renewed_s = self._began_s = 0.0
         self._used: OrderedDict[str, None] = OrderedDict()
@@ -44,25 +45,25 @@ class HoldToRun:
         """What is left of the lease, s; 0 when none lives."""
         return max(0.0, self._renewed_s + self.lease_s - now_s) if self._lease else 0.0
 
-    def begin(self, lease: str, client: str, forward: bool, now_s: float) -> str | None:
+    def begin(self, lease: str, client: str, forward: bool, now_s: float) -> Words | None:
         """A key is pressed; None, or why not."""
         if lease in self._used:
-            return "this lease was used before: press again"
+            return Words.LEASE_USED
         self._remember(lease)
         if self._lease:
             self.end()
-            return "another key is held: both are released"
+            return Words.OTHER_KEY
         self._lease, self.client, self._renewed_s = lease, client, now_s
-        self._began_s, self.ended, self.too_long = now_s, "", False
+        self._began_s, self.ended, self.too_long = now_s, None, False
         self.forward, self.reverse = forward, not forward
         self.count += 1
         return None
 
-    def renew(self, lease: str, client: str, now_s: float) -> str | None:
+    def renew(self, lease: str, client: str, now_s: float) -> Said | None:
         """The key is still held; None, or why it is not any more."""
         self.check(now_s)
         if not self._lease or lease != self._lease or client != self.client:
-            return f"{self.ended or 'the lease has ended'}: release and press again"
+            return Words.LEASE_DEAD(why=self.ended or Words.LEASE_ENDED)
         self._renewed_s = now_s
         self.count += 1
         return None
@@ -80,9 +81,9 @@ class HoldToRun:
         if not self._lease:
             return False
         if not now_s - self._renewed_s < self.lease_s:
-            self.ended = "the lease ran out"
+            self.ended = Words.LEASE_RAN_OUT
         elif not now_s - self._began_s < HELD_S:
-            self.ended, self.too_long = f"the key was held for {HELD_S:g} s, the longest time", True
+            self.ended, self.too_long = Words.KEY_TOO_LONG(limit=HELD_S), True
         else:
             return False
         self.end()

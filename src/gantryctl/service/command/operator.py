@@ -31,6 +31,7 @@ from gantryctl.service.memory.memory import Source
 from gantryctl.service.protocol.limits import FRAME_S, HELD_S, SILENCE_S
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
 from gantryctl.units import deg, rad
+from gantryctl.program.alarms.words import Said, Words
 
 # Refusing takes time too: a flood of commands must not make a scan late.
 _PER_SCAN: Final = 8
@@ -142,7 +143,7 @@ class ServiceOperator:
                 self._set(power=False)
             case "set":
                 self._set(override=axis.virtual.override)
-        self._answer(acting, MessageRefused(str(reason.code), reason.text))
+        self._answer(acting, MessageRefused(reason.code, **reason.values))
 
     def _watch(self, now_s: float) -> None:
         """React to what comes without a command: lost leases, a silent holder, alarms, shutdown."""
@@ -277,7 +278,7 @@ class ServiceOperator:
             case "acc_setting_deg_s2":
                 refused = self.program.axis.set_acceleration(rad(value))
                 if refused is not None:
-                    raise MessageRefused(str(refused.code), refused.text)
+                    raise MessageRefused(refused.code, **refused.values)
 
     def setting(self, tag: str) -> float:
         """One setting as it is, in the unit of its tag."""
@@ -318,7 +319,7 @@ class ServiceOperator:
             self.stop()
         refused = self.authority.take(who, over, self.at_rest, now_s)
         if refused is not None:
-            raise MessageRefused(*refused)
+            raise MessageRefused(refused.code, **refused.values)
         self._set(remote=who.place == "remote")
 
     def _end_connection(self, gone: Gone) -> None:
@@ -409,6 +410,6 @@ class ServiceOperator:
         self.levels = self.levels._replace(**levels)
 
 
-def _check_lease(reason: str | None) -> None:
+def _check_lease(reason: Words | Said | None) -> None:
     if reason is not None:
-        raise MessageRefused("SEC-09", reason)
+        raise MessageRefused(Code.SEC_09, reason=reason)

@@ -6,6 +6,8 @@ from gantryctl.program import Axis
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth
 from gantryctl.service.protocol.messages import Identity, MessageRefused
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 
 
 class Permit:
@@ -71,12 +73,11 @@ class Permit:
         if self._journal.locked and service:
             self._events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
         if self.lock:
-            raise MessageRefused(self.lock.partition(" ")[0], self.lock)
+            raise MessageRefused(Code.PWR_04, reason=self.lock)
         if not self.held:
             return
         if self._locked_code and not service:
-            raise MessageRefused(
-                "CTL-14", f"{self._locked_code} ({self.held}) may be reset by the service role only"
-            )
+            reason = Words.SERVICE_ONLY(code=self._locked_code, measured=self.held)
+            raise MessageRefused(Code.CTL_14, reason=reason)
         self._events.put("command", f"acknowledged: {self.held}", who)
         self.held = self._locked_code = ""

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.machine import Machine
 from gantryctl.program import Code
-from gantryctl.program.alarms.log import refusal
 from gantryctl.service.command.arming import Armed, check_armed
 from gantryctl.service.protocol.limits import FRAMES_MAX, FRAMES_MAX_JOG
 from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, action_of
 from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, may
 from gantryctl.units import deg, rad
+from gantryctl.program.alarms.words import Said, Words
 
 _ACC_PART: Final = 0.1
 """Lowest acceleration setting, as a part of the machine file's."""
@@ -30,7 +30,7 @@ class Situation(NamedTuple):
         armed: the armed action. second_person: another user must execute it.
         journal_keeps: events find their place in the journal.
         blocked_by: why power cannot be switched on, or "".
-        untestable: why the brake cannot be tested here, or "".
+        untestable: why the brake cannot be tested here, or None.
         reset_locked: a reset meets something that only the service role may reset.
     """
 
@@ -44,15 +44,16 @@ class Situation(NamedTuple):
     shutdown: bool
     journal_keeps: bool
     blocked_by: str
-    untestable: str
+    untestable: Words | Said | None
     reset_locked: bool
 
 
 class SettingRange(NamedTuple):
     """Lowest and highest value of a tag that `set` changes."""
 
-    name: str
-    unit: str
+    name: Words
+    unit: Words
+    within: Words
     low: float
     high: float
 
@@ -63,11 +64,11 @@ def setting_ranges(machine: Machine) -> dict[str, SettingRange]:
     travel = axis.pos_max_deg - axis.pos_min_deg
     return {
         "speed_setting_deg_s": SettingRange(
-            "speed", "deg/s", speed.setting_min_deg_s, speed.setting_max_deg_s
+            Words.NAME_SPEED, Words.SPEED, Words.WITHIN_SPEEDS, speed.setting_min_deg_s, speed.setting_max_deg_s
         ),
-        "increment_deg": SettingRange("increment", "deg", _INCREMENT_MIN_DEG, travel),
-        "override_percent": SettingRange("override", "%", 0.0, 100.0),
-        "acc_setting_deg_s2": SettingRange("acceleration", "deg/s2", _ACC_PART * acc, acc),
+        "increment_deg": SettingRange(Words.NAME_INCREMENT, Words.ANGLE, Words.WITHIN_ANGLES, _INCREMENT_MIN_DEG, travel),
+        "override_percent": SettingRange(Words.NAME_OVERRIDE, Words.PERCENT, Words.WITHIN_PERCENTS, 0.0, 100.0),
+        "acc_setting_deg_s2": SettingRange(Words.NAME_ACCELERATION, Words.ACCELERATION, Words.WITHIN_ACCELERATIONS, _ACC_PART * acc, acc),
     }
 
 
@@ -89,25 +90,22 @@ def check_fresh(message: Message, now: Situation) -> None:
     most = FRAMES_MAX_JOG if message.kind in ("jog", "renew") else FRAMES_MAX
     behind = now.frame - message.frame
     if not 0 <= behind <= most:
-        raise MessageRefused("SEC-02", f"status frame {message.frame} is {behind} behind, at most {most}")
+        raise MessageRefused(Code.SEC_02, frame=message.frame, behind=behind, limit=most)
     if message.epoch is not None and message.epoch != now.epoch:
-        raise MessageRefused(
-            "SEC-03", "sent before the last stop, reset or change of control: look, then ask again"
-        )
+        raise MessageRefused(Code.SEC_03)
 
 
 def check_allowed(message: Message, who: Identity, now: Situation) -> None:
     """Refuse what role, control, arming, journal or machine forbid."""
     action = action_of(message)
     if not may(who.role, action):
-        raise MessageRefused("SEC-01", f"the role {who.role} may not do this ({action})")
+        raise MessageRefused(Code.SEC_01, reason=Words.ROLE_MAY_NOT(role=who.role, action=action))
     # Switching off and arming must not wait for control: the first is safe, the second needs it when executed.
     power_off = message.kind == "power" and not message.values["on"]
     needs_control = action in NEEDS_AUTHORITY and not power_off and message.kind != "arm"
     if needs_control and (now.holder is None or now.holder.client != who.client):
-        raise MessageRefused(
-            "SEC-07", f"{now.holder.user} has control" if now.holder else "take control first"
-        )
+        reason = Words.HAS_CONTROL(user=now.holder.user) if now.holder else Words.TAKE_CONTROL_FIRST
+        raise MessageRefused(Code.SEC_07, reason=reason)
     begins = action in _NEW_MOTION and not power_off and message.kind not in ("renew", "arm")
     if begins or (action is Action.OVERRIDE and now.paused):
         _check_motion(message, who, now)
@@ -122,27 +120,26 @@ def resets_locked(who: Identity, now: Situation) -> bool:
 
 def _check_motion(message: Message, who: Identity, now: Situation) -> None:
     if not now.journal_keeps:
-        raise MessageRefused(
-            "JRN-02", "the journal cannot keep events now: no new motion; see `journal_state`"
-        )
+        raise MessageRefused(Code.JRN_02, reason=Words.NO_JOURNAL)
     if now.shutdown:
-        raise MessageRefused("SYS-07", "the service is being shut down")
+        raise MessageRefused(Code.SYS_07)
     if message.kind in ("power", "brake_test") and now.blocked_by:
-        raise MessageRefused(str(Code.PWR_04), now.blocked_by)
+        raise MessageRefused(Code.PWR_04, reason=now.blocked_by)
     if message.kind == "brake_test":
         if now.untestable:
-            raise MessageRefused(str(Code.CTL_14), f"not testable here: {now.untestable}")
+            raise MessageRefused(Code.CTL_14, reason=Words.NOT_TESTABLE(why=now.untestable))
         check_armed(now.armed, Action.BRAKE_TEST, who, second_person=now.second_person)
     wanted = {"jog": Mode.CONTINUOUS, "increment": Mode.INCREMENTAL}.get(message.kind)
     if wanted is not None and now.mode not in (wanted, Mode.NONE):
-        words = f"{message.kind} needs the mode {wanted.name.lower()}, it is {now.mode.name.lower()}"
-        raise MessageRefused(str(Code.CTL_16), words)
+        words = Words.MODE_WRONG(
+            command=message.kind, wanted=wanted.name.lower(), mode=now.mode.name.lower()
+        )
+        raise MessageRefused(Code.CTL_16, reason=words)
 
 
 def check_setting(value: float, allowed: SettingRange) -> None:
     """Refuse a setting outside its range: no value is ever clamped behind the user's back."""
-    name, unit, low, high = allowed
-    if not low <= value <= high:
-        words = f"within {low:.4g} and {high:.4g} {unit}"
-        reason = refusal(Code.CTL_01, name=name, allowed=words, measured=f"{value:.6g} {unit}")
-        raise MessageRefused(str(reason.code), reason.text)
+    if not allowed.low <= value <= allowed.high:
+        within = allowed.within(low=allowed.low, high=allowed.high)
+        measured = allowed.unit(value=value)
+        raise MessageRefused(Code.CTL_01, name=allowed.name, allowed=within, measured=measured)

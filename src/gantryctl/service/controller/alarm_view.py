@@ -10,6 +10,7 @@ from gantryctl.program import Alarm, AlarmLog, Code
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.units import deg
+from gantryctl.program.alarms.words import Words
 
 KEPT: Final = 50
 
@@ -90,7 +91,7 @@ class AlarmView:
                 row.acknowledged_by = row.acknowledged_by or who.user
                 self.changed = True
                 return
-        raise MessageRefused("SEC-05", f"there is no alarm number {number} (any more)")
+        raise MessageRefused(Code.SEC_05, reason=Words.NO_SUCH_ALARM(number=number))
 
     def rows(self) -> dict[str, Any]:
         """Both tags."""
@@ -110,11 +111,11 @@ class AlarmView:
             "id": row.number,
             "code": str(alarm.code),
             "severity": definition.severity.value,
-            "title": definition.title,
+            "title": definition.english.title,
             "measured": alarm.measured,
             "done": alarm.done,
-            "to_do": definition.to_do,
-            "cause": definition.cause,
+            "to_do": definition.english.to_do,
+            "cause": definition.english.cause,
             "text": alarm.text,
             "at": row.at,
             "time_s": round(alarm.time_s, 6),

@@ -86,7 +86,7 @@ class BrakeWatch:
         known = word.upper() in BrakeTestOutcome.__members__
         return {
             "brake_test_available": not self._untestable,
-            "brake_test_blocked": self._untestable,
+            "brake_test_blocked": str(self._untestable or ""),
             "brake_test_level_nm": test.level_nm,
             "brake_test_limit_deg": _rounded(deg(test.moved_max_rad)),
             "brake_test_result": word if known else BrakeTestOutcome.NONE.name.lower(),

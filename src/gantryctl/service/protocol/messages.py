@@ -14,16 +14,19 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from gantryctl.errors import GantryctlError
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Action, Role
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal
+from gantryctl.program.alarms.words import Words
 
 
 class MessageRefused(GantryctlError):
-    """A message that is refused; `code` is stable."""
+    """A message that is refused: a code with the values of its message."""
 
     exit_code = 2
 
-    def __init__(self, code: str, text: str) -> None:
-        super().__init__(text)
-        self.code = code
+    def __init__(self, code: Code, /, **values: object) -> None:
+        self.refusal = Refusal(code, values)
+        super().__init__(self.refusal.text)
         self.seq = 0
         """Of the message, where it has one."""
 
@@ -264,11 +267,11 @@ def parse(text: str | bytes) -> Message:
         MessageRefused: SEC-05, with the key that is wrong.
     """
     if len(text) > MESSAGE_MAX:
-        raise MessageRefused("SEC-05", f"a message of {len(text)} bytes: at most {MESSAGE_MAX}")
+        raise MessageRefused(Code.SEC_05, reason=Words.MESSAGE_TOO_LONG(length=len(text), limit=MESSAGE_MAX))
     try:
         found = json.loads(text, parse_constant=_no_constant, object_pairs_hook=_no_twins)
     except (ValueError, RecursionError):
-        raise MessageRefused("SEC-05", "not one JSON object with finite numbers") from None
+        raise MessageRefused(Code.SEC_05, reason=Words.NOT_JSON) from None
     try:
         return checked(found)
     except MessageRefused as refused:
@@ -280,17 +283,15 @@ def parse(text: str | bytes) -> Message:
 def checked(found: object) -> Message:
     """The same for a message that is JSON values already."""
     if not isinstance(found, dict):
-        raise MessageRefused("SEC-05", "a message is one JSON object")
+        raise MessageRefused(Code.SEC_05, reason=Words.NOT_JSON)
     try:
         MESSAGES.validate_python(found)
     except ValidationError as fault:
         kind = found.get("type")
         if not isinstance(kind, str) or kind not in FIELDS:
-            raise MessageRefused("SEC-05", "unknown type of message") from None
+            raise MessageRefused(Code.SEC_05, reason=Words.TYPE_UNKNOWN) from None
         wrong = _first_wrong(fault)
-        raise MessageRefused(
-            "SEC-05", f"{kind}: {wrong[:40]!a} is missing, unknown or of a wrong type"
-        ) from None
+        raise MessageRefused(Code.SEC_05, reason=Words.KEY_WRONG(kind=kind, key=ascii(wrong[:40]))) from None
     kind = found["type"]
     # The values as they came: 40 stays a whole number in the journal, where a float would read 40.0.
     values = {name: found[name] for name in FIELDS[kind]}

@@ -1,0 +1,120 @@
+"""Rows of the alarm table: position control, travel and limit switches."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code, Reaction, Severity
+from gantryctl.program.alarms.definition import Definition, Text
+
+_STOP, _WARN = Severity.STOP, Severity.WARNING
+_QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
+
+_INWARD_ZH: Final = "复位，然后向内移动：返回方向是开放的。"
+
+CONTROL: Final = (
+    Definition(
+        Code.CTL_02, _STOP, _QS,
+        Text("A value that is no number", "{measured} is not a finite number",
+             "A reading or a computed command was not finite. It never reaches the drive.",
+             "Keep the trace and report it; reset when the cause is known."),
+        Text("数值不是数", "{measured} 不是有限的数",
+             "某个读数或计算出的指令不是有限的数。它绝不会到达驱动器。",
+             "保存记录并报告；原因清楚后复位。"),
+    ),
+    Definition(
+        Code.CTL_03, _STOP, _QS,
+        Text("Following error",
+             "Following error {measured:.3f} deg, limit {limit:.3f} deg at {speed:.2f} deg/s",
+             "The axis does not follow its set-point: load, friction, torque limit or gains.",
+             "Look at torque and following error in the trace, remove the cause, then reset."),
+        Text("跟随误差", "{speed} °/s 时跟随误差 {measured}°，限值 {limit}°",
+             "轴不跟随设定值：负载、摩擦、转矩限值或增益。",
+             "在记录中查看转矩和跟随误差，排除原因后复位。"),
+    ),
+    Definition(
+        Code.CTL_04, _STOP, _QS,
+        Text("Overspeed", "Speed {measured:.2f} deg/s, limit {limit:.2f} deg/s",
+             "The axis runs faster than it was told: drive scaling, gains, or a load that pushes.",
+             "Check the drive's speed scaling and ceiling, then reset."),
+        Text("超速", "速度 {measured} °/s，限值 {limit} °/s",
+             "轴比指令快：驱动器比例、增益，或负载在推动。", "检查驱动器的速度比例和上限，然后复位。"),
+    ),
+    Definition(
+        Code.CTL_05, _STOP, _TO,
+        Text("Moves against command",
+             "Speed {measured:.2f} deg/s while {command:.2f} deg/s was commanded, "
+             "limit of the difference {limit:.2f} deg/s",
+             "The drive does not obey its speed command: sign, scaling or speed feedback.",
+             "Do not move again before sign and scaling of the speed have been tested."),
+        Text("运动与指令相反", "指令为 {command} °/s 时速度为 {measured} °/s，差值限值 {limit} °/s",
+             "驱动器不服从速度指令：符号、比例或速度反馈。", "在检验速度的符号和比例之前不要再运动。"),
+    ),
+    Definition(
+        Code.CTL_07, _STOP, _QS,
+        Text("Torque saturated",
+             "Torque limit reached for {time_ms:.0f} ms while the following error grew to {measured:.3f} deg",
+             "The load needs more torque than the drive may give.",
+             "Check balance, friction and overload of the drive, then reset."),
+        Text("转矩饱和", "转矩达到限值 {time_ms} ms，跟随误差增至 {measured}°",
+             "负载所需转矩超过驱动器允许的转矩。", "检查平衡、摩擦和驱动器过载，然后复位。"),
+    ),
+    Definition(
+        Code.CTL_13, _STOP, _QS,
+        Text("Standstill lost", "Moved {measured:.4f} deg at standstill, window {limit:.4f} deg",
+             "Something moves the axis while it should stand.",
+             "Check load, brake and drive, then reset."),
+        Text("静止丧失", "静止时移动了 {measured}°，窗口 {limit}°", "轴应当静止时有东西使它移动。",
+             "检查负载、制动器和驱动器，然后复位。"),
+    ),
+    Definition(
+        Code.CTL_10, _STOP, _QS,
+        Text("Stop point beyond travel",
+             "From {measured:.2f} deg/s the axis would come to rest at {position:.2f} deg, limit {limit:.2f} deg",
+             "The measured angle and speed would carry the axis over its travel.",
+             "Move back inward at low speed; check why the axis ran ahead of its set-point."),
+        Text("停止点超出行程", "以 {measured} °/s 轴将停在 {position}°，限值 {limit}°",
+             "按实测角度和速度，轴将越出行程。", "低速向内移动；查明轴为何超前于设定值。"),
+    ),
+    Definition(
+        Code.CTL_11, _WARN, Reaction.W,
+        Text("Not in position",
+             "Not in position {time_s:.1f} s after the end of the motion: "
+             "error {measured:.4f} deg, window {limit:.4f} deg",
+             "The set-point has arrived, the axis has not: friction, gains or torque.",
+             "Do not use this angle. Move again; if it comes back, call service."),
+        Text("未到位", "运动结束后 {time_s} s 仍未到位：误差 {measured}°，窗口 {limit}°",
+             "设定值已到达而轴没有：摩擦、增益或转矩。",
+             "不要使用此角度。重新运动；若再次出现，联系维修。"),
+    ),
+    Definition(
+        Code.CTL_12, _WARN, Reaction.W,
+        Text("Following error high",
+             "Following error {measured:.3f} deg, warning at {limit:.3f} deg, stop at {trip:.3f} deg",
+             "The axis follows worse than usual.", "Look at the trend in the trace; plan service."),
+        Text("跟随误差偏高", "跟随误差 {measured}°，警告 {limit}°，停机 {trip}°", "轴的跟随比平时差。",
+             "查看记录中的趋势；安排维修。"),
+    ),
+    Definition(
+        Code.LIM_02, _STOP, _QS,
+        Text("Over-travel", "Angle {measured:.2f} deg, limit {limit:.2f} deg",
+             "The measured angle passed the over-travel limit.",
+             "Reset, then move back inward: the way back is open."),
+        Text("超程", "角度 {measured}°，限值 {limit}°", "实测角度越过超程限值。", _INWARD_ZH),
+    ),
+    Definition(
+        Code.LIM_03, _STOP, _QS,
+        Text("Limit switch", "The {side} limit switch opened at {measured:.2f} deg",
+             "The axis is at the hardware limit, or the switch's wire is broken.",
+             "Reset, then move back inward: the way back is open. Check the switch if the angle is well inside."),
+        Text("限位开关", "{side}限位开关在 {measured}° 断开", "轴在硬件限位处，或开关的导线断开。",
+             _INWARD_ZH + "若角度远在行程之内，请检查开关。"),
+    ),
+    Definition(
+        Code.LIM_04, _STOP, _QS,
+        Text("Both limit switches", "Both limit switches are open at {measured:.2f} deg",
+             "The axis cannot be at both ends: common wire or supply.", "Repair the wiring, then reset."),
+        Text("两个限位开关", "在 {measured}° 两个限位开关都断开", "轴不可能同时在两端：公共导线或供电。",
+             "修复接线，然后复位。"),
+    ),
+)  # fmt: skip

@@ -1,0 +1,81 @@
+"""Rows of the alarm table: encoder."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code, Reaction, Severity
+from gantryctl.program.alarms.definition import Definition, Text
+
+_STOP, _WARN = Severity.STOP, Severity.WARNING
+_TO: Final = Reaction.TORQUE_OFF
+
+_CALL: Final = "Do not reset. Check encoder cable and plug, then call service."
+_CALL_ZH: Final = "请勿复位。检查编码器电缆和插头，然后联系维修。"
+
+ENCODER: Final = (
+    Definition(
+        Code.ENC_01, _STOP, _TO,
+        Text("Position jumped", "Position jumped {measured:.4f} deg in one scan, limit {limit:.4f} deg",
+             "The reading changed by more than the axis can move in a scan. The position is not valid any more.",
+             _CALL),
+        Text("位置跳变", "一个扫描周期内位置跳变 {measured}°，限值 {limit}°",
+             "读数变化超过轴在一个扫描周期内可能的运动。位置不再有效。", _CALL_ZH),
+        lock=True,
+    ),
+    Definition(
+        Code.ENC_02, _STOP, _TO,
+        Text("Encoder frozen",
+             "Encoder value unchanged for {time_ms:.0f} ms while {measured:.2f} deg/s was commanded",
+             "The encoder, its cable or its evaluation has stopped, or the motor is blocked.", _CALL),
+        Text("编码器冻结", "指令为 {measured} °/s 时编码器值 {time_ms} ms 未变化",
+             "编码器、其电缆或其信号处理已停止，或电机被卡住。", _CALL_ZH),
+        lock=True,
+    ),
+    Definition(
+        Code.ENC_03, _WARN, Reaction.W,
+        Text("One bad encoder reading", "{measured} bad encoder reading, used prediction",
+             "A reading came with a checksum error. One is bridged; the count is kept.",
+             "If it comes back: check the encoder cable's screen and plug."),
+        Text("一次编码器坏读数", "{measured} 次编码器坏读数，已用预测值代替",
+             "一次读数校验错误。单次可以跨越；已计数。", "若再次出现：检查编码器电缆的屏蔽和插头。"),
+    ),
+    Definition(
+        Code.ENC_04, _STOP, _TO,
+        Text("Too many bad encoder readings",
+             "{measured} bad encoder readings within {time_ms:.0f} ms, limit {limit}",
+             "Checksum errors in a row: cable, screen, plug or encoder.", _CALL),
+        Text("编码器坏读数过多", "{time_ms} ms 内有 {measured} 次编码器坏读数，限值 {limit}",
+             "连续校验错误：电缆、屏蔽、插头或编码器。", _CALL_ZH),
+        lock=True,
+    ),
+    Definition(
+        Code.ENC_05, _STOP, _TO,
+        Text("Encoder alarm", "The encoder reports an alarm of its own",
+             "Lamp, signal amplitude, position error or supply inside the encoder.",
+             "Do not reset. Read the encoder's alarm word with the drive's tool and call service."),
+        Text("编码器报警", "编码器自身报警", "编码器内部的光源、信号幅值、位置错误或供电。",
+             "请勿复位。用驱动器工具读取编码器报警字并联系维修。"),
+        lock=True,
+    ),
+    Definition(
+        Code.ENC_06, _WARN, Reaction.W,
+        Text("Encoder warning", "The encoder reports a warning: lamp reserve, temperature or battery",
+             "The encoder still measures well, but will fail in time.",
+             "Plan its service. The axis goes on."),
+        Text("编码器警告", "编码器发出警告：光源余量、温度或电池", "编码器仍测量正常，但不会一直如此。",
+             "安排维修。轴继续运行。"),
+    ),
+    Definition(
+        Code.ENC_07, _STOP, _TO,
+        Text("Encoders disagree",
+             "Load-side encoder {measured:.4f} deg away from motor encoder and maps, limit {limit:.4f} deg",
+             "One of the two encoders is wrong, the calibration belongs to another machine, or something between "
+             "motor and ring has slipped or broken.",
+             "Compare the angle with the marks. Find out which encoder is right before anything moves."),
+        Text("编码器不一致", "负载侧编码器与电机编码器及误差表相差 {measured}°，限值 {limit}°",
+             "两个编码器之一有误、标定属于另一台机器，或电机与齿圈之间有打滑或断裂。",
+             "将角度与刻线比较。在任何运动之前先查明哪个编码器正确。"),
+        lock=True,
+    ),
+)  # fmt: skip

@@ -1,0 +1,181 @@
+"""Rows of the alarm table: engine and processes (SYS), access (SEC), journal (JRN)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code, Reaction, Severity
+from gantryctl.program.alarms.definition import Definition, Text
+
+_INFO, _WARN, _STOP, _REFUSED = Severity.INFO, Severity.WARNING, Severity.STOP, Severity.REFUSED
+_W, _REF, _QS = Reaction.W, Reaction.REF, Reaction.QUICK_STOP
+
+_BUSY: Final = "Find what kept the processor busy, then start again."
+_BUSY_ZH: Final = "查明占用处理器的原因，然后重新启动。"
+_AGAIN: Final = "Look at the screen, then send the command again."
+_AGAIN_ZH: Final = "查看屏幕，然后重新发出指令。"
+
+SERVICE: Final = (
+    Definition(
+        Code.SYS_02, _STOP, _QS,
+        Text("Scans late", "scan {late_ms:.1f} ms late, or too many overruns within a second",
+             "Another task kept the processor from the controller.", _BUSY),
+        Text("扫描迟到", "扫描迟到 {late_ms} ms，或一秒内超限次数过多", "其他任务占用了控制器的处理器。", _BUSY_ZH),
+    ),
+    Definition(
+        Code.SYS_03, _STOP, _QS,
+        Text("Controller frozen", "controller frozen for {late_s:.3f} s",
+             "The controller did not run at all for some time.", _BUSY),
+        Text("控制器冻结", "控制器冻结 {late_s} s", "控制器有一段时间完全没有运行。", _BUSY_ZH),
+    ),
+    Definition(
+        Code.SYS_05, _INFO, _W,
+        Text("Previous run not shut down",
+             "the previous run of the controller was not shut down; {age_s:.1f} s ago it was at {position} deg "
+             "with {speed} deg/s",
+             "The controller was killed, or the computer lost its supply.",
+             "Look at the journal for the cause."),
+        Text("上次运行未正常关闭",
+             "控制器上次运行未正常关闭；{age_s} s 前位于 {position}°，速度 {speed} °/s",
+             "控制器被终止，或计算机断电。", "在日志中查找原因。"),
+    ),
+    Definition(
+        Code.SYS_06, _WARN, _W,
+        Text("Process ended", "{process}: {how}",
+             "A process of the service has crashed or given no sign of life; the supervisor starts it again.",
+             "Look at the journal for the cause; if it comes back, report it."),
+        Text("进程结束", "{process}：{how}", "服务的一个进程崩溃或没有生命信号；监督进程将其重新启动。",
+             "在日志中查找原因；若再次出现，请报告。"),
+    ),
+    Definition(
+        Code.SYS_07, _REFUSED, _REF,
+        Text("Shutting down", "the service is being shut down",
+             "The service or the computer is being shut down.", "Wait until the service runs again."),
+        Text("正在关闭", "服务正在关闭", "服务或计算机正在关闭。", "等待服务重新运行。"),
+    ),
+    Definition(
+        Code.SYS_09, _STOP, _QS,
+        Text("Fault in the program", "{failure} in scan {scan} (t = {time_s:.3f} s): {text} ({place})",
+             "A custom program, or gantryctl, has a fault.",
+             "Correct the program, or report it; then reset."),
+        Text("程序故障", "扫描 {scan} 中 {failure}（t = {time_s} s）：{text}（{place}）",
+             "自定义程序或 gantryctl 有故障。", "修正程序或报告；然后复位。"),
+    ),
+    Definition(
+        Code.SYS_10, _STOP, Reaction.TORQUE_OFF,
+        Text("Power-up did not end", "power-up did not end within {limit:g} s, the axis is {state}",
+             "A custom program that does not switch power on when the operator wants it.",
+             "Call a Power block with the operator's `power`; then reset."),
+        Text("上电未完成", "上电未在 {limit} s 内完成，轴为 {state}",
+             "自定义程序在操作员要求时没有接通动力。", "以操作员的 `power` 调用 Power 块；然后复位。"),
+    ),
+    Definition(
+        Code.SYS_11, _REFUSED, _REF,
+        Text("Controller silent", "{reason}",
+             "The controller is starting, has ended, or its command ring is full.",
+             "Wait; if it lasts, look at the journal."),
+        Text("控制器无应答", "{reason}", "控制器正在启动、已结束，或其指令队列已满。", "等待；若持续，请查看日志。"),
+    ),
+    Definition(
+        Code.SEC_01, _REFUSED, _REF,
+        Text("Not permitted", "{reason}",
+             "The role may not do it, or there is no login.", "Log in with a role that may."),
+        Text("无权执行", "{reason}", "该角色无权执行，或未登录。", "以有权的角色登录。"),
+    ),
+    Definition(
+        Code.SEC_02, _REFUSED, _REF,
+        Text("Too old", "status frame {frame} is {behind} behind, at most {limit}",
+             "The command was sent by a screen that showed an old state.", _AGAIN),
+        Text("过旧", "状态帧 {frame} 落后 {behind} 帧，最多 {limit}", "发出指令的屏幕显示的是旧状态。", _AGAIN_ZH),
+    ),
+    Definition(
+        Code.SEC_03, _REFUSED, _REF,
+        Text("Of another epoch", "sent before the last stop, reset or change of control: look, then ask again",
+             "A stop, a reset or a change of control ends everything that was sent before.", _AGAIN),
+        Text("属于另一时期", "发送于最近一次停止、复位或控制权变更之前：请查看后重新发出",
+             "停止、复位或控制权变更使此前发出的一切失效。", _AGAIN_ZH),
+    ),
+    Definition(
+        Code.SEC_04, _REFUSED, _REF,
+        Text("Not of this page", "{reason}",
+             "A sequence number came twice, or another web page asked.", "Load the page again."),
+        Text("不属于此页面", "{reason}", "序号重复，或由其他网页请求。", "重新加载页面。"),
+    ),
+    Definition(
+        Code.SEC_05, _REFUSED, _REF,
+        Text("Not understood", "{reason}",
+             "Unknown type or key, wrong type of value, not finite, or too long.",
+             "Correct the message: docs/reference/service.md."),
+        Text("无法理解", "{reason}", "未知的类型或键、值的类型错误、非有限数，或过长。",
+             "更正消息：docs/reference/service.md。"),
+    ),
+    Definition(
+        Code.SEC_06, _REFUSED, _REF,
+        Text("Too many", "{reason}", "More commands, requests or connections than the service takes.",
+             "Send fewer."),
+        Text("过多", "{reason}", "指令、请求或连接超过服务所能接受的数量。", "减少发送。"),
+    ),
+    Definition(
+        Code.SEC_07, _REFUSED, _REF,
+        Text("No control", "{reason}", "The command needs the control authority.", "Take control first."),
+        Text("没有控制权", "{reason}", "该指令需要控制权。", "请先取得控制权。"),
+    ),
+    Definition(
+        Code.SEC_08, _REFUSED, _REF,
+        Text("Control is held", "{reason}",
+             "Control is taken over at standstill only, and never from the local console.",
+             "Wait for standstill, or ask the one who has control."),
+        Text("控制权被占用", "{reason}", "控制权只能在静止时接管，且不能从本地控制台接管。",
+             "等待静止，或联系持有控制权的人。"),
+    ),
+    Definition(
+        Code.SEC_09, _REFUSED, _REF,
+        Text("Lease dead", "{reason}", "A hold-to-run lease that has ended once is never valid again.",
+             "Release the key and press it again."),
+        Text("租约失效", "{reason}", "按住运行的租约一旦结束便不再有效。", "松开按键后重新按下。"),
+    ),
+    Definition(
+        Code.SEC_10, _REFUSED, _REF,
+        Text("Not armed", "{reason}",
+             "Not armed, too long ago, in another epoch, at another screen, or (second person) by the same user.",
+             "Arm it, then execute in time."),
+        Text("未预备", "{reason}", "未预备、时间过长、属于另一时期、在另一屏幕，或（第二人）由同一用户预备。",
+             "先预备，再及时执行。"),
+    ),
+    Definition(
+        Code.SEC_11, _WARN, _W,
+        Text("Certificate ends", "{reason}",
+             "A certificate of the page, of OPC UA or of one of its clients ends within 30 days, or has ended.",
+             "Install a new certificate."),
+        Text("证书到期", "{reason}", "网页、OPC UA 或其客户端的证书将在 30 天内到期，或已到期。", "安装新证书。"),
+    ),
+    Definition(
+        Code.SEC_12, _REFUSED, _REF,
+        Text("Not found", "not found", "No such address or recording.", "Check the address."),
+        Text("未找到", "未找到", "没有该地址或记录。", "检查地址。"),
+    ),
+    Definition(
+        Code.JRN_01, _WARN, _REF,
+        Text("Disk nearly full", "{free:.0f} MB free on the disk: nothing is recorded below {limit:.0f} MB",
+             "Recordings or other data fill the disk. Below a second limit no new motion begins.",
+             "Make room on the disk."),
+        Text("磁盘将满", "磁盘剩余 {free} MB：低于 {limit} MB 时不再记录",
+             "记录或其他数据占满磁盘。低于第二限值时不能启动新运动。", "清理磁盘。"),
+    ),
+    Definition(
+        Code.JRN_02, _REFUSED, _REF,
+        Text("Journal not writable", "{reason}",
+             "The disk is slow, full or failed. What moves goes on; nothing new begins.",
+             "Look at `journal_state` and at the disk."),
+        Text("日志不可写", "{reason}", "磁盘缓慢、已满或故障。正在进行的运动继续；不启动新的运动。",
+             "查看 `journal_state` 和磁盘。"),
+    ),
+    Definition(
+        Code.JRN_05, _WARN, _REF,
+        Text("Journal damaged", "the journal was damaged and moved to {file}; service must reset",
+             "Its hash chain or its file was broken: a disk fault, or somebody changed it.",
+             "Keep the file that was moved aside; the service role resets."),
+        Text("日志损坏", "日志已损坏并移至 {file}；须由维修人员复位",
+             "其哈希链或文件被破坏：磁盘故障，或被人更改。", "保留移走的文件；由维修角色复位。"),
+    ),
+)  # fmt: skip

@@ -1,0 +1,272 @@
+"""Words that stand in the fields of a message: reasons, quantities, states; English and Chinese in one row."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import Enum, unique
+from typing import NamedTuple
+
+from gantryctl.image import DriveState
+
+
+@unique
+class Words(Enum):
+    """One row: the English template, with the number formats, and the Chinese one with the same fields.
+
+    The name of a member is what travels on the wire; calling a member fills its fields.
+    """
+
+    # Quantities with their units. Ten digits: a limit passed by the last digit of a float still shows as equal.
+    ANGLE = "{value:.10g} deg", "{value}°"
+    SPEED = "{value:.10g} deg/s", "{value} °/s"
+    ACCELERATION = "{value:.10g} deg/s2", "{value} °/s²"
+    PERCENT = "{value:.10g} %", "{value} %"
+    WITHIN_ANGLES = "within {low:.4g} and {high:.4g} deg", "在 {low} 和 {high}° 之间"
+    WITHIN_TRAVEL = "within {low:.2f} and {high:.2f} deg", "在 {low} 和 {high}° 之间"
+    WITHIN_SPEEDS = "within {low:.2f} and {high:.2f} deg/s", "在 {low} 和 {high} °/s 之间"
+    WITHIN_ACCELERATIONS = "within {low:.4g} and {high:.4g} deg/s2", "在 {low} 和 {high} °/s² 之间"
+    WITHIN_PERCENTS = "within {low:.4g} and {high:.4g} %", "在 {low} 和 {high} % 之间"
+    WITHIN_ZERO_AND_ONE = "within 0 and 1", "在 0 和 1 之间"
+    AT_MOST_ANGLE = "above 0 and at most {high:.2f} deg", "大于 0 且不超过 {high}°"
+    AT_MOST_SPEED = "above 0 and at most {high:.2f} deg/s", "大于 0 且不超过 {high} °/s"
+    AT_MOST_ACCELERATION = "above 0 and at most {high:.4g} deg/s2", "大于 0 且不超过 {high} °/s²"
+    FINITE_ANGLE = "a finite angle", "为有限的角度"
+
+    # Names of what a command sets, and sides.
+    NAME_SPEED = "speed", "速度"
+    NAME_INCREMENT = "increment", "增量"
+    NAME_OVERRIDE = "override", "倍率"
+    NAME_ACCELERATION = "acceleration", "加速度"
+    NAME_TARGET = "target", "目标"
+    NAME_POSITION = "position", "位置"
+    PLUS = "plus", "正"
+    MINUS = "minus", "负"
+    FORWARD = "forward", "正向"
+    REVERSE = "reverse", "反向"
+    OPEN = "open", "松开"
+    CLOSED = "closed", "抱紧"
+
+    # Values that are not finite (CTL-02), and what the drive reports.
+    TORQUE_READING = "torque reading", "转矩读数"
+    SPEED_READING = "speed reading", "速度读数"
+    ENCODER_COUNT = "encoder count", "编码器计数"
+    SPEED_COMMAND = "speed command {value}", "速度指令 {value}"
+    TORQUE_COMMAND = "torque command {value}", "转矩指令 {value}"
+    DRIVE_ERROR = "error {error} (hexadecimal {word})", "错误 {error}（十六进制 {word}）"
+    DRIVE_ERROR_UNKNOWN = "without an error code", "没有错误代码"
+
+    # States of the drive, in the words of IEC 61800-7-201 (CiA 402).
+    STATE_UNKNOWN = "an unknown state", "未知状态"
+    STATE_NOT_READY_TO_SWITCH_ON = "Not ready to switch on", "“未准备好”状态"
+    STATE_SWITCH_ON_DISABLED = "Switch on disabled", "“禁止接通”状态"
+    STATE_READY_TO_SWITCH_ON = "Ready to switch on", "“准备接通”状态"
+    STATE_SWITCHED_ON = "Switched on", "“已接通”状态"
+    STATE_OPERATION_ENABLED = "Operation enabled", "“运行使能”状态"
+    STATE_QUICK_STOP_ACTIVE = "Quick stop active", "“快速停止中”状态"
+    STATE_FAULT_REACTION_ACTIVE = "Fault reaction active", "“故障反应中”状态"
+    STATE_FAULT = "Fault", "“故障”状态"
+
+    # Reactions, and how a stop went.
+    STOPPING = "Stopping on the jog-release ramp", "正按松键斜坡停止"
+    QUICK_STOP = "Quick stop", "快速停止"
+    TORQUE_OFF = "Torque off and brake", "转矩切断并制动"
+    TORQUE_KEPT = "Torque kept at zero speed", "保持零速转矩"
+    NOTHING_ON = "Nothing was switched on", "没有接通任何部分"
+    AT_REST_AFTER = "at rest after {time_ms:.0f} ms", "{time_ms} ms 后静止"
+    TORQUE_OFF_AFTER = "torque off after {time_ms:.0f} ms", "{time_ms} ms 后转矩切断"
+    BRAKE_CLOSED_AFTER = "brake closed after {time_ms:.0f} ms", "{time_ms} ms 后制动器抱紧"
+    MOVED_TO = "gantry moved {way:.2f} deg to {position:.2f} deg", "机架移动 {way}° 至 {position}°"
+    ANGLE_UNKNOWN = "the angle is not known", "角度未知"
+
+    # Why the axis may not be enabled or moved.
+    SWITCHING_OFF = "the axis is still being switched off", "轴正在断电"
+    LATCHED = "{code} is latched ({measured}): reset first", "{code} 已锁存（{measured}）：请先复位"
+    ACTIVE = "{code} is active ({measured}): {first}", "{code} 有效（{measured}）：{first}"
+    RESET_FIRST = "reset first", "请先复位"
+    TEST_OR_SERVICE = "a brake test must pass, or service must reset", "须先通过制动器测试，或由维修人员复位"
+    ERROR_STOP = (
+        "the axis is in ErrorStop by {code} ({measured}): reset first",
+        "轴因 {code} 处于故障停止（{measured}）：请先复位",
+    )
+    SERVICE_ONLY = (
+        "{code} ({measured}) may be reset by the service role only",
+        "{code}（{measured}）只能由维修角色复位",
+    )
+    ESTOP_OPEN = "the emergency-stop chain is open", "急停回路断开"
+    ESTOP_STILL_OPEN = "the emergency-stop chain is still open: release it first", "急停回路仍断开：请先松开"
+    MAINS_NOT_READY = "the mains are not ready", "主电源未就绪"
+    DRIVE_FAULT = (
+        "the drive is in fault or its state is unknown: reset first",
+        "驱动器故障或状态未知：请先复位",
+    )
+    DRIVE_KEEPS_FAULT = "the drive keeps its fault: read its display", "驱动器故障仍在：查看其显示"
+    ENCODER_KEEPS_ALARM = (
+        "the encoder still reports its alarm: clear it there first",
+        "编码器仍在报警：请先在那里清除",
+    )
+    POSITION_NOT_VALID = (
+        "the position is not valid: service must compare the angle and reset",
+        "位置无效：须由维修人员核对角度并复位",
+    )
+    ACCELERATION_AT_REST = "the acceleration changes at standstill only", "加速度仅在静止时可改"
+    MODE_AT_REST = "the mode changes at standstill only", "模式仅在静止时可改"
+    HELD_BY_STOP = "the axis is held by Stop: release it first", "轴被“停止”保持：请先松开"
+    MOVING_BY_HAND = "the axis is moving by hand: release the key first", "轴正在手动运动：请先松开按键"
+    JOG_FROM_REST = "the axis is moving: jog from standstill only", "轴在运动：点动只能从静止开始"
+    INCREMENT_FROM_REST = (
+        "the axis is moving: increments from standstill only",
+        "轴在运动：增量只能从静止开始",
+    )
+    STILL_STOPPING = "the axis is still stopping: reset when it is at rest", "轴仍在停止：静止后再复位"
+    REVERSAL_FROM_REST = (
+        "reversal only from standstill: release and press again",
+        "换向只能从静止开始：松开后重新按下",
+    )
+    BOTH_KEYS = "both keys are pressed: one increment needs one key", "两键同时按下：一次增量只需一个键"
+    HOME_AT_REST = "Home needs Standstill", "Home 需要静止状态"
+    REFERENCE_AT_REST = "a new reference needs standstill", "新的参考点需要静止"
+    ENCODER_WOULD_WRAP = (
+        "the encoder would wrap {margin:.2f} deg from the travel, at least {limit:.2f} deg wanted",
+        "编码器将在距行程 {margin}° 处回绕，至少需要 {limit}°",
+    )
+    OUTSIDE_ON_THE_WAY = (
+        "the way there would pass {angle:.2f} deg, outside the travel; stop first",
+        "途中将经过行程之外的 {angle}°；请先停止",
+    )
+    MODE_NONE = "no motion mode is chosen", "没有选择运动模式"
+    MODE_WRONG = (
+        "{command} needs the mode {wanted}, it is {mode}",
+        "{command} 需要 {wanted} 模式，当前为 {mode}",
+    )
+
+    # The brake test: why it cannot begin, and how it ended.
+    TEST_UNDER_WAY = "a brake test is under way", "正在测试制动器"
+    TEST_NEEDS_POWER_OFF = (
+        "a brake test begins with power off: switch it off first",
+        "制动器测试须在断电时开始：请先断电",
+    )
+    TEST_TORQUE_TOO_HIGH = (
+        "a brake test with {level:.1f} N m and the load are more than the motor's torque limit",
+        "{level} N m 的制动器测试加上负载超过电机转矩限值",
+    )
+    NOT_TESTABLE = "not testable here: {why}", "不能在此测试：{why}"
+    DRIVE_OWNS_BRAKE = (
+        '[brake] owner = "{owner}": the drive works the brake itself and opens it whenever it is enabled; '
+        "use the drive's own brake test",
+        "[brake] owner = {owner}：制动器由驱动器控制，使能时即松开；请使用驱动器自身的制动器测试",
+    )
+    NO_TORQUE_INPUT = (
+        "the drive takes no torque beside the speed (60B2, 6077); use the drive's own brake test",
+        "驱动器除速度外不接受转矩（60B2、6077）；请使用驱动器自身的制动器测试",
+    )
+    TEST_RESULT = (
+        "{what}, moved {way:.4f} deg of {limit:.4f} deg allowed",
+        "{what}，移动 {way}°，允许 {limit}°",
+    )
+    TEST_HELD = (
+        "held {plus:+.1f} and {minus:+.1f} N m for {time_s:g} s each",
+        "各保持 {time_s} s：{plus} 和 {minus} N m",
+    )
+    TEST_NOT_REACHED = (
+        "{given:+.1f} N m reached, {wanted:+.1f} N m wanted",
+        "达到 {given} N m，需要 {wanted} N m",
+    )
+    TEST_NOT_HELD = "{given:+.1f} N m held of {wanted:+.1f} N m", "保持 {given} N m，需要 {wanted} N m"
+    TEST_SLIPPED = "the brake slipped under {given:+.1f} N m", "制动器在 {given} N m 下打滑"
+    TEST_SLIPPED_AFTER = (
+        "the brake slipped when the torque was taken off after the test",
+        "测试后撤去转矩时制动器打滑",
+    )
+    BRAKE_CONTACT_OPEN = "the brake's contact says that it is open", "制动器触点显示松开"
+    TORQUE_NOT_FINITE = "the torque reading is no number", "转矩读数不是数值"
+    BRAKE_OPENED_BY_DRIVE = (
+        "the drive opened its brake when it was enabled: not testable here",
+        "驱动器使能时松开了制动器：不能在此测试",
+    )
+    STOPPED = "stopped", "已停止"
+    POWER_SWITCHED_OFF = "power was switched off", "已断电"
+    ENDED_BY = "ended by {code}", "由 {code} 结束"
+    ENDED_BY_ALARM = "ended by an alarm", "由报警结束"
+
+    # Refusals of the service: roles, messages, control, leases, arming.
+    ROLE_MAY_NOT = "the role {role} may not do this ({action})", "角色 {role} 无权执行（{action}）"
+    LOG_IN_FIRST = "log in first", "请先登录"
+    WRONG_PASSWORD = "wrong name or password", "用户名或密码错误"
+    LOCKED_OUT = "too many wrong passwords: wait", "密码错误次数过多：请等待"
+    NO_USERS = "nobody can log in: users.json cannot be read", "无法登录：users.json 不可读"
+    SEQUENCE_USED = "sequence number {number} was used before", "序号 {number} 已用过"
+    FOREIGN_PAGE = "asked from a foreign page", "请求来自其他网页"
+    FOREIGN_HOST = "this host name is not served here", "此处不提供该主机名"
+    MESSAGE_TOO_LONG = "a message of {length} bytes: at most {limit}", "消息长 {length} 字节：最多 {limit}"
+    NOT_JSON = "not one JSON object with finite numbers", "不是含有限数的 JSON 对象"
+    TYPE_UNKNOWN = "unknown type of message", "未知的消息类型"
+    KEY_WRONG = "{kind}: {key} is missing, unknown or of a wrong type", "{kind}：{key} 缺失、未知或类型错误"
+    NO_SUCH_ALARM = "there is no alarm number {number} (any more)", "（已）没有第 {number} 号报警"
+    JSON_NEEDED = "Content-Type: application/json is needed", "需要 Content-Type: application/json"
+    BODY_TOO_LONG = "a body of at most {limit} bytes", "正文最多 {limit} 字节"
+    NAME_AND_PASSWORD = (
+        'write {{"user": NAME, "password": PASSWORD}}',
+        '请写 {{"user": NAME, "password": PASSWORD}}',
+    )
+    WHOLE_NUMBER = "{name}: a whole number from 0 up", "{name}：不小于 0 的整数"
+    TOO_MANY_COMMANDS = "more than {limit:g} commands in a second", "一秒内超过 {limit} 条命令"
+    TOO_MANY_REQUESTS = "too many requests", "请求过多"
+    TOO_MANY_CONNECTIONS = "too many connections", "连接过多"
+    NO_COMMANDS_NOW = "the controller takes no commands now", "控制器现在不接受命令"
+    NO_JOURNAL = (
+        "the journal cannot keep events now: no new motion; see `journal_state`",
+        "日志现在无法保存事件：不能启动新运动",
+    )
+    NO_ANSWER = "the controller does not answer", "控制器没有应答"
+    HAS_CONTROL = "{user} has control", "控制权在 {user}"
+    TAKE_CONTROL_FIRST = "take control first", "请先取得控制权"
+    HAS_CONTROL_LOCALLY = "{user} has control at the local console", "控制权在本地控制台的 {user}"
+    HAS_CONTROL_MOVING = "{user} has control and the axis is moving", "控制权在 {user} 且轴在运动"
+    LEASE_USED = "this lease was used before: press again", "此租约已用过：请重新按下"
+    OTHER_KEY = "another key is held: both are released", "另一键被按住：两键均已松开"
+    LEASE_DEAD = "{why}: release and press again", "{why}：松开后重新按下"
+    LEASE_ENDED = "the lease has ended", "租约已结束"
+    LEASE_RAN_OUT = "the lease ran out", "租约已到期"
+    KEY_TOO_LONG = "the key was held for {limit:g} s, the longest time", "按键已按住 {limit} s，已达最长时间"
+    ARM_FIRST = (
+        "{action} is not armed: arm it first, then execute within {limit:g} s",
+        "{action} 未预备：请先预备，然后在 {limit} 秒内执行",
+    )
+    OTHER_ARMS_FIRST = (
+        "{action} is not armed: another user must arm it first, then execute within {limit:g} s",
+        "{action} 未预备：须由另一用户先预备，然后在 {limit} 秒内执行",
+    )
+    OTHER_EXECUTES = (
+        "{action} was armed by {user}: another user must execute it",
+        "{action} 由 {user} 预备：须由另一用户执行",
+    )
+    ARMED_ELSEWHERE = (
+        "{action} was armed by {user} at another screen: arm it here",
+        "{action} 由 {user} 在另一屏幕预备：请在此预备",
+    )
+
+    def __init__(self, english: str, chinese: str) -> None:
+        self.english = english
+        self.chinese = chinese
+
+    def __str__(self) -> str:
+        return self.english
+
+    def __call__(self, **values: object) -> Said:
+        """The same with its fields filled."""
+        return Said(self, values)
+
+
+def drive_state_words(state: DriveState) -> Words:
+    """The words of a state of the drive."""
+    return Words[f"STATE_{state.name}"]
+
+
+class Said(NamedTuple):
+    """Words with the values of their fields."""
+
+    words: Words
+    values: Mapping[str, object]
+
+    def __str__(self) -> str:
+        return self.words.english.format(**self.values)
