@@ -8,6 +8,7 @@ from typing import Final
 from gantryctl import _core
 from gantryctl.machine import Machine
 from gantryctl.motion import MotionLimits
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.settings import (
     AxisSettings,
     LawSettings,
@@ -20,7 +21,6 @@ from gantryctl.program.settings import (
 )
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation_settings
-from gantryctl.program.alarms.words import Said, Words
 
 _MS: Final = 1e-3
 

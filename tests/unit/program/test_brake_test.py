@@ -265,7 +265,7 @@ def test_or_after_a_reset_by_service_only():
         ("on", "begins with power off"),
         ("estop", "emergency-stop chain"),
         ("untestable", "not testable here: owner"),
-        ("twice", "under way already"),
+        ("twice", "under way"),
         ("heavy", "more than the motor's torque limit"),
     ],
 )

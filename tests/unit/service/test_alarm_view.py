@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 from gantryctl.program import AlarmLog, Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.ring import Ring
@@ -21,7 +22,7 @@ def test_the_account_of_a_stop_reaches_rows_and_journal_when_it_is_complete() ->
     view.scan()
     assert not view.changed
     assert log.first_out is not None
-    log.first_out.done = "Quick stop, at rest after 1100 ms"
+    log.first_out.steps = (Words.QUICK_STOP, Words.AT_REST_AFTER(time_ms=1100.0))
     view.scan()
     assert view.changed
     assert view.rows()["alarms"][0]["done"] == "Quick stop, at rest after 1100 ms"

@@ -24,7 +24,7 @@ def allowed(arming: Arming, action: Action, who: Identity, epoch: int = 7, now_s
     try:
         check_armed(arming.now(epoch, now_s), action, who, second_person=arming.second_person)
     except MessageRefused as refused:
-        return refused.code != "SEC-10"
+        return refused.refusal.code != "SEC-10"
     return True
 
 

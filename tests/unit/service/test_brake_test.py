@@ -6,6 +6,7 @@ import pytest
 
 from gantryctl.image import DriveRequest
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, Code, PowerPhase
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.command.rules import check_allowed
 from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.limits import ARMED_S
@@ -127,11 +128,11 @@ def test_it_needs_control_power_off_and_a_brake_that_can_be_tested() -> None:
     bench.do(who, "power", on=False)
     bench.until(AxisState.DISABLED)
     bench.scans(2000)
-    now = bench.operator.situation(bench.time_s)._replace(untestable="the drive owns it")
+    now = bench.operator.situation(bench.time_s)._replace(untestable=Words.NO_TORQUE_INPUT)
     asked = checked({"type": "brake_test", "seq": 1, "frame": now.frame, "epoch": now.epoch})
-    with pytest.raises(MessageRefused, match="not testable here: the drive owns it") as refused:
+    with pytest.raises(MessageRefused, match="not testable here: the drive takes no torque") as refused:
         check_allowed(asked, who, now)
-    assert refused.value.code == "CTL-14"
+    assert refused.value.refusal.code == "CTL-14"
     bench.words[Word.JOURNAL_STATE] = JournalState.FULL
     assert bench.refused(who, "brake_test") == "JRN-02"
 

@@ -9,6 +9,9 @@ from typing import Final
 from gantryctl._core import PositionLaw
 from gantryctl.image import InputImage, OutputImage
 from gantryctl.motion import SetPoint, stop_point
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
 from gantryctl.program.axis.commands import MotionCommands
 from gantryctl.program.axis.load_side import LoadSide
@@ -24,9 +27,6 @@ from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
 from gantryctl.units import deg
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
-from gantryctl.program.alarms.words import Words
 
 TRACE_COLUMNS: Final = (
     "pos_ref_rad",

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl.image import DriveState
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import PowerSettings
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
-from gantryctl.program.alarms.words import Said, Words
 
 _NO_POWER: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import Refusal, refusal
-from gantryctl.program.alarms.words import Words
 
 
 class Reference:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.limits import ARMED_S
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.service.protocol.roles import Action
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.words import Words
 
 
 class Armed(NamedTuple):

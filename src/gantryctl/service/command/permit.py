@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from gantryctl.program import Axis
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth
 from gantryctl.service.protocol.messages import Identity, MessageRefused
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.words import Words
 
 
 class Permit:
@@ -73,7 +73,7 @@ class Permit:
         if self._journal.locked and service:
             self._events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
         if self.lock:
-            raise MessageRefused(Code.PWR_04, reason=self.lock)
+            raise MessageRefused(Code.CTL_14, reason=self.lock)
         if not self.held:
             return
         if self._locked_code and not service:

@@ -7,12 +7,12 @@ from typing import Final, NamedTuple
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.machine import Machine
 from gantryctl.program import Code
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.command.arming import Armed, check_armed
 from gantryctl.service.protocol.limits import FRAMES_MAX, FRAMES_MAX_JOG
 from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, action_of
 from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, may
 from gantryctl.units import deg, rad
-from gantryctl.program.alarms.words import Said, Words
 
 _ACC_PART: Final = 0.1
 """Lowest acceleration setting, as a part of the machine file's."""
@@ -64,11 +64,21 @@ def setting_ranges(machine: Machine) -> dict[str, SettingRange]:
     travel = axis.pos_max_deg - axis.pos_min_deg
     return {
         "speed_setting_deg_s": SettingRange(
-            Words.NAME_SPEED, Words.SPEED, Words.WITHIN_SPEEDS, speed.setting_min_deg_s, speed.setting_max_deg_s
+            Words.NAME_SPEED,
+            Words.SPEED,
+            Words.WITHIN_SPEEDS,
+            speed.setting_min_deg_s,
+            speed.setting_max_deg_s,
         ),
-        "increment_deg": SettingRange(Words.NAME_INCREMENT, Words.ANGLE, Words.WITHIN_ANGLES, _INCREMENT_MIN_DEG, travel),
-        "override_percent": SettingRange(Words.NAME_OVERRIDE, Words.PERCENT, Words.WITHIN_PERCENTS, 0.0, 100.0),
-        "acc_setting_deg_s2": SettingRange(Words.NAME_ACCELERATION, Words.ACCELERATION, Words.WITHIN_ACCELERATIONS, _ACC_PART * acc, acc),
+        "increment_deg": SettingRange(
+            Words.NAME_INCREMENT, Words.ANGLE, Words.WITHIN_ANGLES, _INCREMENT_MIN_DEG, travel
+        ),
+        "override_percent": SettingRange(
+            Words.NAME_OVERRIDE, Words.PERCENT, Words.WITHIN_PERCENTS, 0.0, 100.0
+        ),
+        "acc_setting_deg_s2": SettingRange(
+            Words.NAME_ACCELERATION, Words.ACCELERATION, Words.WITHIN_ACCELERATIONS, _ACC_PART * acc, acc
+        ),
     }
 
 
@@ -131,9 +141,7 @@ def _check_motion(message: Message, who: Identity, now: Situation) -> None:
         check_armed(now.armed, Action.BRAKE_TEST, who, second_person=now.second_person)
     wanted = {"jog": Mode.CONTINUOUS, "increment": Mode.INCREMENTAL}.get(message.kind)
     if wanted is not None and now.mode not in (wanted, Mode.NONE):
-        words = Words.MODE_WRONG(
-            command=message.kind, wanted=wanted.name.lower(), mode=now.mode.name.lower()
-        )
+        words = Words.MODE_WRONG(command=message.kind, wanted=wanted.name.lower(), mode=now.mode.name.lower())
         raise MessageRefused(Code.CTL_16, reason=words)
 
 

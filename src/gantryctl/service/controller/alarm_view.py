@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.program import Alarm, AlarmLog, Code
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.units import deg
-from gantryctl.program.alarms.words import Words
 
 KEPT: Final = 50
 
@@ -37,7 +37,7 @@ class AlarmView:
         self._log, self._events = log, events
         self._rows: deque[_Row] = deque(maxlen=KEPT)
         self._last: Alarm | None = None
-        self._done: dict[Code, str] = {}
+        self._done: dict[Code, tuple[Words | Said, ...]] = {}
         self._active = 0
         self._number = 0
         self.changed = True
@@ -75,8 +75,8 @@ class AlarmView:
             self._done.clear()
         for code, alarm in active.items():
             known = self._done.get(code)
-            if known is not alarm.done:
-                self._done[code], self.changed = alarm.done, True
+            if known is not alarm.steps:
+                self._done[code], self.changed = alarm.steps, True
                 if known is not None:
                     self._events.put("alarm", f"{code} · {alarm.done}", None, code=str(code))
 

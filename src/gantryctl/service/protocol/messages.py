@@ -12,11 +12,11 @@ from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias, get_ar
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gantryctl.errors import GantryctlError
-from gantryctl.service.protocol.limits import MESSAGE_MAX
-from gantryctl.service.protocol.roles import Action, Role
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.protocol.limits import MESSAGE_MAX
+from gantryctl.service.protocol.roles import Action, Role
 
 
 class MessageRefused(GantryctlError):
