@@ -6,10 +6,10 @@ import json
 import re
 from string import Formatter
 
-from gantryctl.program.alarms.encoder_and_control import Definition
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
 from gantryctl.program import ALARMS
+from gantryctl.program.alarms.definition import Definition
 from support.browser import address
 from support.service_process import Page as Watcher
 from support.service_process import Service

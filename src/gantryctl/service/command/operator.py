@@ -13,6 +13,7 @@ from typing import Any, Final
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.machine import Machine
 from gantryctl.program import Code, GantryProgram
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.power.phases import RISING
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
@@ -31,7 +32,6 @@ from gantryctl.service.memory.memory import Source
 from gantryctl.service.protocol.limits import FRAME_S, HELD_S, SILENCE_S
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
 from gantryctl.units import deg, rad
-from gantryctl.program.alarms.words import Said, Words
 
 # Refusing takes time too: a flood of commands must not make a scan late.
 _PER_SCAN: Final = 8
