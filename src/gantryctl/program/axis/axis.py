@@ -9,7 +9,7 @@ from typing import Final
 from gantryctl._core import PositionLaw
 from gantryctl.image import InputImage, OutputImage
 from gantryctl.motion import SetPoint, stop_point
-from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command import CommandStatus, MotionCommand
