@@ -11,7 +11,7 @@ import pytest
 from acceptance.bench import SHORT, Bench, ChordRun, chord_is_green, chord_runs, gantry, speed_is_green
 from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report, angle_errors_deg
 from gantryctl.engineering.accuracy.procedure.on_batch import Readings, legs_of, lose_turns, run_procedure
-from gantryctl.engineering.accuracy.procedure.procedures import Role, chord_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import StopRole, chord_procedure
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.batch import ClosedLoop, run_legs
@@ -50,8 +50,8 @@ def losing_turns(turns: int, before_stop: int) -> tuple[ChordRun, Readings]:
 @pytest.mark.parametrize("turns", [1, pytest.param(-1, marks=pytest.mark.slow)])
 def test_a_motor_turn_lost_while_powered_off_between_base_and_point_is_red(turns: int) -> None:
     stops = chord_procedure("A").stops
-    point = next(k for k, stop in enumerate(stops) if stop.role is Role.POINT) + 1
-    assert stops[point].role is Role.POINT
+    point = next(k for k, stop in enumerate(stops) if stop.role is StopRole.POINT) + 1
+    assert stops[point].role is StopRole.POINT
     run, _ = losing_turns(turns, point)
     assert not chord_is_green(run.a_deg)
     # one motor turn is 360/1144 deg at the gantry; the gear is another one there: 1 % of it
@@ -63,7 +63,7 @@ def test_a_turn_lost_between_two_series_escapes_the_chords_but_not_the_verdict(
     report: AccuracyReport,
 ) -> None:
     stops = chord_procedure("A").stops
-    approach = next(k for k, stop in enumerate(stops) if stop.role is Role.APPROACH)
+    approach = next(k for k, stop in enumerate(stops) if stop.role is StopRole.APPROACH)
     run, readings = losing_turns(1, approach)
     assert chord_is_green(run.a_deg), "chords are differences: this is why the angles are judged as well"
     seen = replace(report, true=run.table, angle_errors_deg=angle_errors_deg(run.procedure, readings)).verdict

@@ -11,8 +11,9 @@ import pytest
 
 from gantryctl.engineering.accuracy.job import AccuracyJob, ensemble_a
 from gantryctl.engineering.batch import ClosedLoop
-from gantryctl.engineering.comparison import FIGURES, compare_report, ensemble, without_load_encoder
-from gantryctl.engineering.comparison.figures import chord_figures, move_figures
+from gantryctl.engineering.comparison import KEY_FIGURES, compare_report, ensemble, without_load_encoder
+from gantryctl.engineering.comparison.data import comparison_data
+from gantryctl.engineering.comparison.key_figures import chord_figures, move_figures
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.wiring.compensation import compensation
@@ -136,7 +137,7 @@ def test_the_measures_hold_for_the_median_of_50_gears_and_plants(
     found = ensemble(default_machine(), improved_machine(), 50)
     quantiles = {name: found.quantiles(name) for name in found.rows}
     evidence("improved_ensemble_50", {"plants": 50, "quantiles_5_50_95": quantiles})
-    median = {name: {key: rows[key][1] for key in FIGURES} for name, rows in quantiles.items()}
+    median = {name: {key: rows[key][1] for key in KEY_FIGURES} for name, rows in quantiles.items()}
     improved, without, paper = (
         median[n] for n in ("hust_improved", "without the load encoder", "hust_gantry")
     )
@@ -157,7 +158,7 @@ def test_every_compensation_buys_what_it_is_for_and_all_together_most(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:
     report = compare_report(default_machine(), improved_machine())
-    evidence("improved_compare", report.as_dict())
+    evidence("improved_compare", comparison_data(report))
     rows = dict(report.rows)
     bare, everything = rows["profile alone"], rows["hust_improved, as it is"]
     # the map is most of A; without it nothing on the motor side matters much

@@ -93,6 +93,20 @@ def machine_of(config_file: Path | None) -> Machine:
     return load_machine(config_file or default_machine_path())
 
 
+def simulated_machine(config_file: Path | None, what: str) -> Machine:
+    """A machine with a plant to study.
+
+    Raises:
+        UsageError: its drive is not the simulated one.
+    """
+    from gantryctl.errors import UsageError
+
+    machine = machine_of(config_file)
+    if machine.drive.kind != "sim":
+        raise UsageError(f'{what} needs [drive] kind = "sim", {machine.name} has "{machine.drive.kind}"')
+    return machine
+
+
 ATTACHED = "attached"
 """Mark in a machine's state directory: its commands go to the running service."""
 
@@ -122,6 +136,26 @@ def proven_machine(config_file: Path | None) -> Machine:
 def print_json(value: object) -> None:
     """One JSON document on standard output."""
     click.echo(json.dumps(value, indent=2, allow_nan=False))
+
+
+def write_json(path: Path, value: object) -> Path:
+    """One JSON document in a file, whose path is returned."""
+    return write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> Path:
+    """A file that the user asked for; its path is returned.
+
+    Raises:
+        UsageError: it cannot be written.
+    """
+    from gantryctl.errors import UsageError
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as fault:
+        raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
+    return path
 
 
 def directory(path: Path) -> Path:

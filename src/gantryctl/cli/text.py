@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from gantryctl.engineering.analysis.tables import TextTable
+    from gantryctl.engineering.report.text import TextTable
 
 
 def print_table(table: TextTable) -> None:

@@ -19,6 +19,7 @@ from gantryctl.cli.options import (
     print_json,
     real_time_option,
     seed_option,
+    simulated_machine,
 )
 
 if TYPE_CHECKING:
@@ -130,25 +131,14 @@ def _measurable(config_file: Path | None, instrument: str) -> Machine:
     from gantryctl.errors import UsageError
 
     machine = machine_of(config_file)
-    virtual = machine.can.interface == "simulated" or machine.can.side_channel
-    if not machine.on_bus or virtual or instrument == "motor-side":
-        return _simulated(config_file) if not machine.on_bus else machine
+    if not machine.on_bus:
+        return simulated_machine(config_file, "accuracy run")
+    if machine.can.interface == "simulated" or machine.can.side_channel or instrument == "motor-side":
+        return machine
     raise UsageError(
         f"{machine.name}: nothing here reads the angle of the load · --instrument motor-side, or measure with a "
         "tracker and evaluate it: gantryctl accuracy report --measured FILE"
     )
-
-
-def _simulated(config_file: Path | None) -> Machine:
-    """A machine with a plant to measure."""
-    from gantryctl.errors import UsageError
-
-    machine = machine_of(config_file)
-    if machine.drive.kind != "sim":
-        raise UsageError(
-            f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no plant to measure; use "sim"'
-        )
-    return machine
 
 
 def _stamp() -> tuple[str, str]:
@@ -266,7 +256,7 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
 
-    machine = _simulated(config_file)
+    machine = simulated_machine(config_file, "speed-test")
     file = directory(out) / "speed_test.svg" if out is not None else None
     runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
     if file is not None:

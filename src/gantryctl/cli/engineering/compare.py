@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, json_option, out_option, print_json, seed_option
+from gantryctl.cli.options import (
+    PATH,
+    directory,
+    json_option,
+    out_option,
+    print_json,
+    seed_option,
+    write_json,
+)
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
@@ -39,8 +47,8 @@ def compare(
     Every compensation of the second is shown alone and all together. Takes about half a minute, and ten seconds a plant
     and processor for the ensemble.
     """
-    from gantryctl.cli.options import directory
     from gantryctl.engineering.comparison import compare_report
+    from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.errors import UsageError
 
     if plants == 1:
@@ -54,12 +62,15 @@ def compare(
         threads=threads,
         progress=_progress(plants),
     )
+    data = comparison_data(report)
     if as_json:
-        print_json(report.as_dict())
+        print_json(data)
     else:
         _show(report)
     if folder is not None:
-        _write(folder, report, quiet=as_json)
+        path = write_json(folder / "compare.json", data)
+        if not as_json:
+            click.echo(f"wrote {path}")
     return 0
 
 
@@ -87,17 +98,3 @@ def _show(report: CompareReport) -> None:
     click.echo()
     for note in notes(report):
         paragraph(note)
-
-
-def _write(folder: Path, report: CompareReport, *, quiet: bool) -> None:
-    import json
-
-    from gantryctl.errors import UsageError
-
-    path = folder / "compare.json"
-    try:
-        path.write_text(json.dumps(report.as_dict(), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as fault:
-        raise UsageError(f"--out {path}: cannot be written: {fault.strerror or fault}") from None
-    if not quiet:
-        click.echo(f"wrote {path}")

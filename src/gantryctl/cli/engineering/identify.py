@@ -8,11 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json, seed_option
+from gantryctl.cli.options import (
+    PATH,
+    config_option,
+    json_option,
+    print_json,
+    seed_option,
+    simulated_machine,
+    write_text,
+)
 from gantryctl.cli.text import print_table
 
 if TYPE_CHECKING:
-    from gantryctl.engineering.identification import Comparison, Fit
+    from gantryctl.engineering.identification import CalibrationFit, Comparison
     from gantryctl.machine import Calibration, Machine
 
 
@@ -43,17 +51,15 @@ def identify(
     watches the load: 17 minutes of axis time. The controller's compensations live on the file that this writes and on
     nothing else. On the simulator the identified values stand beside the truth.
     """
-    from gantryctl.engineering.identification import Instrument, calibration_of, comparisons, fit, record
-    from gantryctl.errors import UsageError
+    from gantryctl.engineering.identification import LoadInstrument, calibration_of, comparisons, fit, record
+    from gantryctl.machine import calibration_toml
 
-    machine = machine_of(config_file)
-    if machine.drive.kind != "sim":
-        raise UsageError(f'identify needs [drive] kind = "sim", {machine.name} has "{machine.drive.kind}"')
+    machine = simulated_machine(config_file, "identify")
     path = out or _usual_place(machine, config_file)
     version = _next_version(path, force)
-    found = fit(machine, record(machine, Instrument(instrument), seed))
+    found = fit(machine, record(machine, LoadInstrument(instrument), seed))
     calibration = calibration_of(machine, found, datetime.date.today().isoformat(), version)
-    _write(path, calibration)
+    write_text(path, calibration_toml(calibration))
     beside = comparisons(machine, calibration)
     if as_json:
         print_json(_data(path, calibration, found, beside))
@@ -88,20 +94,10 @@ def _next_version(path: Path, force: bool) -> int:
         ) from None
 
 
-def _write(path: Path, calibration: Calibration) -> None:
-    from gantryctl.errors import UsageError
-    from gantryctl.machine import calibration_toml
-
-    try:
-        path.write_text(calibration_toml(calibration), encoding="utf-8")
-    except OSError as fault:
-        raise UsageError(f"{path}: cannot be written: {fault.strerror or fault}") from None
-
-
 def _show(
-    path: Path, machine: Machine, calibration: Calibration, found: Fit, beside: list[Comparison]
+    path: Path, machine: Machine, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
 ) -> None:
-    from gantryctl.engineering.analysis.tables import TextTable
+    from gantryctl.engineering.report.text import TextTable
 
     swing = calibration.identified.swing_hz
     acc = machine.virtual_axis.acc_deg_s2
@@ -129,7 +125,9 @@ def _show(
     click.echo(f"wrote {path} (version {calibration.origin.version})")
 
 
-def _data(path: Path, calibration: Calibration, found: Fit, beside: list[Comparison]) -> dict[str, Any]:
+def _data(
+    path: Path, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
+) -> dict[str, Any]:
     return {
         "file": str(path),
         "calibration": calibration.model_dump(mode="json"),

@@ -12,9 +12,10 @@ from gantryctl.cli.options import (
     config_option,
     directory,
     json_option,
-    machine_of,
     out_option,
     print_json,
+    simulated_machine,
+    write_json,
 )
 from gantryctl.cli.text import paragraph, print_table
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from gantryctl.engineering.tuning.by_margins import Conditions
     from gantryctl.engineering.tuning.procedure import Criteria
     from gantryctl.engineering.tuning.result import Tuning
-    from gantryctl.machine import Machine
 
 DEFAULT_OUT = Path("tuning")
 PROPOSAL = "proposal.toml"
@@ -87,14 +87,15 @@ def tune(
     The proposal is a whole machine file: use it with --config, or look at it with `gantryctl config diff`. It goes to
     --out (default: tuning/) with the log. Exit code 1 when it is unstable somewhere on the uncertain plant.
     """
+    from gantryctl.engineering.tuning.data import tuning_data
     from gantryctl.engineering.tuning.proposal import proposed_machine
-    from gantryctl.engineering.tuning.result import tuning_data
+    from gantryctl.engineering.tuning.result import tune as run
 
-    machine = _simulated(config_file)
-    result = _run(machine, method, plant, _criteria(base_um), _conditions(sensitivity, damping_left))
+    machine = simulated_machine(config_file, "tune")
+    criteria, conditions = _criteria(base_um), _conditions(sensitivity, damping_left)
+    result = run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
     proposed_machine(result)  # refused before anything is written
-    folder = directory(out or DEFAULT_OUT)
-    files = _write(result, folder, config_file, plot)
+    files = _write(result, directory(out or DEFAULT_OUT), config_file, plot)
     if as_json:
         print_json(tuning_data(result))
     else:
@@ -102,15 +103,6 @@ def tune(
         for path in files:
             click.echo(f"wrote {path}")
     return 0 if result.proposal.verdict.stable else 1
-
-
-def _simulated(config_file: Path | None) -> Machine:
-    from gantryctl.errors import UsageError
-
-    machine = machine_of(config_file)
-    if machine.drive.kind != "sim":
-        raise UsageError(f'tune needs [drive] kind = "sim", this machine has "{machine.drive.kind}"')
-    return machine
 
 
 def _criteria(base_um: float) -> Criteria:
@@ -133,39 +125,25 @@ def _conditions(sensitivity: float, damping_left: float) -> Conditions:
     return Conditions(sensitivity=sensitivity, damping_left=damping_left)
 
 
-def _run(machine: Machine, method: str, plant: str, criteria: Criteria, conditions: Conditions) -> Tuning:
-    from gantryctl.engineering.tuning.result import tune as run
-
-    return run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
-
-
 def _write(result: Tuning, folder: Path, config_file: Path | None, plot: bool) -> list[Path]:
-    import json
-
-    from gantryctl.engineering.tuning.plots import pictures
+    from gantryctl.engineering.tuning.data import tuning_data
+    from gantryctl.engineering.tuning.figures import tuning_figures
     from gantryctl.engineering.tuning.proposal import write_proposal
-    from gantryctl.engineering.tuning.result import tuning_data
-    from gantryctl.errors import UsageError
     from gantryctl.machine import default_machine_path
 
     files = write_proposal(result, folder / PROPOSAL, config_file or default_machine_path())
-    data = folder / "tuning.json"
-    try:
-        data.write_text(json.dumps(tuning_data(result), indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    except OSError as fault:
-        raise UsageError(f"{data}: cannot be written: {fault.strerror or fault}") from None
-    return [*files, data, *(pictures(result, folder) if plot else [])]
+    data = write_json(folder / "tuning.json", tuning_data(result))
+    return [*files, data, *(tuning_figures(result, folder) if plot else [])]
 
 
 def _show(result: Tuning, with_log: bool) -> None:
-    from gantryctl.engineering.tuning import tables
-    from gantryctl.engineering.tuning.words import sentences
+    from gantryctl.engineering.tuning import text
 
     if result.tuned is not None:
         if with_log:
-            print_table(tables.log_table(result.tuned))
-        print_table(tables.paper_table(result))
-    print_table(tables.before_after_table(result))
+            print_table(text.log_table(result.tuned))
+        print_table(text.paper_table(result))
+    print_table(text.before_after_table(result))
     click.echo()
-    for text in sentences(result):
-        paragraph(text)
+    for sentence in text.sentences(result):
+        paragraph(sentence)

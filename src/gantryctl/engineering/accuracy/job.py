@@ -12,7 +12,7 @@ from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind, m
 from gantryctl.engineering.accuracy.procedure.on_batch import Readings, random_gear, run_procedure
 from gantryctl.engineering.accuracy.procedure.on_engine import Progress, run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
-from gantryctl.engineering.accuracy.report.report import AccuracyReport, Ensemble
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEnsemble
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import FloatArray
@@ -117,7 +117,7 @@ def phases_fitted(machine: Machine) -> bool:
     return machine.plant.switches.gear_error and machine.plant.gear_error.phases_rad == fitted
 
 
-def ensemble_a(machine: Machine, job: AccuracyJob) -> Ensemble:
+def ensemble_a(machine: Machine, job: AccuracyJob) -> GearEnsemble:
     """A of the true angles for `job.ensemble` gears of the same grade with random phases."""
     seeds = tuple(range(job.seed + 1, job.seed + 1 + job.ensemble))
     found: list[float] = []
@@ -125,7 +125,7 @@ def ensemble_a(machine: Machine, job: AccuracyJob) -> Ensemble:
         machines = [_gear(machine, seed) for seed in seeds[first : first + ENSEMBLE_CHUNK]]
         readings = run_procedure(machines, job.procedure, threads=job.threads)
         found += [_true_a(machine, job.procedure, row) for row in readings.load_rad]
-    return Ensemble(tuple(found), seeds)
+    return GearEnsemble(tuple(found), seeds)
 
 
 def _gear(machine: Machine, seed: int) -> Machine:

@@ -1,26 +1,34 @@
-"""A study as plain data for JSON: rad/s, Hz, deg as the names say; None where a limit does not exist."""
+"""Studies, worst cases and measurements as plain data: rad/s, Hz, deg as the names say; None where no limit exists."""
 
 from __future__ import annotations
 
-import dataclasses
-import math
+from dataclasses import asdict
 from typing import Any
 
-from gantryctl.engineering.analysis.models import equation5
+import numpy as np
+
+from gantryctl.engineering.analysis.measured.response import MeasuredResponse, Ratios
+from gantryctl.engineering.analysis.models.linear import ComplexArray
 from gantryctl.engineering.analysis.models.mechanics import PlantKind
-from gantryctl.engineering.analysis.models.modes import Mode
 from gantryctl.engineering.analysis.models.paper_loop import (
     pairs,
     rigid_figures,
     rigid_loop,
     two_mass_figures,
 )
+from gantryctl.engineering.analysis.models.rigid import RigidLoop
+from gantryctl.engineering.analysis.models.robust import Case, RobustReport
 from gantryctl.engineering.analysis.models.sampled import Cut
-from gantryctl.engineering.analysis.study import ClosedFigures, CutFigures, Study
-from gantryctl.engineering.analysis.text import sentences
+from gantryctl.engineering.analysis.study import CutFigures, Study
+from gantryctl.engineering.analysis.text import (
+    EQUATION_5,
+    equation_5_numbers,
+    measured_sentence,
+    robust_sentences,
+    sentences,
+)
+from gantryctl.engineering.report.data import plain
 from gantryctl.machine import config_hash
-
-_TWO_PI = 2.0 * math.pi
 
 
 def study_data(study: Study) -> dict[str, Any]:
@@ -30,18 +38,36 @@ def study_data(study: Study) -> dict[str, Any]:
         "hash": config_hash(study.machine),
         "plant": study.kind.value,
         "friction": study.friction.value,
-        "loop": dataclasses.asdict(study.settings),
-        "equation_5": equation5.as_dict(rigid_loop(study.machine)),
+        "loop": asdict(study.settings),
+        "equation_5": _equation_5(rigid_loop(study.machine)),
         "stable": study.stable,
         "cuts": {
-            # cut at the position command's error or behind its gain Kpp: the same loop
+            # Cut at the position error or behind its gain Kpp: the same loop.
             "position command": _cut(study.at(Cut.SPEED_COMMAND)),
             **{figures.cut.value: _cut(figures) for figures in study.cuts},
         },
-        "closed_loops": {figures.name: _closed(figures) for figures in study.closed},
+        "closed_loops": {
+            figures.name: {
+                "bandwidth_rad_s": figures.bandwidth_rad_s,
+                "last_bandwidth_rad_s": figures.last_rad_s,
+                "peak": figures.peak.value,
+                "peak_rad_s": figures.peak.w_rad_s,
+            }
+            for figures in study.closed
+        },
         "poles_rad_s": pairs(study.loop.poles),
         "zeros_rad_s": pairs(study.plant.held_poles()),
-        "modes": [_mode(mode) for mode in study.modes],
+        "modes": [
+            {
+                "name": mode.name,
+                "held_hz": mode.held.hz,
+                "held_zeta": mode.held.zeta,
+                "closed_hz": mode.closed.hz,
+                "closed_zeta": mode.closed.zeta,
+                "damping_taken": mode.damping_taken,
+            }
+            for mode in study.modes
+        ],
         "sentences": sentences(study),
     }
     if study.kind is PlantKind.RIGID:
@@ -49,6 +75,19 @@ def study_data(study: Study) -> dict[str, Any]:
     if study.kind is PlantKind.TWO_MASS:
         data["figures"] = two_mass_figures(study.machine)
     return data
+
+
+def _equation_5(loop: RigidLoop) -> dict[str, Any]:
+    """Coefficients from the highest power down, poles and zeros in rad/s."""
+    return {
+        "symbols": list(EQUATION_5),
+        "numbers": list(equation_5_numbers(loop)),
+        **asdict(loop),
+        "numerator": list(loop.position.num),
+        "denominator": list(loop.position.den),
+        "poles": pairs(loop.position.poles),
+        "zeros": pairs(loop.position.zeros),
+    }
 
 
 def _cut(figures: CutFigures) -> dict[str, Any]:
@@ -64,21 +103,50 @@ def _cut(figures: CutFigures) -> dict[str, Any]:
     }
 
 
-def _closed(figures: ClosedFigures) -> dict[str, Any]:
+def robust_data(report: RobustReport) -> dict[str, Any]:
+    """The worst case and the unstable bands of stiffness."""
+    margins = report.margins
     return {
-        "bandwidth_rad_s": figures.bandwidth_rad_s,
-        "last_bandwidth_rad_s": figures.last_rad_s,
-        "peak": figures.peak.value,
-        "peak_rad_s": figures.peak.w_rad_s,
+        "plants": len(margins.cases),
+        "unstable": len(margins.unstable),
+        "worst_damping": _case(margins.worst_damping),
+        "worst_phase_margin": _case(margins.worst_phase),
+        "worst_sensitivity": _case(margins.worst_sensitivity),
+        "unstable_stiffness_nm_per_rad": plain(report.bands),
+        "sentences": robust_sentences(report),
     }
 
 
-def _mode(mode: Mode) -> dict[str, Any]:
+def _case(case: Case) -> dict[str, Any]:
     return {
-        "name": mode.name,
-        "held_hz": mode.held.hz,
-        "held_zeta": mode.held.zeta,
-        "closed_hz": mode.closed.hz,
-        "closed_zeta": mode.closed.zeta,
-        "damping_taken": mode.damping_taken,
+        **asdict(case.variation),
+        "stable": case.stable,
+        "zeta": case.zeta,
+        "hz": case.hz,
+        "max_real_rad_s": case.max_real_rad_s,
+        "phase_margin_deg": case.phase_margin_deg,
+        "sensitivity_peak": case.sensitivity,
+    }
+
+
+def measured_data(result: MeasuredResponse) -> dict[str, object]:
+    """Magnitude and phase of every ratio, measured and of the model."""
+
+    def polar(values: ComplexArray) -> dict[str, list[float]]:
+        return {"magnitude": np.abs(values).tolist(), "phase_deg": np.angle(values, deg=True).tolist()}
+
+    measured = result.measured
+    return {
+        "condition": result.condition.name,
+        "torque_nm": result.condition.torque_nm,
+        "vel_deg_s": result.condition.vel_deg_s,
+        "angle_deg": result.condition.angle_deg,
+        "model_friction": result.condition.friction.value,
+        "hz": measured.hz.tolist(),
+        "scatter": measured.scatter.tolist(),
+        "measured": {name: polar(getattr(measured, name)) for name in Ratios._fields},
+        "model": {name: polar(getattr(result.model, name)) for name in Ratios._fields},
+        "typical_error": result.typical_error,
+        "off_hz": result.off.tolist(),
+        "sentence": measured_sentence(result),
     }

@@ -1,77 +1,45 @@
-"""Pictures of a loop in the frequency domain: Bode, Nyquist, closed loops. PNG by matplotlib, no window."""
+"""Figures of an analysis: Bode, Nyquist, closed loops, time responses, damping, measured frequency responses."""
 
 from __future__ import annotations
 
 import math
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from gantryctl.engineering.analysis.measured.response import MeasuredResponse
 from gantryctl.engineering.analysis.models.linear import MINUS_3_DB, ComplexArray, FloatArray
-from gantryctl.engineering.analysis.models.mechanics import LOAD, MOTOR
+from gantryctl.engineering.analysis.models.mechanics import LOAD, MOTOR, PlantKind
+from gantryctl.engineering.analysis.models.paper_loop import rigid_loop
+from gantryctl.engineering.analysis.models.responses import Reference, TimeResponse, time_response
+from gantryctl.engineering.analysis.models.robust import (
+    DAMPINGS,
+    STIFFNESS_NM_PER_RAD,
+    running_damping,
+    sketch_damping,
+)
 from gantryctl.engineering.analysis.models.sampled import Cut
 from gantryctl.engineering.analysis.study import Study, grid_of
-from gantryctl.errors import DeviceError
+from gantryctl.engineering.analysis.text import study_name
+from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, png_figure
+from gantryctl.machine import Machine
+from gantryctl.units import deg, rad
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
-BLUE, ORANGE, GREEN, RED, GREY, INK = "#0072b2", "#d55e00", "#009e73", "#b3261e", "#8a8f98", "#20242b"
-STYLE: Final[dict[Any, Any]] = {
-    "font.size": 9.0,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e4e7eb",
-    "grid.linewidth": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 8.0,
-    "lines.linewidth": 1.3,
-    "figure.constrained_layout.use": True,
-}
-_DPI: Final = 130
 CUTS: Final = (
     (Cut.TORQUE, BLUE, "cut at the torque (both loops)"),
     (Cut.SPEED_COMMAND, ORANGE, "cut at the speed command (position loop)"),
     (Cut.SPEED_ERROR, GREEN, "cut at the speed error (speed loop alone)"),
 )
 _LOWEST_HZ: Final = 0.1
-
-
-@contextmanager
-def figure(path: Path, title: str, rows: int, columns: int, **options: Any) -> Iterator[Any]:
-    """A figure with its axes, saved when the block ends.
-
-    Raises:
-        DeviceError: the file cannot be written.
-    """
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context(STYLE):
-        sheet: Figure = Figure(figsize=options.pop("figsize", (8.6, 6.0)))
-        axes = sheet.subplots(rows, columns, **options)
-        sheet.suptitle(title, fontsize=10.5, fontweight="bold", x=0.01, ha="left")
-        yield axes
-        try:
-            sheet.savefig(path, dpi=_DPI)
-        except OSError as fault:
-            raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from None
-
-
-def name_of(study: Study) -> str:
-    """Machine, plant and friction in a title."""
-    friction = "" if study.friction.value == "none" else f", friction {study.friction.value}"
-    return f"{study.machine.name}, {study.kind.value} plant{friction}"
+STEP_DEG: Final = 0.01
+_SWING_S: Final = 4.0
+_SHORT_S: Final = 0.5
 
 
 def frequency_plots(study: Study, folder: Path) -> list[Path]:
@@ -82,7 +50,7 @@ def frequency_plots(study: Study, folder: Path) -> list[Path]:
 def bode(study: Study, folder: Path) -> Path:
     """Magnitude and phase at the three cuts, with crossovers and phase margins."""
     path = folder / "bode.png"
-    with figure(path, f"Open loops as they run: {name_of(study)}", 2, 1, sharex=True) as (top, bottom):
+    with png_figure(path, f"Open loops as they run: {study_name(study)}", 2, 1, sharex=True) as (top, bottom):
         for cut, colour, label in CUTS:
             _bode_curve(top, bottom, study, cut, colour, label)
         top.axhline(0.0, color=INK, linewidth=0.8)
@@ -124,7 +92,7 @@ def nyquist(study: Study, folder: Path) -> Path:
     """The curves around -1: distance to it is 1/sensitivity; the crossing beyond it is the conditional stability."""
     path = folder / "nyquist.png"
     titles = ("torque", "speed command", "speed error")
-    with figure(path, f"Nyquist: {name_of(study)}", 1, 3, figsize=(11.0, 4.5)) as axes:
+    with png_figure(path, f"Nyquist: {study_name(study)}", 1, 3, figsize=(11.0, 4.5)) as axes:
         for axis, (cut, colour, _), title in zip(axes, CUTS, titles, strict=True):
             _, response = _open_loop(study, cut)
             figures = study.at(cut)
@@ -167,7 +135,7 @@ def closed_loops(study: Study, folder: Path) -> Path:
         ("set-point to motor, Kvf = 0", without[MOTOR], BLUE, "--"),
         ("speed command to motor speed", loop.speed_loop(grid), GREEN, "-"),
     )
-    with figure(path, f"Closed loops as they run: {name_of(study)}", 1, 1, figsize=(8.6, 4.2)) as axis:
+    with png_figure(path, f"Closed loops as they run: {study_name(study)}", 1, 1, figsize=(8.6, 4.2)) as axis:
         for label, response, colour, line in curves:
             axis.semilogx(hz, 20.0 * np.log10(np.abs(response)), color=colour, linestyle=line, label=label)
         axis.axhline(20.0 * math.log10(MINUS_3_DB), color=INK, linewidth=0.8, linestyle=":")
@@ -200,3 +168,140 @@ def _mark_modes(study: Study, *axes: Axes) -> None:
             rotation=90.0,
             ha="right",
         )
+
+
+def time_responses(study: Study, folder: Path) -> Path:
+    """Step of angle, speed and acceleration: what is left of them at motor and load, eq. (5) beside a rigid plant."""
+    path = folder / "responses.png"
+    machine = study.machine
+    sizes = {
+        Reference.STEP: rad(STEP_DEG),
+        Reference.RAMP: rad(machine.speed.setting_min_deg_s),
+        Reference.PARABOLA: rad(machine.virtual_axis.acc_deg_s2),
+    }
+    duration = _SHORT_S if study.kind is PlantKind.RIGID else _SWING_S
+    titles = {
+        Reference.STEP: f"angle jumps by {STEP_DEG:g} deg (no set-point speed)",
+        Reference.RAMP: f"speed jumps to {machine.speed.setting_min_deg_s:g} deg/s, the lowest setting",
+        Reference.PARABOLA: f"acceleration jumps to {machine.virtual_axis.acc_deg_s2:.3g} deg/s2: a profile's corner",
+    }
+    with png_figure(path, f"Following error: {study_name(study)}", 3, 1, figsize=(8.6, 7.4)) as axes:
+        for axis, reference in zip(axes, Reference, strict=True):
+            response = time_response(study.loop, reference, sizes[reference], duration)
+            time = response.time_s
+            axis.plot(time, 1e3 * deg(1.0) * response.pos_err_load_rad, color=ORANGE, label="load")
+            axis.plot(
+                time, 1e3 * deg(1.0) * response.pos_err_motor_rad, color=BLUE, label="motor, as measured"
+            )
+            if study.kind is PlantKind.RIGID:
+                _equation_5(axis, machine, response)
+            axis.axhline(0.0, color=INK, linewidth=0.7)
+            axis.set_title(titles[reference])
+            axis.set(ylabel="error in mdeg", xlim=(0.0, duration))
+        axes[0].legend(loc="upper right", ncols=3)
+        axes[-1].set_xlabel("time in s")
+    return path
+
+
+def _equation_5(axis: Axes, machine: Machine, response: TimeResponse) -> None:
+    """The continuous rigid loop of the paper under the same reference."""
+    times = response.time_s[1::5].tolist()
+    size = response.size
+    if response.reference is Reference.STEP:
+        values = size * (1.0 - rigid_loop(machine, kvf=0.0).step(times))
+    elif response.reference is Reference.RAMP:
+        values = rigid_loop(machine).ramp_error(size, times)
+    else:
+        values = rigid_loop(machine).parabola_error(size, times)
+    axis.plot(times, 1e3 * deg(1.0) * values, color=GREY, linestyle="--", label="eq. (5)")
+
+
+def damping_over_stiffness(machine: Machine, folder: Path) -> Path:
+    """Damping of the load mode over the uncertain stiffness, for three structural dampings; unstable below 0."""
+    path = folder / "damping.png"
+    stiffness = np.geomspace(1e8, 4e9, 140)
+    colours = dict(zip(DAMPINGS, (RED, ORANGE, BLUE), strict=True))
+    models = {
+        "two masses, continuous (the sketch)": partial(sketch_damping, machine),
+        "full plant with base, as it runs": partial(running_damping, machine),
+    }
+    title = f"Damping that the loop leaves the load: {machine.name}, configured gains"
+    with png_figure(path, title, 1, 2, figsize=(9.6, 4.2), sharey=True) as axes:
+        for axis, (name, model) in zip(axes, models.items(), strict=True):
+            draw_damping(axis, stiffness, model, colours)
+            axis.axhline(0.0, color=INK, linewidth=0.9)
+            axis.axvspan(*STIFFNESS_NM_PER_RAD, color=GREY, alpha=0.13, linewidth=0.0)
+            axis.text(0.6e9, 2.55, "uncertain\nstiffness", fontsize=8, ha="center", va="top", color=INK)
+            axis.set_title(name)
+            axis.set(xlabel="stiffness at the gantry in N m/rad", xlim=(1e8, 4e9), ylim=(-1.0, 2.6))
+        axes[0].set_ylabel("damping of the load mode in %")
+        axes[0].text(1.1e8, -0.93, "below 0: the swing grows", fontsize=8, color=INK)
+        axes[1].legend(loc="upper right")
+    return path
+
+
+def draw_damping(
+    axis: Axes,
+    stiffness: FloatArray,
+    model: Callable[[float], Callable[[float], float]],
+    colours: Mapping[float, str],
+) -> None:
+    """Curves of damping over stiffness by structural damping, filled where the swing grows."""
+    for zeta, colour in colours.items():
+        damping = model(zeta)
+        percent = 100.0 * np.array([damping(float(k)) for k in stiffness])
+        axis.semilogx(stiffness, percent, color=colour, label=f"{100.0 * zeta:g} % structural")
+        grows: Any = percent < 0.0
+        axis.fill_between(stiffness, percent, 0.0, where=grows, color=colour, alpha=0.25, linewidth=0.0)
+
+
+def measured_response(results: Sequence[MeasuredResponse], folder: Path) -> Path:
+    """The plant and the position loop, measured (dots) and of the linear model (lines), one column a condition."""
+    path = folder / "measured.png"
+    count = len(results)
+    title = (
+        "Frequency response measured on the running axis (dots) and the linear model (lines)\n"
+        "hollow: noise, gear error or resolution; shaded: more than 3 dB or 20 deg apart"
+    )
+    options: dict[str, Any] = {"sharex": True, "sharey": "row", "squeeze": False}
+    with png_figure(path, title, 3, count, figsize=(3.9 * count, 8.4), **options) as axes:
+        for column, result in enumerate(results):
+            _measured_column(axes[:, column], result)
+        axes[0, 0].set_ylabel("plant: speed per torque\n|.| in dB (rad/s per N m)")
+        axes[1, 0].set_ylabel("phase of the plant in deg")
+        axes[2, 0].set_ylabel("position loop, cut at the\nspeed command: |L| in dB")
+        for axis in axes[-1]:
+            axis.set_xlabel("frequency in Hz")
+    return path
+
+
+def _measured_column(axes: Sequence[Axes], result: MeasuredResponse) -> None:
+    condition, dots = result.condition, result.measured
+    fine = np.geomspace(dots.hz[0], dots.hz[-1], 800)
+    model = result.model_at(fine)
+    good = result.trusted > 0.0
+    rows = (
+        (_db(dots.plant), _db(model.plant)),
+        (np.angle(dots.plant, deg=True), np.angle(model.plant, deg=True)),
+        (_db(dots.position_open), _db(model.position_open)),
+    )
+    for axis, (points, line) in zip(axes, rows, strict=True):
+        _shade(axis, result.off)
+        axis.semilogx(fine, line, color=BLUE, linewidth=1.2)
+        axis.semilogx(dots.hz[good], points[good], "o", color=ORANGE, markersize=3.2)
+        axis.semilogx(dots.hz[~good], points[~good], "o", color=ORANGE, markersize=3.2, fillstyle="none")
+    axes[1].set_yticks(np.arange(-180.0, 181.0, 90.0))
+    axes[2].axhline(0.0, color=INK, linewidth=0.7)
+    how = f"{condition.torque_nm:.3g} N m" + (
+        f", {condition.vel_deg_s:g} deg/s" if condition.vel_deg_s else ""
+    )
+    axes[0].set_title(f"{condition.name}: {how}\nmodel: friction {condition.friction.value}")
+
+
+def _db(values: ComplexArray) -> FloatArray:
+    return np.asarray(20.0 * np.log10(np.abs(values)))
+
+
+def _shade(axis: Axes, hz: FloatArray) -> None:
+    for value in hz.tolist():
+        axis.axvspan(value / 1.05, value * 1.05, color=GREEN, alpha=0.16, linewidth=0.0)

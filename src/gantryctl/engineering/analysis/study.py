@@ -29,7 +29,7 @@ from gantryctl.engineering.analysis.models.mechanics import (
     PlantKind,
     mechanics,
 )
-from gantryctl.engineering.analysis.models.modes import Mode, modes
+from gantryctl.engineering.analysis.models.modes import SwingMode, modes
 from gantryctl.engineering.analysis.models.sampled import Cut, LoopSettings, SampledLoop, loop_settings
 from gantryctl.machine import Machine
 
@@ -79,7 +79,7 @@ class Study:
     stable: bool
     cuts: tuple[CutFigures, ...]
     closed: tuple[ClosedFigures, ...]
-    modes: tuple[Mode, ...]
+    modes: tuple[SwingMode, ...]
 
     @property
     def plant(self) -> Mechanics:

@@ -1,17 +1,64 @@
-"""What the figures mean, in plain sentences."""
+"""What a study, a worst case and a measurement say: sentences and tables of text."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Final
 
-from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind
-from gantryctl.engineering.analysis.models.modes import Mode
+import numpy as np
+
+from gantryctl.engineering.analysis.measured.response import MeasuredResponse
+from gantryctl.engineering.analysis.models.linear import FloatArray
+from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind, Variation
+from gantryctl.engineering.analysis.models.modes import SwingMode
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop
 from gantryctl.engineering.analysis.models.rigid import RigidLoop
+from gantryctl.engineering.analysis.models.robust import Bands, Case, RobustMargins, RobustReport
 from gantryctl.engineering.analysis.models.sampled import Cut, LoopSettings
 from gantryctl.engineering.analysis.study import FOLLOWING_WITHOUT, SWINGING, CutFigures, Study
+from gantryctl.engineering.report.text import TextTable, or_dash
 
 _TWO_PI = 2.0 * math.pi
+
+EQUATION_5: Final = (
+    "y(s)              Kvf Kvp s^2 + (Kvf Kvp/Tvi + Kvp Kpp) s + Kpp Kvp/Tvi",
+    "---- = ----------------------------------------------------------------------------",
+    "r(s)   (Js/Kt) s^3 + Kvp s^2 + (Kvp/Tvi + Kvp Kpp) s + Kpp Kvp/Tvi       with Kt = 1",
+)
+_CUT_NAMES = {
+    Cut.SPEED_COMMAND: "position error = speed command",
+    Cut.SPEED_ERROR: "speed error, position loop open",
+    Cut.TORQUE: "torque, both loops",
+}
+"""Position error and speed command are the same cut: only Kpp lies between them."""
+
+
+def study_name(study: Study) -> str:
+    """Machine, plant and friction in a title."""
+    friction = "" if study.friction.value == "none" else f", friction {study.friction.value}"
+    return f"{study.machine.name}, {study.kind.value} plant{friction}"
+
+
+def _polynomial(coefficients: Sequence[float]) -> str:
+    """A polynomial in s, highest power first: "1.898 s^3 + 77.7 s^2 + 8547 s + 7.77e+04"."""
+    order = len(coefficients) - 1
+    terms = []
+    for power, value in zip(range(order, -1, -1), coefficients, strict=True):
+        if value:
+            terms.append(f"{value:.6g}" + {0: "", 1: " s"}.get(power, f" s^{power}"))
+    return " + ".join(terms).replace("+ -", "- ") or "0"
+
+
+def equation_5_numbers(loop: RigidLoop) -> tuple[str, str, str]:
+    """The fraction with its numbers, three lines."""
+    top, bottom = _polynomial(loop.position.num), _polynomial(loop.position.den)
+    width = max(len(top), len(bottom))
+    return (
+        f"y(s)   {top:^{width}}".rstrip(),
+        f"---- = {'-' * width}",
+        f"r(s)   {bottom:^{width}}".rstrip(),
+    )
 
 
 def sentences(study: Study) -> list[str]:
@@ -103,7 +150,7 @@ def _phase(figures: CutFigures) -> str:
     return f"{figures.phase.margin_deg:.0f} deg at {figures.phase.crossover_rad_s / _TWO_PI:.3g} Hz"
 
 
-def _mode(mode: Mode) -> str:
+def _mode(mode: SwingMode) -> str:
     held, closed = mode.held, mode.closed
     if closed.zeta < 0.0:
         return (
@@ -116,7 +163,7 @@ def _mode(mode: Mode) -> str:
     )
 
 
-def _taken(mode: Mode) -> str:
+def _taken(mode: SwingMode) -> str:
     change = mode.damping_taken / mode.held.zeta if mode.held.zeta else 0.0
     if abs(change) < 0.01:
         return "leave its damping as it is"
@@ -158,3 +205,204 @@ def _coarse(study: Study) -> str:
 
 def _db(value: float) -> float:
     return 20.0 * math.log10(value)
+
+
+def robust_sentences(report: RobustReport) -> list[str]:
+    """Where the gains are unstable, and the worst plant."""
+    found = []
+    for name, by_damping in report.bands.items():
+        parts = []
+        for zeta, spans in by_damping.items():
+            where = " and ".join(f"{low / 1e9:.2f}..{high / 1e9:.2f}e9" for low, high in spans)
+            parts.append(
+                f"{100.0 * zeta:g} % "
+                + (f"unstable for k = {where} N m/rad" if where else "stable at every stiffness")
+            )
+        found.append(f"Configured gains on the {name} plant, by structural damping: {'; '.join(parts)}.")
+    worst = report.margins.worst_damping
+    state = "unstable" if worst.zeta < 0.0 else "stable"
+    found.append(
+        f"Over the uncertain full plant the worst swing has {100.0 * worst.zeta:.2f} % damping at {worst.hz:.2f} Hz "
+        f"({state}; {describe(worst.variation)}); friction is left out."
+    )
+    return found
+
+
+def bands_text(bands: Bands) -> str:
+    """Bands of stiffness: "0.63..1.60e9 N m/rad"."""
+    return " and ".join(f"{low / 1e9:.2f}..{high / 1e9:.2f}e9" for low, high in bands) + " N m/rad"
+
+
+def describe(variation: Variation) -> str:
+    """A plant in words."""
+    parts = (
+        f"k {variation.stiffness_nm_per_rad:.3g} N m/rad" if variation.stiffness_nm_per_rad else "",
+        f"damping {100.0 * variation.damping_ratio:.3g} %" if variation.damping_ratio is not None else "",
+        f"J {variation.load_inertia_kg_m2:.3g} kg m2" if variation.load_inertia_kg_m2 else "",
+        f"Jm {variation.motor_inertia_kg_m2:.3g} kg m2" if variation.motor_inertia_kg_m2 else "",
+    )
+    return ", ".join(part for part in parts if part)
+
+
+def measured_sentence(result: MeasuredResponse) -> str:
+    """Where the measured plant is what the linear model says, and where friction makes it something else."""
+    condition, off = result.condition, result.off
+    how = (
+        f"{condition.name} ({condition.torque_nm:.3g} N m"
+        + (f", {condition.vel_deg_s:g} deg/s" if condition.vel_deg_s else "")
+        + f", at {condition.angle_deg:g} deg)"
+    )
+    model = {
+        Friction.HOLDING: "the model whose friction holds like springs",
+        Friction.SLIDING: "the model whose friction slides",
+        Friction.NONE: "the model without friction",
+    }[condition.friction]
+    agree = f"Measured {how}, the plant is {model}, typically within {100.0 * result.typical_error:.0f} %"
+    if not len(off):
+        return agree + " and nowhere more than 3 dB or 20 deg away."
+    return agree + f"; more than 3 dB or 20 deg away at {_spans(off, result.measured.hz)}: {_why(result)}."
+
+
+def _why(result: MeasuredResponse) -> str:
+    if result.condition.friction is Friction.HOLDING:
+        return (
+            "there friction slides a little in every cycle instead of holding, or the load on the gears is so small "
+            "that backlash opens"
+        )
+    return (
+        "near the modes the swing takes the reducer's hysteresis to its end, and gear error and torque ripple turn "
+        "with the motor"
+    )
+
+
+def _spans(chosen: FloatArray, lines: FloatArray) -> str:
+    """Frequencies as spans of neighbouring lines: "0.25..1.1, 9.4 Hz"."""
+    where = np.searchsorted(lines, chosen)
+    groups = np.split(chosen, np.nonzero(np.diff(where) > 1)[0] + 1)
+    spans = [f"{g[0]:.3g}" if len(g) == 1 else f"{g[0]:.3g}..{g[-1]:.3g}" for g in groups]
+    return ", ".join(spans) + " Hz"
+
+
+def study_tables(study: Study) -> list[TextTable]:
+    """All tables of a study."""
+    makers = (equation_5_table, margins_table, closed_table, modes_table, poles_table)
+    return [make(study) for make in makers]
+
+
+def margins_table(study: Study) -> TextTable:
+    """Margins at each cut, as it runs."""
+    return TextTable.of("Margins, as it runs", [_cut_row(figures) for figures in study.cuts])
+
+
+def _cut_row(figures: CutFigures) -> dict[str, str]:
+    phase = figures.phase
+    return {
+        "cut at": _CUT_NAMES[figures.cut],
+        "crossover\nHz": or_dash(phase and phase.crossover_rad_s / _TWO_PI, ".3g"),
+        "phase margin\ndeg": or_dash(phase and phase.margin_deg, ".1f"),
+        "= dead time\nms": or_dash(phase and 1e3 * phase.delay_s, ".3g"),
+        "gain may rise\ntimes": or_dash(figures.gain_up, ".3g"),
+        "gain may fall\nto": or_dash(figures.gain_down, ".3f"),
+        "sensitivity\npeak": f"{figures.sensitivity.value:.2f}",
+        "at\nHz": f"{figures.sensitivity.w_rad_s / _TWO_PI:.3g}",
+    }
+
+
+def equation_5_table(study: Study) -> TextTable:
+    """Eq. (5): continuous and rigid, on load and rotor, and on the rotor alone."""
+    loops = {
+        "load and rotor": rigid_loop(study.machine),
+        "rotor alone": rigid_loop(study.machine, motor_only=True),
+    }
+    rows = [_rigid_row(name, loop) for name, loop in loops.items()]
+    return TextTable.of("Margins of the paper's loop", rows)
+
+
+def _rigid_row(name: str, loop: RigidLoop) -> dict[str, str]:
+    speed, position, torque = (
+        cut.phase_margin() for cut in (loop.velocity_open, loop.position_open, loop.torque_open)
+    )
+    return {
+        "eq. (5), continuous": name,
+        "Js\nkg m2": f"{loop.js_kg_m2:.4g}",
+        "speed loop\nPM deg": or_dash(speed and speed.margin_deg, ".1f"),
+        "at\nrad/s": or_dash(speed and speed.crossover_rad_s, ".4g"),
+        "position loop\nGM": or_dash(loop.gain_margin, ".2f"),
+        "PM deg": or_dash(position and position.margin_deg, ".1f"),
+        "torque cut\nPM deg": or_dash(torque and torque.margin_deg, ".1f"),
+        "gain may\nfall to": f"{loop.gain_reduction_margin:.3f}",
+        "bandwidth\nrad/s": or_dash(loop.position.bandwidth_rad_s(), ".4g"),
+    }
+
+
+def closed_table(study: Study) -> TextTable:
+    """Bandwidths and peaks of the closed loops."""
+    rows = [
+        {
+            "closed loop": figures.name,
+            "first -3 dB\nHz": or_dash(figures.bandwidth_rad_s and figures.bandwidth_rad_s / _TWO_PI, ".3g"),
+            "last -3 dB\nHz": or_dash(figures.last_rad_s and figures.last_rad_s / _TWO_PI, ".3g"),
+            "peak": f"{figures.peak.value:.3g}",
+            "at\nHz": f"{figures.peak.w_rad_s / _TWO_PI:.3g}",
+        }
+        for figures in study.closed
+    ]
+    return TextTable.of("Closed loops, as they run", rows)
+
+
+def modes_table(study: Study) -> TextTable:
+    """Modes with the motor held (the zeros of torque to motor angle) and in the closed loop."""
+    heads = ("mode", "motor held\nHz", "damping\n%", "closed loop\nHz", "damping\n%", "taken away\n%")
+    rows = [
+        (
+            mode.name,
+            f"{mode.held.hz:.3f}",
+            f"{100.0 * mode.held.zeta:.2f}",
+            f"{mode.closed.hz:.3f}",
+            f"{100.0 * mode.closed.zeta:.2f}",
+            f"{100.0 * mode.damping_taken:.2f}",
+        )
+        for mode in study.modes
+    ]
+    return TextTable("Swinging modes", heads, tuple(rows))
+
+
+def poles_table(study: Study) -> TextTable:
+    """Poles of the closed loop below half the scan rate."""
+    rows = [
+        {
+            "pole": f"{number}, {number}*" if pole.imag > 0.0 else f"{number}",
+            "real\nrad/s": f"{pole.real:.4g}",
+            "imaginary\nrad/s": f"{pole.imag:.4g}" if pole.imag > 0.0 else "",
+            "frequency\nHz": f"{abs(pole) / _TWO_PI:.4g}",
+            "damping": f"{-pole.real / abs(pole):.4f}",
+        }
+        for number, pole in enumerate(study.shown_poles.tolist(), start=1)
+    ]
+    return TextTable.of("Poles of the closed loop, as it runs", rows)
+
+
+def robust_table(margins: RobustMargins) -> TextTable:
+    """The worst plants of the uncertain set."""
+    cases = {
+        "damping": margins.worst_damping,
+        "phase margin": margins.worst_phase,
+        "sensitivity": margins.worst_sensitivity,
+    }
+    found = f"unstable on {len(margins.unstable)}" if margins.unstable else "stable on all"
+    title = f"Worst case over {len(margins.cases)} plants: {found} (no friction)"
+    return TextTable.of(title, [_case_row(name, case) for name, case in cases.items()])
+
+
+def _case_row(name: str, case: Case) -> dict[str, str]:
+    return {
+        "worst case of": name,
+        "damping\n%": f"{100.0 * case.zeta:.2f}",
+        "at\nHz": f"{case.hz:.2f}",
+        "phase margin\ndeg": f"{case.phase_margin_deg:.1f}" if case.stable else "unstable",
+        "sensitivity": f"{case.sensitivity:.3g}" if case.stable else "unstable",
+        "stiffness\nN m/rad": f"{case.variation.stiffness_nm_per_rad:.3g}",
+        "structural\ndamping %": f"{100.0 * (case.variation.damping_ratio or 0.0):.3g}",
+        "load\nkg m2": f"{case.variation.load_inertia_kg_m2:.3g}",
+        "motor\nkg m2": f"{case.variation.motor_inertia_kg_m2:.3g}",
+    }

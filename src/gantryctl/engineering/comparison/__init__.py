@@ -1,7 +1,7 @@
 """Two ways of control on one plant: the same runs, the same figures, over one gear or over many."""
 
-from gantryctl.engineering.comparison.ensemble import Ensemble, ensemble, random_plant
-from gantryctl.engineering.comparison.figures import FIGURES, Figures, figures_of
+from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble, random_plant
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, KeyFigures, measure_key_figures
 from gantryctl.engineering.comparison.profiles import ProfileRow, profiles_at_equal_base_motion
 from gantryctl.engineering.comparison.report import CompareReport, compare_report
 from gantryctl.engineering.comparison.variants import (
@@ -12,16 +12,16 @@ from gantryctl.engineering.comparison.variants import (
 )
 
 __all__ = [
-    "FIGURES",
+    "KEY_FIGURES",
     "CompareReport",
-    "Ensemble",
-    "Figures",
+    "KeyFigures",
+    "PlantEnsemble",
     "ProfileRow",
     "Variant",
     "check_same_plant",
     "compare_report",
     "ensemble",
-    "figures_of",
+    "measure_key_figures",
     "profiles_at_equal_base_motion",
     "random_plant",
     "variants",

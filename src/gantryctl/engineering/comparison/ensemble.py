@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
-from gantryctl.engineering.comparison.figures import FIGURES, Figures, figures_of
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, KeyFigures, measure_key_figures
 from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.engineering.identification import calibrate
 from gantryctl.errors import UsageError
@@ -41,21 +41,21 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
-class Ensemble:
+class PlantEnsemble:
     """Figures of many plants.
 
     Attributes:
-        seeds: one per plant. rows: by name of the control, one `Figures` per plant, in the order of the seeds.
+        seeds: one per plant. rows: by name of the control, one `KeyFigures` per plant, in the order of the seeds.
     """
 
     seeds: tuple[int, ...]
-    rows: dict[str, tuple[Figures, ...]]
+    rows: dict[str, tuple[KeyFigures, ...]]
 
     def quantiles(self, row: str) -> dict[str, tuple[float, float, float]]:
         """5, 50 and 95 % of every figure of a row."""
         values = np.array(self.rows[row])
         low, middle, high = np.quantile(values, QUANTILES, axis=0)
-        return {name: (float(low[k]), float(middle[k]), float(high[k])) for k, name in enumerate(FIGURES)}
+        return {name: (float(low[k]), float(middle[k]), float(high[k])) for k, name in enumerate(KEY_FIGURES)}
 
 
 def random_plant(machine: Machine, seed: int) -> Machine:
@@ -79,7 +79,7 @@ def ensemble(
     seed: int = 0,
     threads: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> Ensemble:
+) -> PlantEnsemble:
     """Both ways of control, and the second without its load encoder, on `count` plants; each is identified anew.
 
     Args:
@@ -92,12 +92,12 @@ def ensemble(
     if count < 2:
         raise UsageError(f"an ensemble of {count}: quantiles need at least 2 plants")
     seeds = tuple(range(seed + 1, seed + 1 + count))
-    done: list[dict[str, Figures]] = []
+    done: list[dict[str, KeyFigures]] = []
     for row in in_threads(lambda s: _one(paper, improved, s), seeds, threads):
         done.append(row)
         if progress is not None:
             progress(len(done))
-    return Ensemble(seeds, {name: tuple(row[name] for row in done) for name in done[0]})
+    return PlantEnsemble(seeds, {name: tuple(row[name] for row in done) for name in done[0]})
 
 
 def in_threads(
@@ -108,10 +108,10 @@ def in_threads(
         yield from pool.map(work, items)
 
 
-def _one(paper: Machine, improved: Machine, seed: int) -> dict[str, Figures]:
+def _one(paper: Machine, improved: Machine, seed: int) -> dict[str, KeyFigures]:
     own = random_plant(improved, seed)
     own = own.calibrated(calibrate(own, seed=seed))
-    rows = {paper.name: figures_of(random_plant(paper, seed), seed)}
+    rows = {paper.name: measure_key_figures(random_plant(paper, seed), seed)}
     if improved.control.compensation.load_encoder.active:
-        rows["without the load encoder"] = figures_of(without_load_encoder(own), seed)
-    return rows | {improved.name: figures_of(own, seed)}
+        rows["without the load encoder"] = measure_key_figures(without_load_encoder(own), seed)
+    return rows | {improved.name: measure_key_figures(own, seed)}

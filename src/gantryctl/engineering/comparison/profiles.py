@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.engineering.comparison.figures import Move, move_figures
+from gantryctl.engineering.comparison.key_figures import MoveFigures, move_figures
 from gantryctl.machine import Machine, with_values
 
 _STEPS: Final = 12  # of the bisection: acceleration to 0.1 %
@@ -17,7 +17,7 @@ class ProfileRow(NamedTuple):
     name: str
     acc_deg_s2: float
     jerk_deg_s3: float
-    move: Move
+    move: MoveFigures
 
 
 def profiles_at_equal_base_motion(machine: Machine, base_um: float, swing_hz: float) -> list[ProfileRow]:

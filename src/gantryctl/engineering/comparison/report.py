@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-from gantryctl.engineering.comparison.ensemble import Ensemble, ensemble, in_threads
-from gantryctl.engineering.comparison.figures import FIGURES, Figures, figures_of
+from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble, in_threads
+from gantryctl.engineering.comparison.key_figures import KeyFigures, measure_key_figures
 from gantryctl.engineering.comparison.profiles import ProfileRow, profiles_at_equal_base_motion
 from gantryctl.engineering.comparison.variants import Variant, check_same_plant, variants
 from gantryctl.engineering.identification import Comparison, comparisons
@@ -28,35 +27,10 @@ class CompareReport:
 
     paper: str
     improved: str
-    rows: tuple[tuple[str, Figures], ...]
+    rows: tuple[tuple[str, KeyFigures], ...]
     identified: tuple[Comparison, ...]
     profiles: tuple[ProfileRow, ...]
-    ensemble: Ensemble | None
-
-    def as_dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return {
-            "paper": self.paper,
-            "improved": self.improved,
-            "figures": {name: {"meaning": what, "unit": unit} for name, (what, unit) in FIGURES.items()},
-            "rows": {name: row._asdict() for name, row in self.rows},
-            "identified": [
-                {"name": c.name, "identified": c.identified, "truth": c.truth, "unit": c.unit}
-                for c in self.identified
-            ],
-            "profiles_at_equal_base_motion": [
-                row._asdict() | {"move": row.move._asdict()} for row in self.profiles
-            ],
-            "ensemble": None if self.ensemble is None else _quantiles(self.ensemble),
-        }
-
-
-def _quantiles(found: Ensemble) -> dict[str, Any]:
-    return {
-        "plants": len(found.seeds),
-        "first_seed": found.seeds[0],
-        "quantiles_5_50_95": {row: found.quantiles(row) for row in found.rows},
-    }
+    ensemble: PlantEnsemble | None
 
 
 def compare_report(
@@ -84,8 +58,8 @@ def compare_report(
     calibrated = improved.control.compensation.needs_calibration
     calibration = check_calibration(improved, improved.plant.encoder.serial) if calibrated else None
 
-    def run(variant: Variant) -> tuple[str, Figures]:
-        return variant.name, figures_of(variant.machine, seed)
+    def run(variant: Variant) -> tuple[str, KeyFigures]:
+        return variant.name, measure_key_figures(variant.machine, seed)
 
     rows = tuple(in_threads(run, variants(paper, improved), threads))
     swing_hz = calibration.identified.swing_hz if calibration else 2.0

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.analysis.tables import TextTable
-from gantryctl.engineering.comparison.figures import FIGURES
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
 from gantryctl.engineering.comparison.report import CompareReport
+from gantryctl.engineering.report.text import TextTable
 
 _HEADS: Final = {
     "a_true_a": "A true\nproc. A", "a_true_b": "A true\nproc. B", "a_measured_a": "A seen\nproc. A",
@@ -88,7 +88,7 @@ def _quantiles(report: CompareReport, name: str) -> TextTable:
     quantiles = report.ensemble.quantiles(name)
     rows = tuple(
         (what, unit, *(_text(key, value) for value in quantiles[key]))
-        for key, (what, unit) in FIGURES.items()
+        for key, (what, unit) in KEY_FIGURES.items()
     )
     title = f"{name} on {len(report.ensemble.seeds)} random gears and plants"
     return TextTable(title, ("", "", "5 %", "median", "95 %"), rows)

@@ -4,15 +4,15 @@ The controller's compensations live on these numbers and on nothing else. The ru
 with all compensations off; the truth of a simulated plant is read only to say how wrong the numbers are.
 """
 
-from gantryctl.engineering.identification.fit import Fit, calibrate, calibration_of, fit
-from gantryctl.engineering.identification.measure import Instrument, Recording, record
+from gantryctl.engineering.identification.fit import CalibrationFit, calibrate, calibration_of, fit
+from gantryctl.engineering.identification.measure import LoadInstrument, MotionRecording, record
 from gantryctl.engineering.identification.truth import Comparison, comparisons
 
 __all__ = [
+    "CalibrationFit",
     "Comparison",
-    "Fit",
-    "Instrument",
-    "Recording",
+    "LoadInstrument",
+    "MotionRecording",
     "calibrate",
     "calibration_of",
     "comparisons",

@@ -13,8 +13,8 @@ from gantryctl.engineering.identification.measure import (
     CREEP_DEG_S,
     TURN_DEG_S,
     Floats,
-    Instrument,
-    Recording,
+    LoadInstrument,
+    MotionRecording,
     Samples,
     record,
 )
@@ -30,7 +30,7 @@ _SLOW_CYCLES: Final = (
 
 
 @dataclass(frozen=True)
-class Fit:
+class CalibrationFit:
     """What was found, with how well it fits.
 
     Attributes:
@@ -41,10 +41,10 @@ class Fit:
     identified: Identified
     maps: Maps
     residual_deg: float
-    recording: Recording
+    recording: MotionRecording
 
 
-def fit(machine: Machine, recording: Recording) -> Fit:
+def fit(machine: Machine, recording: MotionRecording) -> CalibrationFit:
     """Fit friction, moment, inertia, wind-up, first mode and maps.
 
     The lead, motor encoder minus load, is in the slow turns the mean map plus, by direction, the reversal map. What
@@ -73,20 +73,20 @@ def fit(machine: Machine, recording: Recording) -> Fit:
     ]
     identified = _numbers(machine, recording, windup)
     gear = _without_windup(lead, identified, found)
-    scale = _fit_scale(turns) if recording.has_ring and recording.instrument is Instrument.TRACKER else ()
+    scale = _fit_scale(turns) if recording.has_ring and recording.instrument is LoadInstrument.TRACKER else ()
     maps = Maps(
         gear_rad=tuple(gear.tolist()),
         reversal_rad=tuple(reversal.tolist()),
         scale_rad=scale,
         fast=tuple(found),
     )
-    return Fit(identified, maps, math.degrees(residual), recording)
+    return CalibrationFit(identified, maps, math.degrees(residual), recording)
 
 
 def calibrate(
     machine: Machine,
     *,
-    instrument: Instrument = Instrument.TRACKER,
+    instrument: LoadInstrument = LoadInstrument.TRACKER,
     seed: int = 0,
     date: str = _DATE_OF_NOBODY,
     version: int = 1,
@@ -95,7 +95,7 @@ def calibrate(
     return calibration_of(machine, fit(machine, record(machine, instrument, seed)), date, version)
 
 
-def calibration_of(machine: Machine, found: Fit, date: str, version: int) -> Calibration:
+def calibration_of(machine: Machine, found: CalibrationFit, date: str, version: int) -> Calibration:
     """The calibration file of a fit."""
     origin = Origin(
         machine=machine.name,
@@ -164,7 +164,7 @@ def _static(
     return found
 
 
-def _numbers(machine: Machine, recording: Recording, windup: float) -> Identified:
+def _numbers(machine: Machine, recording: MotionRecording, windup: float) -> Identified:
     """Torque balance: i T = M_s sin + M_c cos + direction F + F_v v + J_total acc."""
     parts = (recording.turns, recording.moves)
     columns = np.concatenate(

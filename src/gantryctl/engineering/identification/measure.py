@@ -32,7 +32,7 @@ _TRANSIENT_S: Final = 2.0  # after a change of the acceleration
 _BLOCK: Final = 40  # scans that are averaged to one sample
 
 
-class Instrument(Enum):
+class LoadInstrument(Enum):
     """What watches the load."""
 
     TRACKER = "tracker"
@@ -64,7 +64,7 @@ class Samples:
 
 
 @dataclass(frozen=True)
-class Recording:
+class MotionRecording:
     """Everything that was recorded.
 
     Attributes:
@@ -77,7 +77,7 @@ class Recording:
     turns: Samples
     moves: Samples
     creep: Samples
-    instrument: Instrument
+    instrument: LoadInstrument
     has_ring: bool
     axis_time_s: float
     trace_sha256: str
@@ -86,9 +86,9 @@ class Recording:
 class _Runner:
     """The axis, standing at 0 deg in the beginning."""
 
-    def __init__(self, machine: Machine, instrument: Instrument, seed: int) -> None:
+    def __init__(self, machine: Machine, instrument: LoadInstrument, seed: int) -> None:
         sim = gantry_sim(machine)
-        if instrument is Instrument.LOAD_ENCODER:
+        if instrument is LoadInstrument.LOAD_ENCODER:
             fit_load_encoder(machine, sim)
         self.machine = machine
         self.instrument = instrument
@@ -128,7 +128,7 @@ class _Runner:
         seen = mean(log["pos_load_rad"]) + self.rng.normal(0.0, self.sigma_rad / _BLOCK**0.5, len(rows))
         return Samples(
             act_rad=mean(log["pos_act_rad"] + self.latency_s * log["vel_ref_rad_s"]),
-            load_rad=seen if self.instrument is Instrument.TRACKER else ring,
+            load_rad=seen if self.instrument is LoadInstrument.TRACKER else ring,
             ring_rad=ring,
             vel_rad_s=mean(vel),
             acc_rad_s2=mean(acc),
@@ -136,7 +136,9 @@ class _Runner:
         )
 
 
-def record(machine: Machine, instrument: Instrument = Instrument.TRACKER, seed: int = 0) -> Recording:
+def record(
+    machine: Machine, instrument: LoadInstrument = LoadInstrument.TRACKER, seed: int = 0
+) -> MotionRecording:
     """Turn the simulated machine slowly through its travel both ways, fast both ways, and let it creep.
 
     Args:
@@ -159,10 +161,10 @@ def record(machine: Machine, instrument: Instrument = Instrument.TRACKER, seed: 
     runner.go(start, fast)
     creep = runner.samples(runner.go(start + CREEP_DEG, CREEP_DEG_S), cruise_only=True)
     parts = (_joined(turns), _joined(moves), creep)
-    return Recording(
+    return MotionRecording(
         *parts,
         instrument=instrument,
-        has_ring=machine.plant.load_encoder.fitted or instrument is Instrument.LOAD_ENCODER,
+        has_ring=machine.plant.load_encoder.fitted or instrument is LoadInstrument.LOAD_ENCODER,
         axis_time_s=runner.time_s,
         trace_sha256=_hash(parts),
     )

@@ -1,12 +1,21 @@
-"""The look that all figures share: colours, lines, grid."""
+"""The look that all figures share, and figures as PNG files by matplotlib, without a window."""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
-GREY: Final = "#8a8f98"
-INK: Final = "#20242b"
-RED: Final = "#b3261e"
+from gantryctl.errors import DeviceError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours: distinct with every kind of colour vision, and in grey print.
+BLUE, ORANGE, GREEN = "#0072b2", "#d55e00", "#009e73"
+GREY, INK, RED = "#8a8f98", "#20242b", "#b3261e"
 
 STYLE: Final[dict[Any, Any]] = {
     "axes.titleweight": "bold",
@@ -17,3 +26,35 @@ STYLE: Final[dict[Any, Any]] = {
     "legend.frameon": False,
     "lines.linewidth": 1.3,
 }
+_PNG_STYLE: Final[dict[Any, Any]] = {
+    **STYLE,
+    "font.size": 9.0,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8.0,
+    "figure.constrained_layout.use": True,
+}
+_DPI: Final = 130
+
+
+@contextmanager
+def png_figure(path: Path, title: str, rows: int, columns: int, **options: Any) -> Iterator[Any]:
+    """The axes of a figure, saved when the block ends.
+
+    Raises:
+        DeviceError: the file cannot be written.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context(_PNG_STYLE):
+        sheet: Figure = Figure(figsize=options.pop("figsize", (8.6, 6.0)))
+        axes = sheet.subplots(rows, columns, **options)
+        sheet.suptitle(title, fontsize=10.5, fontweight="bold", x=0.01, ha="left")
+        yield axes
+        try:
+            sheet.savefig(path, dpi=_DPI)
+        except OSError as fault:
+            raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 
@@ -11,3 +12,15 @@ class TextTable(NamedTuple):
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @classmethod
+    def of(cls, title: str, rows: Iterable[Mapping[str, str]]) -> TextTable:
+        """A table of rows that name their cells; all rows have the names of the first."""
+        cells = list(rows)
+        heads = tuple(cells[0]) if cells else ()
+        return cls(title, heads, tuple(tuple(row.values()) for row in cells))
+
+
+def or_dash(value: float | None, form: str) -> str:
+    """A figure in a format, or a dash where it does not exist."""
+    return "-" if value is None else format(value, form)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gantryctl.engineering.analysis.tables import TextTable
+from gantryctl.engineering.report.text import TextTable
 from gantryctl.engineering.sizing import equations as eq
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
 from gantryctl.engineering.sizing.paper_figures import printed_acceleration_rad_s2, printed_torque_nm

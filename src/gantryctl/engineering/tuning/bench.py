@@ -72,7 +72,7 @@ class PositionStep(NamedTuple):
     limited: bool
 
 
-class MoveResult(NamedTuple):
+class TrialMove(NamedTuple):
     """One move from standstill to standstill.
 
     Attributes:
@@ -181,7 +181,7 @@ class Bench:
             bool(np.any(log["torque_limited"])),
         )
 
-    def move(self, gains: Gains, way_deg: float = _MOVE_DEG) -> MoveResult:
+    def move(self, gains: Gains, way_deg: float = _MOVE_DEG) -> TrialMove:
         """A move from 0 deg with the profile of the machine file and the acceleration of the gains."""
         loop = self._standing(gains, 0.0, gains.kvf)
         plan = plan_move(SetPoint(0.0, 0.0, 0.0), rad(way_deg), self._limits(gains))
@@ -226,7 +226,7 @@ def _speed_after(sim: _core.GantrySim, vel_cmd_rad_s: float) -> float:
     return sim.truth()[3]
 
 
-def _judged(machine: Machine, log: Log, plan: _core.Segments) -> MoveResult:
+def _judged(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
     ratio = machine.axis.ratio
     ref, motor, load = log["vel_ref_rad_s"], log["vel_motor_rad_s"] / ratio, log["vel_load_rad_s"]
     top = float(np.max(np.abs(ref)))
@@ -234,7 +234,7 @@ def _judged(machine: Machine, log: Log, plan: _core.Segments) -> MoveResult:
     shake = 1e6 * machine.plant.gear_error.ring_radius_m * _shaking(machine, log)
     residual = (after >= _RESIDUAL_S[0]) & (after <= _RESIDUAL_S[1])
     middle = np.abs(time - 0.5 * plan.duration) < 0.25
-    return MoveResult(
+    return TrialMove(
         speed_overshoot=max(0.0, float(np.max(np.abs(motor))) / top - 1.0),
         cruise_error_deg=deg(float(np.mean(np.abs(log["pos_err_rad"][middle])))),
         motor_error_deg_s=deg(float(np.max(np.abs(motor - ref)))),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gantryctl.engineering.analysis.models.sampled import LoopSettings, loop_settings
@@ -78,16 +78,12 @@ def machine_with(machine: Machine, gains: Gains) -> Machine:
 
 def settings_with(machine: Machine, gains: Gains) -> LoopSettings:
     """The loop of a machine file with other gains, for the linear model."""
-    timing = loop_settings(machine)
-    return LoopSettings(
+    return replace(
+        loop_settings(machine),
         kvp_nm_s_per_rad=gains.kvp_nm_s_per_rad,
         tvi_s=gains.tvi_s,
         kpp_per_s=gains.kpp_per_s,
         kvf=gains.kvf,
-        cycle_s=timing.cycle_s,
-        cycles_per_scan=timing.cycles_per_scan,
-        delay_cycles=timing.delay_cycles,
-        latency_s=timing.latency_s,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from functools import partial
 
 from gantryctl.engineering.analysis.models.modes import Oscillation
 from gantryctl.engineering.analysis.models.robust import (
@@ -12,23 +12,20 @@ from gantryctl.engineering.analysis.models.robust import (
     Case,
     RobustMargins,
     UncertainPlant,
-    describe,
+    bands_by_damping,
     robust_margins,
     running_damping,
     sketch_damping,
     uncertain_plants,
-    unstable_stiffness,
 )
 from gantryctl.engineering.tuning.gains import Gains, machine_with, settings_with
 from gantryctl.machine import Machine
 
-DAMPINGS: Final = (0.005, 0.01, 0.025)
-"""Structural dampings for which bands of stiffness are given."""
 SKETCH, RUNNING = "two masses, continuous", "full plant, as it runs"
 
 
 @dataclass(frozen=True)
-class Verdict:
+class GainsVerdict:
     """One set of gains on every plant of the uncertain set.
 
     Attributes:
@@ -50,7 +47,7 @@ class Verdict:
         return self.margins.stable
 
 
-def judged(machine: Machine, gains: Gains, plants: Sequence[UncertainPlant] | None = None) -> Verdict:
+def judged(machine: Machine, gains: Gains, plants: Sequence[UncertainPlant] | None = None) -> GainsVerdict:
     """Hold gains against the uncertain plant.
 
     Args:
@@ -64,59 +61,13 @@ def judged(machine: Machine, gains: Gains, plants: Sequence[UncertainPlant] | No
     left = [damping_left(case, plant) for case, plant in zip(margins.cases, chosen, strict=True)]
     worst = min(range(len(left)), key=lambda k: left[k])
     tried = machine_with(machine, gains)
-    bands: dict[str, dict[float, Bands]] = {
-        SKETCH: {zeta: unstable_stiffness(sketch_damping(tried, zeta)) for zeta in DAMPINGS},
-        RUNNING: {zeta: unstable_stiffness(running_damping(machine, zeta, settings)) for zeta in DAMPINGS},
+    bands = {
+        SKETCH: bands_by_damping(partial(sketch_damping, tried)),
+        RUNNING: bands_by_damping(partial(running_damping, machine, settings=settings)),
     }
-    return Verdict(gains, margins, bands, left[worst], margins.cases[worst])
+    return GainsVerdict(gains, margins, bands, left[worst], margins.cases[worst])
 
 
 def damping_left(case: Case, plant: UncertainPlant) -> float:
     """Damping of the least damped swing in the closed loop over that of the load with the motor held."""
     return case.zeta / Oscillation.of(complex(plant.plant.held_poles()[0])).zeta
-
-
-def sentences(name: str, verdict: Verdict) -> list[str]:
-    """What the verdict says."""
-    margins = verdict.margins
-    count, wrong = len(margins.cases), len(margins.unstable)
-    where = "stable on all" if not wrong else f"UNSTABLE on {wrong}"
-    worst = margins.worst_damping
-    found = [
-        f"{name}: {where} of {count} uncertain plants; the least damped swing has {100.0 * worst.zeta:.2f} % at "
-        f"{worst.hz:.2f} Hz ({describe(worst.variation)}); the loop leaves {100.0 * verdict.damping_left:.0f} % of the "
-        f"load's own damping there where it leaves least."
-    ]
-    if not wrong:
-        found.append(
-            f"{name}: margins over all of them: sensitivity at most {margins.worst_sensitivity.sensitivity:.2f}, "
-            f"phase margin at least {margins.worst_phase.phase_margin_deg:.0f} deg."
-        )
-    for model, by_damping in verdict.bands.items():
-        bad = {zeta: bands for zeta, bands in by_damping.items() if bands}
-        if bad:
-            parts = [f"{100.0 * zeta:g} % damping: k = {_spans(bands)}" for zeta, bands in bad.items()]
-            found.append(f"{name}: unstable on the {model} model with {'; '.join(parts)}.")
-    return found
-
-
-def verdict_data(verdict: Verdict) -> dict[str, Any]:
-    """For JSON."""
-    margins = verdict.margins
-    return {
-        "plants": len(margins.cases),
-        "unstable": len(margins.unstable),
-        "worst_damping": margins.worst_damping.zeta,
-        "worst_damping_hz": margins.worst_damping.hz,
-        "worst_phase_margin_deg": margins.worst_phase.phase_margin_deg,
-        "worst_sensitivity": margins.worst_sensitivity.sensitivity,
-        "damping_left": verdict.damping_left,
-        "unstable_stiffness_nm_per_rad": {
-            model: {f"{zeta:g}": [list(band) for band in bands] for zeta, bands in by_damping.items()}
-            for model, by_damping in verdict.bands.items()
-        },
-    }
-
-
-def _spans(bands: Bands) -> str:
-    return " and ".join(f"{low / 1e9:.2f}..{high / 1e9:.2f}e9" for low, high in bands) + " N m/rad"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from gantryctl.engineering.tuning.gains import machine_with
 from gantryctl.engineering.tuning.result import Tuning
-from gantryctl.engineering.tuning.tables import before_after_table
+from gantryctl.engineering.tuning.text import before_after_table
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, short_hash, to_toml
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
 from gantryctl.engineering.analysis.models.robust import uncertain_plants
-from gantryctl.engineering.tuning.bench import Bench, MoveResult, bench_of_paper
+from gantryctl.engineering.tuning.bench import Bench, TrialMove, bench_of_paper
 from gantryctl.engineering.tuning.by_margins import STATED, Conditions, Designed, by_margins
 from gantryctl.engineering.tuning.gains import PAPER, POOR, Gains, configured
-from gantryctl.engineering.tuning.judge import Verdict, judged, verdict_data
+from gantryctl.engineering.tuning.judge import GainsVerdict, judged
 from gantryctl.engineering.tuning.procedure import QUARTERS, Criteria, Tuned, paper_procedure
-from gantryctl.machine import Machine, config_hash
+from gantryctl.machine import Machine
 
 PAPER_METHOD, MARGINS_METHOD = "paper", "margins"
 WITHIN: Final = 0.2
@@ -24,8 +24,8 @@ class Candidate:
 
     name: str
     gains: Gains
-    move: MoveResult
-    verdict: Verdict
+    move: TrialMove
+    verdict: GainsVerdict
 
 
 @dataclass(frozen=True)
@@ -106,27 +106,4 @@ def differences(tuning: Tuning) -> dict[str, float]:
         "Kvp": found.kvp_nm_s_per_rad / PAPER.kvp_nm_s_per_rad - 1.0,
         "Tvi": found.tvi_s / PAPER.tvi_s - 1.0,
         "Kpp": found.kpp_per_s / PAPER.kpp_per_s - 1.0,
-    }
-
-
-def tuning_data(tuning: Tuning) -> dict[str, Any]:
-    """For JSON."""
-    return {
-        "machine": tuning.machine.name,
-        "hash": config_hash(tuning.machine),
-        "method": tuning.method,
-        "speed_average_s": tuning.bench.speed_average_s,
-        "small_delays_s": tuning.bench.small_delays_s,
-        "fast_inertia_kg_m2": tuning.bench.fast_inertia_kg_m2,
-        "start": vars(tuning.tuned.start) if tuning.tuned else None,
-        "log": [trial._asdict() for trial in tuning.tuned.log] if tuning.tuned else [],
-        "candidates": {
-            c.name: {
-                "gains": vars(c.gains),
-                "move": c.move._asdict(),
-                "verdict": verdict_data(c.verdict),
-            }
-            for c in (tuning.configured, tuning.proposal, tuning.paper)
-        },
-        "difference_to_paper": differences(tuning),
     }

@@ -5,7 +5,7 @@ import pytest
 
 from gantryctl.engineering.accuracy.noise import chord_result
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
-from gantryctl.engineering.accuracy.report.report import AccuracyReport, Ensemble, SpeedCurves, SpeedRun
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEnsemble, SpeedCurves, SpeedRun
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import Direction
 
@@ -78,7 +78,7 @@ def demo_report(runs: int = 1) -> AccuracyReport:
         },
         phases_fitted=True,
         speed=tuple(speed_run(v, way, stick_slip=v < 1.0) for v in (0.6, 3.0, 6.0) for way in Direction),
-        ensemble=Ensemble(tuple(float(accuracy_a(gear.errors_deg)) for gear in gears), tuple(range(8))),
+        ensemble=GearEnsemble(tuple(float(accuracy_a(gear.errors_deg)) for gear in gears), tuple(range(8))),
     )
 
 

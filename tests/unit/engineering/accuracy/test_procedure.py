@@ -9,7 +9,7 @@ from gantryctl.engineering.accuracy.noise import a_draws, chord_result, noise_fl
 from gantryctl.engineering.accuracy.procedure.procedures import (
     Chord,
     Procedure,
-    Role,
+    StopRole,
     chord_procedure,
     evaluate,
 )
@@ -31,7 +31,7 @@ def test_procedure_a_is_the_papers() -> None:
     assert _targets(procedure)[:12] == [80, 90, 95, 100, 105, 110, 100, 90, 85, 80, 75, 70]
     assert procedure.start_deg == 80.0
     assert procedure.travel_deg == (-110.0, 110.0)
-    assert [stop.role for stop in procedure.stops[:3]] == [Role.START, Role.BASE, Role.POINT]
+    assert [stop.role for stop in procedure.stops[:3]] == [StopRole.START, StopRole.BASE, StopRole.POINT]
     assert [stop.reference for stop in procedure.stops[:8]] == [None, None, 1, 1, 1, 1, None, None]
     assert procedure.rows[:3] == ((90.0, Direction.CCW, 1), (90.0, Direction.CW, 1), (0.0, Direction.CCW, 1))
 
@@ -39,7 +39,7 @@ def test_procedure_a_is_the_papers() -> None:
 def test_procedure_b_measures_from_the_base_visited_just_before() -> None:
     procedure = chord_procedure("B", bases_deg=[0.0])
     assert _targets(procedure)[:9] == [0, 5, 0, 10, 0, 15, 0, 20, 0]
-    assert [stop.reference for stop in procedure.stops if stop.role is Role.POINT] == [
+    assert [stop.reference for stop in procedure.stops if stop.role is StopRole.POINT] == [
         0,
         2,
         4,
@@ -65,7 +65,9 @@ def test_procedure_d_always_comes_from_below() -> None:
     targets = _targets(procedure)
     assert targets[:3] == [-5, 0, 5]
     assert targets[12:15] == [-5, 0, -5]
-    assert all(targets[k - 1] == targets[k] - 5 for k, s in enumerate(procedure.stops) if s.role is Role.BASE)
+    assert all(
+        targets[k - 1] == targets[k] - 5 for k, s in enumerate(procedure.stops) if s.role is StopRole.BASE
+    )
 
 
 def test_adjacent_chords_are_single_steps() -> None:

@@ -8,18 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl.drives.ideal import IdealDrive
+from gantryctl.engineering.analysis.data import measured_data
 from gantryctl.engineering.analysis.measured.excitation import multisine, sine
 from gantryctl.engineering.analysis.measured.response import (
     Condition,
     measure_simulated,
-    measured_data,
     model_ratios,
-    sentence,
     simulated_probe,
 )
 from gantryctl.engineering.analysis.models.frequency import Probe, ProbeLimits, fitted, measure
 from gantryctl.engineering.analysis.models.mechanics import Friction
 from gantryctl.engineering.analysis.models.sampled import Input
+from gantryctl.engineering.analysis.text import measured_sentence
 from gantryctl.errors import AlarmStop, UsageError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine import default_machine, with_values
@@ -83,7 +83,7 @@ def test_friction_is_a_spring_to_a_small_signal(measurements):
     small = measurements[0]
     assert small.typical_error < 0.1
     assert len(small.off) <= 2
-    assert "holds like springs" in sentence(small)
+    assert "holds like springs" in measured_sentence(small)
 
 
 def test_a_larger_signal_makes_it_slide_at_low_frequencies(measurements):
@@ -91,7 +91,7 @@ def test_a_larger_signal_makes_it_slide_at_low_frequencies(measurements):
     low = larger.measured.hz < 1.5
     assert np.median(np.abs(larger.measured.plant / larger.model.plant)[low]) > 1.3
     assert set(larger.off) >= set(larger.measured.hz[low & (larger.trusted > 0.0)])
-    assert "0.25..1." in sentence(larger)
+    assert "0.25..1." in measured_sentence(larger)
 
 
 def test_turning_it_slides_and_the_axis_is_nearly_linear(measurements):

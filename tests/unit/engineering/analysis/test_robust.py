@@ -10,7 +10,6 @@ from gantryctl.engineering.analysis.models.modes import least_damped
 from gantryctl.engineering.analysis.models.robust import (
     STIFFNESS_NM_PER_RAD,
     Uncertainty,
-    describe,
     robust_margins,
     running_damping,
     sketch_damping,
@@ -19,6 +18,7 @@ from gantryctl.engineering.analysis.models.robust import (
 )
 from gantryctl.engineering.analysis.models.sampled import Cut, SampledLoop, loop_settings
 from gantryctl.engineering.analysis.study import study
+from gantryctl.engineering.analysis.text import describe
 from gantryctl.machine import default_machine
 
 MACHINE = default_machine()

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from gantryctl.engineering.analysis.models.full import control_models
 from gantryctl.engineering.analysis.models.margins import phase_margins
 from gantryctl.engineering.analysis.models.mechanics import (
     IDEAL_BANDWIDTH_RAD_S,
@@ -19,9 +18,11 @@ from gantryctl.engineering.analysis.models.mechanics import (
 )
 from gantryctl.engineering.analysis.models.modes import Oscillation, least_damped, modes, nearest
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop, two_mass_loop
+from gantryctl.engineering.analysis.models.responses import Reference, time_response
 from gantryctl.engineering.analysis.models.sampled import Cut, Input, LoopSettings, SampledLoop, loop_settings
 from gantryctl.engineering.analysis.study import cut_figures, grid_of
 from gantryctl.machine import default_machine, with_values
+from support.control_models import control_models
 
 MACHINE = default_machine()
 SETTINGS = loop_settings(MACHINE)
@@ -103,6 +104,18 @@ def test_python_control_gets_the_same_margins_and_poles():
     assert theirs[0] == pytest.approx(ours.gain_up, rel=1e-3)
     closed = np.sort_complex(np.log(models.closed.poles()[np.abs(models.closed.poles()) > 1e-6]) / 1e-3)
     np.testing.assert_allclose(closed, subject.poles, rtol=1e-5)
+
+
+@pytest.mark.parametrize("reference", list(Reference))
+def test_python_control_gets_the_same_time_responses(reference):
+    subject = loop()
+    found = time_response(subject, reference, 1e-3, 0.5)
+    pos = {Reference.STEP: 1.0, Reference.RAMP: found.time_s, Reference.PARABOLA: found.time_s**2 / 2.0}
+    vel = {Reference.STEP: 0.0, Reference.RAMP: 1.0, Reference.PARABOLA: found.time_s}
+    inputs = [1e-3 * part[reference] * np.ones_like(found.time_s) for part in (pos, vel)]
+    theirs = control.forced_response(control_models(subject).closed, found.time_s, inputs).outputs
+    for row, ours in ((0, found.pos_err_motor_rad), (1, found.pos_err_load_rad)):
+        np.testing.assert_allclose(inputs[0] - theirs[row], ours, rtol=1e-9, atol=1e-15)
 
 
 @pytest.mark.parametrize(("cut", "where"), [(Cut.TORQUE, "torque_gain"), (Cut.SPEED_COMMAND, "command_gain")])

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.engineering.comparison import FIGURES
+from gantryctl.engineering.comparison import KEY_FIGURES
 from gantryctl.machine import default_machine_path, load_calibration, load_machine
 from gantryctl.wiring.compensation import compensation, lead_deg
 from gantryctl.wiring.simulator import delivered_zero_counts, sim_drive
@@ -124,6 +124,6 @@ def test_compare_prints_every_row_and_figure() -> None:
     data = json.loads(done.out)
     assert data == json.loads(Path("report/compare.json").read_text("utf-8"))
     assert len(data["rows"]) == 13
-    assert all(set(row) == set(FIGURES) for row in data["rows"].values())
+    assert all(set(row) == set(KEY_FIGURES) for row in data["rows"].values())
     alone = data["rows"]["gear map alone"]
     assert alone["a_true_a"] < 0.5 * data["rows"]["profile alone"]["a_true_a"]

@@ -5,22 +5,22 @@ from __future__ import annotations
 import pytest
 
 from gantryctl.engineering.comparison import (
-    FIGURES,
-    Figures,
+    KEY_FIGURES,
+    KeyFigures,
     check_same_plant,
     random_plant,
     variants,
     without_load_encoder,
 )
-from gantryctl.engineering.comparison.ensemble import Ensemble, ensemble
-from gantryctl.engineering.comparison.figures import move_figures
+from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
+from gantryctl.engineering.comparison.key_figures import move_figures
 from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine, effective_values, with_values
 from support.improved import improved_machine
 
 
 def test_every_figure_has_a_meaning() -> None:
-    assert tuple(FIGURES) == Figures._fields
+    assert tuple(KEY_FIGURES) == KeyFigures._fields
 
 
 def test_two_machines_that_differ_in_the_plant_are_not_compared() -> None:
@@ -71,8 +71,8 @@ def test_a_random_plant_is_within_20_per_cent_and_the_same_for_both_controls() -
 
 
 def test_quantiles_are_those_of_the_plants() -> None:
-    rows = tuple(Figures(*(float(k),) * len(FIGURES)) for k in range(101))
-    found = Ensemble(tuple(range(101)), {"a": rows}).quantiles("a")
+    rows = tuple(KeyFigures(*(float(k),) * len(KEY_FIGURES)) for k in range(101))
+    found = PlantEnsemble(tuple(range(101)), {"a": rows}).quantiles("a")
     assert found["a_true_a"] == pytest.approx((5.0, 50.0, 95.0))
 
 

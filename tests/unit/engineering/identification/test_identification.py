@@ -9,8 +9,8 @@ import pytest
 
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
 from gantryctl.engineering.identification import (
-    Fit,
-    Instrument,
+    CalibrationFit,
+    LoadInstrument,
     calibrate,
     calibration_of,
     comparisons,
@@ -35,7 +35,7 @@ def error_percent(machine: Machine, seed: int = 0) -> dict[str, float]:
 
 
 @pytest.fixture(scope="module")
-def found() -> Fit:
+def found() -> CalibrationFit:
     return fit(improved_machine(), record(improved_machine()))
 
 
@@ -54,7 +54,7 @@ def test_without_friction_and_gear_errors_every_number_is_found() -> None:
     assert abs(found["stiffness, small loads, base included"]) < 1.0
 
 
-def test_on_the_full_plant_the_numbers_are_right_to_their_worth(found: Fit) -> None:
+def test_on_the_full_plant_the_numbers_are_right_to_their_worth(found: CalibrationFit) -> None:
     """Friction of the motor grows with the load (10 %), which looks like more moment; hysteresis looks like more
     wind-up. Neither is known to the fit, so the errors are systematic and of that size.
     """
@@ -87,7 +87,7 @@ def test_the_eccentric_moment_of_a_tilted_load_has_both_parts() -> None:
 
 
 def test_the_encoder_on_the_ring_does_as_an_instrument_but_knows_nothing_of_its_own_errors() -> None:
-    found = calibrate(improved_machine(), instrument=Instrument.LOAD_ENCODER)
+    found = calibrate(improved_machine(), instrument=LoadInstrument.LOAD_ENCODER)
     by_tracker = improved_machine().calibration
     assert by_tracker is not None
     assert found.maps.scale_rad == ()
@@ -97,13 +97,13 @@ def test_the_encoder_on_the_ring_does_as_an_instrument_but_knows_nothing_of_its_
     assert 1e-7 < np.max(np.abs(difference)) < 3e-5
 
 
-def test_noise_of_the_tracker_hardly_matters(found: Fit) -> None:
+def test_noise_of_the_tracker_hardly_matters(found: CalibrationFit) -> None:
     """4 urad of noise over 17 000 samples of 40 readings each and some 90 unknowns: far below 0.1 urad."""
     other = calibrate(improved_machine(), seed=2).maps.gear_rad
     assert 0.0 < np.max(np.abs(np.subtract(found.maps.gear_rad, other))) < 1e-7
 
 
-def test_the_packaged_calibration_is_what_identify_gives(found: Fit) -> None:
+def test_the_packaged_calibration_is_what_identify_gives(found: CalibrationFit) -> None:
     packaged = improved_machine().calibration
     assert packaged is not None
     # least squares of another processor rounds differently
@@ -114,7 +114,7 @@ def test_the_packaged_calibration_is_what_identify_gives(found: Fit) -> None:
     assert found.maps.scale_rad == pytest.approx(packaged.maps.scale_rad, abs=1e-11)
 
 
-def test_the_fit_says_how_well_it_fits(found: Fit) -> None:
+def test_the_fit_says_how_well_it_fits(found: CalibrationFit) -> None:
     # 10 um at 2.5 m over 40 readings are 0.00004 deg; the rest are waves that are not in the map
     assert 0.00004 < found.residual_deg < 0.0005
 

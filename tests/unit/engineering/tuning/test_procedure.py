@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gantryctl.engineering.tuning.bench import Bench, MoveResult, PositionStep, SpeedStep
+from gantryctl.engineering.tuning.bench import Bench, PositionStep, SpeedStep, TrialMove
 from gantryctl.engineering.tuning.gains import POOR
 from gantryctl.engineering.tuning.procedure import PHASES, Criteria, paper_procedure
 from gantryctl.errors import UsageError
@@ -31,7 +31,7 @@ class FormulaBench(Bench):
     def move(self, gains, way_deg=90.0):
         base = 200.0 * gains.acc_deg_s2
         overshoot = self.overshoot_per_kvf * gains.kvf
-        return MoveResult(overshoot, 0.1 * (1.0 - gains.kvf), 0.0, 0.0, base, 0.0, 0.0, 1.0, 1.0, 1.0, False)
+        return TrialMove(overshoot, 0.1 * (1.0 - gains.kvf), 0.0, 0.0, base, 0.0, 0.0, 1.0, 1.0, 1.0, False)
 
 
 def run(start=POOR, bench=None):

@@ -5,9 +5,10 @@ from dataclasses import replace
 import pytest
 
 from gantryctl.engineering.tuning.bench import Bench, bench_of_paper
+from gantryctl.engineering.tuning.data import tuning_data
 from gantryctl.engineering.tuning.gains import PAPER, POOR
 from gantryctl.engineering.tuning.procedure import QUARTERS, paper_procedure
-from gantryctl.engineering.tuning.result import MARGINS_METHOD, PAPER_METHOD, tune, tuning_data
+from gantryctl.engineering.tuning.result import MARGINS_METHOD, PAPER_METHOD, tune
 from gantryctl.machine import default_machine, with_values
 
 OTHER_STARTS = (POOR, replace(POOR, kvp_nm_s_per_rad=4.0, tvi_s=0.4, kpp_per_s=0.4, acc_deg_s2=0.08))

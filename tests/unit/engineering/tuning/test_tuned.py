@@ -4,9 +4,10 @@ import pytest
 
 from gantryctl.engineering.tuning.by_margins import Conditions, by_margins
 from gantryctl.engineering.tuning.gains import PAPER
-from gantryctl.engineering.tuning.judge import RUNNING, SKETCH, sentences
+from gantryctl.engineering.tuning.judge import RUNNING, SKETCH
 from gantryctl.engineering.tuning.procedure import QUARTERS
 from gantryctl.engineering.tuning.result import differences
+from gantryctl.engineering.tuning.text import verdict_sentences
 from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine, with_values
 
@@ -45,7 +46,7 @@ def test_where_the_paper_s_gains_are_unstable(designed):
     assert verdict.bands[SKETCH][0.025] == []
     assert not verdict.stable
     assert verdict.margins.worst_damping.zeta < 0.0
-    words = " ".join(sentences("paper", verdict))
+    words = " ".join(verdict_sentences("paper", verdict))
     assert "paper: UNSTABLE on 12 of 156 uncertain plants" in words
     assert "1 % damping: k = 0.63..1.60e9 N m/rad" in words
 

@@ -26,7 +26,7 @@ class InstrumentKind(Enum):
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredRun:
     """A run as an instrument saw it.
 
     Attributes:
@@ -44,19 +44,19 @@ class Measured:
 
 def measure(
     machine: Machine, kind: InstrumentKind, procedure: Procedure, readings: Readings, seed: int
-) -> Measured:
+) -> MeasuredRun:
     """The first plant of `readings` through an instrument with noise drawn from `seed`."""
     radius_m = machine.accuracy.chord_radius_m
     if kind is InstrumentKind.TRACKER:
         sigma_m = machine.accuracy.tracker_noise_um * 1e-6
         chord = chord_result(procedure, readings.load_rad[0], radius_m, sigma_m, seed)
         source = "simulated tracker on the virtual gantry"
-        return Measured(source, True, chord.measured, sigma_m, chord.a_measured, chord.a_floor)
+        return MeasuredRun(source, True, chord.measured, sigma_m, chord.a_measured, chord.a_floor)
     instrument = _encoder(machine, kind, procedure, seed)
     dwells = zip(readings.load_rad[0], readings.ring_rad[0], readings.motor_rad[0], strict=True)
     angles = [instrument.reading_rad([float(a) for a in dwell]) for dwell in dwells]
     source = f"{instrument.name} of the virtual gantry"
-    return Measured(source, instrument.measures_load, evaluate(procedure, angles, radius_m))
+    return MeasuredRun(source, instrument.measures_load, evaluate(procedure, angles, radius_m))
 
 
 def _encoder(machine: Machine, kind: InstrumentKind, procedure: Procedure, seed: int) -> Instrument:

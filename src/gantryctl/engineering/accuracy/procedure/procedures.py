@@ -30,7 +30,7 @@ SHORT_APPROACH_DEG = 5.0
 """Procedure D comes to a base from this far below."""
 
 
-class Role(Enum):
+class StopRole(Enum):
     """What a stop is for."""
 
     START = "start"
@@ -53,7 +53,7 @@ class Chord(Enum):
 
 
 @dataclass(frozen=True)
-class Stop:
+class ChordStop:
     """One place where the axis stands still and is read.
 
     Attributes:
@@ -64,7 +64,7 @@ class Stop:
     """
 
     target_deg: float
-    role: Role
+    role: StopRole
     base_deg: float
     direction: Direction
     displacement_deg: float = 0.0
@@ -88,7 +88,7 @@ class Procedure:
     displacements_deg: tuple[float, ...]
     runs: int
     chord: Chord
-    stops: tuple[Stop, ...]
+    stops: tuple[ChordStop, ...]
     layout: Layout
 
     @property
@@ -110,10 +110,10 @@ class Procedure:
     @property
     def rows(self) -> tuple[RowKey, ...]:
         """The rows of the error table in the order of their first point."""
-        points = (stop for stop in self.stops if stop.role is Role.POINT)
+        points = (stop for stop in self.stops if stop.role is StopRole.POINT)
         return tuple(dict.fromkeys(RowKey(stop.base_deg, stop.direction, stop.run) for stop in points))
 
-    def nominal_deg(self, stop: Stop) -> float:
+    def nominal_deg(self, stop: ChordStop) -> float:
         """The displacement this chord should show, deg, always positive."""
         assert stop.reference is not None
         return abs(stop.target_deg - self.stops[stop.reference].target_deg)
@@ -135,13 +135,13 @@ def chord_procedure(
     if name not in _SERIES:
         raise UsageError(f"chord procedure {name!r}: there are {', '.join(_SERIES)}")
     _check(bases_deg, displacements_deg, runs)
-    stops: list[Stop] = []
+    stops: list[ChordStop] = []
     for run in range(1, runs + 1):
         for base in bases_deg:
             for stop in _SERIES[name](float(base), tuple(map(float, displacements_deg))):
                 stops.append(replace(stop, run=run, reference=_reference(stop, stops, chord)))
-    if stops[0].role is Role.APPROACH:
-        stops[0] = replace(stops[0], role=Role.START)
+    if stops[0].role is StopRole.APPROACH:
+        stops[0] = replace(stops[0], role=StopRole.START)
     return Procedure(
         name=name,
         bases_deg=tuple(map(float, bases_deg)),
@@ -159,9 +159,9 @@ def _layout(name: str, chord: Chord) -> Layout:
     return Layout.RETURN if name == "C" else Layout.APART
 
 
-def _reference(stop: Stop, before: Sequence[Stop], chord: Chord) -> int | None:
+def _reference(stop: ChordStop, before: Sequence[ChordStop], chord: Chord) -> int | None:
     """Index of the stop the chord of `stop` is measured from, given all stops before it."""
-    if stop.role is not Role.POINT:
+    if stop.role is not StopRole.POINT:
         return None
     if chord is Chord.ADJACENT:
         return len(before) - 1
@@ -169,46 +169,46 @@ def _reference(stop: Stop, before: Sequence[Stop], chord: Chord) -> int | None:
     return next(k for k in reversed(range(len(before))) if abs(before[k].target_deg - wanted) < 1e-9)
 
 
-def _staircase(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+def _staircase(base: float, displacements: tuple[float, ...]) -> Iterator[ChordStop]:
     """Procedure A."""
     for direction in Direction:
         s = direction.sign
-        yield Stop(base - APPROACH_DEG * s, Role.APPROACH, base, direction)
-        yield Stop(base, Role.BASE, base, direction)
+        yield ChordStop(base - APPROACH_DEG * s, StopRole.APPROACH, base, direction)
+        yield ChordStop(base, StopRole.BASE, base, direction)
         for d in displacements:
-            yield Stop(base + d * s, Role.POINT, base, direction, d)
+            yield ChordStop(base + d * s, StopRole.POINT, base, direction, d)
 
 
-def _out_and_back(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+def _out_and_back(base: float, displacements: tuple[float, ...]) -> Iterator[ChordStop]:
     """Procedure B."""
     for direction in Direction:
-        yield Stop(base, Role.BASE, base, direction)
+        yield ChordStop(base, StopRole.BASE, base, direction)
         for d in displacements:
-            yield Stop(base + d * direction.sign, Role.POINT, base, direction, d)
-            yield Stop(base, Role.BASE, base, direction)
+            yield ChordStop(base + d * direction.sign, StopRole.POINT, base, direction, d)
+            yield ChordStop(base, StopRole.BASE, base, direction)
 
 
-def _up_and_down(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+def _up_and_down(base: float, displacements: tuple[float, ...]) -> Iterator[ChordStop]:
     """Procedure C: the cw row comes back over the stops of the ccw row and is measured from the farthest."""
     top = base + displacements[-1]
-    yield Stop(base - APPROACH_DEG, Role.APPROACH, base, Direction.CCW)
-    yield Stop(base, Role.BASE, base, Direction.CCW)
+    yield ChordStop(base - APPROACH_DEG, StopRole.APPROACH, base, Direction.CCW)
+    yield ChordStop(base, StopRole.BASE, base, Direction.CCW)
     for d in displacements:
-        yield Stop(base + d, Role.POINT, base, Direction.CCW, d)
+        yield ChordStop(base + d, StopRole.POINT, base, Direction.CCW, d)
     for d in displacements:
-        yield Stop(top - d, Role.POINT, base, Direction.CW, d)
+        yield ChordStop(top - d, StopRole.POINT, base, Direction.CW, d)
 
 
-def _from_below(base: float, displacements: tuple[float, ...]) -> Iterator[Stop]:
+def _from_below(base: float, displacements: tuple[float, ...]) -> Iterator[ChordStop]:
     """Procedure D."""
     for direction in Direction:
         for d in displacements:
-            yield Stop(base - SHORT_APPROACH_DEG, Role.APPROACH, base, direction)
-            yield Stop(base, Role.BASE, base, direction)
-            yield Stop(base + d * direction.sign, Role.POINT, base, direction, d)
+            yield ChordStop(base - SHORT_APPROACH_DEG, StopRole.APPROACH, base, direction)
+            yield ChordStop(base, StopRole.BASE, base, direction)
+            yield ChordStop(base + d * direction.sign, StopRole.POINT, base, direction, d)
 
 
-_SERIES: dict[str, Callable[[float, tuple[float, ...]], Iterator[Stop]]] = {
+_SERIES: dict[str, Callable[[float, tuple[float, ...]], Iterator[ChordStop]]] = {
     "A": _staircase,
     "B": _out_and_back,
     "C": _up_and_down,

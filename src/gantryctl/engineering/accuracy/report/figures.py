@@ -17,8 +17,8 @@ import numpy as np
 from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE
 from gantryctl.engineering.accuracy.report.report import (
     SPEED_ERROR_LIMIT_DEG_S,
-    Ensemble,
     FloatArray,
+    GearEnsemble,
     SpeedRun,
 )
 from gantryctl.engineering.accuracy.statistics import column_mean, column_std
@@ -191,7 +191,7 @@ def speed_errors(runs: Sequence[SpeedRun]) -> Figure:
 
 
 @styled
-def ensemble(gears: Ensemble, fitted_a_deg: float | None) -> Figure:
+def ensemble(gears: GearEnsemble, fitted_a_deg: float | None) -> Figure:
     """A of gears with random phases on one line, with their median, the fitted gear, the paper."""
     figure = _figure(1.35)
     ax = figure.subplots()

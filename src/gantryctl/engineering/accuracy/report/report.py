@@ -84,7 +84,7 @@ class SpeedRun:
 
 
 @dataclass(frozen=True)
-class Ensemble:
+class GearEnsemble:
     """A over plants that differ only in the phases of their gear errors, drawn at random.
 
     Attributes:
@@ -102,7 +102,7 @@ class Ensemble:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class AccuracyVerdict:
     """Pass or fail against the requirement, or why there is none.
 
     Attributes:
@@ -166,7 +166,7 @@ class AccuracyReport:
     switches: Mapping[str, bool] = field(default_factory=dict)
     phases_fitted: bool = False
     speed: tuple[SpeedRun, ...] = ()
-    ensemble: Ensemble | None = None
+    ensemble: GearEnsemble | None = None
     notes: tuple[str, ...] = ()
 
     @property
@@ -200,11 +200,11 @@ class AccuracyReport:
         return self.measured_statistics.a_deg if self.a_measured is None else self.a_measured.median_deg
 
     @property
-    def verdict(self) -> Verdict:
+    def verdict(self) -> AccuracyVerdict:
         """The criterion: 0.1 deg, for everything that was measured at the load."""
         if not self.measures_load:
             text = "the readings are motor side: the gear is outside of what the motor encoder sees"
-            return Verdict(None, {}, REQUIREMENT_DEG, text)
+            return AccuracyVerdict(None, {}, REQUIREMENT_DEG, text)
         figures = {
             "A as measured": self.a_as_measured_deg,
             "largest chord error": self._largest_chord_error(),
@@ -214,7 +214,7 @@ class AccuracyReport:
         outside = {name: value for name, value in figures.items() if value > REQUIREMENT_DEG}
         listed = ", ".join(f"{name} {value:.4f} deg" for name, value in (outside or figures).items())
         text = f"{listed}: {'outside' if outside else 'within'} {REQUIREMENT_DEG:g} deg"
-        return Verdict(not outside, figures, REQUIREMENT_DEG, text)
+        return AccuracyVerdict(not outside, figures, REQUIREMENT_DEG, text)
 
     def _largest_chord_error(self) -> float:
         return max(self.statistics.largest_deg, self.measured_statistics.largest_deg)

@@ -85,7 +85,7 @@ class Ratios(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredResponse:
     """One measurement beside the linear model of its condition."""
 
     machine: Machine
@@ -149,7 +149,7 @@ def simulated_probe(machine: Machine, angle_deg: float) -> Probe:
     return Probe(sim_drive(machine, angle_deg), position_law(machine), scan_s, limits, rad(angle_deg))
 
 
-def measure_simulated(machine: Machine, condition: Condition) -> Measured:
+def measure_simulated(machine: Machine, condition: Condition) -> MeasuredResponse:
     """Measure a new simulated axis in one condition.
 
     Raises:
@@ -162,7 +162,7 @@ def measure_simulated(machine: Machine, condition: Condition) -> Measured:
     probe.enable()
     if condition.vel_deg_s:
         probe.turn(rad(condition.vel_deg_s))
-    return Measured(machine, condition, measure(probe, fitted(probe, signal, condition.torque_nm)))
+    return MeasuredResponse(machine, condition, measure(probe, fitted(probe, signal, condition.torque_nm)))
 
 
 def starts_at_deg(machine: Machine, condition: Condition) -> float:
@@ -179,65 +179,3 @@ def starts_at_deg(machine: Machine, condition: Condition) -> float:
         f"measuring at {condition.angle_deg:g} deg while turning takes {way:.0f} deg: {start:.0f}.."
         f"{start + way:.0f} deg must lie within {machine.axis.pos_min_deg:g}..{machine.axis.pos_max_deg:g} deg"
     )
-
-
-def sentence(result: Measured) -> str:
-    """Where the measured plant is what the linear model says, and where friction makes it something else."""
-    condition, off = result.condition, result.off
-    how = (
-        f"{condition.name} ({condition.torque_nm:.3g} N m"
-        + (f", {condition.vel_deg_s:g} deg/s" if condition.vel_deg_s else "")
-        + f", at {condition.angle_deg:g} deg)"
-    )
-    model = {
-        Friction.HOLDING: "the model whose friction holds like springs",
-        Friction.SLIDING: "the model whose friction slides",
-        Friction.NONE: "the model without friction",
-    }[condition.friction]
-    agree = f"Measured {how}, the plant is {model}, typically within {100.0 * result.typical_error:.0f} %"
-    if not len(off):
-        return agree + " and nowhere more than 3 dB or 20 deg away."
-    return agree + f"; more than 3 dB or 20 deg away at {_spans(off, result.measured.hz)}: {_why(result)}."
-
-
-def _why(result: Measured) -> str:
-    if result.condition.friction is Friction.HOLDING:
-        return (
-            "there friction slides a little in every cycle instead of holding, or the load on the gears is so small "
-            "that backlash opens"
-        )
-    return (
-        "near the modes the swing takes the reducer's hysteresis to its end, and gear error and torque ripple turn "
-        "with the motor"
-    )
-
-
-def _spans(chosen: FloatArray, lines: FloatArray) -> str:
-    """Frequencies as spans of neighbouring lines: "0.25..1.1, 9.4 Hz"."""
-    where = np.searchsorted(lines, chosen)
-    groups = np.split(chosen, np.nonzero(np.diff(where) > 1)[0] + 1)
-    spans = [f"{g[0]:.3g}" if len(g) == 1 else f"{g[0]:.3g}..{g[-1]:.3g}" for g in groups]
-    return ", ".join(spans) + " Hz"
-
-
-def measured_data(result: Measured) -> dict[str, object]:
-    """For JSON: magnitude and phase of every ratio, measured and model."""
-
-    def polar(values: ComplexArray) -> dict[str, list[float]]:
-        return {"magnitude": np.abs(values).tolist(), "phase_deg": np.angle(values, deg=True).tolist()}
-
-    measured = result.measured
-    return {
-        "condition": result.condition.name,
-        "torque_nm": result.condition.torque_nm,
-        "vel_deg_s": result.condition.vel_deg_s,
-        "angle_deg": result.condition.angle_deg,
-        "model_friction": result.condition.friction.value,
-        "hz": measured.hz.tolist(),
-        "scatter": measured.scatter.tolist(),
-        "measured": {name: polar(getattr(measured, name)) for name in Ratios._fields},
-        "model": {name: polar(getattr(result.model, name)) for name in Ratios._fields},
-        "typical_error": result.typical_error,
-        "off_hz": result.off.tolist(),
-        "sentence": sentence(result),
-    }

@@ -26,7 +26,7 @@ class Oscillation(NamedTuple):
         return cls(abs(pole) / (2.0 * math.pi), -pole.real / abs(pole))
 
 
-class Mode(NamedTuple):
+class SwingMode(NamedTuple):
     """One mode of the mechanics, motor held and in the closed loop."""
 
     name: str
@@ -39,13 +39,13 @@ class Mode(NamedTuple):
         return self.held.zeta - self.closed.zeta
 
 
-def modes(loop: SampledLoop) -> list[Mode]:
+def modes(loop: SampledLoop) -> list[SwingMode]:
     """The modes of the plant in a loop; each is followed to the nearest closed-loop pole. None for a rigid
     plant.
     """
     found = []
     for name, pole in zip(NAMES, loop.plant.held_poles().tolist(), strict=False):
-        found.append(Mode(name, Oscillation.of(pole), Oscillation.of(nearest(loop.poles, pole))))
+        found.append(SwingMode(name, Oscillation.of(pole), Oscillation.of(nearest(loop.poles, pole))))
     return found
 
 

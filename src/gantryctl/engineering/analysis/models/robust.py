@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -32,6 +33,8 @@ _LOWEST_RAD_S: Final = 0.3
 _PER_DECADE: Final = 60
 STIFFNESS_NM_PER_RAD: Final = (0.3e9, 1.2e9)
 """What the transmission may have, at the gantry."""
+DAMPINGS: Final = (0.005, 0.01, 0.025)
+"""Structural dampings for which bands of stiffness are given."""
 
 
 @dataclass(frozen=True)
@@ -190,6 +193,7 @@ def margins_on(plant: UncertainPlant, settings: LoopSettings) -> Case:
 
 
 Bands = Sequence[tuple[float, float]]
+"""Bands of stiffness, N m/rad, in which a loop is unstable."""
 
 
 def unstable_stiffness(damping: Callable[[float], float], low: float = 1e8, high: float = 4e9) -> Bands:
@@ -245,12 +249,24 @@ def _edge(damping: Callable[[float], float], low: float, high: float) -> float:
     return low
 
 
-def describe(variation: Variation) -> str:
-    """A plant in words."""
-    parts: Iterable[str] = (
-        f"k {variation.stiffness_nm_per_rad:.3g} N m/rad" if variation.stiffness_nm_per_rad else "",
-        f"damping {100.0 * variation.damping_ratio:.3g} %" if variation.damping_ratio is not None else "",
-        f"J {variation.load_inertia_kg_m2:.3g} kg m2" if variation.load_inertia_kg_m2 else "",
-        f"Jm {variation.motor_inertia_kg_m2:.3g} kg m2" if variation.motor_inertia_kg_m2 else "",
-    )
-    return ", ".join(part for part in parts if part)
+def bands_by_damping(model: Callable[[float], Callable[[float], float]]) -> dict[float, Bands]:
+    """Unstable bands of stiffness by structural damping.
+
+    Args:
+        model: structural damping ratio to damping over stiffness, such as `sketch_damping` of one machine.
+    """
+    return {zeta: unstable_stiffness(model(zeta)) for zeta in DAMPINGS}
+
+
+class RobustReport(NamedTuple):
+    """The worst case with the bands of stiffness in which the gains are unstable, by model and damping."""
+
+    margins: RobustMargins
+    bands: dict[str, dict[float, Bands]]
+
+
+def robust_report(machine: Machine) -> RobustReport:
+    """The configured gains on the uncertain set and over the stiffness."""
+    models = {"two-mass, continuous": sketch_damping, "full, as it runs": running_damping}
+    bands = {name: bands_by_damping(partial(model, machine)) for name, model in models.items()}
+    return RobustReport(robust_margins(machine), bands)

@@ -1,14 +1,11 @@
-"""The same loop as python-control systems, built with its own algebra: for notebooks, time responses and as
-a check.
-
-python-control takes seconds to import, so it is imported when a system is made.
-"""
+"""The sampled loop as python-control systems, built with its algebra of transfer functions: an independent check."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
+import control
 import numpy as np
 
 from gantryctl.engineering.analysis.models.linear import FloatArray
@@ -55,8 +52,6 @@ class ControlModels:
 
 def control_models(loop: SampledLoop) -> ControlModels:
     """Build all of them."""
-    import control
-
     s = loop.settings
     a, b, c = loop.plant.a, loop.plant.b[:, None], _plant_rows(loop.plant, s.latency_s)
     plant = control.ss(a, b, c, np.zeros((len(c), 1)), inputs=["torque"], outputs=list(PLANT_OUTPUTS))
@@ -86,8 +81,6 @@ def _plant_rows(plant: Mechanics, latency_s: float) -> FloatArray:
 
 def _speed_controller(s: LoopSettings) -> list[Any]:
     """Kvp (1 + (Ts/Tvi)/(z - 1)), and the dead time of the drive."""
-    import control
-
     pi = control.tf(
         [s.kvp_nm_s_per_rad, s.kvp_nm_s_per_rad * (s.cycle_s / s.tvi_s - 1.0)], [1.0, -1.0], s.cycle_s
     )
@@ -99,14 +92,10 @@ def _speed_controller(s: LoopSettings) -> list[Any]:
 
 def _difference(s: LoopSettings) -> Any:
     """(1 - 1/z)/Ts: the speed that the drive makes of its encoder."""
-    import control
-
     return control.ss(control.tf([1.0, -1.0], [s.cycle_s, 0.0], s.cycle_s))
 
 
 def _command_open(loop: SampledLoop) -> Any:
-    import control
-
     m, command, _ = loop.scan()
     row = loop.settings.kpp_per_s * loop.row(loop.encoder)
     return control.ss(m, command[:, None], row[None, :], 0, loop.settings.scan_s)
@@ -114,8 +103,6 @@ def _command_open(loop: SampledLoop) -> Any:
 
 def _closed(loop: SampledLoop) -> Any:
     """v_cmd = i (Kpp r + Kvf r') - Kpp y, held over the scan."""
-    import control
-
     s, ratio = loop.settings, loop.plant.ratio
     _, command, _ = loop.scan()
     feed = ratio * np.array([s.kpp_per_s, s.kvf])

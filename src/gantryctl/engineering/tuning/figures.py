@@ -1,18 +1,24 @@
-"""Pictures of a tuning: the trials, the steps before and after, damping over stiffness."""
+"""Figures of a tuning: the trials, the steps before and after, damping over stiffness."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gantryctl.engineering.analysis.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, figure
-from gantryctl.engineering.analysis.models.robust import STIFFNESS_NM_PER_RAD, running_damping, sketch_damping
+from gantryctl.engineering.analysis.figures import draw_damping
+from gantryctl.engineering.analysis.models.robust import (
+    DAMPINGS,
+    STIFFNESS_NM_PER_RAD,
+    running_damping,
+    sketch_damping,
+)
+from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, png_figure
 from gantryctl.engineering.tuning.gains import machine_with, settings_with
-from gantryctl.engineering.tuning.judge import DAMPINGS
 from gantryctl.engineering.tuning.procedure import PHASES, Trial, Tuned
 from gantryctl.engineering.tuning.result import Candidate, Tuning
 
@@ -24,7 +30,7 @@ _DAMPING_COLOURS: Final = dict(zip(DAMPINGS, (RED, ORANGE, GREEN), strict=True))
 _LOW, _HIGH, _POINTS = 1e8, 4e9, 90
 
 
-def pictures(tuning: Tuning, folder: Path) -> list[Path]:
+def tuning_figures(tuning: Tuning, folder: Path) -> list[Path]:
     """All of them."""
     made = [steps(tuning, folder), damping(tuning, folder)]
     return [trials(tuning.tuned, folder), *made] if tuning.tuned else made
@@ -33,7 +39,7 @@ def pictures(tuning: Tuning, folder: Path) -> list[Path]:
 def trials(tuned: Tuned, folder: Path) -> Path:
     """What every trial measured, phase by phase."""
     path = folder / "trials.png"
-    with figure(
+    with png_figure(
         path, "The paper's procedure, trial by trial", 1, len(PHASES), figsize=(13.0, 3.4)
     ) as all_axes:
         for axis, phase in zip(all_axes, PHASES, strict=True):
@@ -74,7 +80,7 @@ def _phase(axis: Axes, log: list[Trial]) -> None:
 def steps(tuning: Tuning, folder: Path) -> Path:
     """Speed step, position step at motor and load."""
     path = folder / "steps.png"
-    with figure(path, "Steps before and after", 1, 3, figsize=(12.0, 3.6)) as (speed, motor, load):
+    with png_figure(path, "Steps before and after", 1, 3, figsize=(12.0, 3.6)) as (speed, motor, load):
         for candidate in tuning.candidates:
             _steps_of(tuning, candidate, speed, motor, load)
         speed.set(
@@ -102,16 +108,11 @@ def damping(tuning: Tuning, folder: Path) -> Path:
     k = np.geomspace(_LOW, _HIGH, _POINTS)
     shown = tuning.candidates
     title = "Damping that the loop leaves the load"
-    with figure(path, title, 2, len(shown), figsize=(4.6 * len(shown), 6.4), sharex=True) as grid:
+    with png_figure(path, title, 2, len(shown), figsize=(4.6 * len(shown), 6.4), sharex=True) as grid:
         for column, candidate in enumerate(shown):
             for row, running in enumerate((False, True)):
                 axis = grid[row][column]
-                for zeta in DAMPINGS:
-                    model = _model(tuning, candidate, zeta, running)
-                    left = 100.0 * np.array([model(float(value)) for value in k])
-                    colour = _DAMPING_COLOURS[zeta]
-                    axis.semilogx(k, left, color=colour, label=f"{100.0 * zeta:g} % structural")
-                    axis.fill_between(k, left, 0.0, where=left < 0.0, color=colour, alpha=0.25, linewidth=0.0)
+                draw_damping(axis, k, _model(tuning, candidate, running), _DAMPING_COLOURS)
                 axis.axhline(0.0, color=INK, linewidth=0.8)
                 axis.axvspan(*STIFFNESS_NM_PER_RAD, color=GREY, alpha=0.12, linewidth=0.0)
                 axis.set_ylim(-1.0, 4.0)
@@ -124,8 +125,10 @@ def damping(tuning: Tuning, folder: Path) -> Path:
     return path
 
 
-def _model(tuning: Tuning, candidate: Candidate, zeta: float, running: bool) -> Callable[[float], float]:
+def _model(
+    tuning: Tuning, candidate: Candidate, running: bool
+) -> Callable[[float], Callable[[float], float]]:
     machine = tuning.bench.linear_machine
     if running:
-        return running_damping(machine, zeta, settings_with(machine, candidate.gains))
-    return sketch_damping(machine_with(machine, candidate.gains), zeta)
+        return partial(running_damping, machine, settings=settings_with(machine, candidate.gains))
+    return partial(sketch_damping, machine_with(machine, candidate.gains))

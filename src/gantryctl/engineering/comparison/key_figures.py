@@ -25,7 +25,7 @@ SETTLED_DEG: Final = 0.001
 _RESIDUAL_S: Final = (0.2, 2.2)
 
 
-class Move(NamedTuple):
+class MoveFigures(NamedTuple):
     """One move from standing still.
 
     Attributes:
@@ -43,7 +43,7 @@ class Move(NamedTuple):
     reducer_knm: float
 
 
-class Figures(NamedTuple):
+class KeyFigures(NamedTuple):
     """What a row of the comparison shows; angles in deg."""
 
     a_true_a: float
@@ -62,7 +62,7 @@ class Figures(NamedTuple):
     base_180_um: float
 
 
-FIGURES: Final = {
+KEY_FIGURES: Final = {
     "a_true_a": ("A true, procedure A", "deg"),
     "a_true_b": ("A true, procedure B", "deg"),
     "a_measured_a": (f"A as measured, procedure A, median of {DRAWS}", "deg"),
@@ -81,11 +81,11 @@ FIGURES: Final = {
 """Meaning and unit of every figure."""
 
 
-def figures_of(machine: Machine, seed: int = 0) -> Figures:
+def measure_key_figures(machine: Machine, seed: int = 0) -> KeyFigures:
     """Run everything on one machine; `seed` draws the tracker's noise."""
     quarter, half = move_figures(machine, 0.0, 90.0), move_figures(machine, -90.0, 90.0)
     (true_a, seen_a), (true_b, seen_b) = (chord_figures(machine, name, seed) for name in "AB")
-    return Figures(
+    return KeyFigures(
         a_true_a=true_a,
         a_true_b=true_b,
         a_measured_a=seen_a,
@@ -113,7 +113,7 @@ def chord_figures(machine: Machine, name: str, seed: int = 0) -> tuple[float, fl
     return true, float(np.median(a_draws(procedure, angles, radius_m, sigma_m, seed=seed)))
 
 
-def move_figures(machine: Machine, from_deg: float, to_deg: float) -> Move:
+def move_figures(machine: Machine, from_deg: float, to_deg: float) -> MoveFigures:
     """One move with the highest speed setting: 1 s rest, the move, 6 s rest."""
     start = rad(from_deg)
     loop = ClosedLoop.standing_at(gantry_sim(machine), position_law(machine), start, compensation(machine))
@@ -123,7 +123,7 @@ def move_figures(machine: Machine, from_deg: float, to_deg: float) -> Move:
     return _evaluate(machine, (before, log), plan.duration)
 
 
-def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Move:
+def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> MoveFigures:
     column = {name: np.concatenate([log[name] for log in logs]) for name in logs[0].columns}
     period_s = logs[0].period_s
     end = len(logs[0]) + math.ceil(duration_s / period_s) + 1
@@ -133,7 +133,7 @@ def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Mov
     final = float(np.mean(load[-round(1.0 / period_s) :]))
     outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
     motor = column["vel_motor_rad_s"] / machine.axis.ratio
-    return Move(
+    return MoveFigures(
         time_s=duration_s,
         load_error_deg_s=math.degrees(float(np.max(np.abs(column["vel_load_rad_s"] - ref)))),
         motor_error_deg_s=math.degrees(float(np.max(np.abs(motor - ref)))),

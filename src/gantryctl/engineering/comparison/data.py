@@ -1,0 +1,29 @@
+"""A comparison as plain data for JSON."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
+from gantryctl.engineering.comparison.report import CompareReport
+
+
+def comparison_data(report: CompareReport) -> dict[str, Any]:
+    """Everything `compare --json` prints."""
+    plants = report.ensemble
+    return {
+        "paper": report.paper,
+        "improved": report.improved,
+        "figures": {name: {"meaning": what, "unit": unit} for name, (what, unit) in KEY_FIGURES.items()},
+        "rows": {name: row._asdict() for name, row in report.rows},
+        "identified": [row._asdict() for row in report.identified],
+        "profiles_at_equal_base_motion": [
+            row._asdict() | {"move": row.move._asdict()} for row in report.profiles
+        ],
+        "ensemble": plants
+        and {
+            "plants": len(plants.seeds),
+            "first_seed": plants.seeds[0],
+            "quantiles_5_50_95": {row: plants.quantiles(row) for row in plants.rows},
+        },
+    }
