@@ -33,6 +33,7 @@ records = st.builds(
     holding_torque_nm=st.none() | finite,
     brake_tested_at=text,
     brake_tested_power_ups=whole,
+    brake_test_outcome=text,
     brake_test_text=text,
     brake_plus_nm=st.none() | finite,
     brake_minus_nm=st.none() | finite,

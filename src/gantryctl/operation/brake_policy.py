@@ -104,6 +104,7 @@ def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now:
     """The memory after a test. An aborted one leaves the verdict and its date as they were."""
     shown = replace(
         retained,
+        brake_test_outcome=result.outcome.name.lower(),
         brake_test_text=f"{result.outcome.name.lower()}: {result.text}",
         brake_plus_nm=_known(result.plus_nm),
         brake_minus_nm=_known(result.minus_nm),

@@ -242,7 +242,7 @@ def test_a_brake_test_is_kept_and_clears_the_due_date_and_is_in_the_journal() ->
 
 def test_a_failed_brake_still_holds_after_a_start_and_is_not_counted_twice() -> None:
     delivered()
-    retained(lambda kept: replace(kept, brake_failed="+40.0 N m reached", brake_test_text="failed: weak"))
+    retained(lambda kept: replace(kept, brake_failed="+40.0 N m reached", brake_test_outcome="failed"))
     for _ in range(2):
         with opened() as desk:
             desk.scans(3)

@@ -2,44 +2,55 @@
 
 from __future__ import annotations
 
-from gantryctl.program import Axis
-from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.words import Words
+from typing import Final
+
+from gantryctl.program import Axis, Code
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth
 from gantryctl.service.protocol.messages import Identity, MessageRefused
+
+_OF_THE_BUS: Final = frozenset({Code.CFG_CAN_01, Code.CFG_CAN_02, Code.CFG_CAN_03})
 
 
 class Permit:
     """What stands against power in this run.
 
     Args:
-        lock: a reason that no reset clears, or "".
-        held: reasons that a reset clears, or "".
-        locked_code: code of an alarm of an earlier run that only service may reset, or "".
+        reasons: of the opening, the gravest first.
 
     Attributes:
+        late: alarm of the engine that stopped the axis because scans came too late, or "".
         resets: how many resets were asked for.
     """
 
     def __init__(
-        self,
-        axis: Axis,
-        journal: JournalHealth,
-        events: EventLog,
-        *,
-        lock: str = "",
-        held: str = "",
-        locked_code: str = "",
+        self, axis: Axis, journal: JournalHealth, events: EventLog, reasons: tuple[Reason, ...] = ()
     ) -> None:
         self._axis, self._journal, self._events = axis, journal, events
-        self.lock, self.held, self._locked_code = lock, held, locked_code
+        self.reasons, self.late = reasons, ""
         self.resets = 0
+
+    @property
+    def lasting(self) -> Reason | None:
+        """The gravest reason that no reset clears."""
+        return next((reason for reason in self.reasons if not reason.by_reset), None)
+
+    @property
+    def held(self) -> str:
+        """The reasons that a reset clears, in words, or ""."""
+        texts = [reason.text for reason in self.reasons if reason.by_reset]
+        return "; ".join([*texts, self.late] if self.late else texts)
 
     @property
     def blocked_by(self) -> str:
         """Why power cannot be switched on, or ""."""
-        return self.lock or self.held
+        return self.lasting.text if self.lasting else self.held
+
+    @property
+    def doubts_position(self) -> bool:
+        """The angle of the gantry is in doubt."""
+        return any(reason.doubts_position for reason in self.reasons)
 
     @property
     def keeps_events(self) -> bool:
@@ -51,17 +62,16 @@ class Permit:
         """A reset meets something that only the service role may reset."""
         return (
             self._journal.locked
-            or bool(self._locked_code)
+            or any(reason.cleared_by is ClearedBy.SERVICE for reason in self.reasons)
             or not self._axis.feedback.position_valid
             or any(alarm.definition.lock for alarm in self._axis.alarms.active.values())
         )
 
-    def hold(self, reason: str) -> bool:
-        """Add a reason that a reset clears; False for one that stands already."""
-        if reason in self.held:
-            return False
-        self.held = f"{self.held}; {reason}" if self.held else reason
-        return True
+    def judge_bus(self, found: tuple[Reason, ...]) -> None:
+        """Replace the reasons of the bus by those found after a drive was set up again."""
+        kept = [reason for reason in self.reasons if reason.code not in _OF_THE_BUS]
+        lasting = [reason for reason in kept if not reason.by_reset]
+        self.reasons = (*lasting, *found, *(reason for reason in kept if reason.by_reset))
 
     def reset(self, who: Identity, *, service: bool) -> None:
         """Clear what a reset acknowledges beside the program's alarms.
@@ -72,12 +82,14 @@ class Permit:
         self.resets += 1
         if self._journal.locked and service:
             self._events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
-        if self.lock:
-            raise MessageRefused(Code.CTL_14, reason=self.lock)
-        if not self.held:
-            return
-        if self._locked_code and not service:
-            reason = Words.SERVICE_ONLY(code=self._locked_code, measured=self.held)
-            raise MessageRefused(Code.CTL_14, reason=reason)
-        self._events.put("command", f"acknowledged: {self.held}", who)
-        self.held = self._locked_code = ""
+        lasting, held = self.lasting, self.held
+        if lasting is not None:
+            raise MessageRefused(str(lasting.code), lasting.text)
+        for reason in self.reasons:
+            if reason.cleared_by is ClearedBy.SERVICE and not service:
+                raise MessageRefused(
+                    "CTL-14", f"{reason.values['stopped_by']} ({held}) may be reset by the service role only"
+                )
+        if held:
+            self._events.put("command", f"acknowledged: {held}", who)
+            self.reasons, self.late = (), ""

@@ -82,14 +82,12 @@ class BrakeWatch:
     def slow(self) -> dict[str, Any]:
         """Those that are sent on change. The last test may be one of an earlier start."""
         test, kept = self._axis.brake_test, self._retained
-        word = kept.brake_test_text.partition(":")[0]
-        known = word.upper() in BrakeTestOutcome.__members__
         return {
             "brake_test_available": not self._untestable,
             "brake_test_blocked": str(self._untestable or ""),
             "brake_test_level_nm": test.level_nm,
             "brake_test_limit_deg": _rounded(deg(test.moved_max_rad)),
-            "brake_test_result": word if known else BrakeTestOutcome.NONE.name.lower(),
+            "brake_test_result": kept.brake_test_outcome or BrakeTestOutcome.NONE.name.lower(),
             "brake_tests": self._tests,
             "brake_test_text": kept.brake_test_text,
             "brake_test_plus_nm": None if kept.brake_plus_nm is None else _rounded(kept.brake_plus_nm),

@@ -21,8 +21,10 @@ from typing import Final
 
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
-from gantryctl.operation.opening import set_up_again
+from gantryctl.operation.opening import open_axis, set_up_again
+from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
+from gantryctl.program import GantryProgram
 from gantryctl.runtime import failure_text
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -30,7 +32,6 @@ from gantryctl.service.command.permit import Permit
 from gantryctl.service.command.rules import first_levels
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.controller.brake_watch import BrakeWatch
-from gantryctl.service.controller.opening import BUS, bus_refusal, open_service
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.controller.retainer import Retainer
 from gantryctl.service.memory.events import EventLog
@@ -61,18 +62,16 @@ class Controller:
         self, machine: Machine, store: StateStore, memory: SharedMemory, *, second_person: bool = False
     ) -> None:
         self.machine, self.memory, self._store = machine, memory, store
-        opened = open_service(machine, store)
+        opened = open_axis(machine, store)
         program, retained = opened.program, opened.retained
+        assert isinstance(program, GantryProgram)
         self.axis, self.notes = program.axis, opened.notes
         for ring in memory.commands:
             ring.clear()  # sent to a controller that is gone
         self.events = EventLog(memory.events[Source.CONTROLLER])
         self.alarms = AlarmView(self.axis.alarms, self.events)
         self.brake = BrakeWatch(machine, self.axis, self.events, retained)
-        self.permit = Permit(
-            self.axis, JournalHealth(memory.words), self.events,
-            lock=opened.lock, held=opened.held, locked_code=opened.locked_code,
-        )  # fmt: skip
+        self.permit = Permit(self.axis, JournalHealth(memory.words), self.events, opened.reasons)
         self.operator = ServiceOperator(
             machine,
             program,
@@ -165,7 +164,8 @@ class Controller:
         if on is not self._powered:
             self._powered = on
             self._switched(on)
-        if engine.overrun_stop is not None and permit.hold(engine.overrun_stop):
+        if engine.overrun_stop is not None and not permit.late:
+            permit.late = engine.overrun_stop
             self.events.put("alarm", engine.overrun_stop)
         retainer.scan()
 
@@ -183,8 +183,7 @@ class Controller:
             self.events.put("service", f"the drive could not be set up again: {fault}")
             return
         self.events.put("service", "the drive was set up again")
-        if not self.permit.lock or self.permit.lock.startswith(BUS):  # what is wrong with the encoder stays
-            self.permit.lock = bus_refusal(self.machine, self._store, self.engine.drive)
+        self.permit.judge_bus(bus_reasons(self.machine, self._store, self.engine.drive))
 
     def _switched(self, on: bool) -> None:
         if on:

@@ -154,8 +154,7 @@ class Publisher:
             "at_rest": operator.at_rest,
             "in_position": axis.in_position,
             "torque_limited": feedback.torque_limited,
-            "position_valid": feedback.position_valid
-            and not operator.permit.blocked_by.startswith(("ENC", "CFG")),
+            "position_valid": feedback.position_valid and not operator.permit.doubts_position,
             "estop_ok": inputs.estop_ok,
             "enabling_switch": inputs.enabling_switch,
             "limit_minus_ok": inputs.limit_minus_ok,

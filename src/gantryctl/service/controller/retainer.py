@@ -9,13 +9,13 @@ from dataclasses import replace
 from typing import Final
 
 from gantryctl.errors import AlarmStop, GantryctlError
+from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine
 from gantryctl.operation.opening import ReadDrive, RunEnd, keep_machine, retained_after
 from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState
 from gantryctl.runtime import Engine, Retained
 from gantryctl.service.command.operator import ServiceOperator
-from gantryctl.service.controller.opening import LastRead
 from gantryctl.units import rad
 
 _TRAVEL_STEP_RAD: Final = rad(0.001)
@@ -119,3 +119,18 @@ class Retainer:
                 zero_offset_counts=kept.zero_offset_counts,
             )
         return record
+
+
+class LastRead:
+    """What the last scan has read: a drive on a bus is read once a scan and no more."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def identity(self) -> DriveIdentity:
+        """Encoder."""
+        return self._engine.drive.identity()
+
+    def read(self) -> DriveFeedback:
+        """The reading of the last scan."""
+        return self._engine.image.drive
