@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program import Axis, Code
+from gantryctl.program import Axis
+from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth
 from gantryctl.service.protocol.messages import Identity, MessageRefused
@@ -84,12 +86,11 @@ class Permit:
             self._events.put("journal", f"the damaged journal was acknowledged by {who.user}", who)
         lasting, held = self.lasting, self.held
         if lasting is not None:
-            raise MessageRefused(str(lasting.code), lasting.text)
+            raise MessageRefused(lasting.code, **lasting.values)
         for reason in self.reasons:
             if reason.cleared_by is ClearedBy.SERVICE and not service:
-                raise MessageRefused(
-                    "CTL-14", f"{reason.values['stopped_by']} ({held}) may be reset by the service role only"
-                )
+                words = Words.SERVICE_ONLY(code=reason.values["stopped_by"], measured=held)
+                raise MessageRefused(Code.CTL_14, reason=words)
         if held:
             self._events.put("command", f"acknowledged: {held}", who)
             self.reasons, self.late = (), ""
