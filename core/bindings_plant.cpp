@@ -122,8 +122,8 @@ void bind_params(nb::module_& m) {
 #define X(name, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
   GANTRY_PLANT_PARAMS(X)
 #undef X
-  plant.def_rw("error_ring", &Plant1::error_ring, "gear error, n = 1..12 cycles per gantry turn, rad")
-      .def_rw("phase_ring", &Plant1::phase_ring, "rad");
+  plant.def_rw("error_ring_rad", &Plant1::error_ring_rad, "gear error, n = 1..12 cycles per gantry turn, rad")
+      .def_rw("phase_ring_rad", &Plant1::phase_ring_rad, "rad");
 #define X(name, type, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
   GANTRY_PLANT_SWITCHES(X)
 #undef X

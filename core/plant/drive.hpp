@@ -16,23 +16,23 @@ inline DriveMode drive_mode(int mode) {
 }
 
 // clang-format off
-#define GANTRY_DRIVE_PARAMS(X)                                                                        \
-  X(cycle_s, 125e-6, "drive cycle Ts")                                                                \
-  X(kvp, 0.0, "speed loop gain, N m s/rad")                                                           \
-  X(tvi_s, 1.0, "speed loop integral time")                                                           \
-  X(torque_rated, 1.0, "N m; drawn for ever")                                                         \
-  X(torque_max, 1.0, "N m; drawn for overload_time_s, object 6072")                                   \
-  X(overload_time_s, 60.0, "from cold at torque_max until the limit falls to torque_rated")           \
-  X(vel_max, 1e9, "speed ceiling, rad/s at the motor, object 6080")                                   \
-  X(quick_dec, 1.0, "quick-stop deceleration, rad/s2 at the motor, object 6085")                      \
-  X(speed_count, 0.0, "resolution of the speed feedback, rad at the motor; 0: ideal")                 \
-  X(position_count, 0.0, "resolution of the reported position, rad at the motor; 0: ideal")           \
-  X(latency_s, 0.0, "age of an encoder reading")                                                      \
-  X(speed_filter, 0.0, "first-order filter of the speed feedback: exp(-Ts/T); 0: none")               \
-  X(brake_close_s, 0.0, "dead time until the brake has its torque")                                   \
+#define GANTRY_DRIVE_PARAMS(X)                                                                         \
+  X(cycle_s, 125e-6, "drive cycle Ts")                                                                 \
+  X(kvp_nm_s_per_rad, 0.0, "speed loop gain")                                                          \
+  X(tvi_s, 1.0, "speed loop integral time")                                                            \
+  X(torque_rated_nm, 1.0, "drawn continuously")                                                            \
+  X(torque_max_nm, 1.0, "drawn for overload_time_s, object 6072")                                      \
+  X(overload_time_s, 60.0, "from cold at torque_max_nm until the limit falls to torque_rated_nm")      \
+  X(vel_max_rad_s, 1e9, "speed ceiling, at the motor, object 6080")                                    \
+  X(quick_dec_rad_s2, 1.0, "quick-stop deceleration, at the motor, object 6085")                       \
+  X(speed_count_rad, 0.0, "resolution of the speed feedback, at the motor; 0: ideal")                  \
+  X(position_count_rad, 0.0, "resolution of the reported position, at the motor; 0: ideal")            \
+  X(latency_s, 0.0, "age of an encoder reading")                                                       \
+  X(speed_filter, 0.0, "first-order filter of the speed feedback: exp(-Ts/T); 0: none")                \
+  X(brake_close_s, 0.0, "dead time until the brake has its torque")                                    \
   X(brake_open_s, 0.0, "time from the command until the brake is free")
 
-#define GANTRY_DRIVE_STATE(X)                                                                         \
+#define GANTRY_DRIVE_STATE(X)                                                                          \
   X(integral, "I of the speed loop, rad/s")                                                           \
   X(pos_last, "last encoder evaluation, rad")                                                         \
   X(vel_filtered, "filtered speed feedback, rad/s")                                                   \
@@ -65,10 +65,10 @@ struct Drive {
     cycle_inverse = T(1.0) / p.cycle_s;
     integral_step = p.cycle_s / p.tvi_s;
     speed_fresh = T(1.0) - p.speed_filter;
-    rated_inverse = T(1.0) / p.torque_rated;
-    const T ratio = p.torque_max * rated_inverse;
+    rated_inverse = T(1.0) / p.torque_rated_nm;
+    const T ratio = p.torque_max_nm * rated_inverse;
     budget = (ratio * ratio - T(1.0)) * p.overload_time_s;
-    torque_continuous = select(p.torque_max < p.torque_rated, p.torque_max, p.torque_rated);
+    torque_continuous = select(p.torque_max_nm < p.torque_rated_nm, p.torque_max_nm, p.torque_rated_nm);
   }
 };
 
@@ -98,7 +98,7 @@ GANTRY_INLINE T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_mot
 // Speed feedback by backward difference of the encoder over one cycle, filtered if asked for.
 template <class T>
 GANTRY_INLINE T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_motor, T vel_motor) {
-  const T pos = encoder_position(drive.p, pos_motor, vel_motor, drive.p.speed_count);
+  const T pos = encoder_position(drive.p, pos_motor, vel_motor, drive.p.speed_count_rad);
   const T raw = (pos - s.pos_last) * drive.cycle_inverse;
   s.pos_last = pos;
   s.vel_filtered = raw * drive.speed_fresh + s.vel_filtered * drive.p.speed_filter;
@@ -110,7 +110,7 @@ template <class T>
 GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
   const T load = s.torque_set * drive.rated_inverse;
   s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget);
-  return select(s.overload < drive.budget, drive.p.torque_max, drive.torque_continuous);
+  return select(s.overload < drive.budget, drive.p.torque_max_nm, drive.torque_continuous);
 }
 
 // One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
@@ -127,13 +127,13 @@ GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& comman
     return T(0.0);
   }
   if (command.mode == DriveMode::kSpeed) {
-    s.ramp = clamp(command.vel_cmd, -p.vel_max, p.vel_max);
+    s.ramp = clamp(command.vel_cmd, -p.vel_max_rad_s, p.vel_max_rad_s);
   } else {
-    const T step = p.quick_dec * p.cycle_s;
+    const T step = p.quick_dec_rad_s2 * p.cycle_s;
     s.ramp = select(vabs(s.ramp) > step, s.ramp - sign(s.ramp) * step, T(0.0));
   }
   const T error = s.ramp - vel;
-  const T wanted = p.kvp * error + (p.kvp * s.integral + command.torque_ff);
+  const T wanted = p.kvp_nm_s_per_rad * error + (p.kvp_nm_s_per_rad * s.integral + command.torque_ff);
   const T given = clamp(wanted, -limit, limit);
   const auto free = either(given == wanted, (wanted - given) * error < T(0.0));
   s.integral = select(free, s.integral + error * drive.integral_step, s.integral);

@@ -20,37 +20,41 @@ struct Plant {
 
   Plant() : Plant(PlantParams<T>()) {}
   explicit Plant(const PlantParams<T>& params) : p(params), gear(params) {
-    roller = {p.roller_coulomb,    p.roller_breakaway,     p.roller_stribeck, p.roller_viscous,
-              p.roller_presliding, p.roller_micro_damping, p.inertia_load};
-    motor = {p.motor_coulomb,    p.motor_breakaway,     p.motor_stribeck, p.motor_viscous,
-             p.motor_presliding, p.motor_micro_damping, p.inertia_motor};
+    roller = {p.roller_coulomb_nm,           p.roller_breakaway_nm,   p.roller_stribeck_rad_s,
+              p.roller_viscous_nm_s_per_rad, p.roller_presliding_rad, p.roller_micro_damping,
+              p.inertia_load_kg_m2};
+    motor = {p.motor_coulomb_nm,           p.motor_breakaway_nm,   p.motor_stribeck_rad_s,
+             p.motor_viscous_nm_s_per_rad, p.motor_presliding_rad, p.motor_micro_damping,
+             p.inertia_motor_kg_m2};
     // The brake is dry friction of one level: a Stribeck speed so high that its sigma1 does not fall with
     // speed.
-    brake = {p.brake_torque, p.brake_torque, T(1e9), T(0.0), p.brake_presliding, T(1.4), p.inertia_motor};
-    break_1 = p.torque_1 / p.stiffness_1;
-    break_2 = break_1 + (p.torque_2 - p.torque_1) / p.stiffness_2;
+    brake = {p.brake_torque_nm,    p.brake_torque_nm, T(1e9), T(0.0), p.brake_presliding_rad, T(1.4),
+             p.inertia_motor_kg_m2};
+    break_1 = p.torque_1_nm / p.stiffness_1_nm_per_rad;
+    break_2 = break_1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad;
     ratio_inverse = T(1.0) / p.ratio;
-    motor_inverse = T(1.0) / p.inertia_motor;
-    load_inverse = T(1.0) / p.inertia_load;
-    base_inverse = T(1.0) / p.base_inertia;
-    rigid_inverse = T(1.0) / (p.inertia_load / (p.ratio * p.ratio) + p.inertia_motor);
-    ripple_inverse = T(1.0) / p.ripple_full_torque;
-    hysteresis_inverse = T(1.0) / p.hysteresis_length;
+    motor_inverse = T(1.0) / p.inertia_motor_kg_m2;
+    load_inverse = T(1.0) / p.inertia_load_kg_m2;
+    base_inverse = T(1.0) / p.base_inertia_kg_m2;
+    rigid_inverse = T(1.0) / (p.inertia_load_kg_m2 / (p.ratio * p.ratio) + p.inertia_motor_kg_m2);
+    ripple_inverse = T(1.0) / p.ripple_full_torque_nm;
+    hysteresis_inverse = T(1.0) / p.hysteresis_length_rad;
   }
 
   // S(x), x >= 0: torque of the three-slope spring.
   T spring(T x) const {
-    const T first = p.stiffness_1 * x;
-    const T second = p.torque_1 + p.stiffness_2 * (x - break_1);
-    const T third = p.torque_2 + p.stiffness_3 * (x - break_2);
+    const T first = p.stiffness_1_nm_per_rad * x;
+    const T second = p.torque_1_nm + p.stiffness_2_nm_per_rad * (x - break_1);
+    const T third = p.torque_2_nm + p.stiffness_3_nm_per_rad * (x - break_2);
     return select(x < break_1, first, select(x < break_2, second, third));
   }
 
   // S^-1(torque), torque >= 0.
   T windup(T torque) const {
-    const T second = break_1 + (torque - p.torque_1) / p.stiffness_2;
-    const T third = break_2 + (torque - p.torque_2) / p.stiffness_3;
-    return select(torque < p.torque_1, torque / p.stiffness_1, select(torque < p.torque_2, second, third));
+    const T second = break_1 + (torque - p.torque_1_nm) / p.stiffness_2_nm_per_rad;
+    const T third = break_2 + (torque - p.torque_2_nm) / p.stiffness_3_nm_per_rad;
+    return select(torque < p.torque_1_nm, torque / p.stiffness_1_nm_per_rad,
+                  select(torque < p.torque_2_nm, second, third));
   }
 };
 
@@ -74,12 +78,12 @@ template <class T>
 GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, T hysteresis) {
   const PlantParams<T>& p = plant.p;
   const T side = sign(twist);
-  const T windup = vabs(twist) - p.half_backlash;  // |De|, negative in the gap
+  const T windup = vabs(twist) - p.half_backlash_rad;  // |De|, negative in the gap
   const T spring = plant.spring(select(windup > T(0.0), windup, T(0.0)));
   Mesh<T> m;
-  m.torque = side * spring + p.damping * twist_rate + hysteresis;
+  m.torque = side * spring + p.damping_nm_s_per_rad * twist_rate + hysteresis;
   if (p.hysteresis) {
-    const T h = p.hysteresis_torque + p.hysteresis_load_ratio * spring;
+    const T h = p.hysteresis_torque_nm + p.hysteresis_load_ratio * spring;
     const T gate = sliding_gate(twist_rate, hysteresis, T(1.0) / h, p.friction_ep_ratio);
     m.hysteresis_rate = plant.hysteresis_inverse * (h * twist_rate - gate * vabs(twist_rate) * hysteresis);
   }
@@ -97,7 +101,7 @@ template <class T>
 GANTRY_INLINE T ripple_torque(const Plant<T>& plant, T pos_motor, T torque_motor) {
   const T load = vabs(torque_motor) * plant.ripple_inverse;
   const T wave = sincos(pos_motor * T(plant.p.ripple_order)).sin;
-  return plant.p.ripple_torque * wave * select(load < T(1.0), load, T(1.0));
+  return plant.p.ripple_torque_nm * wave * select(load < T(1.0), load, T(1.0));
 }
 
 // Where the gear error of the ring is evaluated once per drive cycle and continued linearly inside it (S9).
@@ -142,7 +146,9 @@ template <class T>
 class EccentricTorque {
  public:
   EccentricTorque(const PlantParams<T>& p, T pos_load)
-      : moment_(p.eccentric_moment), angle_(p.eccentric_angle), sine_(pos_load - p.eccentric_angle) {}
+      : moment_(p.eccentric_moment_nm),
+        angle_(p.eccentric_angle_rad),
+        sine_(pos_load - p.eccentric_angle_rad) {}
 
   GANTRY_INLINE T operator()(T pos_load) const { return moment_ * sine_(pos_load - angle_); }
 
@@ -183,7 +189,8 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
   f.acc_load = (on_ring + eccentric(x.pos_load)) * plant.load_inverse;
   if (p.base)
     f.acc_base =
-        (-on_ring - p.base_stiffness * x.pos_base - p.base_damping * x.vel_base) * plant.base_inverse;
+        (-on_ring - p.base_stiffness_nm_per_rad * x.pos_base - p.base_damping_nm_s_per_rad * x.vel_base) *
+        plant.base_inverse;
   return f;
 }
 
@@ -202,7 +209,7 @@ GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>&
   const T on_motor = motor_side_torque(plant, x, brake_closed, torque, f) + torque * plant.ratio_inverse;
   f.acc_motor = on_motor * plant.rigid_inverse;
   f.acc_load = f.acc_motor * plant.ratio_inverse;
-  f.torque_mesh = p.inertia_load * f.acc_load - torque;
+  f.torque_mesh = p.inertia_load_kg_m2 * f.acc_load - torque;
   return f;
 }
 

@@ -76,11 +76,11 @@ class GantrySim {
     if (servo_on) {
       x.torque_motor = torque_motor;
       s.torque_set = torque_motor;
-      s.integral = torque_motor / drive_.p.kvp;
+      s.integral = torque_motor / drive_.p.kvp_nm_s_per_rad;
     } else {
       x.brake_z = -torque_motor / plant_.brake.stiffness;
     }
-    s.pos_last = encoder_position(drive_.p, x.pos_motor, x.vel_motor, drive_.p.speed_count);
+    s.pos_last = encoder_position(drive_.p, x.pos_motor, x.vel_motor, drive_.p.speed_count_rad);
   }
 
   // One scan: the drive cycles that fit into it, with the command held.
@@ -108,9 +108,9 @@ class GantrySim {
   T counts(T count) const {
     const DriveParams<T>& p = drive_.p;
     const T pos = encoder_position(p, x.pos_motor, x.vel_motor, T(0.0));
-    const auto real = p.position_count > T(0.0);
-    const T steps = vround(pos / select(real, p.position_count, T(1.0)));
-    return select(real, steps * (p.position_count / count), pos / count) + count_offset;
+    const auto real = p.position_count_rad > T(0.0);
+    const T steps = vround(pos / select(real, p.position_count_rad, T(1.0)));
+    return select(real, steps * (p.position_count_rad / count), pos / count) + count_offset;
   }
 
   // Used part of the I2t budget, 0..1.
@@ -153,11 +153,11 @@ class GantrySim {
   // Base deflection, wind-up and gear error for a static mesh torque, by fixed-point iteration.
   void settle_gears(T theta0, T torque_mesh) {
     const PlantParams<T>& p = plant_.p;
-    if (p.base) x.pos_base = -torque_mesh / p.base_stiffness;
+    if (p.base) x.pos_base = -torque_mesh / p.base_stiffness_nm_per_rad;
     const T rho = theta0 - x.pos_base;
     const auto loaded = vabs(torque_mesh) > T(0.0);
     const T twist =
-        sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, p.half_backlash, T(0.0)));
+        sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, p.half_backlash_rad, T(0.0)));
     const T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
     for (int k = 0; k < 50; ++k) {
       const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
@@ -169,8 +169,8 @@ class GantrySim {
   // length is passed in microseconds. Opened, it is gone.
   T brake_grip() const {
     if (!brake.closed) return T(0.0);
-    const T slip = plant_.p.brake_presliding * sign(x.vel_motor);
-    return select(vabs(x.vel_motor) * T(cycle_s_) > plant_.p.brake_presliding, slip, T(0.0));
+    const T slip = plant_.p.brake_presliding_rad * sign(x.vel_motor);
+    return select(vabs(x.vel_motor) * T(cycle_s_) > plant_.p.brake_presliding_rad, slip, T(0.0));
   }
 
   void flush() {

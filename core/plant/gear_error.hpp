@@ -38,14 +38,15 @@ struct GearError {
 
   GearError() = default;
   explicit GearError(const PlantParams<T>& p)
-      : reducer_1x(p.error_reducer_1x, p.phase_reducer_1x),
-        reducer_2x(p.error_reducer_2x, p.phase_reducer_2x),
-        reducer_4x(p.error_reducer_4x, p.phase_reducer_4x),
-        pinion(p.error_pinion, p.phase_pinion),
-        mesh(p.error_mesh, p.phase_mesh),
+      : reducer_1x(p.error_reducer_1x_rad, p.phase_reducer_1x_rad),
+        reducer_2x(p.error_reducer_2x_rad, p.phase_reducer_2x_rad),
+        reducer_4x(p.error_reducer_4x_rad, p.phase_reducer_4x_rad),
+        pinion(p.error_pinion_rad, p.phase_pinion_rad),
+        mesh(p.error_mesh_rad, p.phase_mesh_rad),
         pinion_per_motor(T(1.0) / p.reducer_ratio),
         teeth(T(p.pinion_teeth)) {
-    for (std::size_t n = 0; n < kRingHarmonics; ++n) ring[n] = Harmonic<T>(p.error_ring[n], p.phase_ring[n]);
+    for (std::size_t n = 0; n < kRingHarmonics; ++n)
+      ring[n] = Harmonic<T>(p.error_ring_rad[n], p.phase_ring_rad[n]);
   }
 
   // e_r(rho) = sum_n A_n sin(n rho + phase_n). The multiples of rho come from sums of angles, four at a time

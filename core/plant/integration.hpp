@@ -17,11 +17,11 @@ struct CurrentLoop {
   T bandwidth = T(0.0);
 
   CurrentLoop() = default;
-  CurrentLoop(const PlantParams<T>& p, double dt) : bandwidth(p.current_bandwidth) {
-    const auto real = p.current_bandwidth > T(0.0);
+  CurrentLoop(const PlantParams<T>& p, double dt) : bandwidth(p.current_bandwidth_rad_s) {
+    const auto real = p.current_bandwidth_rad_s > T(0.0);
     some_ideal = any(negate(real));
     some_real = any(real);
-    decay = vexp(-p.current_bandwidth * T(dt));
+    decay = vexp(-p.current_bandwidth_rad_s * T(dt));
   }
 
   T at_start(T u, T torque) const { return some_ideal ? select(bandwidth > T(0.0), torque, u) : torque; }

@@ -18,51 +18,51 @@ inline PlantParams<double> plant() {
   PlantParams<double> p;
   p.ratio = kRatio;
   p.reducer_ratio = 88.0;
-  p.inertia_load = 2.18e6;
-  p.inertia_motor = 0.362;
-  p.stiffness_1 = 5.12e8;
-  p.stiffness_2 = 6.28e8;
-  p.stiffness_3 = 7.16e8;
-  p.torque_1 = 24050.0;
-  p.torque_2 = 86840.0;
-  p.damping = 1.67e6;
-  p.half_backlash = 1.0566e-5;
-  p.hysteresis_torque = 2000.0;
+  p.inertia_load_kg_m2 = 2.18e6;
+  p.inertia_motor_kg_m2 = 0.362;
+  p.stiffness_1_nm_per_rad = 5.12e8;
+  p.stiffness_2_nm_per_rad = 6.28e8;
+  p.stiffness_3_nm_per_rad = 7.16e8;
+  p.torque_1_nm = 24050.0;
+  p.torque_2_nm = 86840.0;
+  p.damping_nm_s_per_rad = 1.67e6;
+  p.half_backlash_rad = 1.0566e-5;
+  p.hysteresis_torque_nm = 2000.0;
   p.hysteresis_load_ratio = 0.1;
-  p.hysteresis_length = 1e-5;
-  p.error_reducer_2x = 3.7e-6;
-  p.error_reducer_1x = 1.4e-6;
-  p.error_reducer_4x = 0.9e-6;
-  p.error_pinion = 1.8e-5;
-  p.error_mesh = 4e-6;
-  p.phase_reducer_2x = 5.1;
-  p.phase_reducer_1x = 3.0;
-  p.phase_reducer_4x = 2.8;
-  p.phase_pinion = 2.2;
-  p.phase_mesh = 3.3;
-  p.eccentric_moment = -15990.3;
-  p.roller_coulomb = 6000.0;
-  p.roller_breakaway = 6800.0;
-  p.roller_stribeck = 3.5e-4;
-  p.roller_viscous = 2e4;
-  p.roller_presliding = 3e-5;
+  p.hysteresis_length_rad = 1e-5;
+  p.error_reducer_2x_rad = 3.7e-6;
+  p.error_reducer_1x_rad = 1.4e-6;
+  p.error_reducer_4x_rad = 0.9e-6;
+  p.error_pinion_rad = 1.8e-5;
+  p.error_mesh_rad = 4e-6;
+  p.phase_reducer_2x_rad = 5.1;
+  p.phase_reducer_1x_rad = 3.0;
+  p.phase_reducer_4x_rad = 2.8;
+  p.phase_pinion_rad = 2.2;
+  p.phase_mesh_rad = 3.3;
+  p.eccentric_moment_nm = -15990.3;
+  p.roller_coulomb_nm = 6000.0;
+  p.roller_breakaway_nm = 6800.0;
+  p.roller_stribeck_rad_s = 3.5e-4;
+  p.roller_viscous_nm_s_per_rad = 2e4;
+  p.roller_presliding_rad = 3e-5;
   p.roller_micro_damping = 0.3;
-  p.motor_coulomb = 5.5;
-  p.motor_breakaway = 6.5;
-  p.motor_stribeck = 1.0;
-  p.motor_viscous = 0.03;
+  p.motor_coulomb_nm = 5.5;
+  p.motor_breakaway_nm = 6.5;
+  p.motor_stribeck_rad_s = 1.0;
+  p.motor_viscous_nm_s_per_rad = 0.03;
   p.motor_load_ratio = 0.1;
-  p.motor_presliding = 0.005;
+  p.motor_presliding_rad = 0.005;
   p.motor_micro_damping = 0.3;
-  p.base_inertia = 6e5;
-  p.base_stiffness = 1.16e9;
-  p.base_damping = 1.58e6;
-  p.ripple_torque = 1.9;
-  p.brake_torque = 400.0;
-  p.current_bandwidth = 3769.9;
+  p.base_inertia_kg_m2 = 6e5;
+  p.base_stiffness_nm_per_rad = 1.16e9;
+  p.base_damping_nm_s_per_rad = 1.58e6;
+  p.ripple_torque_nm = 1.9;
+  p.brake_torque_nm = 400.0;
+  p.current_bandwidth_rad_s = 3769.9;
   for (int n = 0; n < kRingHarmonics; ++n) {
-    p.error_ring[static_cast<std::size_t>(n)] = 3e-5 / (n + 1.0);
-    p.phase_ring[static_cast<std::size_t>(n)] = 0.5 * n;
+    p.error_ring_rad[static_cast<std::size_t>(n)] = 3e-5 / (n + 1.0);
+    p.phase_ring_rad[static_cast<std::size_t>(n)] = 0.5 * n;
   }
   p.pinion_teeth = 26;
   p.ripple_order = 12;
@@ -73,14 +73,14 @@ inline PlantParams<double> plant() {
 inline DriveParams<double> drive() {
   DriveParams<double> p;
   p.cycle_s = kCycle;
-  p.kvp = 77.6959;
+  p.kvp_nm_s_per_rad = 77.6959;
   p.tvi_s = 0.01;
-  p.torque_rated = 257.0;
-  p.torque_max = 385.0;
+  p.torque_rated_nm = 257.0;
+  p.torque_max_nm = 385.0;
   p.overload_time_s = 60.0;
-  p.vel_max = 130.0;
-  p.quick_dec = 110.0;
-  p.speed_count = p.position_count = kFineCount;
+  p.vel_max_rad_s = 130.0;
+  p.quick_dec_rad_s2 = 110.0;
+  p.speed_count_rad = p.position_count_rad = kFineCount;
   p.latency_s = 62.5e-6;
   p.brake_close_s = 0.15;
   p.brake_open_s = 0.1;
@@ -102,10 +102,10 @@ inline PlantParams<double> varied(PlantParams<double> p, std::mt19937& random) {
 #define X(name, value, meaning) p.name *= factor(random);
   GANTRY_PLANT_PARAMS(X)
 #undef X
-  p.torque_2 = p.torque_1 + 5e4;
+  p.torque_2_nm = p.torque_1_nm + 5e4;
   p.friction_ep_ratio = 0.5 * factor(random);
-  for (double& a : p.error_ring) a *= factor(random);
-  for (double& a : p.phase_ring) a += factor(random);
+  for (double& a : p.error_ring_rad) a *= factor(random);
+  for (double& a : p.phase_ring_rad) a += factor(random);
   return p;
 }
 
@@ -115,7 +115,7 @@ inline DriveParams<double> varied(DriveParams<double> p, std::mt19937& random) {
   GANTRY_DRIVE_PARAMS(X)
 #undef X
   p.cycle_s = kCycle;
-  p.torque_max = 1.5 * p.torque_rated;
+  p.torque_max_nm = 1.5 * p.torque_rated_nm;
   p.speed_filter = 0.1 * factor(random);
   return p;
 }

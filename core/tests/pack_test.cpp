@@ -24,8 +24,8 @@ PlantParams<Pack<N>> packed(const std::vector<PlantParams<double>>& plants) {
     GANTRY_PLANT_PARAMS(X)
 #undef X
     for (std::size_t n = 0; n < kRingHarmonics; ++n) {
-      pack.error_ring[n].lane[k] = one.error_ring[n];
-      pack.phase_ring[n].lane[k] = one.phase_ring[n];
+      pack.error_ring_rad[n].lane[k] = one.error_ring_rad[n];
+      pack.phase_ring_rad[n].lane[k] = one.phase_ring_rad[n];
     }
 #define X(name, type, value, meaning) pack.name = one.name;
     GANTRY_PLANT_SWITCHES(X)
@@ -151,16 +151,16 @@ TEST(Pack, equals_rigid_plants) {
 TEST(Pack, equals_the_plants_without_any_effect) {
   PlantParams<double> p = example::plant();
   p.gear_error = p.hysteresis = p.backlash = p.roller_friction = p.motor_friction = p.base = p.ripple = false;
-  p.half_backlash = 0.0;
+  p.half_backlash_rad = 0.0;
   expect_pack_equals_scalars<8>(varied_plants(8, p), Scheme::kOneEvaluation, 300);
 }
 
 TEST(Pack, may_hold_ideal_and_real_current_loops_encoders_and_gears_side_by_side) {
   std::vector<PlantParams<double>> plants = varied_plants(4, example::plant());
-  plants[1].current_bandwidth = 0.0;
-  plants[2].half_backlash = 0.0;
-  plants[2].ripple_torque = 0.0;
-  plants[3].eccentric_moment = 0.0;
+  plants[1].current_bandwidth_rad_s = 0.0;
+  plants[2].half_backlash_rad = 0.0;
+  plants[2].ripple_torque_nm = 0.0;
+  plants[3].eccentric_moment_nm = 0.0;
   for (Scheme scheme : {Scheme::kOneEvaluation, Scheme::kRungeKutta4})
     expect_pack_equals_scalars<4>(plants, scheme, 200);
 }

@@ -154,7 +154,7 @@ def base_motion(machine: Machine, from_deg: float, to_deg: float) -> BaseMotion:
     end = len(before) + int(np.ceil(plan.duration / period_s - 1e-6))  # the last profile sample
 
     plant = plant_params(machine)
-    swing = base - plant.eccentric_moment * np.sin(load) / plant.base_stiffness
+    swing = base - plant.eccentric_moment_nm * np.sin(load) / plant.base_stiffness_nm_per_rad
     moved_um = swing * machine.plant.gear_error.ring_radius_m * 1e6
     watched = slice(end + round(0.2 / period_s), end + round(2.2 / period_s) + 1)
     away_deg = np.abs(np.degrees(load[end:] - np.mean(load[-round(1.0 / period_s) :])))

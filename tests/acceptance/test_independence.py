@@ -143,5 +143,5 @@ def test_the_same_seed_gives_the_same_gear() -> None:
     assert gear != random_gear(default_machine(), 6)
     # a gear is its phases: amplitudes, and with them the grade, stay
     ours, fitted = plant_params(gear), plant_params(default_machine())
-    assert list(ours.error_ring) == list(fitted.error_ring)
-    assert list(ours.phase_ring) != list(fitted.phase_ring)
+    assert list(ours.error_ring_rad) == list(fitted.error_ring_rad)
+    assert list(ours.phase_ring_rad) != list(fitted.phase_ring_rad)

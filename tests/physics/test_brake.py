@@ -47,7 +47,7 @@ def test_the_closed_brake_holds_the_load_when_the_drive_is_off(theta_deg: float)
 def test_the_brake_slips_at_its_torque(side: float) -> None:
     """2 % below 400 N m it holds for ever, 2 % above it slips with the difference as acceleration."""
     p = bare("rigid")
-    inertia = p.inertia_motor + p.inertia_load / p.ratio**2
+    inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
     sim = simulator(p, "one_evaluation")
     for factor in (0.55, 0.98, 1.02):
         sim.static_start(0.0, False)
@@ -69,15 +69,15 @@ def test_a_turning_shaft_is_braked_with_the_brake_torque() -> None:
     sim.static_start(0.0, False)
     put(sim, vel_motor=100.0, brake_z=5e-4)
     x = follow(sim, 0.0, 0.4)
-    inertia = p.inertia_motor + p.inertia_load / p.ratio**2
+    inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
     assert np.polyfit(x["t"][10:], x["vel_motor"][10:], 1)[0] == pytest.approx(-400.0 / inertia, rel=1e-9)
 
 
 def brake_seen(open_first: bool) -> tuple[float, float]:
     """When the feedback shows the other position, and when the torque comes or goes, after the command."""
     p = bare("rigid")
-    inertia = p.inertia_motor + p.inertia_load / p.ratio**2
-    sim = simulator(p, "one_evaluation", scan_s=CYCLE, speed_count=0.0)
+    inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
+    sim = simulator(p, "one_evaluation", scan_s=CYCLE, speed_count_rad=0.0)
     sim.static_start(0.0, open_first)
     if open_first:
         put(sim, vel_motor=50.0)
@@ -112,7 +112,7 @@ def test_opened_it_is_gone() -> None:
     """An open brake changes no bit: the same run with another brake torque."""
     runs = []
     for torque in (400.0, 900.0):
-        sim = simulator(bare("rigid", brake_torque=torque), "one_evaluation")
+        sim = simulator(bare("rigid", brake_torque_nm=torque), "one_evaluation")
         sim.static_start(0.0, True)
         runs.append(commanded(sim, SPEED, 7.0, 0.2, True))
     assert all(np.array_equal(runs[0][name], runs[1][name]) for name in runs[0])

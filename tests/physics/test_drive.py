@@ -30,8 +30,13 @@ KVP, TVI, RATED, MAX = 77.6959, 0.01, 257.0, 385.0
 
 def held_motor(**drive: float) -> _core.GantrySim:
     """A shaft that nothing moves, ideal current and encoder, one cycle a scan: the speed loop alone."""
-    settings = {"speed_count": 0.0, "position_count": 0.0, "latency_s": 0.0, "delay_cycles": 0} | drive
-    sim = simulator(bare("rigid", inertia_motor=LOCKED), "one_evaluation", scan_s=CYCLE_S, **settings)
+    settings = {
+        "speed_count_rad": 0.0,
+        "position_count_rad": 0.0,
+        "latency_s": 0.0,
+        "delay_cycles": 0,
+    } | drive
+    sim = simulator(bare("rigid", inertia_motor_kg_m2=LOCKED), "one_evaluation", scan_s=CYCLE_S, **settings)
     sim.static_start(0.0, True)
     return sim
 
@@ -49,11 +54,11 @@ def torques(
 
 def test_the_drive_of_the_reference_machine() -> None:
     d = drive_params(machine())
-    assert (d.cycle_s, d.kvp, d.tvi_s, d.delay_cycles) == (CYCLE_S, KVP, TVI, 1)
-    assert (d.torque_rated, d.torque_max) == (RATED, MAX)
-    assert d.speed_count == pytest.approx(2 * math.pi / 2**22, rel=1e-15)
-    assert drive_params(machine({"drive.speed_loop.feedback": "ideal"})).speed_count == 0.0
-    assert drive_params(machine({"drive.speed_loop.feedback": "counts"})).speed_count == pytest.approx(
+    assert (d.cycle_s, d.kvp_nm_s_per_rad, d.tvi_s, d.delay_cycles) == (CYCLE_S, KVP, TVI, 1)
+    assert (d.torque_rated_nm, d.torque_max_nm) == (RATED, MAX)
+    assert d.speed_count_rad == pytest.approx(2 * math.pi / 2**22, rel=1e-15)
+    assert drive_params(machine({"drive.speed_loop.feedback": "ideal"})).speed_count_rad == 0.0
+    assert drive_params(machine({"drive.speed_loop.feedback": "counts"})).speed_count_rad == pytest.approx(
         2 * math.pi / 8192, rel=1e-15
     )
 
@@ -80,7 +85,7 @@ def test_an_ideal_current_loop_is_no_lag_at_all() -> None:
 
 def test_a_very_fast_current_loop_is_the_ideal_one() -> None:
     """In the one-evaluation scheme the torque of a cycle is that of its start: one cycle behind, then the same."""
-    fast, ideal = bare("rigid", current_bandwidth=1e9), bare("rigid")
+    fast, ideal = bare("rigid", current_bandwidth_rad_s=1e9), bare("rigid")
     a, b = (simulator(p, "one_evaluation") for p in (fast, ideal))
     for sim in (a, b):
         sim.static_start(0.0, True)
@@ -137,7 +142,7 @@ def test_without_windup_the_overshoot_after_saturation_is_that_of_the_linear_loo
     """A step that saturates for 80 ms overshoots no more than twice a small step does: 1 + o of the rest."""
 
     def overshoot(step: float) -> float:
-        sim = simulator(bare("rigid"), "one_evaluation", scan_s=CYCLE_S, speed_count=0.0)
+        sim = simulator(bare("rigid"), "one_evaluation", scan_s=CYCLE_S, speed_count_rad=0.0)
         sim.static_start(0.0, True)
         speed = []
         for _ in range(8000):
@@ -162,10 +167,10 @@ def test_the_torque_acts_after_the_delay(delay: int) -> None:
 
 
 def test_the_speed_command_is_held_to_the_ceiling_of_the_drive() -> None:
-    sim = held_motor(vel_max=2.0)
+    sim = held_motor(vel_max_rad_s=2.0)
     assert torques(sim, [50.0])[0] == pytest.approx(2.0 * KVP)
     assert sim.feedback(1.0)[6] == 2.0
-    assert torques(held_motor(vel_max=2.0), [-50.0])[0] == pytest.approx(-2.0 * KVP)
+    assert torques(held_motor(vel_max_rad_s=2.0), [-50.0])[0] == pytest.approx(-2.0 * KVP)
 
 
 def test_a_command_that_is_no_number_is_not_hidden() -> None:
@@ -183,7 +188,7 @@ def test_off_takes_the_torque_away_at_once_and_forgets_the_integral() -> None:
 
 
 def test_the_quick_stop_ramp_falls_by_its_deceleration_and_ends_at_zero() -> None:
-    sim = held_motor(quick_dec=110.0)
+    sim = held_motor(quick_dec_rad_s2=110.0)
     torques(sim, [1.0])
     shown = []
     for _ in range(100):
@@ -194,7 +199,9 @@ def test_the_quick_stop_ramp_falls_by_its_deceleration_and_ends_at_zero() -> Non
 
 
 def test_quick_stop_from_off_starts_at_the_measured_speed() -> None:
-    sim = simulator(bare("rigid"), "one_evaluation", scan_s=CYCLE_S, quick_dec=110.0, speed_count=0.0)
+    sim = simulator(
+        bare("rigid"), "one_evaluation", scan_s=CYCLE_S, quick_dec_rad_s2=110.0, speed_count_rad=0.0
+    )
     sim.static_start(0.0, True)
     put(sim, vel_motor=-50.0)
     for _ in range(3):
@@ -260,7 +267,7 @@ def test_the_account_recovers_below_rated_torque() -> None:
 
 def test_without_reserve_the_limit_is_the_highest_torque() -> None:
     for highest in (RATED, 100.0):
-        torque, _, budget = limited_run(50.0, 500, torque_max=highest)
+        torque, _, budget = limited_run(50.0, 500, torque_max_nm=highest)
         assert np.all(torque == highest)
         assert not np.any(budget)
 

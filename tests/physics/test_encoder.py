@@ -36,7 +36,7 @@ def reading(pos: float, vel: float, unit: float = FINE, **drive: float) -> float
 
 @given(pos=st.floats(-4000.0, 4000.0), count=st.sampled_from([FINE, COARSE]))
 def test_a_reading_is_a_whole_number_of_counts_half_a_count_off_at_most(pos: float, count: float) -> None:
-    counts = reading(pos, 0.0, count, position_count=count)
+    counts = reading(pos, 0.0, count, position_count_rad=count)
     assert counts == round(counts)
     # 4000 rad in counts of 1.5e-6 rad: a double holds them to 1e-6 of a count
     assert abs(counts - pos / count) <= 0.5 + 1e-6
@@ -44,12 +44,12 @@ def test_a_reading_is_a_whole_number_of_counts_half_a_count_off_at_most(pos: flo
 
 @given(pos=st.floats(-4000.0, 4000.0))
 def test_an_ideal_encoder_reads_the_angle(pos: float) -> None:
-    assert reading(pos, 0.0, FINE, position_count=0.0) == pos / FINE
+    assert reading(pos, 0.0, FINE, position_count_rad=0.0) == pos / FINE
 
 
 @given(vel=st.floats(-120.0, 120.0), latency=st.floats(0.0, 2e-3))
 def test_a_reading_is_as_old_as_the_latency(vel: float, latency: float) -> None:
-    assert reading(100.0, vel, 1.0, position_count=0.0, latency_s=latency) == pytest.approx(
+    assert reading(100.0, vel, 1.0, position_count_rad=0.0, latency_s=latency) == pytest.approx(
         100.0 - vel * latency
     )
 
@@ -64,7 +64,7 @@ def test_the_mounting_adds_to_every_reading() -> None:
 def test_the_reported_speed_is_the_mean_over_the_scan() -> None:
     """Constant speed, ideal encoder: exact; with counts, within one count per scan."""
     for count, tolerance in ((0.0, 1e-9), (FINE, FINE / 1e-3)):
-        sim = simulator(bare("rigid", inertia_motor=LOCKED), speed_count=count, latency_s=0.0)
+        sim = simulator(bare("rigid", inertia_motor_kg_m2=LOCKED), speed_count_rad=count, latency_s=0.0)
         put(sim, vel_motor=3.0)
         commanded(sim, SPEED, 3.0, 0.01, True)
         assert sim.feedback(1.0)[1] == pytest.approx(3.0, abs=tolerance)
@@ -80,9 +80,9 @@ def test_a_resting_shaft_shows_no_speed_whatever_the_latency() -> None:
 @pytest.mark.parametrize("time_constant", [0.5e-3, 2e-3])
 def test_the_speed_filter_has_its_time_constant(time_constant: float) -> None:
     """A shaft that jumps to 1 rad/s: the loop sees 1 - exp(-t/T)."""
-    settings = {"speed_count": 0.0, "latency_s": 0.0, "delay_cycles": 0, "tvi_s": 1e9}
+    settings = {"speed_count_rad": 0.0, "latency_s": 0.0, "delay_cycles": 0, "tvi_s": 1e9}
     settings["speed_filter"] = math.exp(-CYCLE_S / time_constant)
-    sim = simulator(bare("rigid", inertia_motor=LOCKED), "one_evaluation", scan_s=CYCLE_S, **settings)
+    sim = simulator(bare("rigid", inertia_motor_kg_m2=LOCKED), "one_evaluation", scan_s=CYCLE_S, **settings)
     sim.static_start(0.0, True)
     put(sim, vel_motor=1.0)
     torque = []

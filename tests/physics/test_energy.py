@@ -20,14 +20,14 @@ RUN_S = 2.0
 
 def spring_energy(p: _core.PlantParams, windup: np.ndarray) -> np.ndarray:
     """Integral of the three-slope spring from 0."""
-    x1 = p.torque_1 / p.stiffness_1
-    x2 = x1 + (p.torque_2 - p.torque_1) / p.stiffness_2
+    x1 = p.torque_1_nm / p.stiffness_1_nm_per_rad
+    x2 = x1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad
     x = np.abs(windup)
     a, b, c = np.minimum(x, x1), np.clip(x - x1, 0.0, x2 - x1), np.maximum(x - x2, 0.0)
     return (
-        0.5 * p.stiffness_1 * a * a
-        + (p.torque_1 * b + 0.5 * p.stiffness_2 * b * b)
-        + (p.torque_2 * c + 0.5 * p.stiffness_3 * c * c)
+        0.5 * p.stiffness_1_nm_per_rad * a * a
+        + (p.torque_1_nm * b + 0.5 * p.stiffness_2_nm_per_rad * b * b)
+        + (p.torque_2_nm * c + 0.5 * p.stiffness_3_nm_per_rad * c * c)
     )
 
 
@@ -40,22 +40,27 @@ def kinematics(p: _core.PlantParams, x: Arrays) -> tuple[np.ndarray, np.ndarray,
         em, dem = np.array([_core.motor_error(p, m) for m in x["pos_motor"]]).T
     d = x["pos_motor"] / p.ratio + em + er - rho
     rate = x["vel_motor"] * (1 / p.ratio + dem) - vel * (1 - der)
-    half = p.half_backlash if p.backlash else 0.0
+    half = p.half_backlash_rad if p.backlash else 0.0
     return np.sign(d) * np.maximum(np.abs(d) - half, 0.0), rate, vel
 
 
 def stored(p: _core.PlantParams, x: Arrays) -> np.ndarray:
     """The stored energy of every row, J."""
-    energy = 0.5 * p.inertia_motor * x["vel_motor"] ** 2 + 0.5 * p.inertia_load * x["vel_load"] ** 2
-    energy += p.eccentric_moment * np.cos(x["pos_load"] - p.eccentric_angle)
+    energy = (
+        0.5 * p.inertia_motor_kg_m2 * x["vel_motor"] ** 2 + 0.5 * p.inertia_load_kg_m2 * x["vel_load"] ** 2
+    )
+    energy += p.eccentric_moment_nm * np.cos(x["pos_load"] - p.eccentric_angle_rad)
     energy += spring_energy(p, kinematics(p, x)[0])
     if p.base:
-        energy += 0.5 * p.base_inertia * x["vel_base"] ** 2 + 0.5 * p.base_stiffness * x["pos_base"] ** 2
+        energy += (
+            0.5 * p.base_inertia_kg_m2 * x["vel_base"] ** 2
+            + 0.5 * p.base_stiffness_nm_per_rad * x["pos_base"] ** 2
+        )
     if p.roller_friction:
-        energy += 0.5 * p.roller_coulomb / p.roller_presliding * x["roller_z"] ** 2
+        energy += 0.5 * p.roller_coulomb_nm / p.roller_presliding_rad * x["roller_z"] ** 2
     if p.motor_friction:
-        energy += 0.5 * p.motor_coulomb / p.motor_presliding * x["motor_z"] ** 2
-    energy += 0.5 * p.brake_torque / p.brake_presliding * x["brake_z"] ** 2
+        energy += 0.5 * p.motor_coulomb_nm / p.motor_presliding_rad * x["motor_z"] ** 2
+    energy += 0.5 * p.brake_torque_nm / p.brake_presliding_rad * x["brake_z"] ** 2
     return energy
 
 
@@ -87,16 +92,23 @@ def losses(p: _core.PlantParams, x: Arrays) -> dict[str, np.ndarray]:
     """Power that leaves, by where it goes, W; of the hysteresis what goes into it, some of it stored."""
     _, rate, vel = kinematics(p, x)
     mesh = p.motor_load_ratio * np.abs(x["mesh_now"]) / p.ratio
-    s0_r, s0_m = p.roller_coulomb / p.roller_presliding, p.motor_coulomb / p.motor_presliding
-    roller = (p.roller_coulomb, p.roller_breakaway, p.roller_stribeck, p.roller_viscous)
-    motor = (p.motor_coulomb, p.motor_breakaway, p.motor_stribeck, p.motor_viscous)
-    s1_r = p.roller_micro_damping * math.sqrt(s0_r * p.inertia_load)
-    s1_m = p.motor_micro_damping * math.sqrt(s0_m * p.inertia_motor)
+    s0_r, s0_m = p.roller_coulomb_nm / p.roller_presliding_rad, p.motor_coulomb_nm / p.motor_presliding_rad
+    roller = (
+        p.roller_coulomb_nm,
+        p.roller_breakaway_nm,
+        p.roller_stribeck_rad_s,
+        p.roller_viscous_nm_s_per_rad,
+    )
+    motor = (p.motor_coulomb_nm, p.motor_breakaway_nm, p.motor_stribeck_rad_s, p.motor_viscous_nm_s_per_rad)
+    s1_r = p.roller_micro_damping * math.sqrt(s0_r * p.inertia_load_kg_m2)
+    s1_m = p.motor_micro_damping * math.sqrt(s0_m * p.inertia_motor_kg_m2)
     return {
-        "damper": (x["mesh_now"] != 0.0) * p.damping * rate**2,
-        "base": p.base_damping * x["vel_base"] ** 2,
-        "rollers": friction_loss(vel, x["roller_z"], roller, p.roller_presliding, s1_r, np.zeros_like(vel)),
-        "motor": friction_loss(x["vel_motor"], x["motor_z"], motor, p.motor_presliding, s1_m, mesh),
+        "damper": (x["mesh_now"] != 0.0) * p.damping_nm_s_per_rad * rate**2,
+        "base": p.base_damping_nm_s_per_rad * x["vel_base"] ** 2,
+        "rollers": friction_loss(
+            vel, x["roller_z"], roller, p.roller_presliding_rad, s1_r, np.zeros_like(vel)
+        ),
+        "motor": friction_loss(x["vel_motor"], x["motor_z"], motor, p.motor_presliding_rad, s1_m, mesh),
         "hysteresis": (x["mesh_now"] != 0.0) * x["hysteresis"] * rate,
     }
 
@@ -104,7 +116,7 @@ def losses(p: _core.PlantParams, x: Arrays) -> dict[str, np.ndarray]:
 def supplied(p: _core.PlantParams, x: Arrays) -> np.ndarray:
     """Power of the motor torque and its ripple, W."""
     wave = np.sin(p.ripple_order * x["pos_motor"]) * np.minimum(1.0, np.abs(x["torque_motor"]) / 20.0)
-    ripple = p.ripple_torque * wave if p.ripple else 0.0
+    ripple = p.ripple_torque_nm * wave if p.ripple else 0.0
     return (x["torque_motor"] + ripple) * x["vel_motor"]
 
 
@@ -123,22 +135,24 @@ def test_energy_is_conserved_when_nothing_dissipates() -> None:
     sim = released(p, 0.46, steps=8, vel_motor=30.0, vel_load=0.02, pos_base=3e-5)
     x = follow(sim, 0.0, RUN_S)
     energy = stored(p, x)
-    swing = 0.5 * p.inertia_motor * x["vel_motor"] ** 2
+    swing = 0.5 * p.inertia_motor_kg_m2 * x["vel_motor"] ** 2
     assert np.ptp(swing) > 100.0
-    assert np.max(np.abs(x["torque_mesh"])) > p.torque_2
+    assert np.max(np.abs(x["torque_mesh"])) > p.torque_2_nm
     assert np.max(np.abs(energy - energy[0])) < 1e-8 * np.ptp(swing)
 
 
 def test_an_elastic_friction_element_only_stores() -> None:
     """Small swings in the pre-sliding range, no micro-damping, no viscous part: 1/2 s0 z^2 belongs to the energy."""
     p = bare("roller_friction", "motor_friction", "damping")
-    p.damping = p.roller_viscous = p.motor_viscous = p.roller_micro_damping = p.motor_micro_damping = 0.0
+    p.damping_nm_s_per_rad = p.roller_viscous_nm_s_per_rad = p.motor_viscous_nm_s_per_rad = (
+        p.roller_micro_damping
+    ) = p.motor_micro_damping = 0.0
     sim = released(p, steps=8, vel_motor=0.02, vel_load=5e-6)
     x = follow(sim, 0.0, RUN_S)
     energy = stored(p, x)
-    elements = 0.5 * p.motor_coulomb / p.motor_presliding * x["motor_z"] ** 2
-    assert np.max(np.abs(x["motor_z"])) < 0.6 * p.motor_presliding
-    assert np.max(np.abs(x["roller_z"])) < 0.6 * p.roller_presliding
+    elements = 0.5 * p.motor_coulomb_nm / p.motor_presliding_rad * x["motor_z"] ** 2
+    assert np.max(np.abs(x["motor_z"])) < 0.6 * p.motor_presliding_rad
+    assert np.max(np.abs(x["roller_z"])) < 0.6 * p.roller_presliding_rad
     assert np.max(elements) > 0.1 * energy[0]
     assert np.max(np.abs(energy - energy[0])) < 1e-8 * energy[0]
 
@@ -146,7 +160,7 @@ def test_an_elastic_friction_element_only_stores() -> None:
 def test_the_account_of_the_whole_plant_closes() -> None:
     """Stored energy + losses = start + work of the motor, every effect present, driven back and forth."""
     p = plant_params(machine())
-    p.half_backlash, p.backlash = 0.0, False  # the gap's loss has a test of its own
+    p.half_backlash_rad, p.backlash = 0.0, False  # the gap's loss has a test of its own
     sim = simulator(p, steps=2)
     sim.static_start(0.3, True)
     dt = 31.25e-6
@@ -170,13 +184,13 @@ def mesh_now(p: _core.PlantParams, x: Arrays) -> np.ndarray:
     """Tg of every row, from its definition (no backlash)."""
     windup, rate, _ = kinematics(p, x)
     spring = np.array([_core.spring_torque(p, w) for w in windup])
-    return spring + p.damping * rate + x["hysteresis"]
+    return spring + p.damping_nm_s_per_rad * rate + x["hysteresis"]
 
 
 def test_a_gap_never_creates_energy() -> None:
     """Free swings through 0.4 mm of backlash with the mesh damper: the energy only falls."""
     p = bare("backlash", "damping")
-    p.half_backlash = 8e-5
+    p.half_backlash_rad = 8e-5
     x = follow(released(p, steps=8, vel_motor=1.0), 0.0, RUN_S, 31.25e-6)
     energy = stored(p, x)
     gap = kinematics(p, x)[0] == 0.0
@@ -190,7 +204,7 @@ def test_a_gap_without_damping_keeps_the_energy() -> None:
     middle of a step, costs RK4 its order.
     """
     p = bare("backlash")
-    p.half_backlash = 8e-5
+    p.half_backlash_rad = 8e-5
     x = follow(released(p, steps=8, vel_motor=1.0), 0.0, RUN_S)
     energy = stored(p, x)
     assert np.max(np.abs(energy - energy[0])) < 1e-7 * energy[0]
@@ -201,13 +215,13 @@ def test_a_closed_brake_takes_out_what_it_slips() -> None:
     p = bare("rigid")
     sim = simulator(p, steps=8)
     sim.static_start(0.0, False)
-    x = follow(put(sim, vel_motor=30.0, brake_z=p.brake_presliding), 0.0, 0.4, 31.25e-6)
-    inertia = p.inertia_motor + p.inertia_load / p.ratio**2
-    s1 = 1.4 * math.sqrt(p.brake_torque / p.brake_presliding * p.inertia_motor)
-    level = (p.brake_torque, p.brake_torque, 1e9, 0.0)
+    x = follow(put(sim, vel_motor=30.0, brake_z=p.brake_presliding_rad), 0.0, 0.4, 31.25e-6)
+    inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
+    s1 = 1.4 * math.sqrt(p.brake_torque_nm / p.brake_presliding_rad * p.inertia_motor_kg_m2)
+    level = (p.brake_torque_nm, p.brake_torque_nm, 1e9, 0.0)
     none = np.zeros_like(x["t"])
     slip = integral(
-        friction_loss(x["vel_motor"], x["brake_z"], level, p.brake_presliding, s1, none), 31.25e-6
+        friction_loss(x["vel_motor"], x["brake_z"], level, p.brake_presliding_rad, s1, none), 31.25e-6
     )
     kinetic = 0.5 * inertia * 30.0**2
     assert abs(x["vel_motor"][-1]) < 1e-6
@@ -217,10 +231,10 @@ def test_a_closed_brake_takes_out_what_it_slips() -> None:
 
 def test_torque_ripple_does_no_net_work() -> None:
     """Over whole turns at held speed its work is zero; within a turn it is not."""
-    p = bare("rigid", "torque_ripple", inertia_motor=1e12)
+    p = bare("rigid", "torque_ripple", inertia_motor_kg_m2=1e12)
     turn = 2 * math.pi / 100.0
     x = follow(put(simulator(p), vel_motor=100.0, torque_motor=40.0), 40.0, turn, turn / 2400)
     ripple = supplied(p, x) - x["torque_motor"] * x["vel_motor"]
     work = integral(ripple, x["t"][1])
-    assert np.max(work) == pytest.approx(2 * p.ripple_torque / p.ripple_order, rel=1e-3)
+    assert np.max(work) == pytest.approx(2 * p.ripple_torque_nm / p.ripple_order, rel=1e-3)
     assert abs(work[-1]) < 1e-9

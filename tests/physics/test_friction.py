@@ -25,12 +25,12 @@ from physics.plants import (
     simulator,
 )
 
-IDEAL = {"speed_count": 0.0, "position_count": 0.0, "latency_s": 0.0}
+IDEAL = {"speed_count_rad": 0.0, "position_count_rad": 0.0, "latency_s": 0.0}
 
 
 def rigid_motor(**fields: float) -> _core.PlantParams:
     """Rigid body with motor friction only, no viscous part and no micro-damping unless asked for."""
-    p = bare("rigid", "motor_friction", motor_viscous=0.0, motor_micro_damping=0.0)
+    p = bare("rigid", "motor_friction", motor_viscous_nm_s_per_rad=0.0, motor_micro_damping=0.0)
     for name, value in fields.items():
         setattr(p, name, value)
     return p
@@ -92,8 +92,8 @@ def test_motor_friction_grows_with_the_transmitted_torque() -> None:
             vel_motor=10.0,
             motor_z=1.0,
         )
-        inertia = p.inertia_motor + p.inertia_load / p.ratio**2
-        gravity = p.eccentric_moment * math.sin(theta) / p.ratio
+        inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
+        gravity = p.eccentric_moment_nm * math.sin(theta) / p.ratio
         # z far beyond z_ss: s0 z is the torque for an instant, but z' shows the level: z' = v (1 - z/z_ss)
         assert rates["vel_motor"] * inertia == pytest.approx(
             gravity - 1100.0 - 0.3 - sigma1(p, 10.0) * rates["motor_z"], rel=1e-6
@@ -105,18 +105,18 @@ def test_motor_friction_grows_with_the_transmitted_torque() -> None:
 
 def sigma1(p: _core.PlantParams, v: float) -> float:
     """Micro-damping of the motor at a speed."""
-    s0 = p.motor_coulomb / p.motor_presliding
+    s0 = p.motor_coulomb_nm / p.motor_presliding_rad
     return (
         p.motor_micro_damping
-        * math.sqrt(s0 * p.inertia_motor)
-        * math.exp(-((v / (5 * p.motor_stribeck)) ** 2))
+        * math.sqrt(s0 * p.inertia_motor_kg_m2)
+        * math.exp(-((v / (5 * p.motor_stribeck_rad_s)) ** 2))
     )
 
 
 def test_in_the_elastic_gears_the_mesh_torque_is_what_loads_the_motor() -> None:
     """Locked motor and load, wound up by 20 kN m: z_ss of the motor friction carries mu_m Tg/i."""
-    p = bare("motor_friction", inertia_motor=LOCKED, inertia_load=LOCKED)
-    windup = 20000.0 / p.stiffness_1
+    p = bare("motor_friction", inertia_motor_kg_m2=LOCKED, inertia_load_kg_m2=LOCKED)
+    windup = 20000.0 / p.stiffness_1_nm_per_rad
     mesh, rates = at_instant(p, pos_motor=windup * p.ratio, vel_motor=-10.0, motor_z=-1.0)
     assert mesh == pytest.approx(20000.0, rel=1e-9)
     z_ss = 10.0 / (10.0 + rates["motor_z"])
@@ -130,13 +130,16 @@ def test_the_rollers_feel_the_speed_against_the_base_not_against_the_earth() -> 
     mesh, rates = at_instant(p, vel_load=0.0, vel_base=-2e-3)
     assert rates["roller_z"] == pytest.approx(2e-3, rel=1e-9)
     force = (
-        p.roller_viscous * 2e-3
-        + 0.3 * math.sqrt(2e8 * p.inertia_load) * math.exp(-((2e-3 / (5 * p.roller_stribeck)) ** 2)) * 2e-3
+        p.roller_viscous_nm_s_per_rad * 2e-3
+        + 0.3
+        * math.sqrt(2e8 * p.inertia_load_kg_m2)
+        * math.exp(-((2e-3 / (5 * p.roller_stribeck_rad_s)) ** 2))
+        * 2e-3
     )
-    assert rates["vel_load"] * p.inertia_load == pytest.approx(mesh - force, rel=1e-6)
+    assert rates["vel_load"] * p.inertia_load_kg_m2 == pytest.approx(mesh - force, rel=1e-6)
     # what the rollers take from the load they give to the base
-    assert rates["vel_base"] * p.base_inertia == pytest.approx(
-        -mesh + force + p.base_damping * 2e-3, rel=1e-6
+    assert rates["vel_base"] * p.base_inertia_kg_m2 == pytest.approx(
+        -mesh + force + p.base_damping_nm_s_per_rad * 2e-3, rel=1e-6
     )
 
 
@@ -157,8 +160,8 @@ def test_the_presliding_spring_sets_a_frequency_and_the_micro_damping_its_decay(
     p = rigid_motor(motor_micro_damping=0.3)
     x = follow(released(p, motor_z=1e-4, pos_motor=1e-4), 0.0, 2.0)
     frequency, damping = frequency_and_damping(x["t"], x["motor_z"])
-    inertia = p.inertia_motor + p.inertia_load / p.ratio**2
-    zeta = 0.5 * 0.3 * math.sqrt(p.inertia_motor / inertia)
+    inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
+    zeta = 0.5 * 0.3 * math.sqrt(p.inertia_motor_kg_m2 / inertia)
     assert damping == pytest.approx(zeta, rel=1e-3)
     assert frequency == pytest.approx(math.sqrt(1100.0 / inertia * (1 - zeta**2)) / (2 * math.pi), rel=1e-4)
 
@@ -209,7 +212,7 @@ def test_small_oscillations_do_not_make_it_drift() -> None:
 
 def test_a_reversal_of_sliding_has_a_loop_as_wide_as_twice_the_level() -> None:
     """Turned to and fro at 0.5 rad/s far beyond z_m: +-g(v), so Coulomb and Stribeck in one loop."""
-    p = rigid_motor(inertia_motor=LOCKED)
+    p = rigid_motor(inertia_motor_kg_m2=LOCKED)
     for side in (1.0, -1.0):
         sim = released(p, vel_motor=0.5 * side, motor_z=-0.005 * side)
         x = follow(sim, 0.0, 0.2)

@@ -109,7 +109,7 @@ def test_a_free_load_goes_where_the_gears_put_it() -> None:
 
     In motion the spring only carries J e'' w^2, which at 5 rad/s of the motor is below 1e-8 rad.
     """
-    p = bare("gear_error", inertia_motor=1e18, inertia_load=1e3, damping=1e5)
+    p = bare("gear_error", inertia_motor_kg_m2=1e18, inertia_load_kg_m2=1e3, damping_nm_s_per_rad=1e5)
     sim = put(released(p), vel_motor=5.0)
     x = follow(sim, 0.0, 4 * math.pi * 2, 2 * CYCLE_S)
     for k in range(1000, len(x["t"]), 997):
@@ -134,7 +134,7 @@ def test_the_slope_changes_the_torque_not_only_the_angle() -> None:
     load = (after["vel_load"] - before["vel_load"]) / dt
     assert abs(mesh) > 1e5
     # differences of speeds over 1 ns: 12 digits of 1e5 N m are left
-    assert motor == pytest.approx(-mesh * (1 / p.ratio + em) / p.inertia_motor, rel=1e-9)
-    assert load == pytest.approx(mesh * (1 - er) / p.inertia_load, rel=1e-9)
+    assert motor == pytest.approx(-mesh * (1 / p.ratio + em) / p.inertia_motor_kg_m2, rel=1e-9)
+    assert load == pytest.approx(mesh * (1 - er) / p.inertia_load_kg_m2, rel=1e-9)
     assert abs(er) > 1e-5
     assert abs(em * p.ratio) > 1e-4

@@ -52,7 +52,7 @@ def test_the_base_shakes() -> None:
     """
     log = move(0.0, 90.0)
     p = plant_params(machine())
-    static = p.eccentric_moment * np.sin(log["pos_load_rad"]) / p.base_stiffness
+    static = p.eccentric_moment_nm * np.sin(log["pos_load_rad"]) / p.base_stiffness_nm_per_rad
     shake = (log["pos_base_rad"] - static) * RADIUS_UM
     assert np.ptp(shake) == pytest.approx(165.0, rel=TOLERANCE)
     end = 1.0 + 30.2523

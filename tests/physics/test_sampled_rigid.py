@@ -45,8 +45,8 @@ def test_trapezoid_errors(way: int, seconds: float) -> None:
 def test_ramp_without_feed_forward() -> None:
     """Linear to the end: it asks for 1.6 kN m at first, so the torque limit is taken away."""
     m = rigid(control__kvf=0.0)
-    drive = {"delay_cycles": 0, "latency_s": 0.0, "speed_count": 0.0, "position_count": 0.0}
-    sim = simulator(plant_params(m), "one_evaluation", torque_rated=1e6, torque_max=1e6, **drive)
+    drive = {"delay_cycles": 0, "latency_s": 0.0, "speed_count_rad": 0.0, "position_count_rad": 0.0}
+    sim = simulator(plant_params(m), "one_evaluation", torque_rated_nm=1e6, torque_max_nm=1e6, **drive)
     log = controlled(m, ramp(0.0, 6.0 * DEG), 0.6, sim)
     expected = EXPECTED["ramp6_Kvf0_error_deg_at"]
     for time, value in expected["value"].items():

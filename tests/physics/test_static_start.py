@@ -116,4 +116,4 @@ def test_parameters_of_the_start_are_those_of_the_machine_file() -> None:
     sim = gantry_sim(m)
     sim.static_start(90 * DEG, True)
     assert sim.state["torque_motor"] == 0.0
-    assert plant_params(m).eccentric_angle == pytest.approx(math.pi / 2)
+    assert plant_params(m).eccentric_angle_rad == pytest.approx(math.pi / 2)

@@ -121,8 +121,11 @@ def test_switched_off_its_parameters_say_nothing(switch: str, others: dict[str, 
 def test_friction_without_levels_is_friction_switched_off() -> None:
     """Fc = Fs = Fv = 0, friction still "present": no torque, no number that is none."""
     for name, levels in (
-        ("roller_friction", ("roller_coulomb", "roller_breakaway", "roller_viscous")),
-        ("motor_friction", ("motor_coulomb", "motor_breakaway", "motor_viscous", "motor_load_ratio")),
+        ("roller_friction", ("roller_coulomb_nm", "roller_breakaway_nm", "roller_viscous_nm_s_per_rad")),
+        (
+            "motor_friction",
+            ("motor_coulomb_nm", "motor_breakaway_nm", "motor_viscous_nm_s_per_rad", "motor_load_ratio"),
+        ),
     ):
         weak, none = bare(name, "damping"), bare("damping")
         for level in levels:
@@ -134,9 +137,15 @@ def test_friction_without_levels_is_friction_switched_off() -> None:
 
 def test_viscous_friction_alone_is_possible() -> None:
     """Fc = 0, Fv > 0 on the rollers: a rigid body slows down as exp(-Fv t/(J + i^2 Jm))."""
-    p = bare("rigid", "roller_friction", roller_coulomb=0.0, roller_breakaway=0.0, roller_viscous=2e6)
+    p = bare(
+        "rigid",
+        "roller_friction",
+        roller_coulomb_nm=0.0,
+        roller_breakaway_nm=0.0,
+        roller_viscous_nm_s_per_rad=2e6,
+    )
     x = follow(released(p, vel_motor=50.0, vel_load=50.0 / p.ratio), 0.0, 2.0, 1e-3)
-    rate = p.roller_viscous / (p.inertia_load + p.ratio**2 * p.inertia_motor)
+    rate = p.roller_viscous_nm_s_per_rad / (p.inertia_load_kg_m2 + p.ratio**2 * p.inertia_motor_kg_m2)
     assert np.allclose(x["vel_motor"], 50.0 * np.exp(-rate * x["t"]), rtol=1e-9)
 
 
@@ -158,9 +167,9 @@ def test_rigid_leaves_all_compliance_out() -> None:
 def test_very_stiff_gears_are_the_rigid_plant() -> None:
     """K x 1e4, no other effect: the same acceleration to the ratio of the spring's way to the way."""
     stiff = bare("damping")
-    for name in ("stiffness_1", "stiffness_2", "stiffness_3"):
+    for name in ("stiffness_1_nm_per_rad", "stiffness_2_nm_per_rad", "stiffness_3_nm_per_rad"):
         setattr(stiff, name, 1e4 * getattr(stiff, name))
-    stiff.damping *= 100.0
+    stiff.damping_nm_s_per_rad *= 100.0
     a = follow(released(stiff, steps=32), 50.0, 0.5)
     b = follow(released(bare("rigid")), 50.0, 0.5)
     assert np.allclose(a["pos_motor"], b["pos_motor"], rtol=0, atol=1e-5 * b["pos_motor"][-1])
@@ -169,8 +178,8 @@ def test_very_stiff_gears_are_the_rigid_plant() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "field", "expected"),
     [
-        ("drive.current_loop.ideal", True, "current_bandwidth", 0.0),
-        ("plant.switches.backlash", False, "half_backlash", 0.0),
+        ("drive.current_loop.ideal", True, "current_bandwidth_rad_s", 0.0),
+        ("plant.switches.backlash", False, "half_backlash_rad", 0.0),
         ("plant.switches.base", False, "base", False),
         ("plant.switches.rigid", True, "rigid", True),
     ],

@@ -14,7 +14,7 @@ from physics.plants import at_instant, bare, machine
 def ripple(torque: float, order: int = 12) -> np.ndarray:
     """Ripple torque over one motor turn, 64 places, from the acceleration of a rigid body."""
     p = bare("rigid", "torque_ripple", ripple_order=order)
-    inertia = p.inertia_motor + p.inertia_load / p.ratio**2
+    inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
     places = 2 * math.pi * np.arange(64) / 64
     acc = [at_instant(p, torque, pos_motor=a, vel_motor=0.0)[1]["vel_motor"] for a in places]
     return np.array(acc) * inertia - torque
@@ -22,7 +22,7 @@ def ripple(torque: float, order: int = 12) -> np.ndarray:
 
 def test_constants() -> None:
     p = plant_params(machine())
-    assert (p.ripple_torque, p.ripple_order, p.ripple_full_torque) == (1.9, 12, 20.0)
+    assert (p.ripple_torque_nm, p.ripple_order, p.ripple_full_torque_nm) == (1.9, 12, 20.0)
 
 
 @pytest.mark.parametrize(

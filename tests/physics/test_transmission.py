@@ -36,13 +36,17 @@ def full() -> _core.PlantParams:
 
 def test_the_spring_has_three_slopes() -> None:
     p = full()
-    x1 = p.torque_1 / p.stiffness_1
-    x2 = x1 + (p.torque_2 - p.torque_1) / p.stiffness_2
-    for at, slope in ((0.5 * x1, p.stiffness_1), (0.5 * (x1 + x2), p.stiffness_2), (2 * x2, p.stiffness_3)):
+    x1 = p.torque_1_nm / p.stiffness_1_nm_per_rad
+    x2 = x1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad
+    for at, slope in (
+        (0.5 * x1, p.stiffness_1_nm_per_rad),
+        (0.5 * (x1 + x2), p.stiffness_2_nm_per_rad),
+        (2 * x2, p.stiffness_3_nm_per_rad),
+    ):
         d = 1e-9
         measured = (_core.spring_torque(p, at + d) - _core.spring_torque(p, at - d)) / (2 * d)
         assert measured == pytest.approx(slope, rel=1e-7)
-    for seam, torque in ((x1, p.torque_1), (x2, p.torque_2)):
+    for seam, torque in ((x1, p.torque_1_nm), (x2, p.torque_2_nm)):
         for side in (math.nextafter(seam, 0.0), seam, math.nextafter(seam, 1.0)):
             assert _core.spring_torque(p, side) == pytest.approx(torque, rel=1e-14)
 
@@ -66,7 +70,7 @@ def test_the_spring_is_odd_and_rises(a: float, b: float) -> None:
 def test_one_slope_is_the_first_one_everywhere() -> None:
     p = bare()
     for windup in (1e-6, 5e-5, 2e-4, -1e-3):
-        assert _core.spring_torque(p, windup) == pytest.approx(p.stiffness_1 * windup, rel=1e-13)
+        assert _core.spring_torque(p, windup) == pytest.approx(p.stiffness_1_nm_per_rad * windup, rel=1e-13)
 
 
 # --- modes with the motor held --------------------------------------------------------------------------------
@@ -74,23 +78,28 @@ def test_one_slope_is_the_first_one_everywhere() -> None:
 
 def test_the_locked_motor_mode_has_its_damping_ratio() -> None:
     """f = sqrt(K1/J) sqrt(1 - zeta^2)/2 pi, zeta = 2.5 % as given; peaks sampled at 8 kHz are good to 1e-4."""
-    p = bare("damping", inertia_motor=LOCKED)
+    p = bare("damping", inertia_motor_kg_m2=LOCKED)
     x = follow(released(p, pos_load=1e-5), 0.0, 5.0)
     frequency, damping = frequency_and_damping(x["t"], x["pos_load"])
-    natural = math.sqrt(p.stiffness_1 / p.inertia_load) / (2 * math.pi)
+    natural = math.sqrt(p.stiffness_1_nm_per_rad / p.inertia_load_kg_m2) / (2 * math.pi)
     assert damping == pytest.approx(0.025, rel=1e-3)
     assert frequency == pytest.approx(natural * math.sqrt(1 - 0.025**2), rel=1e-5)
 
 
 def motor_held(p: _core.PlantParams) -> np.ndarray:
     """x' = A x of (theta, phi, w, phi') with the motor locked, linear."""
-    k, c, j, jb = p.stiffness_1, p.damping, p.inertia_load, p.base_inertia
+    k, c, j, jb = p.stiffness_1_nm_per_rad, p.damping_nm_s_per_rad, p.inertia_load_kg_m2, p.base_inertia_kg_m2
     return np.array(
         [
             [0, 0, 1, 0],
             [0, 0, 0, 1],
             [-k / j, k / j, -c / j, c / j],
-            [k / jb, -(k + p.base_stiffness) / jb, c / jb, -(c + p.base_damping) / jb],
+            [
+                k / jb,
+                -(k + p.base_stiffness_nm_per_rad) / jb,
+                c / jb,
+                -(c + p.base_damping_nm_s_per_rad) / jb,
+            ],
         ]
     )
 
@@ -103,7 +112,7 @@ def test_the_motor_held_modes_are_at_2_00_and_8_52_hz() -> None:
 
 def test_the_linear_limit_is_the_matrix_exponential() -> None:
     """Load and base released with the motor locked, both modes: the core follows exp(A t) to 1e-9 of the start."""
-    p = bare("damping", "base", inertia_motor=LOCKED)
+    p = bare("damping", "base", inertia_motor_kg_m2=LOCKED)
     start = np.array([1e-5, -4e-6, 2e-5, 1e-4])
     sim = released(p, pos_load=start[0], pos_base=start[1], vel_load=start[2], vel_base=start[3])
     x = follow(sim, 0.0, 2.0)
@@ -122,10 +131,21 @@ def test_released_onto_the_spring_the_load_comes_to_rest_at_the_static_windup(
     eccentricity_m: float, slope: int
 ) -> None:
     """Motor locked, strong damper: theta = -S^-1(Tg), Tg = -T_u sin(theta), on each of the slopes."""
-    p = bare("three_slopes", eccentric_moment=-2e5 * 9.81 * eccentricity_m, inertia_motor=LOCKED, damping=3e7)
+    p = bare(
+        "three_slopes",
+        eccentric_moment_nm=-2e5 * 9.81 * eccentricity_m,
+        inertia_motor_kg_m2=LOCKED,
+        damping_nm_s_per_rad=3e7,
+    )
     x = follow(released(p, math.pi / 2, pos_load=math.pi / 2 + 1e-4), 0.0, 4.0)
-    torque = -p.eccentric_moment
-    k1, k2, k3, t1, t2 = p.stiffness_1, p.stiffness_2, p.stiffness_3, p.torque_1, p.torque_2
+    torque = -p.eccentric_moment_nm
+    k1, k2, k3, t1, t2 = (
+        p.stiffness_1_nm_per_rad,
+        p.stiffness_2_nm_per_rad,
+        p.stiffness_3_nm_per_rad,
+        p.torque_1_nm,
+        p.torque_2_nm,
+    )
     expected = {
         1: torque / k1,
         2: t1 / k1 + (torque - t1) / k2,
@@ -144,7 +164,7 @@ STEP_S = 5e-4
 
 def sweep(p: _core.PlantParams, turns: list[float], rate: float = 2e-4) -> Arrays:
     """Twist, spring torque and hysteresis torque on the way to each value of `turns` in turn."""
-    p.inertia_motor = p.inertia_load = LOCKED
+    p.inertia_motor_kg_m2 = p.inertia_load_kg_m2 = LOCKED
     sim = released(p, steps=4)
     twist, torque, mesh = [0.0], [0.0], [0.0]
     dt = STEP_S * 2e-4 / rate
@@ -180,7 +200,7 @@ def test_the_hysteresis_loop_has_its_width_and_its_area(amplitude: float) -> Non
     p = bare("hysteresis", hysteresis_load_ratio=0.0)
     x = sweep(p, [amplitude, -amplitude, amplitude, -amplitude, amplitude])
     down, up = of_last_loop(x, amplitude)
-    h, z = p.hysteresis_torque, p.hysteresis_length
+    h, z = p.hysteresis_torque_nm, p.hysteresis_length_rad
     # ten or twenty z_h after the turn the torque is within exp(-8) of h
     assert np.interp(0.0, up["twist"], up["hysteresis"]) == pytest.approx(h, rel=1e-3)
     assert np.interp(0.0, down["twist"][::-1], down["hysteresis"][::-1]) == pytest.approx(-h, rel=1e-3)
@@ -196,7 +216,9 @@ def test_the_hysteresis_is_elastic_at_first() -> None:
     """Up to 0.6 z_h it is a spring of stiffness h/z_h and gives everything back."""
     p = bare("hysteresis", hysteresis_load_ratio=0.0)
     x = sweep(p, [5.9e-6, -5.9e-6, 0.0])
-    assert np.allclose(x["hysteresis"], p.hysteresis_torque / p.hysteresis_length * x["twist"], atol=1e-6)
+    assert np.allclose(
+        x["hysteresis"], p.hysteresis_torque_nm / p.hysteresis_length_rad * x["twist"], atol=1e-6
+    )
 
 
 def test_the_hysteresis_grows_with_the_load() -> None:
@@ -204,11 +226,11 @@ def test_the_hysteresis_grows_with_the_load() -> None:
 
     z_h is taken small, so that Th lags its growing h by z_h mu K = 5 N m only, once with each sign.
     """
-    p = bare("hysteresis", hysteresis_length=1e-7)
+    p = bare("hysteresis", hysteresis_length_rad=1e-7)
     x = sweep(p, [6e-5, -6e-5, 6e-5])
     down, up = of_last_loop(x, 6e-5)
     for twist in (-4e-5, -2e-5, 2e-5, 4e-5):
-        h = p.hysteresis_torque + p.hysteresis_load_ratio * p.stiffness_1 * abs(twist)
+        h = p.hysteresis_torque_nm + p.hysteresis_load_ratio * p.stiffness_1_nm_per_rad * abs(twist)
         assert np.interp(twist, up["twist"], up["hysteresis"]) == pytest.approx(h, abs=6.0)
         assert np.interp(twist, down["twist"][::-1], down["hysteresis"][::-1]) == pytest.approx(-h, abs=6.0)
 
@@ -269,19 +291,19 @@ def test_the_gap_is_as_wide_as_the_backlash() -> None:
 def test_flanks_cannot_pull() -> None:
     """Leaving faster than the spring pushes: no torque. Without backlash there is no clamp."""
     p, tight = bare("backlash", "damping"), bare("damping")
-    d, extra = p.half_backlash + 1e-5, 1e-5
-    spring, rate = p.stiffness_1 * extra, 1e-2
-    assert p.damping * rate > 2 * spring
+    d, extra = p.half_backlash_rad + 1e-5, 1e-5
+    spring, rate = p.stiffness_1_nm_per_rad * extra, 1e-2
+    assert p.damping_nm_s_per_rad * rate > 2 * spring
     assert twisted(p, d, -rate) == 0.0
     assert twisted(p, -d, rate) == 0.0
-    assert twisted(p, d, rate) == pytest.approx(spring + p.damping * rate, rel=1e-9)
-    assert twisted(p, d, -0.1 * rate) == pytest.approx(spring - 0.1 * p.damping * rate, rel=1e-9)
-    assert twisted(tight, extra, -rate) == pytest.approx(spring - p.damping * rate, rel=1e-9)
+    assert twisted(p, d, rate) == pytest.approx(spring + p.damping_nm_s_per_rad * rate, rel=1e-9)
+    assert twisted(p, d, -0.1 * rate) == pytest.approx(spring - 0.1 * p.damping_nm_s_per_rad * rate, rel=1e-9)
+    assert twisted(tight, extra, -rate) == pytest.approx(spring - p.damping_nm_s_per_rad * rate, rel=1e-9)
 
 
 def test_hysteresis_fades_in_the_gap() -> None:
     """Th' = -Th/10 ms; RK4 at 125 us on that is exact to 1e-12."""
-    p = bare("backlash", "hysteresis", inertia_motor=LOCKED, inertia_load=LOCKED)
+    p = bare("backlash", "hysteresis", inertia_motor_kg_m2=LOCKED, inertia_load_kg_m2=LOCKED)
     x = follow(released(p, hysteresis=800.0), 0.0, 0.05)
     assert np.allclose(x["hysteresis"], 800.0 * np.exp(-x["t"] / 0.01), rtol=1e-10)
 
@@ -290,8 +312,14 @@ def test_hysteresis_fades_in_the_gap() -> None:
 def test_lost_motion_is_the_gap_and_twice_the_windup_of_the_friction(backlash_mm: float) -> None:
     """Motor driven slowly forth and back against dry rollers: D = +-(b/2 + F/K), so the load lags by b + 2F/K."""
     half = 0.5e-3 * backlash_mm / 2.366
-    p = bare("roller_friction", "damping", inertia_motor=LOCKED, half_backlash=half, backlash=half > 0.0)
-    p.roller_breakaway, p.roller_viscous, p.damping = p.roller_coulomb, 0.0, 2e7
+    p = bare(
+        "roller_friction", "damping", inertia_motor_kg_m2=LOCKED, half_backlash_rad=half, backlash=half > 0.0
+    )
+    p.roller_breakaway_nm, p.roller_viscous_nm_s_per_rad, p.damping_nm_s_per_rad = (
+        p.roller_coulomb_nm,
+        0.0,
+        2e7,
+    )
     sim = released(p)
     lag = []
     for side in (1.0, -1.0):
@@ -299,5 +327,5 @@ def test_lost_motion_is_the_gap_and_twice_the_windup_of_the_friction(backlash_mm
         x = follow(sim, 0.0, 4.0)
         assert x["vel_load"][-1] == pytest.approx(side * 2e-4, rel=1e-5)
         lag.append(x["pos_motor"][-1] / p.ratio - x["pos_load"][-1])
-    lost = backlash_mm * 1e-3 / 2.366 + 2 * p.roller_coulomb / p.stiffness_1
+    lost = backlash_mm * 1e-3 / 2.366 + 2 * p.roller_coulomb_nm / p.stiffness_1_nm_per_rad
     assert lag[0] - lag[1] == pytest.approx(lost, rel=1e-5)

@@ -30,19 +30,19 @@ def plant_params(machine: Machine) -> _core.PlantParams:
     p = _core.PlantParams()
     p.ratio = machine.axis.ratio
     p.reducer_ratio = machine.axis.reducer_ratio
-    p.inertia_load = plant.load.inertia_kg_m2
-    p.inertia_motor = machine.motor.inertia_kg_m2 + plant.motor.wave_generator_inertia_kg_m2
-    p.eccentric_moment = eccentric_moment_nm(machine) if switch.eccentric_moment else 0.0
-    p.eccentric_angle = rad(plant.load.eccentric_angle_deg)
+    p.inertia_load_kg_m2 = plant.load.inertia_kg_m2
+    p.inertia_motor_kg_m2 = machine.motor.inertia_kg_m2 + plant.motor.wave_generator_inertia_kg_m2
+    p.eccentric_moment_nm = eccentric_moment_nm(machine) if switch.eccentric_moment else 0.0
+    p.eccentric_angle_rad = rad(plant.load.eccentric_angle_deg)
     p.ripple = switch.torque_ripple
-    p.ripple_torque = plant.motor.torque_ripple_nm
+    p.ripple_torque_nm = plant.motor.torque_ripple_nm
     p.ripple_order = plant.motor.torque_ripple_order
-    p.ripple_full_torque = _RIPPLE_FULL_TORQUE_NM
-    p.brake_torque = machine.brake.torque_nm * machine.plant.brake.torque_share
-    p.brake_presliding = plant.brake.presliding_rad
+    p.ripple_full_torque_nm = _RIPPLE_FULL_TORQUE_NM
+    p.brake_torque_nm = machine.brake.torque_nm * machine.plant.brake.torque_share
+    p.brake_presliding_rad = plant.brake.presliding_rad
     p.rigid = switch.rigid
     current = machine.drive.current_loop
-    p.current_bandwidth = 0.0 if current.ideal else 2.0 * math.pi * current.bandwidth_hz
+    p.current_bandwidth_rad_s = 0.0 if current.ideal else 2.0 * math.pi * current.bandwidth_hz
     _transmission(p, machine)
     _gear_error(p, plant.gear_error, machine.axis.ring_ratio)
     p.gear_error = switch.gear_error and not switch.rigid
@@ -58,18 +58,24 @@ def _transmission(p: _core.PlantParams, machine: Machine) -> None:
     def at_gantry(reducer_stiffness: float) -> float:
         return 1.0 / (1.0 / (ring * ring * reducer_stiffness) + 1.0 / t.rest_stiffness_nm_per_rad)
 
-    p.stiffness_1 = at_gantry(t.reducer_stiffness_1_nm_per_rad)
-    p.stiffness_2 = at_gantry(t.reducer_stiffness_2_nm_per_rad) if switch.three_slopes else p.stiffness_1
-    p.stiffness_3 = at_gantry(t.reducer_stiffness_3_nm_per_rad) if switch.three_slopes else p.stiffness_1
-    p.torque_1 = t.reducer_torque_1_nm * ring
-    p.torque_2 = t.reducer_torque_2_nm * ring
-    p.damping = 2.0 * t.damping_ratio * math.sqrt(p.stiffness_1 * p.inertia_load)
+    p.stiffness_1_nm_per_rad = at_gantry(t.reducer_stiffness_1_nm_per_rad)
+    p.stiffness_2_nm_per_rad = (
+        at_gantry(t.reducer_stiffness_2_nm_per_rad) if switch.three_slopes else p.stiffness_1_nm_per_rad
+    )
+    p.stiffness_3_nm_per_rad = (
+        at_gantry(t.reducer_stiffness_3_nm_per_rad) if switch.three_slopes else p.stiffness_1_nm_per_rad
+    )
+    p.torque_1_nm = t.reducer_torque_1_nm * ring
+    p.torque_2_nm = t.reducer_torque_2_nm * ring
+    p.damping_nm_s_per_rad = (
+        2.0 * t.damping_ratio * math.sqrt(p.stiffness_1_nm_per_rad * p.inertia_load_kg_m2)
+    )
     p.hysteresis = switch.hysteresis
-    p.hysteresis_torque = t.hysteresis_torque_nm
+    p.hysteresis_torque_nm = t.hysteresis_torque_nm
     p.hysteresis_load_ratio = t.hysteresis_load_ratio
-    p.hysteresis_length = t.hysteresis_length_rad
+    p.hysteresis_length_rad = t.hysteresis_length_rad
     p.backlash = switch.backlash and t.backlash_mm > 0.0
-    p.half_backlash = (
+    p.half_backlash_rad = (
         0.5 * t.backlash_mm * 1e-3 / machine.plant.gear_error.ring_radius_m if p.backlash else 0.0
     )
 
@@ -78,42 +84,48 @@ def _gear_error(p: _core.PlantParams, g: GearErrorTable, ring_ratio: float) -> N
     phases = g.phases_rad
     per_um = g.scale * 1e-6 / g.ring_radius_m
     ring = [um * per_um for um in g.ring_um]
-    p.error_ring = ring + [0.0] * (12 - len(ring))
-    p.phase_ring = list(phases[:12])
-    p.error_reducer_2x = g.scale * g.reducer_2x_rad / ring_ratio
-    p.error_reducer_1x = g.scale * g.reducer_1x_rad / ring_ratio
-    p.error_reducer_4x = g.scale * g.reducer_4x_rad / ring_ratio
-    p.error_pinion = g.scale * g.output_1x_rad / ring_ratio + g.pinion_1x_um * per_um
-    p.error_mesh = g.mesh_um * per_um
-    p.phase_reducer_2x, p.phase_reducer_1x, p.phase_reducer_4x, p.phase_pinion, p.phase_mesh = phases[12:17]
+    p.error_ring_rad = ring + [0.0] * (12 - len(ring))
+    p.phase_ring_rad = list(phases[:12])
+    p.error_reducer_2x_rad = g.scale * g.reducer_2x_rad / ring_ratio
+    p.error_reducer_1x_rad = g.scale * g.reducer_1x_rad / ring_ratio
+    p.error_reducer_4x_rad = g.scale * g.reducer_4x_rad / ring_ratio
+    p.error_pinion_rad = g.scale * g.output_1x_rad / ring_ratio + g.pinion_1x_um * per_um
+    p.error_mesh_rad = g.mesh_um * per_um
+    (
+        p.phase_reducer_2x_rad,
+        p.phase_reducer_1x_rad,
+        p.phase_reducer_4x_rad,
+        p.phase_pinion_rad,
+        p.phase_mesh_rad,
+    ) = phases[12:17]
     p.pinion_teeth = g.pinion_teeth
 
 
 def _friction(p: _core.PlantParams, plant: PlantTable) -> None:
     roller, motor = plant.roller_friction, plant.motor_friction
     p.roller_friction = plant.switches.roller_friction and roller.coulomb_nm > 0.0
-    p.roller_coulomb = roller.coulomb_nm
-    p.roller_breakaway = roller.breakaway_nm
-    p.roller_stribeck = rad(roller.stribeck_deg_s)
-    p.roller_viscous = roller.viscous_nm_s_per_rad
-    p.roller_presliding = roller.presliding_rad
+    p.roller_coulomb_nm = roller.coulomb_nm
+    p.roller_breakaway_nm = roller.breakaway_nm
+    p.roller_stribeck_rad_s = rad(roller.stribeck_deg_s)
+    p.roller_viscous_nm_s_per_rad = roller.viscous_nm_s_per_rad
+    p.roller_presliding_rad = roller.presliding_rad
     p.roller_micro_damping = roller.micro_damping
     p.motor_friction = plant.switches.motor_friction and motor.coulomb_nm > 0.0
-    p.motor_coulomb = motor.coulomb_nm
-    p.motor_breakaway = motor.breakaway_nm
-    p.motor_stribeck = motor.stribeck_rad_s
-    p.motor_viscous = motor.viscous_nm_s_per_rad
+    p.motor_coulomb_nm = motor.coulomb_nm
+    p.motor_breakaway_nm = motor.breakaway_nm
+    p.motor_stribeck_rad_s = motor.stribeck_rad_s
+    p.motor_viscous_nm_s_per_rad = motor.viscous_nm_s_per_rad
     p.motor_load_ratio = motor.load_ratio
-    p.motor_presliding = motor.presliding_rad
+    p.motor_presliding_rad = motor.presliding_rad
     p.motor_micro_damping = motor.micro_damping
 
 
 def _base(p: _core.PlantParams, plant: PlantTable) -> None:
     omega = 2.0 * math.pi * plant.base.frequency_hz
     p.base = plant.switches.base
-    p.base_inertia = plant.base.inertia_kg_m2
-    p.base_stiffness = plant.base.inertia_kg_m2 * omega * omega
-    p.base_damping = 2.0 * plant.base.damping_ratio * omega * plant.base.inertia_kg_m2
+    p.base_inertia_kg_m2 = plant.base.inertia_kg_m2
+    p.base_stiffness_nm_per_rad = plant.base.inertia_kg_m2 * omega * omega
+    p.base_damping_nm_s_per_rad = 2.0 * plant.base.damping_ratio * omega * plant.base.inertia_kg_m2
 
 
 def drive_params(machine: Machine) -> _core.DriveParams:
@@ -125,15 +137,15 @@ def drive_params(machine: Machine) -> _core.DriveParams:
     count = {"ideal": 0.0, "interpolated": fine, "counts": coarse}[loop.feedback]
     p = _core.DriveParams()
     p.cycle_s = loop.cycle_us * 1e-6
-    p.kvp = loop.kvp_nm_s_per_rad
+    p.kvp_nm_s_per_rad = loop.kvp_nm_s_per_rad
     p.tvi_s = loop.tvi_ms * 1e-3
-    p.torque_rated = motor.torque_rated_nm
-    p.torque_max = motor.torque_max_nm
+    p.torque_rated_nm = motor.torque_rated_nm
+    p.torque_max_nm = motor.torque_max_nm
     p.overload_time_s = loop.overload_time_s
-    p.vel_max = rad(machine.speed.drive_ceiling_deg_s) * ratio
-    p.quick_dec = rad(machine.virtual_axis.quick_dec_deg_s2) * ratio
-    p.speed_count = count
-    p.position_count = count
+    p.vel_max_rad_s = rad(machine.speed.drive_ceiling_deg_s) * ratio
+    p.quick_dec_rad_s2 = rad(machine.virtual_axis.quick_dec_deg_s2) * ratio
+    p.speed_count_rad = count
+    p.position_count_rad = count
     p.latency_s = machine.plant.encoder.latency_us * 1e-6
     p.brake_close_s = machine.brake.close_time_ms * 1e-3
     p.brake_open_s = machine.brake.open_time_ms * 1e-3

@@ -88,7 +88,7 @@ def test_the_brake_is_proven_where_the_controller_keeps_it_closed(tmp_path: Path
 
 def test_a_weak_brake_fails_and_holds_the_machine(tmp_path: Path, quirky) -> None:
     """40 N m of friction instead of 400; 70 are asked for."""
-    quirky(spoil=lambda node: node.plant.change_plant("brake_torque", 40.0))
+    quirky(spoil=lambda node: node.plant.change_plant("brake_torque_nm", 40.0))
     machine = with_values(MACHINE, {"brake.owner": "object_60FE", "can.commissioning_required": False})
     work, store = commissioning(tmp_path, machine)
     result = work.do(work.left("brake")[0])

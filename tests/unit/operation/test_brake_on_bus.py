@@ -74,14 +74,14 @@ def test_a_sound_brake_passes_and_bears_what_was_asked_for() -> None:
 def test_a_weak_brake_fails(share: float) -> None:
     """Less than the level, and 6 N m of the motor's own friction do not make up for it."""
     bench = Bench()
-    bench.node.plant.change_plant("brake_torque", share * LEVEL_NM)
+    bench.node.plant.change_plant("brake_torque_nm", share * LEVEL_NM)
     assert bench.outcome() is BrakeTestOutcome.FAILED
 
 
 @pytest.mark.parametrize("phase", [BrakeTestPhase.PLUS_HELD, BrakeTestPhase.MINUS_HELD])
 def test_a_brake_that_gives_way_while_it_is_held_fails(phase: BrakeTestPhase) -> None:
     bench = Bench()
-    bench.when(phase, lambda: bench.node.plant.change_plant("brake_torque", 20.0))
+    bench.when(phase, lambda: bench.node.plant.change_plant("brake_torque_nm", 20.0))
     assert bench.outcome() is BrakeTestOutcome.FAILED
 
 

@@ -25,7 +25,7 @@ def with_brake_of(
 ) -> Engine:
     """The gantry after a brake test with a brake that bears so much, and 3 s more."""
     plant = plant_params(MACHINE)
-    plant.brake_torque = brake_torque_nm
+    plant.brake_torque_nm = brake_torque_nm
     sim = gantry_sim(MACHINE, plant)
     sim.static_start(rad(angle_deg), False)
     drive = drive_around(MACHINE, sim)

@@ -72,16 +72,16 @@ def test_the_controller_reads_nothing_of_the_plant(path: str) -> None:
 def test_a_switch_that_is_off_makes_its_effect_exactly_absent() -> None:
     off = with_values(MACHINE, {"plant.switches.eccentric_moment": False, "plant.switches.backlash": False})
     params = plant_params(off)
-    assert params.eccentric_moment == 0.0
-    assert params.half_backlash == 0.0
-    assert plant_params(MACHINE).eccentric_moment == pytest.approx(-16.0e3, rel=0.01)
+    assert params.eccentric_moment_nm == 0.0
+    assert params.half_backlash_rad == 0.0
+    assert plant_params(MACHINE).eccentric_moment_nm == pytest.approx(-16.0e3, rel=0.01)
 
 
 def test_the_drive_has_the_encoder_evaluation_of_the_file() -> None:
     fine = 2.0 * math.pi / MACHINE.counts_per_turn
     for feedback, count in (("ideal", 0.0), ("interpolated", fine), ("counts", 2.0 * math.pi / 8192)):
         params = drive_params(with_values(MACHINE, {"drive.speed_loop.feedback": feedback}))
-        assert params.speed_count == params.position_count == count
+        assert params.speed_count_rad == params.position_count_rad == count
 
 
 @pytest.mark.parametrize("machine", [MACHINE, IDEAL], ids=["sim", "ideal"])

@@ -149,5 +149,5 @@ def _base_motion_um(machine: Machine, base_rad: np.ndarray, load_rad: np.ndarray
     p = plant_params(machine)
     if not p.base:
         return np.zeros_like(base_rad)
-    static = p.eccentric_moment * np.sin(load_rad - p.eccentric_angle) / p.base_stiffness
+    static = p.eccentric_moment_nm * np.sin(load_rad - p.eccentric_angle_rad) / p.base_stiffness_nm_per_rad
     return np.asarray((base_rad - static) * machine.plant.gear_error.ring_radius_m * 1e6)

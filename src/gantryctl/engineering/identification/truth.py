@@ -31,22 +31,24 @@ class Comparison(NamedTuple):
 def comparisons(machine: Machine, calibration: Calibration) -> list[Comparison]:
     """Every identified number beside that of [plant]; of the gear map the rms over the turn."""
     p, found = plant_params(machine), calibration.identified
-    base = 1.0 / p.base_stiffness if p.base else 0.0
-    stiffness = 1.0 / (1.0 / p.stiffness_1 + base)
-    angle = rad(0.0) if p.eccentric_moment == 0.0 else p.eccentric_angle
-    inertia = p.inertia_load + p.ratio * p.ratio * p.inertia_motor
-    friction = p.roller_coulomb * p.roller_friction + p.ratio * p.motor_coulomb * p.motor_friction
+    base = 1.0 / p.base_stiffness_nm_per_rad if p.base else 0.0
+    stiffness = 1.0 / (1.0 / p.stiffness_1_nm_per_rad + base)
+    angle = rad(0.0) if p.eccentric_moment_nm == 0.0 else p.eccentric_angle_rad
+    inertia = p.inertia_load_kg_m2 + p.ratio * p.ratio * p.inertia_motor_kg_m2
+    friction = p.roller_coulomb_nm * p.roller_friction + p.ratio * p.motor_coulomb_nm * p.motor_friction
     map_found, map_true = _maps(p, calibration)
     return [
         Comparison(
-            "eccentric moment, sine", found.moment_sine_nm, -p.eccentric_moment * math.cos(angle), "N m"
+            "eccentric moment, sine", found.moment_sine_nm, -p.eccentric_moment_nm * math.cos(angle), "N m"
         ),
         Comparison(
-            "eccentric moment, cosine", found.moment_cosine_nm, p.eccentric_moment * math.sin(angle), "N m"
+            "eccentric moment, cosine", found.moment_cosine_nm, p.eccentric_moment_nm * math.sin(angle), "N m"
         ),
         Comparison("inertia of load and motor", found.inertia_kg_m2, inertia, "kg m2"),
         Comparison("stiffness, small loads, base included", found.stiffness_nm_per_rad, stiffness, "N m/rad"),
-        Comparison("wind-up per acceleration", found.windup_per_acc_s2, p.inertia_load / stiffness, "s2"),
+        Comparison(
+            "wind-up per acceleration", found.windup_per_acc_s2, p.inertia_load_kg_m2 / stiffness, "s2"
+        ),
         Comparison("Coulomb friction", found.friction_nm, friction, "N m"),
         Comparison("gear map, rms", _rms_deg(map_found), _rms_deg(map_true), "deg"),
         Comparison("gear map, rms of its error", _rms_deg(map_found - map_true), 0.0, "deg"),

@@ -113,9 +113,9 @@ def _cruising(
     plant, drive = plant_params(machine), drive_params(machine)
     if machine.plant.switches.eccentric_moment:
         sign = math.copysign(1.0, eccentric_moment_nm(machine))
-        plant.eccentric_moment = sign * machine.plant.load.eccentric_check_moment_nm
+        plant.eccentric_moment_nm = sign * machine.plant.load.eccentric_check_moment_nm
     if quick_dec_deg_s2 is not None:
-        drive.quick_dec = rad(quick_dec_deg_s2) * machine.axis.ratio
+        drive.quick_dec_rad_s2 = rad(quick_dec_deg_s2) * machine.axis.ratio
     speed = rad(speed_deg_s)
     acc = abs(speed) / _RAMP_UP_S
     limits = MotionLimits(abs(speed), acc, acc, acc / 0.5)
@@ -178,4 +178,4 @@ def _static_base(machine: Machine, load: Floats) -> Floats:
         return np.zeros_like(load)
     sign = math.copysign(1.0, eccentric_moment_nm(machine))
     moment = sign * machine.plant.load.eccentric_check_moment_nm * machine.plant.switches.eccentric_moment
-    return moment * np.sin(load - plant.eccentric_angle) / plant.base_stiffness
+    return moment * np.sin(load - plant.eccentric_angle_rad) / plant.base_stiffness_nm_per_rad

@@ -123,7 +123,7 @@ class Bench:
     def small_delays_s(self) -> float:
         """Sum of small delays of the speed loop: difference, latency, computing, holding, current loop, averaging."""
         drive, plant = self.drive, plant_params(self.machine)
-        current = 1.0 / plant.current_bandwidth if plant.current_bandwidth else 0.0
+        current = 1.0 / plant.current_bandwidth_rad_s if plant.current_bandwidth_rad_s else 0.0
         cycles = 0.5 + drive.delay_cycles + 0.5
         return cycles * drive.cycle_s + drive.latency_s + current + 0.5 * self.speed_average_s
 
@@ -134,7 +134,7 @@ class Bench:
         """
         if not self.speed_average_s:
             return self.machine
-        current = plant_params(self.machine).current_bandwidth
+        current = plant_params(self.machine).current_bandwidth_rad_s
         lag = 0.5 * self.speed_average_s + (1.0 / current if current else 0.0)
         changes = {
             "drive.current_loop.bandwidth_hz": 1.0 / (2.0 * math.pi * lag),
@@ -145,7 +145,7 @@ class Bench:
     @property
     def fast_inertia_kg_m2(self) -> float:
         """What the drive turns above the frequencies of the load: rotor and reducer input."""
-        return plant_params(self.machine).inertia_motor
+        return plant_params(self.machine).inertia_motor_kg_m2
 
     def speed_step(self, gains: Gains) -> SpeedStep:
         """A step on top of a slow turn, so that friction does not change; small enough for the torque limit."""
@@ -196,7 +196,7 @@ class Bench:
 
     def _drive_with(self, gains: Gains) -> _core.DriveParams:
         params = self.drive.copy()
-        params.kvp, params.tvi_s = gains.kvp_nm_s_per_rad, gains.tvi_s
+        params.kvp_nm_s_per_rad, params.tvi_s = gains.kvp_nm_s_per_rad, gains.tvi_s
         return params
 
     def _standing(self, gains: Gains, angle_deg: float, kvf: float) -> ClosedLoop:
@@ -255,7 +255,9 @@ def _shaking(machine: Machine, log: Log) -> Floats:
     if not plant.base:
         return np.zeros(len(log))
     still = (
-        plant.eccentric_moment * np.sin(log["pos_load_rad"] - plant.eccentric_angle) / plant.base_stiffness
+        plant.eccentric_moment_nm
+        * np.sin(log["pos_load_rad"] - plant.eccentric_angle_rad)
+        / plant.base_stiffness_nm_per_rad
     )
     return np.asarray(log["pos_base_rad"] - still)
 

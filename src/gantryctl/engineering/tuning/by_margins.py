@@ -98,9 +98,9 @@ def by_margins(
 def _encoder_limit(machine: Machine, conditions: Conditions) -> float | None:
     """Kvp at which one encoder step in a drive cycle makes the permitted share of the rated torque."""
     drive = drive_params(machine)
-    if not drive.speed_count:
+    if not drive.speed_count_rad:
         return None
-    return conditions.step_torque * machine.motor.torque_rated_nm * drive.cycle_s / drive.speed_count
+    return conditions.step_torque * machine.motor.torque_rated_nm * drive.cycle_s / drive.speed_count_rad
 
 
 class _Search:

@@ -130,7 +130,7 @@ def test_the_brake_can_be_stuck(bench: Bench, position: str) -> None:
 
 def test_a_weaker_brake_slips() -> None:
     bench = unbalanced()
-    bench.event("plant", name="brake_torque", value=1.0)
+    bench.event("plant", name="brake_torque_nm", value=1.0)
     bench.run(1.0, 0)
     assert abs(bench.load_deg_s) > 0.01
 

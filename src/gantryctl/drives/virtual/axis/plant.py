@@ -41,8 +41,8 @@ class DrivePlant:
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
         self._drive.overload_time_s = _UNLIMITED_S
-        self._drive.vel_max = hardware.speed_max_rad_s
-        self._drive.torque_max = hardware.torque_max_nm
+        self._drive.vel_max_rad_s = hardware.speed_max_rad_s
+        self._drive.torque_max_nm = hardware.torque_max_nm
         self._stale = False
         self.sim = self._make()
         self.sim.static_start(hardware.start_angle_rad, False)
@@ -94,8 +94,8 @@ class DrivePlant:
 
     def set_ramp(self, dec_rad_s2: float) -> None:
         """Deceleration of RAMP."""
-        if dec_rad_s2 != self._drive.quick_dec:
-            self._drive.quick_dec = dec_rad_s2
+        if dec_rad_s2 != self._drive.quick_dec_rad_s2:
+            self._drive.quick_dec_rad_s2 = dec_rad_s2
             self._stale = True
 
     def change_plant(self, name: str, value: float) -> None:
@@ -157,6 +157,6 @@ class DrivePlant:
 
     def _apply_torque(self) -> None:
         limit = min(self._allowed_nm, self._hardware.torque_rated_nm) if self._exhausted else self._allowed_nm
-        if limit != self._drive.torque_max:
-            self._drive.torque_max = limit
+        if limit != self._drive.torque_max_nm:
+            self._drive.torque_max_nm = limit
             self._stale = True

@@ -185,7 +185,7 @@ class Requests:
         self._node.plant.lose_turns(turns)
 
     def _plant(self, request: Mapping[str, Any]) -> None:
-        """name, value: another parameter of the plant (eccentric_moment, brake_torque, half_backlash ...)."""
+        """name, value: another parameter of the plant (eccentric_moment_nm, brake_torque_nm, half_backlash_rad ...)."""
         name = str(request.get("name"))
         value = _number(request, "value", 0.0, -1e12, 1e12) or 0.0
         self._node.plant.change_plant(name, value)

@@ -166,21 +166,23 @@ def mechanics(
 
 def _with(p: _core.PlantParams, damping_ratio: float, variation: Variation) -> _core.PlantParams:
     """Parameters with the uncertain ones replaced; damping follows c = 2 zeta sqrt(K J)."""
-    p.stiffness_1 = (
-        p.stiffness_1 if variation.stiffness_nm_per_rad is None else variation.stiffness_nm_per_rad
+    p.stiffness_1_nm_per_rad = (
+        p.stiffness_1_nm_per_rad if variation.stiffness_nm_per_rad is None else variation.stiffness_nm_per_rad
     )
-    p.inertia_load = p.inertia_load if variation.load_inertia_kg_m2 is None else variation.load_inertia_kg_m2
-    p.inertia_motor = (
-        p.inertia_motor if variation.motor_inertia_kg_m2 is None else variation.motor_inertia_kg_m2
+    p.inertia_load_kg_m2 = (
+        p.inertia_load_kg_m2 if variation.load_inertia_kg_m2 is None else variation.load_inertia_kg_m2
+    )
+    p.inertia_motor_kg_m2 = (
+        p.inertia_motor_kg_m2 if variation.motor_inertia_kg_m2 is None else variation.motor_inertia_kg_m2
     )
     zeta = damping_ratio if variation.damping_ratio is None else variation.damping_ratio
-    p.damping = 2.0 * zeta * math.sqrt(p.stiffness_1 * p.inertia_load)
+    p.damping_nm_s_per_rad = 2.0 * zeta * math.sqrt(p.stiffness_1_nm_per_rad * p.inertia_load_kg_m2)
     return p
 
 
 def _gravity(p: _core.PlantParams, angle_rad: float) -> float:
     """Stiffness of the eccentric moment at an angle, -T_u cos(theta - theta_u0), N m/rad."""
-    return -p.eccentric_moment * math.cos(angle_rad - p.eccentric_angle)
+    return -p.eccentric_moment_nm * math.cos(angle_rad - p.eccentric_angle_rad)
 
 
 def _rigid(p: _core.PlantParams, friction: Friction, angle_rad: float) -> Mechanics:
@@ -188,11 +190,11 @@ def _rigid(p: _core.PlantParams, friction: Friction, angle_rad: float) -> Mechan
     square = p.ratio**2
     return Mechanics(
         coordinates=(MOTOR,),
-        inertia=np.array([p.inertia_load / square + p.inertia_motor]),
+        inertia=np.array([p.inertia_load_kg_m2 / square + p.inertia_motor_kg_m2]),
         damping=np.array([[motor_d + roller_d / square]]),
         stiffness=np.array([[motor_k + (roller_k + _gravity(p, angle_rad)) / square]]),
         ratio=p.ratio,
-        current_bandwidth_rad_s=p.current_bandwidth or IDEAL_BANDWIDTH_RAD_S,
+        current_bandwidth_rad_s=p.current_bandwidth_rad_s or IDEAL_BANDWIDTH_RAD_S,
     )
 
 
@@ -202,16 +204,16 @@ def _flexible(p: _core.PlantParams, friction: Friction, angle_rad: float, with_b
     roller = np.array([0.0, 1.0, -1.0])
     motor, load, base = np.eye(3)
     parts = [
-        (twist, p.stiffness_1, p.damping),
+        (twist, p.stiffness_1_nm_per_rad, p.damping_nm_s_per_rad),
         (twist, _hysteresis(p, friction, angle_rad), 0.0),
         (roller, *_roller_friction(p, friction)),
         (motor, *_motor_friction(p, friction)),
         (load, _gravity(p, angle_rad), 0.0),
-        (base, p.base_stiffness, p.base_damping),
+        (base, p.base_stiffness_nm_per_rad, p.base_damping_nm_s_per_rad),
     ]
     stiffness = sum((k * np.outer(g, g) for g, k, _ in parts), np.zeros((3, 3)))
     damping = sum((d * np.outer(g, g) for g, _, d in parts), np.zeros((3, 3)))
-    inertia = np.array([p.inertia_motor, p.inertia_load, p.base_inertia])
+    inertia = np.array([p.inertia_motor_kg_m2, p.inertia_load_kg_m2, p.base_inertia_kg_m2])
     n = 3 if with_base else 2
     return Mechanics(
         coordinates=(MOTOR, LOAD, BASE)[:n],
@@ -219,7 +221,7 @@ def _flexible(p: _core.PlantParams, friction: Friction, angle_rad: float, with_b
         damping=damping[:n, :n],
         stiffness=stiffness[:n, :n],
         ratio=p.ratio,
-        current_bandwidth_rad_s=p.current_bandwidth or IDEAL_BANDWIDTH_RAD_S,
+        current_bandwidth_rad_s=p.current_bandwidth_rad_s or IDEAL_BANDWIDTH_RAD_S,
     )
 
 
@@ -227,9 +229,12 @@ def _motor_friction(p: _core.PlantParams, friction: Friction) -> tuple[float, fl
     """Stiffness and damping of the motor friction, at the motor."""
     if not p.motor_friction:
         return 0.0, 0.0
-    inertia, stiffness = p.inertia_motor, p.motor_coulomb / p.motor_presliding
+    inertia, stiffness = p.inertia_motor_kg_m2, p.motor_coulomb_nm / p.motor_presliding_rad
     return _element(
-        friction, stiffness, p.motor_micro_damping * math.sqrt(stiffness * inertia), p.motor_viscous
+        friction,
+        stiffness,
+        p.motor_micro_damping * math.sqrt(stiffness * inertia),
+        p.motor_viscous_nm_s_per_rad,
     )
 
 
@@ -237,9 +242,12 @@ def _roller_friction(p: _core.PlantParams, friction: Friction) -> tuple[float, f
     """Stiffness and damping of the rollers, at the gantry."""
     if not p.roller_friction:
         return 0.0, 0.0
-    inertia, stiffness = p.inertia_load, p.roller_coulomb / p.roller_presliding
+    inertia, stiffness = p.inertia_load_kg_m2, p.roller_coulomb_nm / p.roller_presliding_rad
     return _element(
-        friction, stiffness, p.roller_micro_damping * math.sqrt(stiffness * inertia), p.roller_viscous
+        friction,
+        stiffness,
+        p.roller_micro_damping * math.sqrt(stiffness * inertia),
+        p.roller_viscous_nm_s_per_rad,
     )
 
 
@@ -247,10 +255,10 @@ def _hysteresis(p: _core.PlantParams, friction: Friction, angle_rad: float) -> f
     """Stiffness h/z_h of the reducer's hysteresis, h = T_h0 + mu_h |Ts|, at the gantry."""
     if not p.hysteresis or friction is Friction.NONE:
         return 0.0
-    load = -p.eccentric_moment * math.sin(angle_rad - p.eccentric_angle)
+    load = -p.eccentric_moment_nm * math.sin(angle_rad - p.eccentric_angle_rad)
     if friction is Friction.SLIDING and p.roller_friction:
-        load += p.roller_coulomb
-    return (p.hysteresis_torque + p.hysteresis_load_ratio * abs(load)) / p.hysteresis_length
+        load += p.roller_coulomb_nm
+    return (p.hysteresis_torque_nm + p.hysteresis_load_ratio * abs(load)) / p.hysteresis_length_rad
 
 
 def _element(

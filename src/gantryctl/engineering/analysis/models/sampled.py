@@ -54,7 +54,7 @@ def loop_settings(machine: Machine) -> LoopSettings:
     """The loop as the machine file configures it."""
     drive = drive_params(machine)
     return LoopSettings(
-        kvp_nm_s_per_rad=drive.kvp,
+        kvp_nm_s_per_rad=drive.kvp_nm_s_per_rad,
         tvi_s=drive.tvi_s,
         kpp_per_s=machine.control.kpp_per_s,
         kvf=machine.control.kvf,
