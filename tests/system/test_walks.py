@@ -6,11 +6,20 @@ import ast
 import re
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 from typing import NamedTuple
+
+import pytest
+
+from gantryctl.drives.simulated import SimDrive
+from gantryctl.machine import default_machine, default_machine_path, load_machine
+from gantryctl.program import AxisState
+from gantryctl.wiring.engine import build_engine
+from support.command_line import done
+from support.whole_service import PageInProcess, with_page
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "architecture.md"
@@ -86,3 +95,84 @@ def watched(steps: list[Step]) -> Iterator[Watch]:
     finally:
         sys.setprofile(before)
         threading.setprofile(None)
+
+
+def moved(tmp_path: Path) -> None:
+    done("move", "5", "--json")
+
+
+def stopped(tmp_path: Path) -> None:
+    async def script(page: PageInProcess) -> None:
+        await set_going(page)
+        assert (await page.ask("stop"))["ok"]
+        await page.until(lambda: page.controller.operator.at_rest)
+
+    with_page(default_machine(), tmp_path, script)
+
+
+def alarmed(tmp_path: Path) -> None:
+    async def script(page: PageInProcess) -> None:
+        await set_going(page)
+        drive = page.controller.engine.drive
+        assert isinstance(drive, SimDrive)
+        drive.trip(0x7305)
+        await page.until(lambda: bool(page.status.get("alarms")))
+        assert page.status["alarms"][0]["code"] == "DRV-01"
+
+    with_page(default_machine(), tmp_path, script)
+
+
+def read_from_the_bus(tmp_path: Path) -> None:
+    machine = load_machine(ROOT / "configs" / "hust_can.toml")
+    engine = build_engine(machine)
+    engine.run_for(0.1)
+    engine.close()
+
+
+def configured(tmp_path: Path) -> None:
+    build_engine(load_machine(default_machine_path()))
+
+
+async def set_going(page: PageInProcess) -> None:
+    """Control, power, and a move that is under way."""
+    for kind, values in (("take", {"over": False}), ("power", {"on": True})):
+        assert (await page.ask(kind, **values))["ok"]
+    await page.until(lambda: page.controller.axis.state is AxisState.STANDSTILL)
+    assert (await page.ask("move", target_deg=90.0))["ok"]
+    await page.until(lambda: not page.controller.operator.at_rest)
+
+
+RUNS: dict[str, Callable[[Path], None]] = {
+    "A move": moved,
+    "A stop": stopped,
+    "An alarm": alarmed,
+    "A CAN frame": read_from_the_bus,
+    "A configuration key": configured,
+}
+
+
+@pytest.fixture(autouse=True)
+def _own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+
+
+def test_the_page_has_the_walks_that_are_watched() -> None:
+    assert [heading.partition(":")[0] for heading in walks()] == list(RUNS)
+    assert all(len(steps) >= 7 for steps in walks().values())
+
+
+@pytest.mark.parametrize("heading", walks(), ids=lambda heading: heading.partition(":")[0])
+def test_every_name_exists(heading: str) -> None:
+    for step in walks()[heading]:
+        if step.ours:
+            assert step.function in functions(PACKAGE / step.file), step
+        else:
+            assert step.function in (ROOT / step.file).read_text(encoding="utf-8"), step
+
+
+@pytest.mark.parametrize("heading", walks(), ids=lambda heading: heading.partition(":")[0])
+def test_the_run_takes_that_way(heading: str, tmp_path: Path) -> None:
+    steps = [step for step in walks()[heading] if step.ours]
+    with watched(steps) as watch:
+        RUNS[heading.partition(":")[0]](tmp_path)
+    assert watch.reached == len(steps), f"never entered after the step before it: {steps[watch.reached]}"
