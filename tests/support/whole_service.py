@@ -1,4 +1,4 @@
-"""Gateway, shared memory and controller in one thread and in virtual time: what a page does, watched from end to end."""
+"""Gateway, shared memory and controller in one thread and virtual time: what a page does, from end to end."""
 
 from __future__ import annotations
 
@@ -98,7 +98,13 @@ def with_page(machine: Machine, folder: Path, script: Callable[[PageInProcess], 
         session = access.sessions.open(access.users.all()["anna"])
         page = PageInProcess(Controller(machine, store, memory), memory)
         headers = [(b"cookie", f"{COOKIE}={session.token}".encode()), (b"origin", ORIGIN.encode())]
-        scope = {"type": "websocket", "path": "/live", "headers": headers, "client": ("127.0.0.1", 1), "scheme": "ws"}
+        scope = {
+            "type": "websocket",
+            "path": "/live",
+            "headers": headers,
+            "client": ("127.0.0.1", 1),
+            "scheme": "ws",
+        }
         await page._to_service.put({"type": "websocket.connect"})
         served = asyncio.create_task(Live(access, hub).serve(WebSocket(scope, page.receive, page.send)))
         looking = asyncio.create_task(hub.run())
