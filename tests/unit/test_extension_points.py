@@ -61,6 +61,8 @@ def test_a_commissioning_step_is_documented(step: Step) -> None:
 
 
 def test_the_files_that_the_page_names_exist() -> None:
-    named = re.findall(r"`((?:src|tests|docs|tools|hmi|configs)/[\w./-]+\.\w+)`", EXTEND.read_text(encoding="utf-8"))
+    named = re.findall(
+        r"`((?:src|tests|docs|tools|hmi|configs)/[\w./-]+\.\w+)`", EXTEND.read_text(encoding="utf-8")
+    )
     assert len(named) > 25
     assert [name for name in named if not (ROOT / name).exists()] == []
