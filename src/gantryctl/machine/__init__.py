@@ -6,13 +6,7 @@ Only `plant` is the simulated world; nothing that controls may read it.
 
 from __future__ import annotations
 
-from gantryctl.machine.calibration import (
-    Calibration,
-    Identified,
-    Maps,
-    calibration_toml,
-    load_calibration,
-)
+from gantryctl.machine.calibration import Calibration, Identified, Maps, calibration_toml, load_calibration
 from gantryctl.machine.derived import Derived, derived
 from gantryctl.machine.effective import (
     Difference,

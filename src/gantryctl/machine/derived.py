@@ -24,13 +24,7 @@ class Derived(NamedTuple):
 
 def derived(machine: Machine) -> list[Derived]:
     """All derived figures, grouped: gear and inertia, encoder, set-point, stops, torque."""
-    return [
-        *_gear(machine),
-        *_encoder(machine),
-        *_set_point(machine),
-        *_stops(machine),
-        *_torque(machine),
-    ]
+    return [*_gear(machine), *_encoder(machine), *_set_point(machine), *_stops(machine), *_torque(machine)]
 
 
 def _gear(m: Machine) -> list[Derived]:

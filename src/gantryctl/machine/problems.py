@@ -7,6 +7,7 @@ import json
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from types import UnionType
 from typing import Any, Final, TypeAlias
 
 from gantryctl.machine.reading import Data, printable
@@ -17,17 +18,21 @@ from gantryctl.machine.tables.model import Machine
 Location: TypeAlias = tuple[int | str, ...]
 
 MAX_LINES: Final = 500
-_MAX_HINTS: Final = (
-    50  # looking for similar names is slow; a file with more unknown keys needs another kind of help
-)
-_MUST_BE: Final = {
-    "number": "a number",
-    "integer": "a whole number",
-    "switch": "true or false",
-    "word": "one word in quotes",
-    "text": "text in quotes",
-    "numbers": "an array of numbers",
+# Looking for similar names is slow; a file with more unknown keys needs another kind of help.
+_MAX_HINTS: Final = 50
+_MUST_BE: Final[dict[str, tuple[type | UnionType, str]]] = {
+    "number": (int | float, "a number"),
+    "integer": (int, "a whole number"),
+    "switch": (bool, "true or false"),
+    "word": (str, "one word in quotes"),
+    "text": (str, "text in quotes"),
+    "numbers": (list, "an array of numbers"),
 }
+# Python's bool is an int: it must come first.
+_TYPE_NAMES: Final = {
+    bool: "a boolean", str: "text", int: "a whole number", float: "a number with a point",
+    list: "an array", dict: "a table",
+}  # fmt: skip
 _FACTORS: Final = {
     60.0: "per minute instead of per second?",
     360.0: "degrees where turns belong, or the other way round?",
@@ -167,8 +172,8 @@ def _wrong(where: Location, data: Data, root: type[Table]) -> str:
         return f"{_place(where, root)} = {show_value(value)}: is {_type_name(value)}, must be a table"
     element = isinstance(where[-1], int)
     start = f"{_place(where, root)} = {show_value(value)}: "
-    must_be = "a number" if element else _MUST_BE[spec.kind]
-    if not _right_type(value, "number" if element else spec.kind):
+    types, must_be = _MUST_BE["number" if element else spec.kind]
+    if not isinstance(value, types) or isinstance(value, bool) != (types is bool):
         return f"{start}is {_type_name(value)}, must be {must_be}; allowed {spec.allowed}"
     if isinstance(value, float) and not math.isfinite(value):
         return f"{start}is not a finite number; allowed {spec.allowed}"
@@ -177,31 +182,8 @@ def _wrong(where: Location, data: Data, root: type[Table]) -> str:
     return f"{start}allowed {spec.allowed}{_unit_hint(spec, value, data)}"
 
 
-def _right_type(value: object, kind: str) -> bool:
-    match kind:
-        case "switch":
-            return isinstance(value, bool)
-        case "number":
-            return isinstance(value, int | float) and not isinstance(value, bool)
-        case "integer":
-            return isinstance(value, int) and not isinstance(value, bool)
-        case "numbers":
-            return isinstance(value, list)
-        case _:
-            return isinstance(value, str)
-
-
 def _type_name(value: object) -> str:
-    if isinstance(value, bool):
-        return "a boolean"
-    names = {
-        str: "text",
-        int: "a whole number",
-        float: "a number with a point",
-        list: "an array",
-        dict: "a table",
-    }
-    return next((name for kind, name in names.items() if isinstance(value, kind)), "a date or time")
+    return next((name for kind, name in _TYPE_NAMES.items() if isinstance(value, kind)), "a date or time")
 
 
 def _unit_hint(spec: FieldSpec, value: object, data: Data) -> str:

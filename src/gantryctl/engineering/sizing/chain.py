@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Final
 
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm
 from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.errors import ConfigError
-from gantryctl.machine import Machine, default_machine, field_specs, show_value, with_values
+from gantryctl.machine import Machine, default_machine, field_specs, with_values
 from gantryctl.machine.specs import Value
 from gantryctl.machine.tables.fields import Table
+from gantryctl.machine.writing import toml_tables
 from gantryctl.units import DEG_S_PER_R_MIN
 
 _SPEED_CHAIN: Final = ("command_clamp_deg_s", "drive_ceiling_deg_s", "overspeed_trip_deg_s")
@@ -94,16 +96,6 @@ def sized_machine(base: Machine, fitted: Fit) -> Machine:
     return with_values(base, machine_values(fitted.train.sheet, fitted.motor))
 
 
-def as_tables(values: dict[str, Value]) -> str:
+def as_tables(values: Mapping[str, Value]) -> str:
     """The values as tables of a machine file, in its order."""
-    lines: list[str] = []
-    table = ""
-    for path, spec in field_specs().items():
-        if path not in values:
-            continue
-        if spec.table != table:
-            table = spec.table
-            lines += ["", f"[{table}]"] if lines else [f"[{table}]"]
-        value = show_value(values[path], None)
-        lines.append(f"{spec.key} = {value}" + ("" if spec.unit == "-" else f"  # {spec.unit}"))
-    return "\n".join(lines) + "\n"
+    return toml_tables({path: values[path] for path in field_specs() if path in values}, units=True)

@@ -117,10 +117,7 @@ def _holding_rows(fitted: Fit) -> Rows:
     wrap = wrap_margin_deg(train.sheet, motor)
     reserve = f", {motor.brake.torque_nm / train.hold_nm:.1f} times" if train.hold_nm else ""
     return (
-        (
-            "quick stop, at least",
-            f"{deg(train.quick_dec_rad_s2):.2f} deg/s2, {train.quick_stop_nm:.0f} N m",
-        ),
+        ("quick stop, at least", f"{deg(train.quick_dec_rad_s2):.2f} deg/s2, {train.quick_stop_nm:.0f} N m"),
         ("holding: needed; brake", f"{train.hold_nm:.1f} N m; {motor.brake.torque_nm:g} N m{reserve}"),
         ("encoder range; wrap beyond travel", f"{turns:.2f} gantry turns; {wrap:.1f} deg each side"),
         ("encoder step at the gantry; interpolated", f"{step:.3g} deg; {fine:.2g} deg"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import RATIO, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 
 DEG_S_PER_R_MIN = 6.0
@@ -10,147 +10,133 @@ DEG_S_PER_R_MIN = 6.0
 
 # --- travel -------------------------------------------------------------------------------------------------
 @rule("axis.pos_min_deg", "axis.pos_max_deg")
-def travel_is_not_empty(m: Machine) -> str | None:
+def travel_is_not_empty(m: Machine) -> Broken:
     """The lowest angle lies at least 1 deg below the highest."""
-    return at_most(m.axis.pos_min_deg, m.axis.pos_max_deg - 1.0, "deg", "or there is no travel")
+    return at_most(m.axis.pos_min_deg, m.axis.pos_max_deg - 1.0, "or there is no travel")
 
 
 @rule("axis.over_travel_deg", "axis.pos_min_deg")
-def over_travel_below_lowest(m: Machine) -> str | None:
+def over_travel_below_lowest(m: Machine) -> Broken:
     """The over-travel trip does not lie inside travel, on the negative side."""
-    return at_least(m.axis.over_travel_deg, -m.axis.pos_min_deg, "deg", "the trip would lie inside travel")
+    return at_least(m.axis.over_travel_deg, -m.axis.pos_min_deg, "the trip would lie inside travel")
 
 
 @rule("axis.over_travel_deg", "axis.pos_max_deg")
-def over_travel_above_highest(m: Machine) -> str | None:
+def over_travel_above_highest(m: Machine) -> Broken:
     """The over-travel trip does not lie inside travel, on the positive side."""
-    return at_least(m.axis.over_travel_deg, m.axis.pos_max_deg, "deg", "the trip would lie inside travel")
+    return at_least(m.axis.over_travel_deg, m.axis.pos_max_deg, "the trip would lie inside travel")
 
 
 @rule("axis.over_travel_deg", "axis.limit_switch_deg")
-def over_travel_before_switch(m: Machine) -> str | None:
+def over_travel_before_switch(m: Machine) -> Broken:
     """The over-travel trip acts before the limit switches."""
-    return below(m.axis.over_travel_deg, m.axis.limit_switch_deg, "deg", "the switch would act first")
+    return below(m.axis.over_travel_deg, m.axis.limit_switch_deg, "the switch would act first")
 
 
 @rule("axis.limit_switch_deg", "axis.mechanical_stop_deg")
-def switch_before_stop(m: Machine) -> str | None:
+def switch_before_stop(m: Machine) -> Broken:
     """The limit switches stand before the mechanical stops."""
-    return below(
-        m.axis.limit_switch_deg, m.axis.mechanical_stop_deg, "deg", "the switch must act before the stop"
-    )
+    return below(m.axis.limit_switch_deg, m.axis.mechanical_stop_deg, "the switch must act before the stop")
 
 
 @rule("axis.mechanical_stop_deg", "axis.limit_switch_deg", "axis.stopping_angle_max_deg")
-def stop_fits_behind_switch(m: Machine) -> str | None:
+def stop_fits_behind_switch(m: Machine) -> Broken:
     """The permitted stopping angle fits between limit switch and mechanical stop."""
     need = m.axis.limit_switch_deg + m.axis.stopping_angle_max_deg
-    return at_least(m.axis.mechanical_stop_deg, need, "deg", "limit switch plus permitted stopping angle")
+    return at_least(m.axis.mechanical_stop_deg, need, "limit switch plus permitted stopping angle")
 
 
 # --- speed chain --------------------------------------------------------------------------------------------
 @rule("speed.setting_min_deg_s", "speed.setting_max_deg_s")
-def settings_in_order(m: Machine) -> str | None:
+def settings_in_order(m: Machine) -> Broken:
     """The lowest speed setting is below the highest."""
-    return below(m.speed.setting_min_deg_s, m.speed.setting_max_deg_s, "deg/s", "the highest setting")
+    return below(m.speed.setting_min_deg_s, m.speed.setting_max_deg_s, "the highest setting")
 
 
 @rule("speed.creep_deg_s", "speed.setting_max_deg_s")
-def creep_is_slow(m: Machine) -> str | None:
+def creep_is_slow(m: Machine) -> Broken:
     """Service creep is not faster than the highest setting."""
-    return at_most(
-        m.speed.creep_deg_s, m.speed.setting_max_deg_s, "deg/s", "creep is not above the highest setting"
-    )
+    return at_most(m.speed.creep_deg_s, m.speed.setting_max_deg_s, "creep is not above the highest setting")
 
 
 @rule("speed.command_clamp_deg_s", "speed.setting_max_deg_s")
-def correction_reserve(m: Machine) -> str | None:
+def correction_reserve(m: Machine) -> Broken:
     """The command clamp leaves the position loop a reserve of at least 5 % above the highest setting."""
     need = 1.05 * m.speed.setting_max_deg_s
-    return at_least(
-        m.speed.command_clamp_deg_s, need, "deg/s", "1.05 x the highest setting, the correction reserve"
-    )
+    return at_least(m.speed.command_clamp_deg_s, need, "1.05 x the highest setting, the correction reserve")
 
 
 @rule("speed.command_clamp_deg_s", "speed.drive_ceiling_deg_s")
-def clamp_below_ceiling(m: Machine) -> str | None:
+def clamp_below_ceiling(m: Machine) -> Broken:
     """The drive's ceiling is not below the command clamp."""
     return at_most(
-        m.speed.command_clamp_deg_s, m.speed.drive_ceiling_deg_s, "deg/s", "the drive would cut the command"
+        m.speed.command_clamp_deg_s, m.speed.drive_ceiling_deg_s, "the drive would cut the command"
     )
 
 
 @rule("speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s")
-def ceiling_below_trip(m: Machine) -> str | None:
+def ceiling_below_trip(m: Machine) -> Broken:
     """The overspeed trip is above the drive's ceiling."""
-    return below(
-        m.speed.drive_ceiling_deg_s, m.speed.overspeed_trip_deg_s, "deg/s", "or a permitted speed would trip"
-    )
+    return below(m.speed.drive_ceiling_deg_s, m.speed.overspeed_trip_deg_s, "or a permitted speed would trip")
 
 
 @rule("speed.drive_ceiling_deg_s", *RATIO, "motor.speed_max_r_min")
-def motor_reaches_ceiling(m: Machine) -> str | None:
+def motor_reaches_ceiling(m: Machine) -> Broken:
     """The motor may turn as fast as the drive's ceiling asks."""
     most = m.motor.speed_max_r_min * DEG_S_PER_R_MIN / m.axis.ratio
-    return at_most(m.speed.drive_ceiling_deg_s, most, "deg/s", "highest motor speed divided by the ratio")
+    return at_most(m.speed.drive_ceiling_deg_s, most, "highest motor speed divided by the ratio")
 
 
 @rule("speed.overspeed_trip_deg_s", *RATIO, "motor.speed_max_r_min")
-def motor_survives_overspeed(m: Machine) -> str | None:
+def motor_survives_overspeed(m: Machine) -> Broken:
     """The overspeed trip acts before the motor's highest permitted speed."""
     most = m.motor.speed_max_r_min * DEG_S_PER_R_MIN / m.axis.ratio
-    return at_most(m.speed.overspeed_trip_deg_s, most, "deg/s", "highest motor speed divided by the ratio")
+    return at_most(m.speed.overspeed_trip_deg_s, most, "highest motor speed divided by the ratio")
 
 
 # --- decelerations ------------------------------------------------------------------------------------------
 @rule("virtual_axis.jog_release_dec_deg_s2", "virtual_axis.dec_deg_s2")
-def jog_release_not_softer(m: Machine) -> str | None:
+def jog_release_not_softer(m: Machine) -> Broken:
     """The jog-release ramp is at least as steep as the normal deceleration."""
     v = m.virtual_axis
-    return at_least(v.jog_release_dec_deg_s2, v.dec_deg_s2, "deg/s2", "not softer than a normal stop")
+    return at_least(v.jog_release_dec_deg_s2, v.dec_deg_s2, "not softer than a normal stop")
 
 
 @rule("virtual_axis.quick_dec_deg_s2", "virtual_axis.jog_release_dec_deg_s2")
-def quick_not_softer(m: Machine) -> str | None:
+def quick_not_softer(m: Machine) -> Broken:
     """The quick stop is at least as steep as the jog-release ramp."""
     v = m.virtual_axis
-    return at_least(
-        v.quick_dec_deg_s2, v.jog_release_dec_deg_s2, "deg/s2", "not softer than letting a jog key go"
-    )
+    return at_least(v.quick_dec_deg_s2, v.jog_release_dec_deg_s2, "not softer than letting a jog key go")
 
 
 @rule("virtual_axis.quick_dec_deg_s2", "virtual_axis.acc_deg_s2")
-def quick_not_below_acceleration(m: Machine) -> str | None:
+def quick_not_below_acceleration(m: Machine) -> Broken:
     """The quick stop is at least as steep as the acceleration."""
     v = m.virtual_axis
-    return at_least(v.quick_dec_deg_s2, v.acc_deg_s2, "deg/s2", "the axis must stop faster than it starts")
+    return at_least(v.quick_dec_deg_s2, v.acc_deg_s2, "the axis must stop faster than it starts")
 
 
 @rule("virtual_axis.quick_dec_deg_s2", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
-def quick_stop_fits_angle(m: Machine) -> str | None:
+def quick_stop_fits_angle(m: Machine) -> Broken:
     """A rigid quick stop from the highest setting, without reaction, fits the permitted stopping angle."""
     need = m.speed.setting_max_deg_s**2 / (2.0 * m.axis.stopping_angle_max_deg)
-    return at_least(
-        m.virtual_axis.quick_dec_deg_s2, need, "deg/s2", "to stop within the permitted stopping angle"
-    )
+    return at_least(m.virtual_axis.quick_dec_deg_s2, need, "to stop within the permitted stopping angle")
 
 
 @rule("virtual_axis.jog_release_jerk_deg_s3", "virtual_axis.jog_release_dec_deg_s2")
-def jog_release_is_prompt(m: Machine) -> str | None:
+def jog_release_is_prompt(m: Machine) -> Broken:
     """The jog-release ramp reaches its deceleration within 1 s."""
     v = m.virtual_axis
-    return at_least(
-        v.jog_release_jerk_deg_s3, v.jog_release_dec_deg_s2, "deg/s3", "the deceleration within 1 s"
-    )
+    return at_least(v.jog_release_jerk_deg_s3, v.jog_release_dec_deg_s2, "the deceleration within 1 s")
 
 
 @rule(
     "virtual_axis.jerk_deg_s3", "virtual_axis.acc_deg_s2", "virtual_axis.dec_deg_s2", "virtual_axis.profile"
 )
-def jerk_reaches_acceleration(m: Machine) -> str | None:
+def jerk_reaches_acceleration(m: Machine) -> Broken:
     """With profile = "jerk_limited" the jerk reaches acceleration and deceleration within 10 s."""
     v = m.virtual_axis
     if v.profile != "jerk_limited":
         return None
     need = max(v.acc_deg_s2, v.dec_deg_s2) / 10.0
-    return at_least(v.jerk_deg_s3, need, "deg/s3", "to reach the acceleration within 10 s")
+    return at_least(v.jerk_deg_s3, need, "to reach the acceleration within 10 s")

@@ -4,9 +4,24 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
-Check: TypeAlias = Callable[[Any], str | None]
+
+class Limit(NamedTuple):
+    """A limit that the first key of a rule does not keep, in the unit of that key."""
+
+    relation: str
+    value: float
+    why: str
+
+    def text(self, unit_text: str) -> str:
+        """The demand in words; `unit_text` is the unit with a space before it."""
+        return f"must be {self.relation} {self.value:.6g}{unit_text}: {self.why}"
+
+
+Broken: TypeAlias = "Limit | str | None"
+"""What is wrong, as a limit or in words; None when the rule holds."""
+Check: TypeAlias = Callable[[Any], Broken]
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -44,42 +59,30 @@ def rule(*paths: str) -> Callable[[Check], Check]:
     return register
 
 
-def violations(machine: object, rules: Iterable[Rule] = REGISTERED) -> list[tuple[Rule, str]]:
+def violations(machine: object, rules: Iterable[Rule] = REGISTERED) -> list[tuple[Rule, Limit | str]]:
     """The rules that a machine breaks, with what is wrong."""
     return [(each, wrong) for each in rules if (wrong := each.check(machine)) is not None]
 
 
-def at_least(value: float, limit: float, unit: str, why: str) -> str | None:
+def at_least(value: float, limit: float, why: str) -> Broken:
     """Say what is wrong unless `value` is at or above `limit`, rounding forgiven (6 x 1.05 is not 6.3)."""
-    if value >= limit - _rounding(value, limit):
-        return None
-    return f"must be at least {limit:.6g}{_suffix(unit)}: {why}"
+    return None if value >= limit - _rounding(value, limit) else Limit("at least", limit, why)
 
 
-def at_most(value: float, limit: float, unit: str, why: str) -> str | None:
+def at_most(value: float, limit: float, why: str) -> Broken:
     """Say what is wrong unless `value` is at or below `limit`, rounding forgiven."""
-    if value <= limit + _rounding(value, limit):
-        return None
-    return f"must be at most {limit:.6g}{_suffix(unit)}: {why}"
+    return None if value <= limit + _rounding(value, limit) else Limit("at most", limit, why)
 
 
-def above(value: float, limit: float, unit: str, why: str) -> str | None:
+def above(value: float, limit: float, why: str) -> Broken:
     """Say what is wrong unless `value` is clearly above `limit`."""
-    if value > limit + _rounding(value, limit):
-        return None
-    return f"must be above {limit:.6g}{_suffix(unit)}: {why}"
+    return None if value > limit + _rounding(value, limit) else Limit("above", limit, why)
 
 
-def below(value: float, limit: float, unit: str, why: str) -> str | None:
+def below(value: float, limit: float, why: str) -> Broken:
     """Say what is wrong unless `value` is clearly below `limit`."""
-    if value < limit - _rounding(value, limit):
-        return None
-    return f"must be below {limit:.6g}{_suffix(unit)}: {why}"
+    return None if value < limit - _rounding(value, limit) else Limit("below", limit, why)
 
 
 def _rounding(value: float, limit: float) -> float:
     return 1e-9 * max(abs(value), abs(limit))
-
-
-def _suffix(unit: str) -> str:
-    return "" if unit == "-" else f" {unit}"

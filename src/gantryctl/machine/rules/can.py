@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import RATIO, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 
 _TRAVEL = ("axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
@@ -11,53 +11,53 @@ _FEWEST_SCANS = 3.0
 
 
 @rule("can.node", "can.master_node", "drive.kind")
-def nodes_differ(m: Machine) -> str | None:
+def nodes_differ(m: Machine) -> Broken:
     """Drive and controller have different node ids."""
     return "must differ from the controller's" if _can(m) and m.can.node == m.can.master_node else None
 
 
 @rule("can.interface", "drive.kind")
-def interface_is_named(m: Machine) -> str | None:
+def interface_is_named(m: Machine) -> Broken:
     """A CAN machine names its interface."""
     return 'must name a python-can interface, or "simulated"' if _can(m) and not m.can.interface else None
 
 
 @rule("can.heartbeat_ms", "can.heartbeat_timeout_ms", "drive.kind")
-def heartbeat_within_timeout(m: Machine) -> str | None:
+def heartbeat_within_timeout(m: Machine) -> Broken:
     """At least two heartbeats fit into the time-out."""
     return (
-        at_most(m.can.heartbeat_ms, m.can.heartbeat_timeout_ms / 2.0, "ms", "half its time-out")
+        at_most(m.can.heartbeat_ms, m.can.heartbeat_timeout_ms / 2.0, "half its time-out")
         if _can(m)
         else None
     )
 
 
 @rule("can.rpdo_deadline_ms", "control.scan_period_ms", "drive.kind")
-def deadline_outlasts_scans(m: Machine) -> str | None:
+def deadline_outlasts_scans(m: Machine) -> Broken:
     """The drive's deadline is longer than a few scans."""
     least = _FEWEST_SCANS * m.control.scan_period_ms
-    return at_least(m.can.rpdo_deadline_ms, least, "ms", "three scans") if _can(m) else None
+    return at_least(m.can.rpdo_deadline_ms, least, "three scans") if _can(m) else None
 
 
 @rule("can.answer_ms", "control.scan_period_ms", "drive.kind")
-def answers_fit_a_scan(m: Machine) -> str | None:
+def answers_fit_a_scan(m: Machine) -> Broken:
     """Waiting for answers leaves time for the program."""
     most = 0.75 * m.control.scan_period_ms
-    return below(m.can.answer_ms, most, "ms", "three quarters of the scan") if _can(m) else None
+    return below(m.can.answer_ms, most, "three quarters of the scan") if _can(m) else None
 
 
 @rule("can.increments_per_turn", *RATIO, *_TRAVEL, "drive.kind")
-def position_fits_32_bits(m: Machine) -> str | None:
+def position_fits_32_bits(m: Machine) -> Broken:
     """6064 has 32 bits: travel and wrap margins lie inside them."""
     if not _can(m):
         return None
     travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
     most = 2.0**32 / (travel / 360.0 * m.axis.ratio)
-    return at_most(m.can.increments_per_turn, most, "1/turn", "or the 32 bits of 6064 wrap within the travel")
+    return at_most(m.can.increments_per_turn, most, "or the 32 bits of 6064 wrap within the travel")
 
 
 @rule("can.side_channel", "can.commissioning_required", "drive.kind")
-def truth_is_for_virtual_drives(m: Machine) -> str | None:
+def truth_is_for_virtual_drives(m: Machine) -> Broken:
     """A machine with a side channel is virtual."""
     wrong = _can(m) and m.can.side_channel and m.can.commissioning_required
     return (
@@ -66,7 +66,7 @@ def truth_is_for_virtual_drives(m: Machine) -> str | None:
 
 
 @rule("can.interface", "brake.owner", "drive.kind")
-def somebody_works_the_brake(m: Machine) -> str | None:
+def somebody_works_the_brake(m: Machine) -> Broken:
     """There is no digital output of the controller yet."""
     wrong = _can(m) and m.brake.owner == "controller_output"
     return (
@@ -75,7 +75,7 @@ def somebody_works_the_brake(m: Machine) -> str | None:
 
 
 @rule("control.scan_period_ms", "drive.kind")
-def sync_period_can_be_told(m: Machine) -> str | None:
+def sync_period_can_be_told(m: Machine) -> Broken:
     """60C2 takes 1 to 255 steps of a power of ten."""
     if not _can(m):
         return None

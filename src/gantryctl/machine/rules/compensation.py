@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import rule
+from gantryctl.machine.rules.book import Broken, rule
 from gantryctl.machine.tables.model import Machine
 
 _AT = "control.compensation"
@@ -11,21 +11,21 @@ _STEP = 'must go with [virtual_axis] profile = "jerk_limited": a step of the acc
 
 
 @rule(f"{_AT}.torque.acceleration", _PROFILE)
-def acceleration_torque_without_steps(m: Machine) -> str | None:
+def acceleration_torque_without_steps(m: Machine) -> Broken:
     """Torque feed-forward of the acceleration needs a jerk-limited profile."""
     wrong = m.control.compensation.torque.acceleration and m.virtual_axis.profile == "trapezoid"
     return _STEP if wrong else None
 
 
 @rule(f"{_AT}.windup.active", _PROFILE)
-def windup_without_steps(m: Machine) -> str | None:
+def windup_without_steps(m: Machine) -> Broken:
     """Wind-up compensation needs a jerk-limited profile."""
     wrong = m.control.compensation.windup.active and m.virtual_axis.profile == "trapezoid"
     return _STEP if wrong else None
 
 
 @rule(f"{_AT}.damping.active", f"{_AT}.load_encoder.active")
-def damping_needs_the_load_encoder(m: Machine) -> str | None:
+def damping_needs_the_load_encoder(m: Machine) -> Broken:
     """Swing damping sees the load through the load-side encoder."""
     c = m.control.compensation
     wrong = c.damping.active and not c.load_encoder.active
@@ -33,14 +33,14 @@ def damping_needs_the_load_encoder(m: Machine) -> str | None:
 
 
 @rule(f"{_AT}.load_encoder.own_errors", f"{_AT}.load_encoder.active")
-def own_errors_need_the_load_encoder(m: Machine) -> str | None:
+def own_errors_need_the_load_encoder(m: Machine) -> Broken:
     """The load-side encoder's own errors matter only where it is read."""
     c = m.control.compensation.load_encoder
     return "must go with the load-side loop: switch that on too" if c.own_errors and not c.active else None
 
 
 @rule(f"{_AT}.load_encoder.active", "plant.load_encoder.fitted", "drive.kind")
-def load_encoder_is_there(m: Machine) -> str | None:
+def load_encoder_is_there(m: Machine) -> Broken:
     """A load-side loop on the simulated drive needs a simulated load-side encoder."""
     wrong = (
         m.control.compensation.load_encoder.active
@@ -57,7 +57,7 @@ _LIVE_ON_IT = (
 
 
 @rule(f"{_AT}.calibration", *(f"{_AT}.{key}" for key in _LIVE_ON_IT))
-def calibration_is_named(m: Machine) -> str | None:
+def calibration_is_named(m: Machine) -> Broken:
     """What lives on identified values needs a calibration file."""
     c = m.control.compensation
     missing = c.needs_calibration and not c.calibration

@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl.machine.problems import show_value
 from gantryctl.machine.rules import axis, can, compensation, monitors, parts, plant
-from gantryctl.machine.rules.book import REGISTERED, Rule, violations
+from gantryctl.machine.rules.book import REGISTERED, Limit, Rule, violations
 from gantryctl.machine.specs import field_specs, value_at
 from gantryctl.machine.tables.model import Machine
 
@@ -30,10 +30,10 @@ def contradictions(machine: Machine, name: str, unusable: Collection[str] = ()) 
     return [f"{name}: {_line(machine, rule, wrong)}" for rule, wrong in violations(machine, usable)]
 
 
-def _line(machine: Machine, rule: Rule, wrong: str) -> str:
+def _line(machine: Machine, rule: Rule, wrong: Limit | str) -> str:
     specs = [field_specs()[path] for path in rule.paths]
     first, *others = (
         f"{spec.place} = {show_value(value_at(machine, spec.path))}{spec.unit_text}" for spec in specs
     )
-    against = f"; against {', '.join(others)}" if others else ""
-    return f"{first}: {wrong}{against}"
+    demand = wrong.text(specs[0].unit_text) if isinstance(wrong, Limit) else wrong
+    return f"{first}: {demand}" + (f"; against {', '.join(others)}" if others else "")

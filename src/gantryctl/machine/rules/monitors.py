@@ -2,120 +2,114 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import RATIO, above, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 
 COUNT = ("encoder.counts_per_turn", *RATIO)
 
 
 @rule("monitors.standstill_window_deg", *COUNT)
-def standstill_above_resolution(m: Machine) -> str | None:
+def standstill_above_resolution(m: Machine) -> Broken:
     """The standstill window is at least two absolute encoder steps."""
-    return at_least(m.monitors.standstill_window_deg, 2.0 * _step_deg(m), "deg", "two encoder steps")
+    return at_least(m.monitors.standstill_window_deg, 2.0 * _step_deg(m), "two encoder steps")
 
 
 @rule("monitors.in_position_window_deg", *COUNT)
-def in_position_above_resolution(m: Machine) -> str | None:
+def in_position_above_resolution(m: Machine) -> Broken:
     """The in-position window is at least two absolute encoder steps."""
-    return at_least(m.monitors.in_position_window_deg, 2.0 * _step_deg(m), "deg", "two encoder steps")
+    return at_least(m.monitors.in_position_window_deg, 2.0 * _step_deg(m), "two encoder steps")
 
 
 @rule("brake.sag_max_deg", *COUNT)
-def sag_above_resolution(m: Machine) -> str | None:
+def sag_above_resolution(m: Machine) -> Broken:
     """The permitted sag is at least two absolute encoder steps."""
-    return at_least(m.brake.sag_max_deg, 2.0 * _step_deg(m), "deg", "two encoder steps")
+    return at_least(m.brake.sag_max_deg, 2.0 * _step_deg(m), "two encoder steps")
 
 
 @rule("monitors.in_position_window_deg", "monitors.following_error_base_deg")
-def in_position_inside_following_error(m: Machine) -> str | None:
+def in_position_inside_following_error(m: Machine) -> Broken:
     """The in-position window is smaller than the following error at rest that trips."""
     limit = m.monitors.following_error_base_deg
-    return below(m.monitors.in_position_window_deg, limit, "deg", "or the axis trips before it arrives")
+    return below(m.monitors.in_position_window_deg, limit, "or the axis trips before it arrives")
 
 
 @rule("monitors.following_error_base_deg", "axis.over_travel_deg", "axis.pos_min_deg", "axis.pos_max_deg")
-def following_error_before_over_travel(m: Machine) -> str | None:
+def following_error_before_over_travel(m: Machine) -> Broken:
     """At the ends of travel the following error trips before over-travel does."""
     room = m.axis.over_travel_deg - max(-m.axis.pos_min_deg, m.axis.pos_max_deg)
-    return at_most(
-        m.monitors.following_error_base_deg, room, "deg", "the room between travel and over-travel"
-    )
+    return at_most(m.monitors.following_error_base_deg, room, "the room between travel and over-travel")
 
 
 @rule("monitors.velocity_deviation_deg_s", "speed.setting_max_deg_s")
-def velocity_deviation_can_act(m: Machine) -> str | None:
+def velocity_deviation_can_act(m: Machine) -> Broken:
     """The permitted velocity deviation is below the highest setting, or it could never act."""
     limit = m.speed.setting_max_deg_s
-    return below(m.monitors.velocity_deviation_deg_s, limit, "deg/s", "or it never acts")
+    return below(m.monitors.velocity_deviation_deg_s, limit, "or it never acts")
 
 
 @rule("monitors.in_position_tolerance_time_s", "monitors.in_position_dwell_ms")
-def tolerance_longer_than_dwell(m: Machine) -> str | None:
+def tolerance_longer_than_dwell(m: Machine) -> Broken:
     """The time to come into position is longer than the dwell inside the window."""
     need = m.monitors.in_position_dwell_ms / 1000.0
-    return above(m.monitors.in_position_tolerance_time_s, need, "s", "the in-position dwell")
+    return above(m.monitors.in_position_tolerance_time_s, need, "the in-position dwell")
 
 
 @rule("monitors.torque_saturation_time_ms", "drive.speed_loop.overload_time_s")
-def saturation_within_overload(m: Machine) -> str | None:
+def saturation_within_overload(m: Machine) -> Broken:
     """Torque saturation trips before the overload time is used up."""
     most = 1000.0 * m.drive.speed_loop.overload_time_s
-    return at_most(m.monitors.torque_saturation_time_ms, most, "ms", "the drive's overload time")
+    return at_most(m.monitors.torque_saturation_time_ms, most, "the drive's overload time")
 
 
 @rule("monitors.brake_feedback_time_ms", "brake.close_time_ms")
-def feedback_waits_for_closing(m: Machine) -> str | None:
+def feedback_waits_for_closing(m: Machine) -> Broken:
     """The brake feedback is given the time the brake needs to close."""
-    return at_least(
-        m.monitors.brake_feedback_time_ms, m.brake.close_time_ms, "ms", "the brake's closing time"
-    )
+    return at_least(m.monitors.brake_feedback_time_ms, m.brake.close_time_ms, "the brake's closing time")
 
 
 @rule("monitors.brake_feedback_time_ms", "brake.open_time_ms")
-def feedback_waits_for_opening(m: Machine) -> str | None:
+def feedback_waits_for_opening(m: Machine) -> Broken:
     """The brake feedback is given the time the brake needs to open."""
-    return at_least(m.monitors.brake_feedback_time_ms, m.brake.open_time_ms, "ms", "the brake's opening time")
+    return at_least(m.monitors.brake_feedback_time_ms, m.brake.open_time_ms, "the brake's opening time")
 
 
 @rule("monitors.power_up_time_ms", "brake.open_time_ms", "control.scan_period_ms")
-def power_up_waits_for_brake(m: Machine) -> str | None:
+def power_up_waits_for_brake(m: Machine) -> Broken:
     """The power-up time covers the brake's opening and two scans."""
     need = m.brake.open_time_ms + 2.0 * m.control.scan_period_ms
-    return at_least(m.monitors.power_up_time_ms, need, "ms", "the brake's opening time and two scans")
+    return at_least(m.monitors.power_up_time_ms, need, "the brake's opening time and two scans")
 
 
 @rule("monitors.lease_ms", "control.scan_period_ms")
-def lease_spans_scans(m: Machine) -> str | None:
+def lease_spans_scans(m: Machine) -> Broken:
     """The lease lasts at least two scans."""
-    return at_least(m.monitors.lease_ms, 2.0 * m.control.scan_period_ms, "ms", "two scans")
+    return at_least(m.monitors.lease_ms, 2.0 * m.control.scan_period_ms, "two scans")
 
 
 @rule("monitors.lease_ms", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
-def lease_within_stopping_angle(m: Machine) -> str | None:
+def lease_within_stopping_angle(m: Machine) -> Broken:
     """At the highest setting a lost lease acts before the permitted stopping angle is used up."""
     most = 1000.0 * m.axis.stopping_angle_max_deg / m.speed.setting_max_deg_s
-    return at_most(m.monitors.lease_ms, most, "ms", "permitted stopping angle / highest setting")
+    return at_most(m.monitors.lease_ms, most, "permitted stopping angle / highest setting")
 
 
 # --- accuracy test ------------------------------------------------------------------------------------------
 @rule("accuracy.average_s", "accuracy.dwell_s")
-def average_within_dwell(m: Machine) -> str | None:
+def average_within_dwell(m: Machine) -> Broken:
     """The averaged time lies inside the dwell."""
-    return at_most(m.accuracy.average_s, m.accuracy.dwell_s, "s", "the dwell")
+    return at_most(m.accuracy.average_s, m.accuracy.dwell_s, "the dwell")
 
 
 @rule("accuracy.average_s", "control.scan_period_ms")
-def average_spans_scans(m: Machine) -> str | None:
+def average_spans_scans(m: Machine) -> Broken:
     """The averaged time holds at least two scans."""
-    return at_least(m.accuracy.average_s, 0.002 * m.control.scan_period_ms, "s", "two scans")
+    return at_least(m.accuracy.average_s, 0.002 * m.control.scan_period_ms, "two scans")
 
 
 @rule("accuracy.dwell_s", "monitors.in_position_dwell_ms")
-def dwell_longer_than_arrival(m: Machine) -> str | None:
+def dwell_longer_than_arrival(m: Machine) -> Broken:
     """The rest at each point is not shorter than the in-position dwell."""
-    return at_least(
-        m.accuracy.dwell_s, m.monitors.in_position_dwell_ms / 1000.0, "s", "the in-position dwell"
-    )
+    return at_least(m.accuracy.dwell_s, m.monitors.in_position_dwell_ms / 1000.0, "the in-position dwell")
 
 
 def _step_deg(m: Machine) -> float:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from gantryctl.machine.rules.book import RATIO, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import rad, rad_s_from_r_min
 
@@ -16,27 +16,25 @@ ROTOR = ("motor.inertia_kg_m2", "plant.motor.wave_generator_inertia_kg_m2")
 
 # --- motor and reducer --------------------------------------------------------------------------------------
 @rule("motor.torque_rated_nm", "motor.torque_max_nm")
-def torques_in_order(m: Machine) -> str | None:
+def torques_in_order(m: Machine) -> Broken:
     """The torque limit is not below the rated torque."""
-    return at_most(m.motor.torque_rated_nm, m.motor.torque_max_nm, "N m", "the torque limit")
+    return at_most(m.motor.torque_rated_nm, m.motor.torque_max_nm, "the torque limit")
 
 
 @rule("motor.torque_max_nm", "motor.torque_rated_nm")
-def overload_is_credible(m: Machine) -> str | None:
+def overload_is_credible(m: Machine) -> Broken:
     """The torque limit is not more than six times the rated torque."""
-    return at_most(
-        m.motor.torque_max_nm, 6.0 * m.motor.torque_rated_nm, "N m", "6 x rated; no servo motor has more"
-    )
+    return at_most(m.motor.torque_max_nm, 6.0 * m.motor.torque_rated_nm, "6 x rated; no servo motor has more")
 
 
 @rule("motor.speed_rated_r_min", "motor.speed_max_r_min")
-def motor_speeds_in_order(m: Machine) -> str | None:
+def motor_speeds_in_order(m: Machine) -> Broken:
     """The highest motor speed is not below the rated speed."""
-    return at_most(m.motor.speed_rated_r_min, m.motor.speed_max_r_min, "r/min", "the highest motor speed")
+    return at_most(m.motor.speed_rated_r_min, m.motor.speed_max_r_min, "the highest motor speed")
 
 
 @rule("motor.power_rated_kw", "motor.torque_rated_nm", "motor.speed_rated_r_min")
-def name_plate_agrees(m: Machine) -> str | None:
+def name_plate_agrees(m: Machine) -> Broken:
     """Rated power is rated torque times rated speed, within 10 %."""
     power = m.motor.torque_rated_nm * rad_s_from_r_min(m.motor.speed_rated_r_min) / 1000.0
     if abs(m.motor.power_rated_kw - power) <= 0.1 * power:
@@ -45,7 +43,7 @@ def name_plate_agrees(m: Machine) -> str | None:
 
 
 @rule("motor.current_rated_a", "motor.power_rated_kw", "motor.power_factor", "motor.efficiency")
-def voltage_is_credible(m: Machine) -> str | None:
+def voltage_is_credible(m: Machine) -> Broken:
     """Rated power and current belong to a line voltage of 20 to 1000 V."""
     active = math.sqrt(3.0) * m.motor.current_rated_a * m.motor.power_factor * m.motor.efficiency
     voltage = 1000.0 * m.motor.power_rated_kw / active
@@ -55,23 +53,23 @@ def voltage_is_credible(m: Machine) -> str | None:
 
 
 @rule("reducer.torque_rated_nm", "reducer.torque_momentary_nm")
-def reducer_torques_in_order(m: Machine) -> str | None:
+def reducer_torques_in_order(m: Machine) -> Broken:
     """The reducer's momentary torque is not below its rated torque."""
-    return at_most(m.reducer.torque_rated_nm, m.reducer.torque_momentary_nm, "N m", "the momentary torque")
+    return at_most(m.reducer.torque_rated_nm, m.reducer.torque_momentary_nm, "the momentary torque")
 
 
 @rule("motor.torque_max_nm", "virtual_axis.quick_dec_deg_s2", *RATIO, "plant.load.inertia_kg_m2", *ROTOR)
-def motor_gives_quick_stop(m: Machine) -> str | None:
+def motor_gives_quick_stop(m: Machine) -> Broken:
     """The torque limit covers the quick stop of the rigid machine: load, rotor and wave generator."""
     need = rigid_inertia_kg_m2(m) * rad(m.virtual_axis.quick_dec_deg_s2) * m.axis.ratio
-    return at_least(m.motor.torque_max_nm, need, "N m", "what the rigid machine needs for its quick stop")
+    return at_least(m.motor.torque_max_nm, need, "what the rigid machine needs for its quick stop")
 
 
 @rule("motor.torque_max_nm", "virtual_axis.acc_deg_s2", *RATIO, "plant.load.inertia_kg_m2", *ROTOR)
-def motor_gives_acceleration(m: Machine) -> str | None:
+def motor_gives_acceleration(m: Machine) -> Broken:
     """The torque limit covers the acceleration of the rigid machine."""
     need = rigid_inertia_kg_m2(m) * rad(m.virtual_axis.acc_deg_s2) * m.axis.ratio
-    return at_least(m.motor.torque_max_nm, need, "N m", "what the rigid machine needs to accelerate")
+    return at_least(m.motor.torque_max_nm, need, "what the rigid machine needs to accelerate")
 
 
 @rule(
@@ -80,104 +78,102 @@ def motor_gives_acceleration(m: Machine) -> str | None:
     "axis.ring_ratio",
     "plant.load.inertia_kg_m2",
 )
-def reducer_bears_quick_stop(m: Machine) -> str | None:
+def reducer_bears_quick_stop(m: Machine) -> Broken:
     """The reducer's momentary torque covers the quick stop of the rigid load."""
     need = m.plant.load.inertia_kg_m2 * rad(m.virtual_axis.quick_dec_deg_s2) / m.axis.ring_ratio
     return at_least(
-        m.reducer.torque_momentary_nm, need, "N m", "what the rigid load's quick stop puts on the reducer"
+        m.reducer.torque_momentary_nm, need, "what the rigid load's quick stop puts on the reducer"
     )
 
 
 @rule("motor.torque_rated_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
-def motor_holds_check_moment(m: Machine) -> str | None:
+def motor_holds_check_moment(m: Machine) -> Broken:
     """Rated torque holds the eccentric moment of the check."""
     need = m.plant.load.eccentric_check_moment_nm / m.axis.ratio
-    return at_least(m.motor.torque_rated_nm, need, "N m", "to hold the eccentric moment of the check")
+    return at_least(m.motor.torque_rated_nm, need, "to hold the eccentric moment of the check")
 
 
 # --- encoder ------------------------------------------------------------------------------------------------
 @rule("encoder.counts_per_turn")
-def counts_are_a_power_of_two(m: Machine) -> str | None:
+def counts_are_a_power_of_two(m: Machine) -> Broken:
     """Absolute steps per turn are a power of two."""
     return _power_of_two(m.encoder.counts_per_turn)
 
 
 @rule("encoder.turns")
-def turns_are_a_power_of_two(m: Machine) -> str | None:
+def turns_are_a_power_of_two(m: Machine) -> Broken:
     """The number of turns told apart is a power of two."""
     return _power_of_two(m.encoder.turns)
 
 
 @rule("encoder.turns", *RATIO, "axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
-def encoder_covers_travel(m: Machine) -> str | None:
+def encoder_covers_travel(m: Machine) -> Broken:
     """A centred encoder covers travel and the wrap margin on both sides."""
     travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
     return at_least(
-        m.encoder.turns, travel / 360.0 * m.axis.ratio, "turns", "travel plus the wrap margin on both sides"
+        m.encoder.turns, travel / 360.0 * m.axis.ratio, "travel plus the wrap margin on both sides"
     )
 
 
 @rule("encoder.lines", "encoder.interpolation", "encoder.counts_per_turn")
-def interpolation_is_finer(m: Machine) -> str | None:
+def interpolation_is_finer(m: Machine) -> Broken:
     """Lines x interpolation is not coarser than the absolute steps."""
     need = m.encoder.counts_per_turn / m.encoder.interpolation
-    return at_least(m.encoder.lines, need, "-", "lines x interpolation not coarser than the absolute steps")
+    return at_least(m.encoder.lines, need, "lines x interpolation not coarser than the absolute steps")
 
 
 # --- brake --------------------------------------------------------------------------------------------------
 @rule("brake.torque_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
-def brake_holds_check_moment(m: Machine) -> str | None:
+def brake_holds_check_moment(m: Machine) -> Broken:
     """The brake holds 1.3 times the eccentric moment of the check."""
     need = 1.3 * m.plant.load.eccentric_check_moment_nm / m.axis.ratio
-    return at_least(m.brake.torque_nm, need, "N m", "1.3 x the eccentric moment of the check")
+    return at_least(m.brake.torque_nm, need, "1.3 x the eccentric moment of the check")
 
 
 @rule("brake.proof_torque_nm", "brake.torque_nm")
-def proof_does_not_slip(m: Machine) -> str | None:
+def proof_does_not_slip(m: Machine) -> Broken:
     """The torque proof stays below the brake's torque, or the brake slips under it."""
-    return below(m.brake.proof_torque_nm, m.brake.torque_nm, "N m", "or the closed brake slips")
+    return below(m.brake.proof_torque_nm, m.brake.torque_nm, "or the closed brake slips")
 
 
 @rule("brake.proof_torque_nm", "motor.torque_rated_nm")
-def proof_within_rating(m: Machine) -> str | None:
+def proof_within_rating(m: Machine) -> Broken:
     """The torque proof is within the motor's rated torque."""
-    return at_most(m.brake.proof_torque_nm, m.motor.torque_rated_nm, "N m", "the motor's rated torque")
+    return at_most(m.brake.proof_torque_nm, m.motor.torque_rated_nm, "the motor's rated torque")
 
 
 @rule("brake.test_torque_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
-def brake_test_covers_check_moment(m: Machine) -> str | None:
+def brake_test_covers_check_moment(m: Machine) -> Broken:
     """The brake test asks for 1.3 times the eccentric moment of the check, or more."""
     need = 1.3 * m.plant.load.eccentric_check_moment_nm / m.axis.ratio
-    return at_least(m.brake.test_torque_nm, need, "N m", "1.3 x the eccentric moment of the check")
+    return at_least(m.brake.test_torque_nm, need, "1.3 x the eccentric moment of the check")
 
 
 @rule("brake.test_torque_nm", "motor.torque_max_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
-def motor_gives_brake_test(m: Machine) -> str | None:
+def motor_gives_brake_test(m: Machine) -> Broken:
     """The motor's torque limit covers the brake test on top of the load that it holds."""
     most = m.motor.torque_max_nm - m.plant.load.eccentric_check_moment_nm / m.axis.ratio
-    return at_most(
-        m.brake.test_torque_nm, most, "N m", "the motor's torque limit less the load that it holds"
-    )
+    return at_most(m.brake.test_torque_nm, most, "the motor's torque limit less the load that it holds")
 
 
 @rule("brake.test_torque_nm", "brake.torque_nm")
-def brake_test_does_not_slip(m: Machine) -> str | None:
+def brake_test_does_not_slip(m: Machine) -> Broken:
     """The brake test stays below the brake's torque, or a sound brake slips."""
-    return below(m.brake.test_torque_nm, m.brake.torque_nm, "N m", "or a sound brake slips")
+    return below(m.brake.test_torque_nm, m.brake.torque_nm, "or a sound brake slips")
 
 
 @rule("brake.hold_brake_after_s", "monitors.in_position_dwell_ms", "brake.hold")
-def brake_waits_for_arrival(m: Machine) -> str | None:
+def brake_waits_for_arrival(m: Machine) -> Broken:
     """With hold = "brake" the brake closes after the axis counts as arrived, not before."""
     if m.brake.hold != "brake":
         return None
     need = m.monitors.in_position_dwell_ms / 1000.0
-    return at_least(m.brake.hold_brake_after_s, need, "s", "the in-position dwell")
+    return at_least(m.brake.hold_brake_after_s, need, "the in-position dwell")
 
 
 # --- scan and loops -----------------------------------------------------------------------------------------
 @rule("control.scan_period_ms", "drive.speed_loop.cycle_us")
-def scan_is_whole_cycles(m: Machine) -> str | None:
+def scan_is_whole_cycles(m: Machine) -> Broken:
     """The scan is a whole number of drive cycles."""
     cycles = m.control.scan_period_ms * 1000.0 / m.drive.speed_loop.cycle_us
     if round(cycles) >= 1 and abs(cycles - round(cycles)) <= 1e-9 * cycles:
@@ -186,26 +182,24 @@ def scan_is_whole_cycles(m: Machine) -> str | None:
 
 
 @rule("control.kpp_per_s", "control.scan_period_ms")
-def position_loop_is_sampled_enough(m: Machine) -> str | None:
+def position_loop_is_sampled_enough(m: Machine) -> Broken:
     """Position gain x scan period is at most 0.5."""
-    return at_most(m.control.kpp_per_s, 500.0 / m.control.scan_period_ms, "1/s", "0.5 / scan period")
+    return at_most(m.control.kpp_per_s, 500.0 / m.control.scan_period_ms, "0.5 / scan period")
 
 
 @rule("drive.speed_loop.tvi_ms", "drive.speed_loop.cycle_us")
-def integral_is_sampled_enough(m: Machine) -> str | None:
+def integral_is_sampled_enough(m: Machine) -> Broken:
     """The integral time is at least two drive cycles."""
     loop = m.drive.speed_loop
-    return at_least(loop.tvi_ms, 2.0 * loop.cycle_us / 1000.0, "ms", "two drive cycles")
+    return at_least(loop.tvi_ms, 2.0 * loop.cycle_us / 1000.0, "two drive cycles")
 
 
 @rule("drive.speed_loop.kvp_nm_s_per_rad", "drive.speed_loop.cycle_us", *ROTOR, "plant.switches.rigid")
-def speed_loop_is_sampled_enough(m: Machine) -> str | None:
+def speed_loop_is_sampled_enough(m: Machine) -> Broken:
     """The speed loop on the rotor alone does not correct more than the whole error in one drive cycle."""
     inertia = rigid_inertia_kg_m2(m) if m.plant.switches.rigid else rotor_inertia_kg_m2(m)
     most = inertia / (m.drive.speed_loop.cycle_us * 1e-6)
-    return at_most(
-        m.drive.speed_loop.kvp_nm_s_per_rad, most, "N m s/rad", "rotor inertia / drive cycle, or it swings up"
-    )
+    return at_most(m.drive.speed_loop.kvp_nm_s_per_rad, most, "rotor inertia / drive cycle, or it swings up")
 
 
 def rotor_inertia_kg_m2(m: Machine) -> float:
@@ -218,5 +212,5 @@ def rigid_inertia_kg_m2(m: Machine) -> float:
     return m.plant.load.inertia_kg_m2 / m.axis.ratio**2 + rotor_inertia_kg_m2(m)
 
 
-def _power_of_two(value: int) -> str | None:
+def _power_of_two(value: int) -> Broken:
     return None if value & (value - 1) == 0 else "must be a power of two, as in every absolute encoder"

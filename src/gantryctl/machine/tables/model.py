@@ -85,5 +85,5 @@ class Machine(Table):
         if not (info.context or {}).get(RULES_LATER):
             broken = violations(self)
             if broken:
-                raise ValueError("\n".join(f"{', '.join(rule.paths)}: {wrong}" for rule, wrong in broken))
+                raise ValueError("; ".join(f"{', '.join(rule.paths)}: {rule.sentence}" for rule, _ in broken))
         return self
