@@ -10,6 +10,8 @@ RAD_PER_DEG: Final = math.pi / 180.0
 DEG_PER_RAD: Final = 180.0 / math.pi
 RAD_S_PER_R_MIN: Final = 2.0 * math.pi / 60.0
 DEG_S_PER_R_MIN: Final = 6.0
+# The paper's moments and the plant's (plant equations S1) are made with this rounded value.
+GRAVITY_M_S2: Final = 9.81
 
 
 def name_ending(name: str, suffixes: Iterable[str]) -> str:

@@ -10,8 +10,6 @@ from typing import NamedTuple
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad, rad_s_from_r_min
 
-G_M_S2 = 9.81
-
 
 class Derived(NamedTuple):
     """One derived figure."""
@@ -151,7 +149,7 @@ def _torque(m: Machine) -> list[Derived]:
     whole = load.inertia_kg_m2 / ratio + (rotor + m.plant.motor.wave_generator_inertia_kg_m2) * ratio
     without_rotor = load.inertia_kg_m2 / ratio * acc
     with_rotor = without_rotor + rotor * ratio * acc
-    nominal = load.mass_kg * G_M_S2 * load.eccentricity_m
+    nominal = load.eccentric_moment_nm
     speed = rad(m.speed.setting_max_deg_s)
     rollers = (
         m.plant.roller_friction.coulomb_nm + m.plant.roller_friction.viscous_nm_s_per_rad * speed

@@ -14,14 +14,13 @@ from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTab
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import lead_deg
 
-GRAVITY_M_S2: Final = 9.81
 _RIPPLE_FULL_TORQUE_NM: Final = 20.0  # plant equations S5: below this the ripple shrinks with the torque
 
 
 def eccentric_moment_nm(machine: Machine) -> float:
     """T_u, signed: the torque on the load is T_u sin(theta - eccentric angle) (plant equations S1)."""
     load = machine.plant.load
-    return load.eccentric_sign * load.mass_kg * GRAVITY_M_S2 * load.eccentricity_m
+    return load.eccentric_sign * load.eccentric_moment_nm
 
 
 def plant_params(machine: Machine) -> _core.PlantParams:

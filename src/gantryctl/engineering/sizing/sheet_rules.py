@@ -6,8 +6,7 @@ from gantryctl.engineering.sizing.duty import treatment_time_s
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.engineering.sizing.train import REACTION_S
-from gantryctl.machine.derived import G_M_S2
-from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
+from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
 
 def contradictions(sheet: Sheet) -> list[str]:
@@ -60,11 +59,11 @@ def _gears(sheet: Sheet) -> list[str]:
             f"[gears] torque_momentary_nm = {g.torque_momentary_nm:g} N m: must be at least torque_rated_nm = "
             f"{g.torque_rated_nm:g} N m"
         )
-    nominal = load.mass_kg * G_M_S2 * load.eccentricity_m
+    nominal = load.mass_kg * GRAVITY_M_S2 * load.eccentricity_m
     if nominal > load.eccentric_check_moment_nm:
         lines.append(
             f"[load] eccentric_check_moment_nm = {load.eccentric_check_moment_nm:g} N m: must be at least the "
-            f"eccentric moment itself, mass x {G_M_S2:g} x eccentricity = {nominal:.4g} N m"
+            f"eccentric moment itself, mass x {GRAVITY_M_S2:g} x eccentricity = {nominal:.4g} N m"
         )
     sizing = mean_acceleration_rad_s2(sheet.motion.speed_max_r_min, sheet.motion.sizing_time_s)
     for what, acc, key in (

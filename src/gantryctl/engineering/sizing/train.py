@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2, reflected_inertia_kg_m2
 from gantryctl.engineering.sizing.sheet import Sheet
-from gantryctl.machine.derived import G_M_S2
-from gantryctl.units import DEG_S_PER_R_MIN, rad
+from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, rad
 
 Floats = NDArray[np.float64]
 
@@ -83,7 +82,7 @@ class Train:
     def eccentric_nm(self) -> float:
         """Eccentric moment of the balanced machine, mass x g x eccentricity."""
         load = self.sheet.load
-        return load.mass_kg * G_M_S2 * load.eccentricity_m
+        return load.mass_kg * GRAVITY_M_S2 * load.eccentricity_m
 
     def against_nm(self, angle_rad: Floats | float) -> Floats:
         """Torque against the eccentric moment at an angle; the centre of mass hangs down at the eccentric angle."""

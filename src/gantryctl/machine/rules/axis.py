@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
-
-DEG_S_PER_R_MIN = 6.0
+from gantryctl.units import DEG_S_PER_R_MIN
 
 
 # --- travel -------------------------------------------------------------------------------------------------

@@ -8,7 +8,6 @@ from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below
 from gantryctl.machine.rules.parts import ROTOR, rotor_inertia_kg_m2
 from gantryctl.machine.tables.model import Machine
 
-G_M_S2 = 9.81
 CYCLE = "drive.speed_loop.cycle_us"
 
 
@@ -24,11 +23,8 @@ def load_size_is_credible(m: Machine) -> Broken:
 @rule("plant.load.eccentric_check_moment_nm", "plant.load.mass_kg", "plant.load.eccentricity_m")
 def check_moment_covers_nominal(m: Machine) -> Broken:
     """The moment that stops are proved with is not below the nominal eccentric moment."""
-    load = m.plant.load
-    need = load.mass_kg * G_M_S2 * load.eccentricity_m
-    return at_least(
-        load.eccentric_check_moment_nm, need, "the nominal eccentric moment, mass x 9.81 x eccentricity"
-    )
+    load, why = m.plant.load, "the nominal eccentric moment, mass x 9.81 x eccentricity"
+    return at_least(load.eccentric_check_moment_nm, load.eccentric_moment_nm, why)
 
 
 @rule(
@@ -37,7 +33,7 @@ def check_moment_covers_nominal(m: Machine) -> Broken:
 )  # fmt: skip
 def motor_breaks_away(m: Machine) -> Broken:
     """The torque limit starts the axis against breakaway friction and the nominal eccentric moment."""
-    load = m.plant.load.mass_kg * G_M_S2 * m.plant.load.eccentricity_m + m.plant.roller_friction.breakaway_nm
+    load = m.plant.load.eccentric_moment_nm + m.plant.roller_friction.breakaway_nm
     need = load / m.axis.ratio + m.plant.motor_friction.breakaway_nm
     return at_least(m.motor.torque_max_nm, need, "breakaway friction and nominal eccentric moment")
 

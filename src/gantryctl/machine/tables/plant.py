@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, field_validator
 
 from gantryctl.machine.tables.fields import Table, choice, number, numbers, switch, table, text
+from gantryctl.units import GRAVITY_M_S2
 
 RING_HARMONICS = 12
 PHASES = 18
@@ -37,6 +38,11 @@ class LoadTable(Table):
     eccentric_check_moment_nm: float = number(
         50000.0, 0.0, 2e6, "choice", "Eccentric moment that stops and brake are proved with."
     )
+
+    @property
+    def eccentric_moment_nm(self) -> float:
+        """Largest torque of the centre of mass about the axis, without its sign: 16.0 kN m for the defaults."""
+        return self.mass_kg * GRAVITY_M_S2 * self.eccentricity_m
 
     @field_validator("eccentric_sign")
     @classmethod
