@@ -14,6 +14,9 @@ from gantryctl.errors import StateError
 from gantryctl.gateway.guard import address_of, error
 from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions, worth_writing
 from gantryctl.gateway.settings import Settings, is_loopback, neighbourhood
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import MAY, Action, Role, may
@@ -45,18 +48,19 @@ class Access:
             return None
         session = self.session(request)
         if session is None:
-            return error(401, "SEC-01", "log in first")
+            return error(401, refusal(Code.SEC_01, reason=Words.LOG_IN_FIRST))
         if not may(session.role, action):
-            return error(403, "SEC-01", f"the role {session.role} may not do this ({action})")
+            reason = Words.ROLE_MAY_NOT(role=session.role, action=action)
+            return error(403, refusal(Code.SEC_01, reason=reason))
         self.sessions.use(session)
         return None
 
     def _refuse_post(self, headers: Headers) -> Response | None:
         origin = headers.get("origin")
         if origin is not None and origin.lower() not in self.settings.origins:
-            return error(403, "SEC-04", "asked from a foreign page")
+            return error(403, refusal(Code.SEC_04, reason=Words.FOREIGN_PAGE))
         if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
-            return error(400, "SEC-05", "Content-Type: application/json is needed")
+            return error(400, refusal(Code.SEC_05, reason=Words.JSON_NEEDED))
         return None
 
     def place(self, connection: HTTPConnection) -> str:
@@ -70,12 +74,12 @@ class Access:
         async with self._checking:  # what waited here has been guessed after the failures before it
             wait_s = self.locks.wait_s(*pair)
             if wait_s > 0.0:
-                wait = str(math.ceil(wait_s))
-                return error(429, "SEC-01", "too many wrong passwords: wait", retry_after=wait)
+                locked = refusal(Code.SEC_01, reason=Words.LOCKED_OUT)
+                return error(429, locked, retry_after=str(math.ceil(wait_s)))
             try:
                 user = await self._check(name, password)
             except StateError:
-                return error(503, "SEC-01", "nobody can log in: users.json cannot be read")
+                return error(503, refusal(Code.SEC_01, reason=Words.NO_USERS))
             count = 0 if user is not None else self.locks.failed(*pair)
         if user is None:
             if worth_writing(count):
@@ -83,7 +87,7 @@ class Access:
                 self.hub.events.put(
                     "login", f"refused: wrong name or password, {count} times", who, address=address
                 )
-            return error(401, "SEC-01", "wrong name or password")
+            return error(401, refusal(Code.SEC_01, reason=Words.WRONG_PASSWORD))
         self.locks.passed(*pair)
         session = self.sessions.open(user)
         who = Identity("", user.name, user.role, self.place(request))

@@ -23,6 +23,8 @@ from gantryctl.gateway.rest import Rest
 from gantryctl.gateway.routes import API
 from gantryctl.gateway.settings import Settings
 from gantryctl.gateway.static import Page
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 
@@ -49,7 +51,7 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
         return shown.answer(request)
 
     async def unknown(_: Request) -> Response:
-        return error(404, "SEC-08", "not found")
+        return error(404, refusal(Code.SEC_12))
 
     app = Starlette(
         routes=[

@@ -11,6 +11,9 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gantryctl.gateway.settings import BODY_MAX, REQUESTS_PER_S, REQUESTS_RESERVE, Settings, neighbourhood
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.limits import RateLimiter
 
 CSP: Final = (
@@ -28,9 +31,9 @@ _HEADERS: Final = {
 }
 
 
-def error(status: int, code: str, text: str, **headers: str) -> Response:
-    """An error in the one form that the routes use."""
-    body = json.dumps({"error": {"code": code, "text": text}}, ensure_ascii=False)
+def error(status: int, reason: Refusal, **headers: str) -> Response:
+    """An error in the one form that the routes use; REST is English (decision 0013)."""
+    body = json.dumps({"error": {"code": reason.code, "text": reason.text}}, ensure_ascii=False)
     named = {name.replace("_", "-"): value for name, value in headers.items()}
     return Response(body, status, named, media_type="application/json")
 
@@ -58,13 +61,14 @@ class Guard:
     def _refuse(self, scope: Scope) -> Response | None:
         headers = dict(scope["headers"])
         if headers.get(b"host", b"").decode("latin-1").lower() not in self._hosts:
-            return error(403, "SEC-04", "this host name is not served here")
+            return error(403, refusal(Code.SEC_04, reason=Words.FOREIGN_HOST))
         wait_s = self._limit.wait_s(neighbourhood(address_of(scope)))
         if wait_s > 0.0:
-            return error(429, "SEC-06", "too many requests", retry_after=str(math.ceil(wait_s)))
+            busy = refusal(Code.SEC_06, reason=Words.TOO_MANY_REQUESTS)
+            return error(429, busy, retry_after=str(math.ceil(wait_s)))
         length = headers.get(b"content-length", b"0")
         if not length.isdigit() or len(length) > 9 or int(length) > BODY_MAX:
-            return error(413, "SEC-05", f"a body of at most {BODY_MAX} bytes")
+            return error(413, refusal(Code.SEC_05, reason=Words.BODY_TOO_LONG(limit=BODY_MAX)))
         return None
 
     def _with_headers(self, send: Send) -> Send:

@@ -18,6 +18,9 @@ from gantryctl.gateway.settings import (
     is_loopback,
     neighbourhood,
 )
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Client, Flooded, Hub
 from gantryctl.service.protocol.messages import Identity
 
@@ -38,21 +41,17 @@ class Live:
         session = self._access.session(socket)
         origin = socket.headers.get("origin", "").lower()
         if origin not in self._access.settings.origins:
-            await deny(
-                socket.scope, socket.receive, socket.send, error(403, "SEC-04", "asked from a foreign page")
-            )
+            await _deny(socket, 403, Code.SEC_04, Words.FOREIGN_PAGE)
             return
         if session is None:
-            await deny(socket.scope, socket.receive, socket.send, error(401, "SEC-01", "log in first"))
+            await _deny(socket, 401, Code.SEC_01, Words.LOG_IN_FIRST)
             return
         most = CONNECTIONS if is_loopback(address_of(socket.scope)) else CONNECTIONS_REMOTE
         address = neighbourhood(address_of(socket.scope))
         own = sum(client.who.user == session.user for client in self._hub.clients())
         many = self._of_address.get(address, 0) >= most or len(self._hub) >= CONNECTIONS
         if many or own >= CONNECTIONS_OF_USER:
-            await deny(
-                socket.scope, socket.receive, socket.send, error(429, "SEC-06", "too many connections")
-            )
+            await _deny(socket, 429, Code.SEC_06, Words.TOO_MANY_CONNECTIONS)
             return
         self._of_address[address] = self._of_address.get(address, 0) + 1
         try:
@@ -115,3 +114,7 @@ class Live:
     def _log(self, client: Client, text: str) -> None:
         who: Identity = client.who
         self._hub.events.put("login", text, who)
+
+
+async def _deny(socket: WebSocket, status: int, code: Code, reason: Words) -> None:
+    await deny(socket.scope, socket.receive, socket.send, error(status, refusal(code, reason=reason)))

@@ -5,24 +5,29 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, Final
 
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response, StreamingResponse
+from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from gantryctl.errors import DeviceError
 from gantryctl.gateway.access import Access, person
 from gantryctl.gateway.guard import error
 from gantryctl.gateway.routes import API, ROUTES, openapi
+from gantryctl.gateway.settings import BODY_MAX
 from gantryctl.gateway.traces import Traces
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Action
 from gantryctl.service.protocol.tags import TAGS
 from gantryctl.service.recorder.journal import read_journal
 
-JOURNAL_MAX = 10_000
+JOURNAL_MAX: Final = 10_000
+_JOURNAL_QUERY: Final = (("from", "0"), ("limit", "1000"))
 Handler = Callable[[Request], Awaitable[Response]]
 
 
@@ -56,11 +61,11 @@ class Rest:
             name, password = found["user"], found["password"]
             right = set(found) == {"user", "password"} and isinstance(name, str) and isinstance(password, str)
         except ClientDisconnect:
-            return error(413, "SEC-05", "the body is too long")
+            return error(413, refusal(Code.SEC_05, reason=Words.BODY_TOO_LONG(limit=BODY_MAX)))
         except (ValueError, KeyError, TypeError, RecursionError):
             right = False
         if not right:
-            return error(400, "SEC-05", 'write {"user": NAME, "password": PASSWORD}')
+            return error(400, refusal(Code.SEC_05, reason=Words.NAME_AND_PASSWORD))
         return await self._access.log_in(request, name, password)
 
     async def _logout(self, request: Request) -> Response:
@@ -88,23 +93,22 @@ class Rest:
     async def _trace(self, request: Request) -> Response:
         found = await asyncio.to_thread(self._files.open, request.path_params["id"])
         if found is None:
-            return error(404, "SEC-08", "no such recording")
+            return error(404, refusal(Code.SEC_12))
         name, size, content = found
         self._log(request, f"recording {name} was read")
         headers = {"content-length": str(size), "content-disposition": f'attachment; filename="{name}"'}
         return StreamingResponse(content, 200, headers, media_type="application/vnd.apache.parquet")
 
     async def _journal(self, request: Request) -> Response:
-        try:
-            after, limit = (
-                _whole(request, name, default) for name, default in (("from", 0), ("limit", 1000))
-            )
-        except ValueError as wrong:
-            return error(400, "SEC-05", str(wrong))
+        asked = {name: request.query_params.get(name, default) for name, default in _JOURNAL_QUERY}
+        for name, text in asked.items():
+            if not (text.isascii() and text.isdigit() and len(text) <= 12):
+                return error(400, refusal(Code.SEC_05, reason=Words.WHOLE_NUMBER(name=name)))
+        after, limit = map(int, asked.values())
         try:
             rows = await asyncio.to_thread(read_journal, self._directory, after, min(limit, JOURNAL_MAX))
         except DeviceError as fault:
-            return error(503, "JRN-02", str(fault))
+            return error(503, refusal(Code.JRN_02, reason=str(fault)))
         self._log(request, f"journal was read from {after}")
         lines = [json.dumps({"seq": row.seq, **row.values, "hash": row.hash}) + "\n" for row in rows]
         return Response("".join(lines), media_type="application/jsonl")
@@ -120,15 +124,3 @@ class Rest:
         if session is not None:
             who = Identity("", session.user, session.role, self._access.place(request))
             self._hub.events.put("read", text, who)
-
-
-def not_found(_: Request) -> Response:
-    """Every other address below the API."""
-    return PlainTextResponse("not found\n", 404)
-
-
-def _whole(request: Request, name: str, default: int) -> int:
-    text = request.query_params.get(name, str(default))
-    if not (text.isascii() and text.isdigit() and len(text) <= 12):
-        raise ValueError(f"{name}: a whole number from 0 up")
-    return int(text)

@@ -20,6 +20,7 @@ from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, open_axis
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.program import AxisState, BrakeTestResult, GantryProgram, Reaction, Refusal
+from gantryctl.program.alarms.codes import Code
 from gantryctl.program.axis.command_checks import check_direction, check_overdue, check_setting, check_target
 from gantryctl.runtime import Engine, FixedOperator, keeps_time
 from gantryctl.units import deg, rad
@@ -179,8 +180,9 @@ class AxisRun:
         self._raise_alarm()
         if self.axis.state is not AxisState.STANDSTILL:
             raise AlarmStop(
-                f"SYS-10 STOP · power-up did not end within {_POWER_S:g} s, the axis is {_words(self.axis.state)} · "
-                "torque off, brake closed · a custom program must switch power on when the operator wants it"
+                f"{Code.SYS_10} STOP · power-up did not end within {_POWER_S:g} s, "
+                f"the axis is {_words(self.axis.state)} · torque off, brake closed · "
+                "a custom program must switch power on when the operator wants it"
             )
 
     def power_down(self) -> None:

@@ -287,7 +287,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         margin = min(reading.margin_minus_deg, reading.margin_plus_deg)
         if margin < machine.encoder.wrap_margin_min_deg:
             raise CommandRefused(
-                f"CFG-ENC-01 · with this zero the encoder's range wraps {margin:.1f} deg from the travel, "
+                f"{Code.CFG_ENC_01} · with this zero the encoder's range wraps {margin:.1f} deg from the travel, "
                 f"[encoder] wrap_margin_min_deg = {machine.encoder.wrap_margin_min_deg:g} · turn the encoder on its "
                 "shaft, or mount it with its range centred"
             )

@@ -24,6 +24,9 @@ from gantryctl.gateway import door, server
 from gantryctl.gateway.door import Places
 from gantryctl.gateway.guard import deny, error
 from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, neighbourhood
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from support.certificates import certificate
 
 ASK = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
@@ -48,7 +51,7 @@ async def echo(web: WebSocket) -> None:
 
 
 async def refuse(web: WebSocket) -> None:
-    await deny(web.scope, web.receive, web.send, error(401, "SEC-01", "log in first"))
+    await deny(web.scope, web.receive, web.send, error(401, refusal(Code.SEC_01, reason=Words.LOG_IN_FIRST)))
 
 
 def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None) -> None:

@@ -223,6 +223,28 @@ def test_every_code_in_the_sources_has_its_row():
     assert found <= set(Code)
 
 
+def typed(file):
+    """String literals with a code in them that are neither docstrings nor pages of the reference."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    prose = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in prose:
+            yield from SAID.findall(node.value)
+
+
+def test_no_code_is_typed_outside_the_table():
+    prose = {
+        "service/protocol/reference_text.py",
+        "service/protocol/tags.py",
+        "service/protocol/service_page.py",
+    }
+    files = {
+        str(file.relative_to(ROOT / "src" / "gantryctl")): file for file in SOURCES if file.suffix == ".py"
+    }
+    wrong = {name: found for name, file in files.items() if (found := list(typed(file)))}
+    assert set(wrong) - prose - STRANGERS == set()
+
+
 def raised(file):
     """Code and field names of every raise, refusal and note with a literal code."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

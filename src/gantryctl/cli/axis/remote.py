@@ -12,6 +12,7 @@ from typing import Any, Final
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
 from gantryctl.machine import Machine, short_hash
 from gantryctl.operation.store import state_root
+from gantryctl.program.alarms.codes import Code
 from gantryctl.service.clients.link import ServiceLink
 
 _WITHOUT: Final = ("program_name", "out", "fresh", "real_time", "no_trace", "seed")
@@ -53,7 +54,9 @@ def _check_service(machine: Machine, tags: dict[str, Any], take_over: bool) -> N
         )
     holder = tags["authority_user"]
     if holder and not take_over:
-        raise CommandRefused(f"SEC-07 · {holder} has control; --take-over takes it, and stops what moves")
+        raise CommandRefused(
+            f"{Code.SEC_07} · {holder} has control; --take-over takes it, and stops what moves"
+        )
 
 
 class RemoteAxis:

@@ -14,6 +14,7 @@ from gantryctl.cli.options import print_json
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import BrakeDue
+from gantryctl.program.alarms.codes import Code
 from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.units import rad
@@ -124,7 +125,7 @@ def _arm(axis: RemoteAxis, action: str) -> None:
 
     axis.wait(armed)
     if axis.link.tags["armed_action"] != action:
-        raise CommandRefused(f"SEC-10 · nobody has armed {word}: nothing was done")
+        raise CommandRefused(f"{Code.SEC_10} · nobody has armed {word}: nothing was done")
 
 
 def _until(link: ServiceLink, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

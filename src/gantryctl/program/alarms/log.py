@@ -26,6 +26,11 @@ class Refusal(NamedTuple):
         """The message of the code with its values."""
         return ALARMS[self.code].english.message.format(**self.values)
 
+    @property
+    def line(self) -> str:
+        """Code and message, as the journal keeps them."""
+        return f"{self.code} {self.text}"
+
     def __str__(self) -> str:
         return self.text
 

@@ -41,10 +41,10 @@ SERVICE: Final = (
     ),
     Definition(
         Code.SYS_06, _WARN, _W,
-        Text("Process ended", "{process}: {how}",
+        Text("Process ended", "{process} {how}",
              "A process of the service has crashed or given no sign of life; the supervisor starts it again.",
              "Look at the journal for the cause; if it comes back, report it."),
-        Text("进程结束", "{process}：{how}", "服务的一个进程崩溃或没有生命信号；监督进程将其重新启动。",
+        Text("进程结束", "{process} {how}", "服务的一个进程崩溃或没有生命信号；监督进程将其重新启动。",
              "在日志中查找原因；若再次出现，请报告。"),
     ),
     Definition(
@@ -156,10 +156,10 @@ SERVICE: Final = (
     ),
     Definition(
         Code.JRN_01, _WARN, _REF,
-        Text("Disk nearly full", "{free:.0f} MB free on the disk: nothing is recorded below {limit:.0f} MB",
+        Text("Disk nearly full", "{reason}",
              "Recordings or other data fill the disk. Below a second limit no new motion begins.",
              "Make room on the disk."),
-        Text("磁盘将满", "磁盘剩余 {free} MB：低于 {limit} MB 时不再记录",
+        Text("磁盘将满", "{reason}",
              "记录或其他数据占满磁盘。低于第二限值时不能启动新运动。", "清理磁盘。"),
     ),
     Definition(

@@ -30,7 +30,6 @@ class Words(Enum):
     AT_MOST_ANGLE = "above 0 and at most {high:.2f} deg", "大于 0 且不超过 {high}°"
     AT_MOST_SPEED = "above 0 and at most {high:.2f} deg/s", "大于 0 且不超过 {high} °/s"
     AT_MOST_ACCELERATION = "above 0 and at most {high:.4g} deg/s2", "大于 0 且不超过 {high} °/s²"
-    FINITE_ANGLE = "a finite angle", "为有限的角度"
 
     # Names of what a command sets, and sides.
     NAME_SPEED = "speed", "速度"
@@ -188,6 +187,32 @@ class Words(Enum):
     ENDED_BY = "ended by {code}", "由 {code} 结束"
     ENDED_BY_ALARM = "ended by an alarm", "由报警结束"
 
+    # Events of the service's processes: restarts, certificates, disk.
+    STARTED_AGAIN = "{how}; started again in {pause_s:g} s", "{how}；{pause_s} 秒后重新启动"
+    NO_SIGN_OF_LIFE = (
+        "has given no sign of life for {silent_s:.0f} s: it is ended",
+        "已有 {silent_s} 秒没有生命信号：将其结束",
+    )
+    CERTIFICATE_ENDS = "{file}: expires in {days:.0f} days, on {date}", "{file}：{days} 天后到期，{date}"
+    CERTIFICATE_ENDED = "{file}: expired on {date}", "{file}：已于 {date} 到期"
+    USERS_DAMAGED = "{fault}; nobody can log in", "{fault}；无人可以登录"
+    NOTHING_RECORDED = (
+        "{free:.0f} MB free on the disk: nothing is recorded below {limit} MB",
+        "磁盘剩余 {free} MB：低于 {limit} MB 时不再记录",
+    )
+    NO_NEW_MOTION = (
+        "{free:.0f} MB free on the disk: nothing is recorded below {limit} MB, no new motion below {stop} MB",
+        "磁盘剩余 {free} MB：低于 {limit} MB 时不再记录，低于 {stop} MB 时不能启动新运动",
+    )
+    EVENTS_WAITED = (
+        "the journal could not be written for {time_s:.1f} s; the events waited in memory",
+        "日志有 {time_s} 秒无法写入；事件在内存中等待",
+    )
+    DISK_SLOW = (
+        "the disk took {time_s:.1f} s to keep events, limit {limit:g} s",
+        "磁盘保存事件用了 {time_s} 秒，限值 {limit} 秒",
+    )
+
     # Refusals of the service: roles, messages, control, leases, arming.
     ROLE_MAY_NOT = "the role {role} may not do this ({action})", "角色 {role} 无权执行（{action}）"
     LOG_IN_FIRST = "log in first", "请先登录"
@@ -205,8 +230,8 @@ class Words(Enum):
     JSON_NEEDED = "Content-Type: application/json is needed", "需要 Content-Type: application/json"
     BODY_TOO_LONG = "a body of at most {limit} bytes", "正文最多 {limit} 字节"
     NAME_AND_PASSWORD = (
-        'write {{"user": NAME, "password": PASSWORD}}',
-        '请写 {{"user": NAME, "password": PASSWORD}}',
+        "write one JSON object with `user` and `password`",
+        "请写一个含 `user` 和 `password` 的 JSON 对象",
     )
     WHOLE_NUMBER = "{name}: a whole number from 0 up", "{name}：不小于 0 的整数"
     TOO_MANY_COMMANDS = "more than {limit:g} commands in a second", "一秒内超过 {limit} 条命令"

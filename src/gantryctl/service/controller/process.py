@@ -25,6 +25,8 @@ from gantryctl.operation.opening import open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
 from gantryctl.runtime import failure_text
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -220,11 +222,8 @@ class Controller:
         """Write the start into the journal, and how the run before ended if it was not shut down."""
         before, age_ms = Snapshot(self.memory).fast()
         if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
-            text = (
-                f"SYS-05 INFO · the previous run of the controller was not shut down; {age_ms * 1e-3:.1f} s ago it "
-                f"was at {before['pos_act_deg']} deg with {before['vel_act_deg_s']} deg/s"
-            )
-            self.events.put("alarm", text)
+            left = {"position": before["pos_act_deg"], "speed": before["vel_act_deg_s"]}
+            self.events.put("alarm", refusal(Code.SYS_05, age_s=age_ms * 1e-3, **left).line)
         self.memory.words[Word.CONTROLLER_CLEAN] = 0
         self.events.put("service", f"controller started: {self.machine.name}", hash=short_hash(self.machine))
         for note in self.notes:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 from gantryctl.errors import DeviceError
+from gantryctl.program.alarms.codes import Code
 from gantryctl.service.recorder import journal_file as file
 
 KEPT_LEAST: Final = 1000
@@ -23,7 +24,6 @@ PRUNED_MOST: Final = 20_000
 """Events taken out in one commit: no longer than a second."""
 OWN: Final = 9
 """Source of the events that the journal's writer adds."""
-DAMAGED: Final = "JRN-05"
 """The first event of a journal begins with it when the one before was damaged."""
 
 
@@ -156,7 +156,7 @@ class Journal:
     def locked(self) -> bool:
         """It was begun because the one before was damaged, and nobody has acknowledged that yet."""
         first = self._db.execute("SELECT text FROM events WHERE seq = 1").fetchone()
-        if first is None or not first[0].startswith(DAMAGED):
+        if first is None or not first[0].startswith(Code.JRN_05):
             return False
         acknowledged = "SELECT 1 FROM events WHERE kind = 'journal' AND source <> ? LIMIT 1"
         return self._db.execute(acknowledged, (OWN,)).fetchone() is None

@@ -18,9 +18,12 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import DeviceError
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
-from gantryctl.service.recorder.journal import DAMAGED, Journal, JournalFault
+from gantryctl.service.recorder.journal import Journal, JournalFault
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
@@ -29,11 +32,6 @@ _BATCH: Final = 200
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0
 _PRUNE_S: Final = 600.0
-_DISK: Final = (
-    "the disk has room again: {0:.0f} MB free",
-    "JRN-01 {0:.0f} MB free on the disk: nothing is recorded below {1} MB",
-    "JRN-01 {0:.0f} MB free on the disk: nothing is recorded below {1} MB, no new motion below {2} MB",
-)
 
 
 class EventWriter:
@@ -115,16 +113,23 @@ class EventWriter:
         short, nearly = limits.shortage(free_mb), limits.shortage(free_mb / ENOUGH)
         disk = max(short, min(nearly, self._disk))
         if disk != self._disk:
-            self._own(_DISK[disk].format(free_mb, limits.reserve_mb, limits.event_reserve_mb))
+            limit, stop = limits.reserve_mb, limits.event_reserve_mb
+            if disk == 0:
+                self._own(f"the disk has room again: {free_mb:.0f} MB free")
+            elif disk == 1:
+                short_of = Words.NOTHING_RECORDED(free=free_mb, limit=limit)
+                self._own(refusal(Code.JRN_01, reason=short_of).line)
+            else:
+                short_of = Words.NO_NEW_MOTION(free=free_mb, limit=limit, stop=stop)
+                self._own(refusal(Code.JRN_01, reason=short_of).line)
             self._disk = disk
         if self._failed_since_s > -math.inf:
             seconds = time.monotonic() - self._failed_since_s
-            self._own(
-                f"JRN-02 the journal could not be written for {seconds:.1f} s; the events waited in memory"
-            )
+            self._own(refusal(Code.JRN_02, reason=Words.EVENTS_WAITED(time_s=seconds)).line)
             self._failed_since_s = -math.inf
         if self._slowest_s > SLOW_S:
-            self._own(f"JRN-02 the disk took {self._slowest_s:.1f} s to keep events, limit {SLOW_S:g} s")
+            slow = Words.DISK_SLOW(time_s=self._slowest_s, limit=SLOW_S)
+            self._own(refusal(Code.JRN_02, reason=slow).line)
         self._slowest_s = 0.0
 
     def _prune(self) -> None:
@@ -146,7 +151,7 @@ class EventWriter:
         self._journal = Journal(self._directory, self._connect)
         aside = self._journal.moved_aside
         if aside is not None:
-            self._own(f"{DAMAGED} the journal was damaged and moved to {aside.name}; service must reset")
+            self._own(refusal(Code.JRN_05, file=aside.name).line)
         self._locked = self._journal.locked()
 
     def run(self, ended: threading.Event) -> None:

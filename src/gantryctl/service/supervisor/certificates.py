@@ -9,6 +9,9 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from gantryctl.errors import UsageError
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 
 WARN_DAYS: Final = 30
 _DAY: Final = timedelta(days=1)
@@ -100,9 +103,11 @@ def _warning(file: Path, now: datetime) -> str:
     try:
         end = validity(file).end
     except UsageError as fault:
-        return f"SEC-11 {fault}"
+        return refusal(Code.SEC_11, reason=str(fault)).line
     days = (end - now) / _DAY
     if days > WARN_DAYS:
         return ""
-    when = f"expires in {days:.0f} days, on" if days > 0 else "expired on"
-    return f"SEC-11 {file}: {when} {end:%Y-%m-%d}"
+    date = f"{end:%Y-%m-%d}"
+    ended = Words.CERTIFICATE_ENDED(file=file, date=date)
+    reason = Words.CERTIFICATE_ENDS(file=file, days=days, date=date) if days > 0 else ended
+    return refusal(Code.SEC_11, reason=reason).line

@@ -10,6 +10,10 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
+
 _PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
 """Before a process is started again; from the beginning once it has run for a while."""
 _CALM_S: Final = 10.0
@@ -58,7 +62,8 @@ class Child:
                 said(f"{self.name} {how}, {tries} times: the service ends")
                 return
             pause_s = _PAUSES_S[min(tries, len(_PAUSES_S)) - 1] if tries else 0.0
-            said(f"SYS-06 {self.name} {how}; started again in {pause_s:g} s")
+            again = Words.STARTED_AGAIN(how=how, pause_s=pause_s)
+            said(refusal(Code.SYS_06, process=self.name, how=again).line)
             await asyncio.sleep(pause_s)
 
     async def _run(self) -> str:
@@ -82,7 +87,8 @@ class Child:
         lively = beat_ns > self._began_ns
         silent_s = (now_ns - (beat_ns if lively else self._began_ns)) * 1e-9
         if silent_s > (HANG_S if lively else START_S):
-            said(f"SYS-06 {self.name} has given no sign of life for {silent_s:.0f} s: it is ended")
+            silent = Words.NO_SIGN_OF_LIFE(silent_s=silent_s)
+            said(refusal(Code.SYS_06, process=self.name, how=silent).line)
             with contextlib.suppress(ProcessLookupError):
                 self.process.kill()
 

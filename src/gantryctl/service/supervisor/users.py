@@ -13,6 +13,9 @@ from typing import Any, Final, NamedTuple
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.files import write_whole
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.roles import Role
 
 FILE: Final = "users.json"
@@ -162,7 +165,7 @@ class UserWatch:
         try:
             users = self._users.all()
         except StateError as fault:
-            return [f"SEC-01 {fault}; nobody can log in"]
+            return [refusal(Code.SEC_01, reason=Words.USERS_DAMAGED(fault=fault)).line]
         before, self._known = self._known, users
         return [] if before is None else _differences(before, users)
 
