@@ -6,14 +6,11 @@ from dataclasses import replace
 
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.image import DriveFeedback, InputImage, OperatorCommand, OutputImage
-from gantryctl.program import (
-    Axis,
-    AxisProgram,
+from gantryctl.program import Axis, AxisProgram, GantryProgram, PowerPhase
+from gantryctl.program.settings import (
     AxisSettings,
-    GantryProgram,
     LawSettings,
     MonitorSettings,
-    PowerPhase,
     PowerSettings,
     RampSettings,
     SpeedSettings,

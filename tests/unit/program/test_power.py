@@ -3,7 +3,8 @@
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
-from gantryctl.program import AxisState, Proof
+from gantryctl.program import AxisState
+from gantryctl.program.power.phases import Proof
 from unit.program.power_steps import P, record, slip
 from unit.program.rig import Rig, settings
 

@@ -5,7 +5,8 @@ import itertools
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
-from gantryctl.program import AxisState, StandstillPolicy
+from gantryctl.program import AxisState
+from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg
 from unit.program.power_steps import P, record, slip
 from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings

@@ -2,7 +2,7 @@
 
 import pytest
 
-from gantryctl.program import scans
+from unit.program.rig import settings
 
 
 @pytest.mark.parametrize(
@@ -19,9 +19,10 @@ from gantryctl.program import scans
     ],
 )
 def test_scans(time_s, period_s, expected):
-    assert scans(time_s, period_s) == expected
+    assert settings(period_s=period_s).scans(time_s) == expected
 
 
 def test_least():
-    assert scans(0.010, 0.010, least=3) == 3
-    assert scans(0.001, 0.010, least=1) == 1
+    config = settings(period_s=0.010)
+    assert config.scans(0.010, least=3) == 3
+    assert config.scans(0.001, least=1) == 1

@@ -4,7 +4,8 @@ import itertools
 
 import pytest
 
-from gantryctl.program import AxisEvents, AxisProgram, AxisState, next_state
+from gantryctl.program import AxisProgram, AxisState
+from gantryctl.program.axis.states import AxisEvents, next_state
 from unit.program.rig import Rig
 
 S = AxisState

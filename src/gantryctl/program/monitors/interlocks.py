@@ -1,22 +1,18 @@
-"""What must be right in every phase: emergency stop, mains, limit switches, drive faults."""
+"""Interlocks of every phase: emergency stop, mains, limit switches, drive faults."""
 
 from __future__ import annotations
 
-from typing import Final
-
-from gantryctl.image import DigitalInputs, DriveState
+from gantryctl.image import DigitalInputs
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.feedback import Feedback
+from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
-_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
-
 
 class Interlocks:
-    """Looks at inputs, drive faults and warnings once a scan; each acts on the first scan it is seen.
+    """Checks inputs, drive faults and warnings once a scan; each acts on the first scan that shows it.
 
     A limit switch stops the axis when it opens. It may stay open after a reset, or be open from the start: then only
     the way back inward is open until it has closed again.
@@ -26,8 +22,8 @@ class Interlocks:
     """
 
     __slots__ = (
-        "_alarms", "_feedback", "_inputs", "_overload_warning", "_told", "_was_minus", "_was_plus", "minus_open",
-        "plus_open",
+        "_alarms", "_code_known", "_feedback", "_inputs", "_overload_warning", "_was_minus", "_was_plus",
+        "minus_open", "plus_open",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -35,27 +31,28 @@ class Interlocks:
         self._alarms = alarms
         self._overload_warning = settings.monitors.overload_warning
         self._inputs: DigitalInputs | None = None
-        self._told = False
+        self._code_known = False
         self._was_plus = self._was_minus = True
         self.plus_open = self.minus_open = True
 
     def scan(self, pos_rad: float, powered: bool) -> None:
-        """One look; the slow paths are entered only when something is not as it should be."""
+        """Check the inputs, the state of the drive and its warnings."""
         feedback = self._feedback
         inputs = feedback.inputs
         if inputs is not self._inputs or False in inputs:
-            self._look_at(inputs, pos_rad, powered)
-        if feedback.state in _FAULTS:
+            self._check_inputs(inputs, pos_rad, powered)
+        if feedback.state in FAULTS:
             self._fault()
-        elif self._told:
-            self._told = False
+        elif self._code_known:
+            self._code_known = False
         if feedback.warning:
             self._alarms.raise_(Code.DRV_02)
         if not feedback.overload < self._overload_warning:
             limit = 100.0 * self._overload_warning
             self._alarms.raise_(Code.THM_01, measured=100.0 * feedback.overload, limit=limit)
 
-    def _look_at(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
+    def _check_inputs(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
+        # One switch open in the first scan is an axis that stands at it. Both are a broken common wire: LIM-04.
         if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
             self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
         self._inputs = inputs
@@ -78,6 +75,7 @@ class Interlocks:
         code = self._feedback.error_code
         error = Words.DRIVE_ERROR(error=code, word=f"{code:04X}") if code else Words.DRIVE_ERROR_UNKNOWN
         self._alarms.raise_(Code.DRV_01, measured=error)
-        if code and not self._told:  # some drives tell it some scans later
+        # Some drives show their error code some scans after the fault.
+        if code and not self._code_known:
             self._alarms.complete(Code.DRV_01, measured=error)
-        self._told = code != 0
+        self._code_known = code != 0

@@ -1,29 +1,28 @@
-"""From ErrorStop back: how the stop went, and what Reset may do."""
+"""The way back from ErrorStop: the record of the stop, and Reset."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
-from gantryctl.program.alarms.words import Words
-from gantryctl.program.feedback import Feedback
+from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.monitors.stop_record import StopRecord
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings
 
-_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _FAULT_RESET_S: Final = 1.0
 
 
 class Recovery:
-    """Watches a stop to its end and runs a reset, which may take the drive some scans.
+    """Follows a stop to its end and runs a reset, which may take the drive some scans.
 
     Reset never enables and never shortens a stop: while the axis is still stopping it is refused.
 
     Attributes:
-        resetting: the drive is being asked to clear its fault.
+        resetting: a reset is under way; the drive clears its fault.
+        service: the reset comes from the service role.
         failure: why the last reset failed after it was accepted, or None.
     """
 
@@ -40,8 +39,7 @@ class Recovery:
         self._reset_scans = settings.scans(_FAULT_RESET_S)
         self._record: StopRecord | None = None
         self._count = 0
-        self.resetting = False
-        self.service = False
+        self.resetting = self.service = False
         self.failure: Refusal | None = None
 
     def stop_begun(self, alarm: Alarm) -> None:
@@ -51,7 +49,7 @@ class Recovery:
             self._record = StopRecord(alarm, self._period_s, self._feedback)
 
     def scan(self, scan: int, pos_rad: float) -> None:
-        """Once a scan while an alarm is latched."""
+        """Follow the stop; every scan while an alarm is latched."""
         record = self._record
         if record is not None and not record.finished:
             record.scan(scan, pos_rad, self._feedback, self._power.falling)
@@ -61,17 +59,18 @@ class Recovery:
         refused = self._cause(service)
         if refused is None:
             self.service, self.resetting, self.failure, self._count = service, True, None, 0
-            self._power.fault_reset = self._feedback.state in _FAULTS
+            self._power.fault_reset = self._feedback.state in FAULTS
         return refused
 
     def finished(self) -> bool:
         """One scan of a reset under way; True once, when nothing is in its way any more."""
         if not self.resetting:
             return False
-        if self._feedback.state not in _FAULTS:
+        if self._feedback.state not in FAULTS:
             self._abandon_reset(None)
             return True
-        self._power.fault_reset = True  # also for a fault that shows only when a lost drive is heard again
+        # Also a fault that shows only when a lost drive answers again.
+        self._power.fault_reset = True
         self._count += self._feedback.periods
         if self._count > self._reset_scans:
             self._abandon_reset(refusal(Code.CTL_14, reason=Words.DRIVE_KEEPS_FAULT))
@@ -83,15 +82,16 @@ class Recovery:
 
     def _cause(self, service: bool) -> Refusal | None:
         """Why a reset is not possible now."""
+        active, feedback = self._alarms.active, self._feedback
+        locked = next((alarm for alarm in active.values() if alarm.definition.lock), None)
         if self._power.falling:
-            return refusal(Code.CTL_14, reason=Words.STILL_STOPPING)
-        active = self._alarms.active
-        for alarm in active.values():
-            if alarm.definition.lock and not service:
-                reason = Words.SERVICE_ONLY(code=alarm.code, measured=alarm.refusal)
-                return refusal(Code.CTL_14, reason=reason)
-        if Code.INT_03 in active and not self._feedback.inputs.estop_ok:
-            return refusal(Code.CTL_14, reason=Words.ESTOP_STILL_OPEN)
-        if Code.ENC_05 in active and self._feedback.encoder_alarm:
-            return refusal(Code.CTL_14, reason=Words.ENCODER_KEEPS_ALARM)
-        return None
+            reason: Words | Said = Words.STILL_STOPPING
+        elif locked is not None and not service:
+            reason = Words.SERVICE_ONLY(code=locked.code, measured=locked.refusal)
+        elif Code.INT_03 in active and not feedback.inputs.estop_ok:
+            reason = Words.ESTOP_STILL_OPEN
+        elif Code.ENC_05 in active and feedback.encoder_alarm:
+            reason = Words.ENCODER_KEEPS_ALARM
+        else:
+            return None
+        return refusal(Code.CTL_14, reason=reason)

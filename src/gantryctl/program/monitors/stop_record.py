@@ -1,19 +1,13 @@
-"""How a stop by an alarm went: the sentence that the alarm says it with."""
+"""The record of a stop by an alarm, and the sentence that describes it."""
 
 from __future__ import annotations
 
-from typing import Final
-
-from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Reaction
 from gantryctl.program.alarms.log import Alarm
 from gantryctl.program.alarms.words import Said, Words
-from gantryctl.program.feedback import Feedback
+from gantryctl.program.feedback import ENABLED, Feedback
 from gantryctl.program.power.sequence import REST_RAD_S
 from gantryctl.units import deg
-
-_ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-_REST_S: Final = 0.050
 
 
 class StopRecord:
@@ -28,17 +22,17 @@ class StopRecord:
         self.alarm = alarm
         self._period_s = period_s
         self._was_open = feedback.brake_open
-        self._was_torque = feedback.state in _ENABLED
+        self._was_torque = feedback.state in ENABLED
         self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
         self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
         self.finished = False
 
     def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
-        """Look at one scan; `falling`: the stop is still under way."""
+        """Record one scan; `falling`: the stop is still under way."""
         if self._brake_scan < 0 and not feedback.brake_open:
             self._brake_scan = scan
-        if self._torque_scan < 0 and feedback.state not in _ENABLED:
+        if self._torque_scan < 0 and feedback.state not in ENABLED:
             self._torque_scan = scan
         if not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S:
             self._slow_scan = -1
@@ -46,28 +40,25 @@ class StopRecord:
             self._slow_scan = scan
         if not falling:
             self._rest_pos_rad = pos_rad
-            self._angle_known = (
-                feedback.position_valid
-            )  # else speed and angle are of a wrong or frozen encoder
+            # Speed and angle of a wrong or frozen encoder say nothing.
+            self._angle_known = feedback.position_valid
             self.finished = True
             self.alarm.steps = self._steps()
 
     def _steps(self) -> tuple[Words | Said, ...]:
         alarm = self.alarm
-        steps = []
-        if self._slow_scan > alarm.scan and self._angle_known:
-            steps.append((Words.AT_REST_AFTER, self._slow_scan))
-        if self._was_torque and alarm.reaction is not Reaction.HOLD:
-            steps.append((Words.TORQUE_OFF_AFTER, self._torque_scan))
-        if self._was_open and alarm.reaction is not Reaction.HOLD:
-            steps.append((Words.BRAKE_CLOSED_AFTER, self._brake_scan))
-        parts: list[Words | Said] = []
+        hold = alarm.reaction is Reaction.HOLD
+        steps = (
+            (self._slow_scan, Words.AT_REST_AFTER, self._slow_scan > alarm.scan and self._angle_known),
+            (self._torque_scan, Words.TORQUE_OFF_AFTER, self._was_torque and not hold),
+            (self._brake_scan, Words.BRAKE_CLOSED_AFTER, self._was_open and not hold),
+        )
+        parts: list[Words | Said] = [Words.TORQUE_KEPT] if hold else []
         if alarm.reaction is Reaction.QUICK_STOP and self._was_torque:
             parts.append(Words.QUICK_STOP)
-        elif alarm.reaction is Reaction.HOLD:
-            parts.append(Words.TORQUE_KEPT)
-        steps.sort(key=lambda step: step[1])
-        parts += [words(time_ms=self._after(at)) for words, at in steps if at >= 0]
+        for at, words, happened in sorted(steps, key=lambda step: step[0]):
+            if happened and at >= 0:
+                parts.append(words(time_ms=(at - alarm.scan) * self._period_s * 1e3))
         if not parts:
             return (Words.NOTHING_ON,)
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
@@ -77,6 +68,3 @@ class StopRecord:
             else Words.ANGLE_UNKNOWN
         )
         return tuple(parts)
-
-    def _after(self, scan: int) -> float:
-        return (scan - self.alarm.scan) * self._period_s * 1e3

@@ -1,4 +1,4 @@
-"""The phases of the power sequence and what each of them says to the drive."""
+"""The phases of the power sequence, and the commands of each to the drive."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gantryctl.image import DriveRequest
 
 
 class PowerPhase(Enum):
-    """Where the power sequence is.
+    """Phase of the power sequence.
 
     | phase         | leaves when                                             | to                           |
     |---------------|---------------------------------------------------------|------------------------------|
@@ -62,67 +62,40 @@ class Proof(Enum):
 
 
 class PhaseOutput(NamedTuple):
-    """What a phase says; request None keeps the one before."""
+    """Commands of a phase to the drive, and what the phase demands.
+
+    Attributes:
+        request: None keeps the one before.
+        way: 1 on the way up or in a brake test, -1 on the way down or stopping, else 0.
+        torque_on: the drive must be enabled (or in its quick stop); anything else is a fault.
+    """
 
     request: DriveRequest | None
     brake_open: bool
+    way: int = 0
+    torque_on: bool = False
 
 
-_ENABLE, _DISABLE = DriveRequest.ENABLE, DriveRequest.DISABLE
+_ENABLE, _DISABLE, _STOP = DriveRequest.ENABLE, DriveRequest.DISABLE, DriveRequest.QUICK_STOP
 
+# Every row holds the load: a closed or closing brake, or an enabled drive.
 OUTPUTS: Final = {
-    PowerPhase.OFF: PhaseOutput(_DISABLE, False),
-    PowerPhase.ENABLING: PhaseOutput(_ENABLE, False),
-    PowerPhase.PROVING: PhaseOutput(_ENABLE, False),
-    PowerPhase.SETTLING: PhaseOutput(_ENABLE, False),
-    PowerPhase.RELEASING: PhaseOutput(_ENABLE, True),
-    PowerPhase.SAG_WATCH: PhaseOutput(_ENABLE, True),
-    PowerPhase.ON: PhaseOutput(_ENABLE, True),
-    PowerPhase.CLOSING: PhaseOutput(None, False),
-    PowerPhase.UNLOADING: PhaseOutput(None, False),
-    PowerPhase.DISABLING: PhaseOutput(_DISABLE, False),
-    PowerPhase.PARKED: PhaseOutput(_DISABLE, False),
-    PowerPhase.QUICK_STOPPING: PhaseOutput(DriveRequest.QUICK_STOP, True),
-    PowerPhase.TORQUE_OFF: PhaseOutput(_DISABLE, False),
-    PowerPhase.TORQUE_HOLD: PhaseOutput(None, False),
-    PowerPhase.TESTING: PhaseOutput(_ENABLE, False),
+    PowerPhase.OFF: PhaseOutput(_DISABLE, brake_open=False),
+    PowerPhase.ENABLING: PhaseOutput(_ENABLE, brake_open=False, way=1),
+    PowerPhase.PROVING: PhaseOutput(_ENABLE, brake_open=False, way=1, torque_on=True),
+    PowerPhase.SETTLING: PhaseOutput(_ENABLE, brake_open=False, way=1, torque_on=True),
+    PowerPhase.RELEASING: PhaseOutput(_ENABLE, brake_open=True, way=1, torque_on=True),
+    PowerPhase.SAG_WATCH: PhaseOutput(_ENABLE, brake_open=True, way=1, torque_on=True),
+    PowerPhase.ON: PhaseOutput(_ENABLE, brake_open=True, torque_on=True),
+    PowerPhase.CLOSING: PhaseOutput(None, brake_open=False, way=-1, torque_on=True),
+    PowerPhase.UNLOADING: PhaseOutput(None, brake_open=False, way=-1, torque_on=True),
+    PowerPhase.DISABLING: PhaseOutput(_DISABLE, brake_open=False, way=-1),
+    PowerPhase.PARKED: PhaseOutput(_DISABLE, brake_open=False),
+    PowerPhase.QUICK_STOPPING: PhaseOutput(_STOP, brake_open=True, way=-1, torque_on=True),
+    PowerPhase.TORQUE_OFF: PhaseOutput(_DISABLE, brake_open=False, way=-1),
+    PowerPhase.TORQUE_HOLD: PhaseOutput(None, brake_open=False),
+    PowerPhase.TESTING: PhaseOutput(_ENABLE, brake_open=False, way=1, torque_on=True),
 }
-"""Drive request and brake command of every phase: the one place where they are decided."""
-
-RISING: Final = frozenset(
-    {
-        PowerPhase.ENABLING,
-        PowerPhase.PROVING,
-        PowerPhase.SETTLING,
-        PowerPhase.RELEASING,
-        PowerPhase.SAG_WATCH,
-        PowerPhase.TESTING,
-    }
-)
-"""On the way up, or in a brake test: the drive is enabled and holds nothing alone."""
-
-FALLING: Final = frozenset(
-    {
-        PowerPhase.CLOSING,
-        PowerPhase.UNLOADING,
-        PowerPhase.DISABLING,
-        PowerPhase.QUICK_STOPPING,
-        PowerPhase.TORQUE_OFF,
-    }
-)
-"""On the way down, or stopping."""
-
-TORQUE_ON: Final = frozenset(
-    {
-        PowerPhase.PROVING,
-        PowerPhase.SETTLING,
-        PowerPhase.RELEASING,
-        PowerPhase.SAG_WATCH,
-        PowerPhase.ON,
-        PowerPhase.CLOSING,
-        PowerPhase.UNLOADING,
-        PowerPhase.QUICK_STOPPING,
-        PowerPhase.TESTING,
-    }
-)
-"""The drive must be enabled (or in its quick stop); anything else is a fault."""
+RISING: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.way > 0)
+FALLING: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.way < 0)
+TORQUE_ON: Final = frozenset(phase for phase, row in OUTPUTS.items() if row.torque_on)

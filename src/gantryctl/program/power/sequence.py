@@ -240,9 +240,10 @@ class PowerSequence:
         self.phase = phase
         self._count = self._rest_count = self._over_envelope = 0
         self._vel_start = abs(self._feedback.vel_rad_s)
-        request, self.brake_open = OUTPUTS[phase]
-        if request is not None:
-            self.request = request
+        outputs = OUTPUTS[phase]
+        self.brake_open = outputs.brake_open
+        if outputs.request is not None:
+            self.request = outputs.request
         elif phase is PowerPhase.TORQUE_HOLD and self.request is DriveRequest.DISABLE:
             self.request = DriveRequest.ENABLE
         if self.request is DriveRequest.DISABLE:
