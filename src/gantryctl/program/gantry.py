@@ -15,7 +15,7 @@ from gantryctl.units import deg
 
 
 class GantryProgram(AxisProgram):
-    """Does what the operator's levels ask for; it finds the edges itself.
+    """Turns the operator's levels into edges and calls the blocks.
 
     - *Continuous*: moves while exactly one direction key is TRUE and the hold-to-run lease lives.
     - *Incremental*: one rising edge of a key is one increment from the set-point position.
@@ -24,7 +24,7 @@ class GantryProgram(AxisProgram):
       the start and in every scan.
 
     After a start the mode is NONE and nothing moves. A command that is refused changes nothing and shows in
-    `refusal`, with `refusal_count` one higher.
+    `axis.refusal`, with `axis.refusal_count` one higher.
 
     Args:
         axis: the axis.
@@ -32,7 +32,7 @@ class GantryProgram(AxisProgram):
 
     Attributes:
         mode: the mode in force, which follows the operator's at standstill only.
-        power, move, jog, inch, halt, stop, reset, override, brake_test: its blocks, to look at.
+        power, move, jog, inch, halt, stop, reset, override, brake_test: the blocks, for reading.
     """
 
     def __init__(self, axis: Axis, *, service: bool = False) -> None:
@@ -56,24 +56,12 @@ class GantryProgram(AxisProgram):
         self._move_gate = self._keys_dead = self._remote = False
         self._speed = 0.0
 
-    @property
-    def refusal(self) -> Refusal | None:
-        """The last refused command: code and text."""
-        return self.axis.refusal
-
-    @property
-    def refusal_count(self) -> int:
-        """How many commands were refused."""
-        return self.axis.refusal_count
-
     def logic(self, image: InputImage) -> None:
-        """One scan of the program's own part: edges first, then the blocks.
-
-        A block without new inputs and with nothing under way is left out: most scans, most blocks.
-        """
+        """One scan: edges first, then the blocks."""
         op, last = image.operator, self._last
         self._lease_age += self.axis.feedback.periods
         changed = op is not last and op != last
+        # A block without new inputs and with nothing under way is left out: most blocks in most scans.
         self.power(enable=op.power)
         if changed:
             self._last = op
@@ -98,7 +86,7 @@ class GantryProgram(AxisProgram):
     # --- edges ------------------------------------------------------------------------------------
 
     def _changed(self, op: OperatorCommand, last: OperatorCommand) -> None:
-        """Lease, override, quick stop, mode, speed, and whether move and keys may start anything."""
+        """Take lease, override, quick stop, mode and speed; judge whether move and keys may begin anything."""
         if op.lease != last.lease:
             self._lease_age = 0
         self.override(override=op.override)
@@ -108,9 +96,7 @@ class GantryProgram(AxisProgram):
         if op.mode is not last.mode and op.mode is not self.mode:
             self._choose_mode(op)
         if op.move and not last.move:
-            self._move_gate = self._allowed(
-                self._check_setting(op) or self._check_remote(op) or self._check_not_jogging()
-            )
+            self._move_gate = self._allowed(self._check_move(op))
         elif not op.move:
             self._move_gate = False
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
@@ -122,7 +108,7 @@ class GantryProgram(AxisProgram):
             self._choose_speed(op)
 
     def _choose_mode(self, op: OperatorCommand) -> None:
-        """At standstill only; keys that are held now start nothing in the new mode."""
+        """Change the mode, at standstill only; keys that are held now start nothing in the new mode."""
         if self.axis.at_rest:
             self.mode = op.mode
             self._keys_dead = op.forward or op.reverse
@@ -130,24 +116,21 @@ class GantryProgram(AxisProgram):
             self._allowed(refusal(Code.CTL_14, reason=Words.MODE_AT_REST))
 
     def _choose_speed(self, op: OperatorCommand) -> None:
-        """Another speed setting, for a jog under way too; outside the range it is refused and the old one stays."""
-        reason = self._check_setting(op)
-        if reason is None:
+        """Change the speed setting, also of a jog under way; outside the range it is refused and the old one stays."""
+        refused = self._check_setting(op)
+        if refused is None:
             self._speed = op.speed_rad_s
         elif self.jog.busy:
-            self._allowed(reason)
+            self._allowed(refused)
 
     # --- by hand ----------------------------------------------------------------------------------
 
     def _by_key(self, op: OperatorCommand) -> None:
         """Continuous mode, hold-to-run: keys, lease and enabling switch must go on being right."""
         if self.jog.busy and (op.forward or op.reverse) and not self._keys_dead:
-            if self._lease_age >= self._lease_scans:
-                self.axis.stop_by(Code.CTL_15, **self._lease_values())
-                self._keys_dead = True
-            elif not self._switch_allows(self._speed):
-                limit = deg(self._without_switch)
-                self.axis.stop_by(Code.INT_05, measured=deg(self._speed), limit=limit)
+            refused = self._check_lease() or self._check_switch(self._speed)
+            if refused is not None:
+                self.axis.stop_by(refused.code, **refused.values)
                 self._keys_dead = True
         keys = self.mode is Mode.CONTINUOUS and not self._keys_dead
         self.jog(forward=op.forward and keys, backward=op.reverse and keys, velocity_rad_s=self._speed)
@@ -163,59 +146,51 @@ class GantryProgram(AxisProgram):
         )
 
     def _keep_the_cap(self) -> None:
-        """The enabling switch is off: increments, and moves from a remote screen, that are too fast end."""
+        """End increments, and moves from a remote screen, that are too fast without the enabling switch."""
         command = self._under_way()
-        if command is None or self._switch_allows(command.speed_rad_s):
+        refused = None if command is None else self._check_switch(command.speed_rad_s)
+        if refused is None:
             return
         if command is self.inch.command or (self._remote and command is not self.jog.command):
-            limit = deg(self._without_switch)
-            self.axis.stop_by(Code.INT_05, measured=deg(command.speed_rad_s), limit=limit)
+            self.axis.stop_by(refused.code, **refused.values)
 
     def _under_way(self) -> MotionCommand | None:
         motion = self.axis.motion
         return motion.current or motion.waiting
 
-    # --- checks: None, or why not -----------------------------------------------------------------
+    # --- checks: None, or the reason of a refusal -------------------------------------------------
 
-    def _allowed(self, reason: Refusal | None) -> bool:
-        if reason is not None:
-            self.axis.report_refusal(reason)
-        return reason is None
+    def _allowed(self, refused: Refusal | None) -> bool:
+        if refused is not None:
+            self.axis.report_refusal(refused)
+        return refused is None
+
+    def _check_move(self, op: OperatorCommand) -> Refusal | None:
+        refused = self._check_setting(op)
+        if refused is None and op.remote:
+            refused = self._check_switch(op.speed_rad_s)
+        if refused is None and self.jog.busy:
+            return refusal(Code.CTL_14, reason=Words.MOVING_BY_HAND)
+        return refused
 
     def _check_keys(self, op: OperatorCommand) -> Refusal | None:
-        """Whether a key pressed now may start a motion by hand."""
+        """Judge a motion by hand that a key would begin now."""
         if self.mode is Mode.NONE:
             return refusal(Code.CTL_16, reason=Words.MODE_NONE)
-        wrong = self._check_setting(op)
-        if wrong is not None:
-            return wrong
-        slow = self._check_switch(op)
-        if slow is not None:
-            return slow
-        if self.mode is Mode.CONTINUOUS and self._lease_age >= self._lease_scans:
-            return refusal(Code.CTL_15, **self._lease_values())
-        return None
-
-    def _check_remote(self, op: OperatorCommand) -> Refusal | None:
-        return self._check_switch(op) if op.remote else None
-
-    def _check_switch(self, op: OperatorCommand) -> Refusal | None:
-        if self._switch_allows(op.speed_rad_s):
-            return None
-        return refusal(Code.INT_05, measured=deg(op.speed_rad_s), limit=deg(self._without_switch))
+        refused = self._check_setting(op) or self._check_switch(op.speed_rad_s)
+        return self._check_lease() if refused is None and self.mode is Mode.CONTINUOUS else refused
 
     def _check_setting(self, op: OperatorCommand) -> Refusal | None:
         return check_setting(op.speed_rad_s, self.axis.settings.speed)
 
-    def _check_not_jogging(self) -> Refusal | None:
-        if self.jog.busy:
-            return refusal(Code.CTL_14, reason=Words.MOVING_BY_HAND)
-        return None
+    def _check_switch(self, speed_rad_s: float) -> Refusal | None:
+        # The speed setting counts, not the override: that can be raised at any moment.
+        if speed_rad_s <= self._without_switch or self.axis.feedback.inputs.enabling_switch:
+            return None
+        return refusal(Code.INT_05, measured=deg(speed_rad_s), limit=deg(self._without_switch))
 
-    def _switch_allows(self, speed_rad_s: float) -> bool:
-        """The speed setting counts, not the override: that can be raised at any moment."""
-        return speed_rad_s <= self._without_switch or self.axis.feedback.inputs.enabling_switch
-
-    def _lease_values(self) -> dict[str, object]:
+    def _check_lease(self) -> Refusal | None:
+        if self._lease_age < self._lease_scans:
+            return None
         period_ms = self.axis.settings.period_s * 1e3
-        return {"measured": self._lease_age * period_ms, "limit": self._lease_scans * period_ms}
+        return refusal(Code.CTL_15, measured=self._lease_age * period_ms, limit=self._lease_scans * period_ms)

@@ -13,18 +13,18 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.settings import AxisSettings, RampSettings
 from gantryctl.units import deg
 
-# Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry.
+# Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry, 1.3e-9 rad.
 _LIMIT_TOLERANCE_RAD: Final = 1e-9
+# An override below this stops the motion: with it a degree takes 28 minutes at the lowest setting, 0.6 deg/s.
 OVERRIDE_MIN: Final = 0.001
-"""An override below this stops the motion: slower, a degree would take hours."""
 
 
 class VirtualAxis:
     """The set-point axis that the real one follows.
 
     While `following`, the set-point of scan k is `plan.sample((k - start_scan) x period)`, never a sum of
-    steps; else it is where the axis is. Every plan ends at rest inside the travel, and its extremes are
-    looked at before it is taken: a motion with a speed only is a plan to the end of the travel.
+    steps; else it is the measured angle. Every plan ends at rest inside the travel, and its extremes are
+    checked before it is taken: a motion with a speed only is a plan to the end of the travel.
 
     Attributes:
         pos_ref_rad, vel_ref_rad_s, acc_ref_rad_s2: the set-point of this scan.
@@ -54,14 +54,9 @@ class VirtualAxis:
         self._sample = self.plan.sample
         self._duration = 0.0
         self.start_scan = 0
-        self.following = False
-        self.pos_ref_rad = 0.0
-        self.vel_ref_rad_s = 0.0
-        self.acc_ref_rad_s2 = 0.0
+        self.pos_ref_rad = self.vel_ref_rad_s = self.acc_ref_rad_s2 = 0.0
         self.at_rest = True
-        self.paused = False
-        self.stopping = False
-        self.changed = False
+        self.following = self.paused = self.stopping = self.changed = False
 
     def sample(self, scan: int) -> None:
         """Set the set-point of `scan`; only while following."""
@@ -70,12 +65,12 @@ class VirtualAxis:
         self.at_rest = t >= self._duration
 
     def follow_from(self, pos_rad: float, scan: int) -> None:
-        """Begin to hold `pos_rad`: the axis follows from now on."""
+        """Begin at `pos_rad`, at rest: the axis follows from now on."""
         self.following = True
         self._take(hold(pos_rad), scan)
 
     def release(self, pos_rad: float) -> None:
-        """The set-point is the actual position from now on."""
+        """Set the set-point to the measured angle; the axis does not follow."""
         self.following = False
         self.pos_ref_rad = pos_rad
         self.vel_ref_rad_s = self.acc_ref_rad_s2 = 0.0
@@ -98,11 +93,11 @@ class VirtualAxis:
         return plan if isinstance(plan, Refusal) else None
 
     def change_speed(self, speed_rad_s: float, scan: int) -> Refusal | None:
-        """Another speed for the motion under way, same target."""
+        """Change the speed of the motion under way, same target."""
         return self.move_to(self._target, speed_rad_s, scan)
 
     def set_override(self, override: float, scan: int) -> Refusal | None:
-        """Another override 0..1 for the motion under way and all later ones."""
+        """Change the override 0..1 of the motion under way and all later ones."""
         before, self.override = self.override, override
         if self.stopping or not self.following or (self.at_rest and not self.paused):
             return None
@@ -117,7 +112,7 @@ class VirtualAxis:
         return self._ramps.acc_rad_s2
 
     def use_ramps(self, ramps: RampSettings) -> None:
-        """Other ramps for the motions that begin from now on."""
+        """Change the ramps of the motions that begin from now on."""
         self._ramps = ramps
 
     def stop(self, limits: MotionLimits, scan: int) -> None:
@@ -129,7 +124,8 @@ class VirtualAxis:
         if self.stopping and self._ends_earlier(stop_point(start, limits)):
             return
         plan = plan_stop(start, limits)
-        if self._within_travel(plan):  # else the present plan stops harder: it ends inside
+        # A stop that would leave the travel is weaker than the present plan, which ends inside.
+        if self._within_travel(plan):
             self._take(plan, scan)
         self.stopping = True
 

@@ -130,7 +130,7 @@ def test_the_ends_of_the_range_are_in_it(rig, speed_deg_s):
 def test_refusals_are_counted(rig):
     for expected in (1, 2, 3):
         rig.move(400.0)
-        assert rig.program.refusal_count == expected
+        assert rig.axis.refusal_count == expected
 
 
 # --- continuous mode ------------------------------------------------------------------------------

@@ -28,6 +28,7 @@ from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
 from gantryctl.units import deg
 
+# All at the gantry but the torque, which is the motor's.
 TRACE_COLUMNS: Final = (
     "pos_ref_rad",
     "vel_ref_rad_s",
@@ -41,11 +42,11 @@ TRACE_COLUMNS: Final = (
     "drive_state",
     "alarm_count",
 )
-"""What every axis writes per scan; all at the gantry but the torque, which is the motor's."""
 
 _OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
-_new = tuple.__new__  # builds an image in half the time of its constructor
+# Builds an image in half the time of its constructor.
+_new = tuple.__new__
 
 
 class Axis:
@@ -75,10 +76,38 @@ class Axis:
     """
 
     __slots__ = (
-        "_error", "_events", "_hold_scans", "_law", "_ratio", "_reference", "_settled", "_switching_off",
-        "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
-        "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
-        "scan", "settings", "state", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+        "_error",
+        "_events",
+        "_law",
+        "_park_scans",
+        "_ratio",
+        "_reference",
+        "_settled",
+        "_switching_off",
+        "_torque_max",
+        "_vel_max",
+        "_vel_next",
+        "alarms",
+        "brake_test",
+        "feedback",
+        "interlocks",
+        "load_side",
+        "monitors",
+        "motion",
+        "plans",
+        "pos_act_rad",
+        "pos_err_rad",
+        "power",
+        "recovery",
+        "refusal",
+        "refusal_count",
+        "scan",
+        "settings",
+        "state",
+        "time_s",
+        "vel_cmd_rad_s",
+        "virtual",
+        "zero_counts",
     )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS
@@ -114,12 +143,8 @@ class Axis:
         self.scan = -1
         self.time_s = 0.0
         self.pos_act_rad = self.pos_err_rad = self.vel_cmd_rad_s = self._vel_next = 0.0
-        power = settings.power
-        self._hold_scans = (
-            settings.scans(power.hold_brake_after_s)
-            if power.standstill is StandstillPolicy.BRAKE
-            else math.inf
-        )
+        parks = settings.power.standstill is StandstillPolicy.BRAKE
+        self._park_scans = settings.scans(settings.power.hold_brake_after_s) if parks else math.inf
         self.refusal: Refusal | None = None
         self.refusal_count = 0
         self._error = self._switching_off = False
@@ -161,14 +186,14 @@ class Axis:
         if power.phase is _ON:
             if not virtual.following:
                 self._follow()
-            elif self.monitors.rest_scans >= self._hold_scans:
-                self._hold_with_brake()
+            elif self.monitors.rest_scans >= self._park_scans:
+                self._park()
         elif virtual.following:
             self._unfollow()
         self.motion.progress()
 
     def end(self) -> OutputImage:
-        """What this scan says to the drive, after the program's logic; decides on the axis state."""
+        """Return the command to the drive, after the program's logic; decide on the axis state."""
         virtual, power, motion = self.virtual, self.power, self.motion
         vel_cmd = 0.0
         torque = power.torque_ff_nm
@@ -194,7 +219,7 @@ class Axis:
         return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
 
     def _control_again(self) -> None:
-        """The program took a new plan in this scan: the position loop once more, for its set-point."""
+        """Run the position loop again, for the set-point of a plan that the program took in this scan."""
         virtual, counts = self.virtual, self.feedback.counts - self.zero_counts
         self._vel_next, self.pos_act_rad, self.pos_err_rad = (
             self._law(virtual.pos_ref_rad, virtual.vel_ref_rad_s, counts)
@@ -261,7 +286,7 @@ class Axis:
         return self.recovery.request(service)
 
     def quick_stop(self) -> None:
-        """QUICK STOP asked for by a person: ErrorStop afterwards."""
+        """Stop on the quick-stop ramp of the drive, at the request of a person; ErrorStop afterwards."""
         if not self.is_off:
             speed = deg(self.feedback.vel_rad_s)
             self.alarms.raise_(Code.INT_06, measured=deg(self.pos_act_rad), speed=speed)
@@ -269,13 +294,13 @@ class Axis:
             self._unfollow()
 
     def stop_by(self, code: Code, /, **values: object) -> Refusal:
-        """HLT: end the present motion on the jog-release ramp with `code` as its error; power stays on."""
+        """End the present motion on the jog-release ramp with `code` as its error (HLT); power stays on."""
         reason = self.alarms.note(code, **values)
         self.motion.stop_by(reason)
         return reason
 
     def set_override(self, override: float) -> Refusal | None:
-        """Speed override 0..1 for this motion and all later ones; 0 stops, and it goes on when raised.
+        """Set the speed override 0..1 of this motion and all later ones; 0 stops, and it goes on when raised.
 
         Raised from 0 it is judged like a new motion: when that would be refused, so is the override.
         """
@@ -291,7 +316,7 @@ class Axis:
         return self.virtual.set_override(override, self.scan)
 
     def set_acceleration(self, acc_rad_s2: float) -> Refusal | None:
-        """Acceleration of the normal motions from now on, at most that of the settings; deceleration in proportion.
+        """Set the acceleration of later motions, at most that of the settings; deceleration in proportion.
 
         Only at standstill. Halt and every other stop keep the ramps of the settings.
         """
@@ -325,7 +350,7 @@ class Axis:
         return None
 
     def home(self, position_rad: float) -> MotionCommand:
-        """The direct form of homing: `set_position` as a command, one scan in state Homing. Nothing moves."""
+        """Set the position as a command, one scan in state Homing: the direct form of homing. Nothing moves."""
         command = MotionCommand(AxisState.HOMING, position_rad, 0.0, settles=False)
         if self.state is not AxisState.STANDSTILL:
             return command.fail(refusal(Code.CTL_14, reason=Words.HOME_AT_REST))
@@ -336,24 +361,24 @@ class Axis:
         return command
 
     def report_refusal(self, reason: Refusal) -> None:
-        """Remember the last refused command, for whoever shows it."""
+        """Keep the last refused command, for displays."""
         self.refusal = reason
         self.refusal_count += 1
 
-    # --- the slow paths ---------------------------------------------------------------------------
+    # --- slow paths of a scan ---------------------------------------------------------------------
 
     def _guard(self, vel_cmd: float, torque_nm: float) -> tuple[float, float]:
-        """Nothing that is no number or over its limit reaches the drive: stop, command 0."""
-        wrong_speed = not -self._vel_max <= vel_cmd <= self._vel_max
-        what = Words.SPEED_COMMAND(value=vel_cmd) if wrong_speed else Words.TORQUE_COMMAND(value=torque_nm)
+        """Stop instead of sending a command that is not finite or above its limit (B2); command 0."""
+        torque_ok = -self._torque_max <= torque_nm <= self._torque_max
+        speed_ok = -self._vel_max <= vel_cmd <= self._vel_max
+        what = Words.TORQUE_COMMAND(value=torque_nm) if speed_ok else Words.SPEED_COMMAND(value=vel_cmd)
         self.alarms.raise_(Code.CTL_02, measured=what)
         self._react()
         self._unfollow()
-        torque = torque_nm if -self._torque_max <= torque_nm <= self._torque_max else 0.0
-        return 0.0, torque
+        return 0.0, torque_nm if torque_ok else 0.0
 
     def _interrupted(self) -> None:
-        """An alarm to act on, an alarm latched, power going off, or a reset under way."""
+        """Act on a pending or latched alarm, on power that goes off, or on a reset under way."""
         if self.alarms.pending:
             self._react()
         if self._error:
@@ -365,7 +390,7 @@ class Axis:
             self._reset_now()
 
     def _react(self) -> None:
-        """Take the strongest reaction that waits; what it stops ends with the first alarm as its error."""
+        """Take the strongest pending reaction; what it stops ends with the first alarm as its error."""
         reaction, self.alarms.pending = self.alarms.pending, Reaction.W
         first = self.alarms.first_out
         if reaction is Reaction.HLT and (blocking := self.alarms.blocking()) is not None:
@@ -379,7 +404,7 @@ class Axis:
         self.power.react(reaction)
 
     def _reset_now(self) -> None:
-        """Forget the alarms; the axis stays as it is: Reset never enables."""
+        """Clear the alarms; the axis stays as it is: Reset never enables."""
         if self.recovery.service:
             self.feedback.accept_position()
             self.power.rebase()
@@ -389,7 +414,7 @@ class Axis:
         self.power.release_hold()
 
     def _follow(self) -> None:
-        """Power is on: the set-point is where the axis is, and the axis follows from now on."""
+        """Follow from now on, from a set-point at the measured angle."""
         self.virtual.follow_from(self.pos_act_rad, self.scan)
         if self.load_side is not None:
             self.load_side.begin()
@@ -397,11 +422,11 @@ class Axis:
         self.monitors.open_the_way_back(self.pos_act_rad)
 
     def _unfollow(self) -> None:
-        """The drive ramps by itself or is going off: the set-point is where the axis is."""
+        """Stop following: the drive ramps by itself or goes off, and the set-point is the measured angle."""
         self.virtual.release(self.pos_act_rad)
         self.pos_err_rad = 0.0
 
-    def _hold_with_brake(self) -> None:
+    def _park(self) -> None:
         motion = self.motion
         if motion.current is None and motion.stop_command is None and not self._switching_off:
             self.power.park()

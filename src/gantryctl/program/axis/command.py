@@ -1,4 +1,4 @@
-"""One motion command and what becomes of it."""
+"""A motion command and its status."""
 
 from __future__ import annotations
 
@@ -9,20 +9,27 @@ from gantryctl.program.axis.states import AxisState
 
 
 class CommandStatus(Enum):
-    """What has become of a command."""
+    """Status of a command.
+
+    WAITING: accepted, and the brake opens first. ABORTED: another command, a stop or power-off took over.
+    ERROR: refused, or ended by an alarm; `refusal` has the reason.
+    """
 
     WAITING = 0
-    """Accepted; the brake is being opened first."""
     ACTIVE = 1
     DONE = 2
     ABORTED = 3
-    """Another command, a stop or power-off took over."""
     ERROR = 4
-    """Refused, or ended by an alarm; `refusal` says why."""
 
 
 class MotionCommand:
-    """One command and what became of it. Blocks keep it; the axis moves its status on."""
+    """One command and its status. A block keeps it; the axis changes the status.
+
+    Attributes:
+        settles: done only when the axis is in position, not when the set-point has arrived.
+        endless: a motion with a speed only; it ends at the end of the travel or by a stop.
+        refusal: the reason of an error, or of an end at the travel limit.
+    """
 
     __slots__ = ("endless", "refusal", "settles", "speed_rad_s", "state", "status", "target_rad")
 
@@ -33,9 +40,7 @@ class MotionCommand:
         self.target_rad = target_rad
         self.speed_rad_s = speed_rad_s
         self.settles = settles
-        """Done only when the axis is in position, not when the set-point has arrived."""
         self.endless = endless
-        """A motion with a speed only; it ends at the end of the travel or by a stop."""
         self.status = CommandStatus.ACTIVE
         self.refusal: Refusal | None = None
 

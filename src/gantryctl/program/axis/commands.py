@@ -31,9 +31,10 @@ class MotionCommands:
 
     Attributes:
         current: the command under way, or None.
-        brake_overdue: the brake test is overdue: nothing moves fast.
+        brake_overdue: the brake test is overdue, so the speed is limited (`Axis.judge_brake`).
         stop_command: the Stop that holds the axis, or None.
-        state: the axis state, kept up by `Axis`.
+        state, scan: of the axis, set by `Axis`.
+        waiting: the command that waits for the brake, or None.
     """
 
     __slots__ = (
@@ -63,25 +64,25 @@ class MotionCommands:
     # --- commands ---------------------------------------------------------------------------------
 
     def move_absolute(self, target_rad: float, speed_rad_s: float) -> MotionCommand:
-        """To `target_rad` with `speed_rad_s`; linear, no shortest way."""
+        """Begin a motion to `target_rad` with `speed_rad_s`; linear, no shortest way."""
         command = MotionCommand(AxisState.DISCRETE_MOTION, target_rad, speed_rad_s, settles=True)
         return self._begin(command, check_range(target_rad, self._settings.travel))
 
     def move_relative(self, distance_rad: float, speed_rad_s: float) -> MotionCommand:
-        """By `distance_rad` from the set-point."""
+        """Begin a motion by `distance_rad` from the set-point."""
         target = self._virtual.pos_ref_rad + distance_rad
         command = MotionCommand(AxisState.DISCRETE_MOTION, target, speed_rad_s, settles=True)
         return self._begin(command, check_range(target, self._settings.travel))
 
     def move_velocity(self, vel_rad_s: float) -> MotionCommand:
-        """With `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
+        """Begin a motion with `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
         travel = self._settings.travel
         end = travel.pos_max_rad if vel_rad_s > 0.0 else travel.pos_min_rad
         command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
         return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
 
     def change_speed(self, command: MotionCommand, speed_rad_s: float) -> Refusal | None:
-        """Another speed for a command under way."""
+        """Change the speed of a command under way."""
         refused = self.check_speed(speed_rad_s)
         if refused is None and command is self.current:
             refused = self._virtual.change_speed(speed_rad_s, self.scan)
@@ -96,11 +97,11 @@ class MotionCommands:
         if refused is not None:
             return command.fail(refused)
         self._virtual.stop(self._settings.ramps.normal(self._settings.speed.setting_max_rad_s), self.scan)
-        self._replace(command)
+        self.take(command)
         return command
 
     def release(self, command: MotionCommand) -> None:
-        """A hold-to-run key was released: come to rest on the jog-release ramp."""
+        """Come to rest on the jog-release ramp: a hold-to-run key was released."""
         if command is self.waiting:
             self.drop_waiting()
         elif command is self.current:
@@ -113,7 +114,7 @@ class MotionCommands:
         if self.state is AxisState.ERROR_STOP or not self._power.status:
             return command.fail(self._not_ready())
         self._stop_on_jog_ramp()
-        self._replace(None)
+        self.take(None)
         if self.stop_command is not None:
             self.stop_command.status = CommandStatus.ABORTED
         self.stop_command = command
@@ -121,15 +122,18 @@ class MotionCommands:
         return command
 
     def release_stop(self, command: MotionCommand) -> None:
-        """Execute of Stop is FALSE: Stopping ends as soon as the axis is at rest."""
+        """End Stopping as soon as the axis is at rest: Execute of Stop is FALSE."""
         if command is self.stop_command:
             self._stop_execute = False
 
-    def take(self, command: MotionCommand) -> None:
-        """A command that moves nothing takes over."""
-        self._replace(command)
+    def take(self, command: MotionCommand | None) -> None:
+        """Let a command that moves nothing take over; None: what is under way is aborted."""
+        self.drop_waiting()
+        if self.current is not None:
+            self.current.status = CommandStatus.ABORTED
+        self.current = command
 
-    # --- what happens to commands -----------------------------------------------------------------
+    # --- the end of commands ----------------------------------------------------------------------
 
     def stop_by(self, reason: Refusal) -> None:
         """HLT: end the motion with an error on the jog-release ramp; power stays on."""
@@ -138,16 +142,17 @@ class MotionCommands:
         state = AxisState.DISCRETE_MOTION if self.current is None else self.current.state
         self._stop_on_jog_ramp()
         self.fail_all(reason)
-        if not self._virtual.at_rest:  # the motion state lasts until the axis is at rest
+        # PLCopen: the motion state lasts until the axis is at rest.
+        if not self._virtual.at_rest:
             self.current = MotionCommand(state, 0.0, 0.0, settles=False)
 
     def abort_for_power_off(self) -> None:
-        """Power-off: come to rest first."""
+        """Come to rest before power goes off."""
         self._stop_on_jog_ramp()
-        self._replace(None)
+        self.take(None)
 
     def fail_all(self, reason: Refusal) -> None:
-        """An alarm: every command ends with an error."""
+        """End every command with an error, by an alarm."""
         for command in (self.current, self.waiting, self.stop_command):
             if command is not None and command.alive:
                 command.fail(reason)
@@ -161,7 +166,7 @@ class MotionCommands:
             self.waiting = None
 
     def progress(self) -> None:
-        """Once a scan, after the monitors: begin what waited, end what has arrived."""
+        """Begin what waited and end what has arrived; every scan, after the monitors."""
         if self.waiting is not None and self._power.phase is PowerPhase.ON:
             command, self.waiting = self.waiting, None
             command.status = CommandStatus.ACTIVE
@@ -197,27 +202,21 @@ class MotionCommands:
                 refused = self._virtual.move_to(command.target_rad, command.speed_rad_s, self.scan)
         if refused is not None:
             return command.fail(refused)
-        self._replace(None if self._power.parked else command)
+        self.take(None if self._power.parked else command)
         if self._power.parked:
             command.status = CommandStatus.WAITING
             self.waiting = command
             self._power.wake()
         return command
 
-    def _replace(self, command: MotionCommand | None) -> None:
-        self.drop_waiting()
-        if self.current is not None:
-            self.current.status = CommandStatus.ABORTED
-        self.current = command
-
     def _stop_on_jog_ramp(self) -> None:
         speed = self._settings.speed.setting_max_rad_s
         self._virtual.stop(self._settings.ramps.jog_release(speed), self.scan)
 
-    # --- checks: None, or why not -----------------------------------------------------------------
+    # --- checks: None, or the reason of a refusal -------------------------------------------------
 
     def check_resume(self) -> Refusal | None:
-        """Whether the motion that override 0 holds back may go on: it is judged as a new one."""
+        """Judge the motion that override 0 holds back like a new one, before it goes on."""
         command = self.current
         if command is None or not self._virtual.paused:
             return None
@@ -229,15 +228,14 @@ class MotionCommands:
         )
 
     def check_speed(self, speed_rad_s: float) -> Refusal | None:
-        """Above 0, at most the highest setting, and slow while the brake test is overdue; None when it is."""
+        """Judge a speed: above 0, at most the highest setting, and low while the brake test is overdue."""
         speed = self._settings.speed
         refused = check_speed(speed_rad_s, speed)
         return check_overdue(speed_rad_s, speed) if refused is None and self.brake_overdue else refused
 
     def _check_state(self) -> Refusal | None:
-        if self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None:
-            return self._not_ready()
-        if not self._power.status:
+        stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None
+        if stopped or not self._power.status:
             return self._not_ready()
         if self.stop_command is not None:
             return refusal(Code.CTL_14, reason=Words.HELD_BY_STOP)

@@ -10,15 +10,15 @@ from gantryctl.program.settings import AxisSettings, CompensationSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
 
+# Speed command (motor side), actual angle and following error (gantry side).
 Command = tuple[float, float, float]
-"""Speed command (motor side), actual angle and following error (gantry side)."""
 
 
 class LoadSide:
-    """Takes the place of the bare position law where compensations are on.
+    """Position law with compensations, in place of the bare one (decision 10).
 
-    Motor encoder and maps say where the load is; the load-side encoder corrects that slowly. Where the two
-    differ by more than both can be wrong, one of them lies, and nobody knows which: the position is doubted.
+    Motor encoder and maps give the angle of the load; the load-side encoder corrects it slowly. Where the two
+    differ by more than both can be wrong, one of them is wrong and it is not known which: the position is in doubt.
 
     Attributes:
         torque_ff_nm: torque of this scan, motor side, on top of what the power sequence asks for.
@@ -52,43 +52,35 @@ class LoadSide:
         self.disagreement_rad = 0.0
 
     def scan(self, virtual: VirtualAxis, counts: float) -> Command:
-        """The command of this scan; `counts` minus the zero offset."""
+        """Return the command of this scan; `counts` minus the zero offset."""
+        ring = self._feedback.pos_ring_rad
         vel, pos, error, self.torque_ff_nm, self.disagreement_rad = self._run(
-            self._law,
-            virtual.pos_ref_rad,
-            virtual.vel_ref_rad_s,
-            virtual.acc_ref_rad_s2,
-            counts,
-            self._feedback.pos_ring_rad,
+            self._law, virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, counts, ring
         )
         if self._watched:
             self._watch()
         return vel, pos, error
 
     def scan_again(self, virtual: VirtualAxis, counts: float) -> Command:
-        """The same scan with another set-point."""
+        """Return the command for another set-point in the same scan: a law with memory counts no scan twice."""
+        ring = self._feedback.pos_ring_rad
         vel, pos, error, self.torque_ff_nm, _ = self._run_again(
-            self._law,
-            virtual.pos_ref_rad,
-            virtual.vel_ref_rad_s,
-            virtual.acc_ref_rad_s2,
-            counts,
-            self._feedback.pos_ring_rad,
+            self._law, virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, counts, ring
         )
         return vel, pos, error
 
     def resting(self, counts: float) -> float:
-        """Angle of the load while the axis does not follow."""
+        """Return the angle of the load while the axis does not follow."""
         self.torque_ff_nm = 0.0
         return self.laws.resting_position(self._law, counts)
 
     def begin(self) -> None:
-        """The axis follows from the next scan on."""
+        """Restart the laws: the axis follows from the next scan on."""
         self.laws.restart()
         self._count = 0
 
     def new_reference(self, pos_rad: float) -> float:
-        """What the motor stands at, at the gantry, where the load is at `pos_rad` by a new reference."""
+        """Angle of the motor, at the gantry, when a new reference puts the load at `pos_rad`."""
         self.laws.forget_bias()
         return pos_rad + self.laws.lead(pos_rad)
 

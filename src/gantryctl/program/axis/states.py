@@ -1,4 +1,4 @@
-"""The PLCopen axis states and their one table."""
+"""The axis states of PLCopen Part 1, and their table."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple, assert_never
 
 
 class AxisState(IntEnum):
-    """PLCopen Part 1 axis states; the number is what the trace shows."""
+    """Axis states of PLCopen Part 1; a trace holds the number. No block leads to SYNCHRONIZED_MOTION (gearing)."""
 
     DISABLED = 0
     STANDSTILL = 1
@@ -15,26 +15,28 @@ class AxisState(IntEnum):
     DISCRETE_MOTION = 3
     CONTINUOUS_MOTION = 4
     SYNCHRONIZED_MOTION = 5
-    """Kept for gearing: no block of this version leads here."""
     STOPPING = 6
     ERROR_STOP = 7
 
 
 class AxisEvents(NamedTuple):
-    """What one scan knows when it decides on the next state."""
+    """Inputs of the state table in one scan.
+
+    Attributes:
+        error: a stop-class alarm is latched.
+        powered: power is on: the axis follows commands.
+        stop_held: Execute of Stop is TRUE, or the axis is still coming to rest.
+        motion: state of the motion under way, or None.
+    """
 
     error: bool
-    """A stop-class alarm is latched."""
     powered: bool
-    """Power is on: the axis follows commands."""
     stop_held: bool
-    """Stop: its Execute is TRUE, or the axis is still coming to rest."""
     motion: AxisState | None
-    """The state that the motion under way belongs to; None when there is none."""
 
 
 def next_state(state: AxisState, events: AxisEvents) -> AxisState:
-    """At most one transition a scan; the first row that applies wins.
+    """Return the state of the next scan: at most one transition, by the first row that applies.
 
     | from             | when                                  | to                              |
     |------------------|---------------------------------------|---------------------------------|

@@ -24,7 +24,6 @@ class Power(Block):
         self._enable = self._on = False
 
     def __call__(self, *, enable: bool) -> None:
-        """One scan."""
         axis = self.axis
         if enable != self._enable:
             self._enable = enable
@@ -60,7 +59,6 @@ class Reset(Block):
         self._execute = False
 
     def __call__(self, *, execute: bool, service: bool = False) -> None:
-        """One scan."""
         if execute and not self._execute:
             self.done = False
             self._fail(None)
@@ -93,7 +91,6 @@ class SetOverride(Block):
         self._asked = axis.virtual.override
 
     def __call__(self, *, enable: bool = True, override: float) -> None:
-        """One scan."""
         self.enabled = enable
         if not enable or override == self._asked or (math.isnan(override) and math.isnan(self._asked)):
             return
@@ -119,7 +116,6 @@ class SetPosition(Block):
         self._execute = False
 
     def __call__(self, *, execute: bool, position_rad: float) -> None:
-        """One scan."""
         if execute != self._execute:
             self._execute = execute
             self.done = False

@@ -1,4 +1,4 @@
-"""What the blocks share: PLCopen's rules for Execute and the outputs."""
+"""PLCopen Part 1: the rules for Execute and the outputs, for all blocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class Block:
     """A function block on one axis, called once per scan.
 
     Attributes:
-        error: the last call could not do, or go on with, what it was asked for.
+        error: the last call was refused, or failed on the way.
         error_id: code of the alarm or refusal, None without an error.
         error_text: the reason in words.
     """
@@ -30,7 +30,7 @@ class Block:
         self.error_id, self.error_text = (None, "") if reason is None else (reason.code, reason.text)
 
     def _refused(self, reason: Refusal) -> None:
-        """An error at once: the command was refused and nothing changed."""
+        """Show the error at once: the command was refused and nothing changed."""
         self._fail(reason)
         self.axis.report_refusal(reason)
 

@@ -19,9 +19,8 @@ class BrakeTest(Block):
     at least one scan. Stop, power off and every alarm of a stop class end it.
 
     Attributes:
-        phase: where it is.
-        plus_nm, minus_nm: torque that the brake bore, means while held, nan where it did not come to that.
-        moved_rad: farthest way of the gantry.
+        phase: phase of the test.
+        plus_nm, minus_nm, moved_rad: see `BrakeTestResult`.
     """
 
     __slots__ = (
@@ -43,7 +42,6 @@ class BrakeTest(Block):
         return self.busy or (self._final and not self._execute)
 
     def __call__(self, *, execute: bool) -> None:
-        """One scan."""
         if execute and not self._execute and not self.busy:
             self._begin()
         elif self._final and not execute:

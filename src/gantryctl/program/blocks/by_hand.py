@@ -31,7 +31,6 @@ class Jog(ExecuteBlock):
         self.at_limit = False
 
     def __call__(self, *, forward: bool, backward: bool, velocity_rad_s: float) -> None:
-        """One scan."""
         if forward != self._forward or backward != self._backward:
             self._keys(forward, backward, velocity_rad_s)
             self._forward, self._backward = forward, backward
@@ -40,7 +39,7 @@ class Jog(ExecuteBlock):
         self._show(forward or backward)
 
     def _keys(self, forward: bool, backward: bool, velocity_rad_s: float) -> None:
-        """A key has changed: release what runs, then see whether a key was pressed alone."""
+        """Release what runs, then begin when a key was pressed alone."""
         command = self._command
         if command is not None and not self._released:
             self._released = True
@@ -96,7 +95,6 @@ class Inch(ExecuteBlock):
         self._forward = self._backward = False
 
     def __call__(self, *, forward: bool, backward: bool, distance_rad: float, velocity_rad_s: float) -> None:
-        """One scan."""
         if (forward and not self._forward) or (backward and not self._backward):
             self._step(forward, backward, distance_rad, velocity_rad_s)
         self._forward, self._backward = forward, backward

@@ -11,31 +11,29 @@ from gantryctl.program.blocks.base import ExecuteBlock
 
 
 class MoveAbsolute(ExecuteBlock):
-    """To an angle on the linear axis; `done` when the axis is in position there."""
+    """Move to an angle on the linear axis; `done` when the axis is in position there."""
 
     __slots__ = ()
 
     def __call__(self, *, execute: bool, position_rad: float, velocity_rad_s: float) -> None:
-        """One scan."""
         if execute and not self._execute:
             self._begin(self.axis.motion.move_absolute(position_rad, velocity_rad_s))
         self._show(execute)
 
 
 class MoveRelative(ExecuteBlock):
-    """By an angle from the set-point; `done` when the axis is in position there."""
+    """Move by an angle from the set-point; `done` when the axis is in position there."""
 
     __slots__ = ()
 
     def __call__(self, *, execute: bool, distance_rad: float, velocity_rad_s: float) -> None:
-        """One scan."""
         if execute and not self._execute:
             self._begin(self.axis.motion.move_relative(distance_rad, velocity_rad_s))
         self._show(execute)
 
 
 class MoveVelocity(ExecuteBlock):
-    """With a speed, its sign the direction, until another block takes over.
+    """Move with a speed, its sign the direction, until another block takes over.
 
     At the end of the travel it comes to rest by itself, with error LIM-01. `done` stays FALSE;
     `in_velocity` is TRUE while the set-point has the speed asked for (times override).
@@ -48,7 +46,6 @@ class MoveVelocity(ExecuteBlock):
         self.in_velocity = False
 
     def __call__(self, *, execute: bool, velocity_rad_s: float) -> None:
-        """One scan."""
         if execute and not self._execute:
             self._begin(self.axis.motion.move_velocity(velocity_rad_s))
         self._show(execute)
@@ -67,19 +64,18 @@ class MoveVelocity(ExecuteBlock):
 
 
 class Halt(ExecuteBlock):
-    """To rest on the normal ramp; another motion may take over before. A harder stop is not made weaker."""
+    """Come to rest on the normal ramp; another motion may take over before. A harder stop is not made weaker."""
 
     __slots__ = ()
 
     def __call__(self, *, execute: bool) -> None:
-        """One scan."""
         if execute and not self._execute:
             self._begin(self.axis.motion.halt())
         self._show(execute)
 
 
 class Stop(ExecuteBlock):
-    """To rest on the jog-release ramp; Stopping, and no other motion, while Execute is TRUE.
+    """Come to rest on the jog-release ramp; Stopping, and no other motion, while Execute is TRUE.
 
     A brake test under way ends, with the drive disabled.
     """
@@ -91,7 +87,6 @@ class Stop(ExecuteBlock):
         self._held: MotionCommand | None = None
 
     def __call__(self, *, execute: bool) -> None:
-        """One scan."""
         if execute != self._execute:
             if execute:
                 self._held = self.axis.stop()
@@ -103,7 +98,7 @@ class Stop(ExecuteBlock):
 
 
 class Home(ExecuteBlock):
-    """The direct form only: the present angle is `position_rad` from now on. Nothing moves.
+    """Call the present angle `position_rad`: the direct form of homing only. Nothing moves.
 
     Only in Standstill; refused where the encoder would wrap near the travel. The new `axis.zero_counts` is
     for retained memory.
@@ -112,7 +107,6 @@ class Home(ExecuteBlock):
     __slots__ = ()
 
     def __call__(self, *, execute: bool, position_rad: float) -> None:
-        """One scan."""
         if execute and not self._execute:
             self._begin(self.axis.home(position_rad))
         self._show(execute)

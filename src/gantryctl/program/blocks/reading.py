@@ -1,4 +1,4 @@
-"""PLCopen reading blocks. They cost nothing when not called: they only show what the axis has."""
+"""PLCopen reading blocks: copies of what the axis has anyway."""
 
 from __future__ import annotations
 
@@ -10,8 +10,12 @@ from gantryctl.program.axis.states import AxisState
 from gantryctl.program.blocks.base import Block
 
 
+def _flag(state: AxisState, doc: str) -> property:
+    return property(lambda block: block.valid and block.state is state, doc=doc)
+
+
 class ReadStatus(Block):
-    """The axis state as one flag per state."""
+    """The axis state as one flag per state (MC_ReadStatus)."""
 
     __slots__ = ("state", "valid")
 
@@ -21,50 +25,18 @@ class ReadStatus(Block):
         self.state = AxisState.DISABLED
 
     def __call__(self, *, enable: bool = True) -> None:
-        """One scan."""
         self.valid = enable
         if enable:
             self.state = self.axis.state
 
-    @property
-    def error_stop(self) -> bool:
-        """Stopped by an alarm."""
-        return self.valid and self.state is AxisState.ERROR_STOP
-
-    @property
-    def disabled(self) -> bool:
-        """Power is off."""
-        return self.valid and self.state is AxisState.DISABLED
-
-    @property
-    def stopping(self) -> bool:
-        """Held by Stop."""
-        return self.valid and self.state is AxisState.STOPPING
-
-    @property
-    def homing(self) -> bool:
-        """Home is being executed."""
-        return self.valid and self.state is AxisState.HOMING
-
-    @property
-    def standstill(self) -> bool:
-        """Power is on, no motion."""
-        return self.valid and self.state is AxisState.STANDSTILL
-
-    @property
-    def discrete_motion(self) -> bool:
-        """A motion with an end of its own."""
-        return self.valid and self.state is AxisState.DISCRETE_MOTION
-
-    @property
-    def continuous_motion(self) -> bool:
-        """A motion with a speed only."""
-        return self.valid and self.state is AxisState.CONTINUOUS_MOTION
-
-    @property
-    def synchronized_motion(self) -> bool:
-        """Never in this version."""
-        return self.valid and self.state is AxisState.SYNCHRONIZED_MOTION
+    error_stop = _flag(AxisState.ERROR_STOP, "Stopped by an alarm.")
+    disabled = _flag(AxisState.DISABLED, "Power is off.")
+    stopping = _flag(AxisState.STOPPING, "Held by Stop.")
+    homing = _flag(AxisState.HOMING, "Home is being executed.")
+    standstill = _flag(AxisState.STANDSTILL, "Power is on, no motion.")
+    discrete_motion = _flag(AxisState.DISCRETE_MOTION, "A motion with an end.")
+    continuous_motion = _flag(AxisState.CONTINUOUS_MOTION, "A motion with a speed only.")
+    synchronized_motion = _flag(AxisState.SYNCHRONIZED_MOTION, "Never in this version.")
 
 
 class ReadAxisError(Block):
@@ -79,7 +51,6 @@ class ReadAxisError(Block):
         self.axis_error_text = ""
 
     def __call__(self, *, enable: bool = True) -> None:
-        """One scan."""
         self.valid = enable
         first = self.axis.alarms.first_out
         if enable:
@@ -88,7 +59,7 @@ class ReadAxisError(Block):
 
 
 class ReadMotionState(Block):
-    """What the set-point is doing."""
+    """Motion state of the set-point."""
 
     __slots__ = (
         "accelerating", "constant_velocity", "decelerating", "direction_negative", "direction_positive",
@@ -101,7 +72,6 @@ class ReadMotionState(Block):
         self.direction_positive = self.direction_negative = False
 
     def __call__(self, *, enable: bool = True) -> None:
-        """One scan."""
         self.valid = enable
         virtual = self.axis.virtual
         vel, acc = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
@@ -122,7 +92,6 @@ class _ReadValue(Block, ABC):
         self.value = 0.0
 
     def __call__(self, *, enable: bool = True) -> None:
-        """One scan."""
         self.valid = enable
         if enable:
             self.value = self._read()
