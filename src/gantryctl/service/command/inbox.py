@@ -21,12 +21,12 @@ from gantryctl.service.protocol.messages import (
     from_record,
 )
 
+# Records looked at in one scan.
 _PER_SCAN: Final = 32
-"""Records looked at in one scan."""
 _CLIENTS: Final = 1024
 OF_CLIENT: Final = 16
+# PendingCommand at most. The console of the machine has places of its own: no page fills them.
 OF_SOURCE: Final = 128
-"""PendingCommand at most. The console of the machine has places of its own: no page fills them."""
 _FIRST: Final = ("stop", "quick_stop", "release")
 _KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
 

@@ -14,8 +14,8 @@ from gantryctl.service.protocol.messages import Identity, Message, MessageRefuse
 from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, may
 from gantryctl.units import deg, rad
 
+# Lowest acceleration setting, as a part of the machine file's.
 _ACC_PART: Final = 0.1
-"""Lowest acceleration setting, as a part of the machine file's."""
 _INCREMENT_MIN_DEG: Final = 0.001
 _NEW_MOTION: Final = frozenset({Action.POWER, Action.JOG, Action.MOVE, Action.BRAKE_TEST})
 

@@ -13,8 +13,8 @@ from gantryctl.runtime import Retained
 from gantryctl.service.memory.events import EventLog
 from gantryctl.units import deg
 
+# How often it is looked whether the test has become due.
 JUDGE_S: Final = 60.0
-"""How often it is looked whether the test has become due."""
 
 
 class BrakeWatch:

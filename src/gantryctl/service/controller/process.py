@@ -43,8 +43,8 @@ from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
 from gantryctl.wiring.engine import build_engine
 
+# A shutdown that takes longer ends with torque off and the brake closed.
 END_S: Final = 20.0
-"""A shutdown that takes longer ends with torque off and the brake closed."""
 SECOND_PERSON: Final = "--second-person"
 _DAY_S: Final = 86400.0
 _STOP_S: Final = 5.0

@@ -23,8 +23,8 @@ from gantryctl.units import deg
 
 FAST_S: Final = 0.010
 SLOW_S: Final = 1.0
+# Over so long the usual lateness and run time are shown.
 RECENT_S: Final = 10.0
-"""Over so long the usual lateness and run time are shown."""
 _DIGITS: Final = 6
 
 

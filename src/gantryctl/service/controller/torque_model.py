@@ -14,23 +14,23 @@ from operator import mul
 from typing import Final
 
 _COUNT: Final = 5
+# Variance by which a weight may wander between two samples, in variances of one reading: at 20 Hz, what is 100 s old
+# counts by a third.
 _DRIFT: Final = 5e-7
-"""Variance by which a weight may wander between two samples, in variances of one reading: at 20 Hz, what is 100 s old
-counts by a third."""
+# Variance of what nothing is known of.
 _START: Final = 100.0
-"""Variance of what nothing is known of."""
+# Sine and cosine do not wander beyond: hours of small motions, which teach neither, do not lose them.
 _FIRM: Final = 0.01
-"""Sine and cosine do not wander beyond: hours of small motions, which teach neither, do not lose them."""
 _LIMITS: Final = (_FIRM, _FIRM, _START, _START, _START)
+# A weight is known when its standard deviation is below this share of the rated torque.
 _KNOWN_SHARE: Final = 0.005
-"""A weight is known when its standard deviation is below this share of the rated torque."""
 _SAMPLES_MIN: Final = 100
+# Readings that the variance of one reading is averaged over.
 _SAMPLES_MAX: Final = 2000
-"""Readings that the variance of one reading is averaged over."""
 _MOVING_RAD_S: Final = math.radians(0.05)
 _VEL_RAD_S: Final = 0.1
+# Units in which speed and acceleration are as large as a sine, so that all weights are some N m.
 _ACC_RAD_S2: Final = 1e-3
-"""Units in which speed and acceleration are as large as a sine, so that all weights are some N m."""
 
 
 class TorqueModel:
@@ -50,8 +50,8 @@ class TorqueModel:
         self._cov = [[_START if i == j else 0.0 for j in range(_COUNT)] for i in range(_COUNT)]
         self._samples = 0
         self._reading_var = 0.0
+        # Whether it has seen enough.
         self.learned = False
-        """Whether it has seen enough."""
 
     def add(self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float, torque_nm: float) -> None:
         """One sample of angle, speed and acceleration at the gantry with the motor's torque; at rest it is left out."""

@@ -10,10 +10,10 @@ from typing import Any, Final
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import Identity
 
+# Longest text of an event, bytes.
 TEXT_MAX: Final = 500
-"""Longest text of an event, bytes."""
+# Places in the ring that are kept for stops and alarms: below it nothing new is begun.
 RESERVE: Final = 2048
-"""Places in the ring that are kept for stops and alarms: below it nothing new is begun."""
 
 
 class EventLog:

@@ -13,14 +13,14 @@ from gantryctl.errors import DeviceError
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.memory.seqlock import SequenceLock
 
+# Slot of a command or reply.
 COMMAND_BYTES: Final = 1024
-"""Slot of a command or reply."""
 EVENT_BYTES: Final = 1024
+# Slot of a trace row: up to 64 columns, the number of the recording, the header.
 ROW_BYTES: Final = 8 * 66
-"""Slot of a trace row: up to 64 columns, the number of the recording, the header."""
 
+# A recorder that is silent for longer keeps no events.
 RECORDER_S: Final = 10.0
-"""A recorder that is silent for longer keeps no events."""
 
 _FAST: Final = 4096
 _SLOW: Final = 64 * 1024
@@ -34,33 +34,33 @@ _WORDS: Final = 512
 class Source(IntEnum):
     """Who writes commands and events."""
 
+    # The gateway.
     WEB = 0
-    """The gateway."""
+    # The local socket, in the supervisor.
     LOCAL = 1
-    """The local socket, in the supervisor."""
+    # Events only.
     CONTROLLER = 2
-    """Events only."""
+    # Events only.
     OPCUA = 3
-    """Events only."""
 
 
 class Word(IntEnum):
     """Single numbers, each with one writer."""
 
+    # CLOCK_MONOTONIC when the recorder was last alive.
     RECORDER_NS = 0
-    """CLOCK_MONOTONIC when the recorder was last alive."""
+    # Random number of this start of the service.
     BOOT = 1
-    """Random number of this start of the service."""
+    # A `JournalState`.
     JOURNAL_STATE = 4
-    """A `JournalState`."""
+    # 1 when the last controller was shut down, and ended at rest with the brake closed.
     CONTROLLER_CLEAN = 5
-    """1 when the last controller was shut down, and ended at rest with the brake closed."""
+    # CLOCK_MONOTONIC when the gateway was last alive.
     GATEWAY_NS = 6
-    """CLOCK_MONOTONIC when the gateway was last alive."""
+    # Hold-to-run lease of the machine, for clients to know before the controller runs.
     LEASE_MS = 2
-    """Hold-to-run lease of the machine, for clients to know before the controller runs."""
+    # 1 while the disk is too full to record.
     RECORDING_STOPPED = 7
-    """1 while the disk is too full to record."""
 
 
 class JournalState(IntEnum):

@@ -13,8 +13,8 @@ from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.memory.seqlock import SequenceLock
 from gantryctl.service.protocol.tags import BY_NAME, TAGS
 
+# Tags of the packed record, in this order.
 FAST: Final = tuple(tag.name for tag in TAGS if tag.rate == "20 Hz")
-"""Tags of the packed record, in this order."""
 _PACKED: Final = struct.Struct(f"<Q{len(FAST)}d")
 _DIGITS: Final = 6
 

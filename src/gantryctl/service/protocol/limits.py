@@ -10,34 +10,34 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Final
 
+# Longest message, bytes.
 MESSAGE_MAX: Final = 16 * 1024
-"""Longest message, bytes."""
 
+# Period of the status frames: commands are as old as the frame that their sender saw.
 FRAME_S: Final = 0.050
-"""Period of the status frames: commands are as old as the frame that their sender saw."""
 FRAMES_MAX: Final = 10
+# Oldest status frame that a command may name, in frames behind: less for a key that is being held.
 FRAMES_MAX_JOG: Final = 6
-"""Oldest status frame that a command may name, in frames behind: less for a key that is being held."""
+# Older snapshots are stale: no client shows them as the present state.
 STALE_S: Final = 0.5
-"""Older snapshots are stale: no client shows them as the present state."""
 
+# Period in which a client renews its lease.
 RENEW_S: Final = 0.030
-"""Period in which a client renews its lease."""
+# Longest time that a key may be held: a page that hangs may go on renewing.
 HELD_S: Final = 30.0
-"""Longest time that a key may be held: a page that hangs may go on renewing."""
+# A holder of control that is silent for longer loses it.
 SILENCE_S: Final = 2.0
-"""A holder of control that is silent for longer loses it."""
+# Time between arming and executing.
 ARMED_S: Final = 10.0
-"""Time between arming and executing."""
+# A controller that takes longer to reply counts as silent.
 ANSWER_S: Final = 1.0
-"""A controller that takes longer to reply counts as silent."""
 
+# Of one connection; stop, quick stop and release each have as many of their own.
 COMMANDS_PER_S: Final = 20.0
-"""Of one connection; stop, quick stop and release each have as many of their own."""
+# Signs of life of each kind; surplus ones are dropped. A held key renews 33 times a second.
 SIGNS_PER_S: Final = 50.0
-"""Signs of life of each kind; surplus ones are dropped. A held key renews 33 times a second."""
+# Messages of any kind; a connection that sends more is closed.
 FLOOD_PER_S: Final = 200.0
-"""Messages of any kind; a connection that sends more is closed."""
 _SENDERS: Final = 10_000
 
 

@@ -27,8 +27,8 @@ class MessageRefused(GantryctlError):
     def __init__(self, code: Code, /, **values: object) -> None:
         self.refusal = Refusal(code, values)
         super().__init__(self.refusal.text)
+        # Of the message, where it has one.
         self.seq = 0
-        """Of the message, where it has one."""
 
 
 class Identity(NamedTuple):
@@ -60,19 +60,19 @@ class Message(NamedTuple):
     values: dict[str, Any]
 
 
+# Tags that `set` takes, with the action that it is.
 SETTABLE: Final = {
     "speed_setting_deg_s": Action.SPEED,
     "increment_deg": Action.INCREMENT,
     "override_percent": Action.OVERRIDE,
     "acc_setting_deg_s2": Action.ACCELERATION,
 }
-"""Tags that `set` takes, with the action that it is."""
 
+# What `arm` takes, with the action that it is.
 ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_LOCKED}
-"""What `arm` takes, with the action that it is."""
 
+# A safe integer: JavaScript holds no larger one exactly.
 Whole: TypeAlias = Annotated[int, Field(ge=0, le=2**53)]
-"""A safe integer: JavaScript holds no larger one exactly."""
 Number: TypeAlias = Annotated[float, Field(gt=-1e9, lt=1e9, allow_inf_nan=False)]
 Lease: TypeAlias = Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
 Direction: TypeAlias = Literal["forward", "reverse"]
@@ -215,12 +215,12 @@ class StartBrakeTest(Timed):
     type: Literal["brake_test"]
 
 
+# Every message to the service; its JSON schema is `MESSAGES.json_schema()`.
 AnyMessage: TypeAlias = Annotated[
     Alive | Take | Give | Power | ChooseMode | Jog | Renew | Release | Increment | Move | Halt | Stop
     | QuickStop | Reset | Acknowledge | Set | Arm | StartBrakeTest,
     Field(discriminator="type"),
 ]  # fmt: skip
-"""Every message to the service; its JSON schema is `MESSAGES.json_schema()`."""
 MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
 _COMMON: Final = frozenset({"type", *Timed.model_fields})
 
@@ -230,15 +230,15 @@ def _models() -> Iterator[tuple[str, type[Untimed]]]:
         yield get_args(model.model_fields["type"].annotation)[0], model
 
 
+# Keys that a message of a type has beside those of all messages.
 FIELDS: Final = {
     kind: tuple(name for name in model.model_fields if name not in _COMMON) for kind, model in _models()
 }
-"""Keys that a message of a type has beside those of all messages."""
 WITHOUT_EPOCH: Final = frozenset(kind for kind, model in _models() if not issubclass(model, Timed))
+# Not counted with the commands by the rate limit: each has a limit of its own.
 FREE: Final = frozenset({"alive", "renew", "release", "stop", "quick_stop"})
-"""Not counted with the commands by the rate limit: each has a limit of its own."""
+# No reply when all is well, and no event in the journal.
 SILENT: Final = frozenset({"alive", "renew"})
-"""No reply when all is well, and no event in the journal."""
 
 _ACTIONS: Final = {
     "take": Action.AUTHORITY, "give": Action.AUTHORITY, "alive": Action.VIEW, "power": Action.POWER,

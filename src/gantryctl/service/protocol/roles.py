@@ -46,6 +46,7 @@ _ALL: Final = frozenset(Role)
 _MOVES: Final = frozenset({Role.OPERATOR, Role.PHYSICIST, Role.SERVICE})
 _TUNES: Final = frozenset({Role.PHYSICIST, Role.SERVICE})
 
+# The admin looks after users and cannot move; Stop is for everybody.
 MAY: Final[dict[Action, frozenset[Role]]] = {
     Action.VIEW: _ALL,
     Action.STOP: _ALL,
@@ -69,7 +70,6 @@ MAY: Final[dict[Action, frozenset[Role]]] = {
     Action.JOURNAL: frozenset({Role.PHYSICIST, Role.SERVICE, Role.ADMIN}),
     Action.USERS: frozenset({Role.ADMIN}),
 }
-"""The admin looks after users and cannot move; Stop is for everybody."""
 
 WORDS: Final[dict[Action, str]] = {
     Action.VIEW: "see everything that the page shows",
@@ -95,13 +95,13 @@ WORDS: Final[dict[Action, str]] = {
     Action.USERS: "users (on the command line)",
 }
 
+# Only whoever has control may do these; power off is for any of these roles without it.
 NEEDS_AUTHORITY: Final = frozenset(
     {
         Action.POWER, Action.MODE, Action.JOG, Action.MOVE, Action.HALT, Action.RESET, Action.SPEED,
         Action.INCREMENT, Action.OVERRIDE, Action.ACCELERATION, Action.BRAKE_TEST, Action.RESET_LOCKED,
     }
 )  # fmt: skip
-"""Only whoever has control may do these; power off is for any of these roles without it."""
 
 
 def may(role: Role, action: Action) -> bool:

@@ -216,6 +216,7 @@ _MACHINE: Final = (
 TAGS: Final = (*_FRAME, *_MOTION, *_STATE, *_HEALTH, *_AUTHORITY, *_ARMED, *_BRAKE, *_LIMITS, *_MACHINE)
 BY_NAME: Final = {tag.name: tag for tag in TAGS}
 
+# Keys of one row of `alarms` and `alarm_history`.
 ALARM_ROW: Final = {
     "id": "number of the alarm since the controller started",
     "code": "stable code, e.g. CTL-03",
@@ -235,4 +236,3 @@ ALARM_ROW: Final = {
     "lock": "only service may reset it",
     "acknowledged_by": "who has seen it, or empty",
 }
-"""Keys of one row of `alarms` and `alarm_history`."""

@@ -18,13 +18,12 @@ from gantryctl.errors import DeviceError
 from gantryctl.program.alarms.codes import Code
 from gantryctl.service.recorder import journal_file as file
 
+# Events that stay whatever their age and size.
 KEPT_LEAST: Final = 1000
-"""Events that stay whatever their age and size."""
+# Events taken out in one commit: no longer than a second.
 PRUNED_MOST: Final = 20_000
-"""Events taken out in one commit: no longer than a second."""
+# Source of the events that the journal's writer adds.
 OWN: Final = 9
-"""Source of the events that the journal's writer adds."""
-"""The first event of a journal begins with it when the one before was damaged."""
 
 
 class JournalFault(DeviceError):

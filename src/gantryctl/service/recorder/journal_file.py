@@ -23,8 +23,9 @@ FIELDS: Final = (
 )  # fmt: skip
 START: Final = "0" * 64
 _RIGHTS: Final = 0o640
+# Rows whose chain is looked at when a journal is opened; `verify` looks at all.
 _TAIL: Final = 10_000
-"""Rows whose chain is looked at when a journal is opened; `verify` looks at all."""
+# `head` is the last event, `base` the last one that was taken out because of its age or the size.
 _SCHEMA: Final = """
 CREATE TABLE IF NOT EXISTS events (
     seq INTEGER PRIMARY KEY, boot INTEGER NOT NULL, source INTEGER NOT NULL, number INTEGER NOT NULL,
@@ -41,20 +42,19 @@ CREATE TABLE IF NOT EXISTS base (
 INSERT OR IGNORE INTO head VALUES (1, 0, '{start}');
 INSERT OR IGNORE INTO base VALUES (1, 0, '{start}');
 """
-"""`head` is the last event, `base` the last one that was taken out because of its age or the size."""
 
 
 class Damaged(DeviceError):
     """The file is no journal any more: cut, edited or of another kind."""
 
 
+# Errors that say nothing about the file's content.
 _OF_THE_DISK: Final = frozenset(
     {
         sqlite3.SQLITE_PERM, sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_NOMEM,
         sqlite3.SQLITE_READONLY, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_FULL, sqlite3.SQLITE_CANTOPEN,
     }
 )  # fmt: skip
-"""Errors that say nothing about the file's content."""
 
 
 def chained(previous: str, seq: int, values: Sequence[Any]) -> str:

@@ -54,8 +54,8 @@ class EventWriter:
         self._keeping, self._connect = keeping or RetentionPolicy(), connect
         self._journal: Journal | None = None
         self._locked = False
+        # When the commit under way began, on CLOCK_MONOTONIC.
         self.began_s: float | None = None
-        """When the commit under way began, on CLOCK_MONOTONIC."""
         self.failed = False
         self._disk = 0
         self._failed_since_s = self._prune_s = -math.inf

@@ -11,8 +11,8 @@ from typing import Final, NamedTuple
 from gantryctl.errors import UsageError
 
 MB: Final = 2**20
+# There is room again when there is so much more than the reserve: nothing comes and goes at the edge of it.
 ENOUGH: Final = 1.1
-"""There is room again when there is so much more than the reserve: nothing comes and goes at the edge of it."""
 
 
 class RetentionPolicy(NamedTuple):

@@ -20,8 +20,8 @@ from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy
 from gantryctl.trace.files import LIVE_SUFFIX
 
+# Rows wait in the ring for so long at most, before they are written as one block.
 BLOCK_S: Final = 1.0
-"""Rows wait in the ring for so long at most, before they are written as one block."""
 QUOTA_S: Final = 60.0
 TRACES_KEPT: Final = 100
 

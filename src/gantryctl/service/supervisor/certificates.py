@@ -17,8 +17,8 @@ WARN_DAYS: Final = 30
 _DAY: Final = timedelta(days=1)
 _TIMES: Final = {0x17: "%y%m%d%H%M%SZ", 0x18: "%Y%m%d%H%M%SZ"}
 _VERSION: Final = 0xA0
+# Serial number, algorithm and issuer stand before it.
 _BEFORE_VALIDITY: Final = 3
-"""Serial number, algorithm and issuer stand before it."""
 _PEM: Final = b"-----BEGIN CERTIFICATE-----"
 
 

@@ -14,13 +14,13 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 
+# Before a process is started again; from the beginning once it has run for a while.
 _PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
-"""Before a process is started again; from the beginning once it has run for a while."""
 _CALM_S: Final = 10.0
+# A process that gives signs of life and then none for so long hangs.
 HANG_S: Final = 10.0
-"""A process that gives signs of life and then none for so long hangs."""
+# The same before the first one.
 START_S: Final = 60.0
-"""The same before the first one."""
 
 
 class Child:

@@ -30,8 +30,8 @@ _CONTROLLER_END_S: Final = 25.0
 _END_S: Final = 8.0
 _CERTIFICATES_S: Final = 3600.0
 _LOOK_S: Final = 1.0
+# Whoever looks so late was held up, and so were the others: nobody is judged by it.
 _HELD_UP_S: Final = 3.0
-"""Whoever looks so late was held up, and so were the others: nobody is judged by it."""
 
 
 class Options(NamedTuple):
