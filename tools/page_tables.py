@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from gantryctl.service.protocol.chinese import phrases
-from gantryctl.service.protocol.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role
+from gantryctl.service.protocol.roles import RIGHTS, Action, Role
 from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
 HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
@@ -46,9 +46,10 @@ def _roles() -> Iterator[str]:
     yield "export const ROLES: Role[] = " + json.dumps(list(Role)) + ";"
     yield "export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boolean }[] = ["
     for action in Action:
-        roles = json.dumps([role for role in Role if role in MAY[action]])
-        control = "true" if action in NEEDS_AUTHORITY else "false"
-        yield f"  {{ action: '{action}', what: {json.dumps(WORDS[action])}, roles: {roles}, control: {control} }},"
+        right = RIGHTS[action]
+        roles = json.dumps([role for role in Role if role in right.roles])
+        control = "true" if right.control else "false"
+        yield f"  {{ action: '{action}', what: {json.dumps(right.words)}, roles: {roles}, control: {control} }},"
     yield "];\n"
 
 

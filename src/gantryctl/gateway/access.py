@@ -19,7 +19,7 @@ from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.protocol.messages import Identity
-from gantryctl.service.protocol.roles import MAY, Action, Role, may
+from gantryctl.service.protocol.roles import Action, Role, may, rights_of
 from gantryctl.service.supervisor.users import PASSWORD_MAX, User, Users
 
 COOKIE: Final = "gantryctl_session"
@@ -118,5 +118,4 @@ class Access:
 
 def person(session: Session) -> dict[str, object]:
     """Who is logged in, and what the role may do."""
-    allowed = [str(action) for action, roles in MAY.items() if session.role in roles]
-    return {"user": session.user, "role": str(session.role), "may": allowed}
+    return {"user": session.user, "role": str(session.role), "may": rights_of(session.role)}

@@ -330,3 +330,12 @@ def test_a_brake_that_fails_holds_the_machine_over_a_start_until_service_resets(
         assert desk.axis.power.status
         desk.controller._close(None)
     assert retained().brake_failed == ""
+
+
+def test_a_reason_too_long_for_a_reply_is_refused_without_its_values_and_stops_no_scan() -> None:
+    delivered()
+    with opened() as desk:
+        desk.permit.late = "a parameter of the drive; " * 100
+        desk.scans(3)
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("power", on=True) == "PWR-04"

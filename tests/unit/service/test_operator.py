@@ -11,7 +11,7 @@ from gantryctl.image import Mode
 from gantryctl.program import AxisState, PowerPhase
 from gantryctl.service.memory.memory import JournalState, Word
 from gantryctl.service.protocol.messages import FIELDS, WITHOUT_EPOCH, action_of, checked
-from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, Role, may
+from gantryctl.service.protocol.roles import RIGHTS, Action, Role, may
 from gantryctl.units import deg, rad
 from support.service_bench import LEASE, MACHINE, RAMP_S, SPEED_DEG_S, Bench
 
@@ -35,7 +35,7 @@ def test_the_scan_itself_refuses_what_the_role_may_not(role: Role, kind: str) ->
     reply = bench.ask(bench.who(role), kind, **values)
     if not may(role, action):
         assert reply["code"] == "SEC-01"
-    elif action in NEEDS_AUTHORITY and kind != "arm":
+    elif RIGHTS[action].control and kind != "arm":
         assert reply["code"] == "SEC-07"
     else:
         assert reply["code"] in ("", "SEC-05")  # there is no alarm to acknowledge

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.service.memory.memory import JournalState
-from gantryctl.service.protocol.roles import MAY, NEEDS_AUTHORITY, WORDS, Action, Role, may
+from gantryctl.service.protocol.roles import RIGHTS, Action, Role, may
 from gantryctl.service.protocol.service_page import reference_page
 from gantryctl.service.protocol.tags import BY_NAME, TAGS
 
@@ -42,12 +42,12 @@ def test_every_cell_of_the_role_table(role: Role, action: Action) -> None:
 
 
 def test_the_admin_moves_nothing_and_stop_is_for_everybody() -> None:
-    assert not any(may(Role.ADMIN, action) for action in NEEDS_AUTHORITY)
-    assert MAY[Action.STOP] == MAY[Action.QUICK_STOP] == frozenset(Role)
+    assert not any(may(Role.ADMIN, action) for action, right in RIGHTS.items() if right.control)
+    assert RIGHTS[Action.STOP].roles == RIGHTS[Action.QUICK_STOP].roles == frozenset(Role)
 
 
 def test_every_action_is_in_the_table_and_explained() -> None:
-    assert set(MAY) == set(WORDS) == set(Action)
+    assert set(RIGHTS) == set(Action)
 
 
 def test_tag_names_are_unique_and_end_with_their_unit() -> None:

@@ -1,4 +1,4 @@
-"""Between connections and the controller, for the gateway and the local socket alike: frames out, commands in.
+"""Connections of clients to the controller, from page and local socket alike: status frames out, commands in.
 
 A connection gets the newest status frame when it is ready for one, so a slow reader loses frames and nothing queues up.
 """
@@ -16,40 +16,31 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import to_wire
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot
-from gantryctl.service.protocol.limits import (
-    ANSWER_S,
-    COMMANDS_PER_S,
-    FLOOD_PER_S,
-    FRAME_S,
-    FRAMES_MAX,
-    FRAMES_MAX_JOG,
-    RENEW_S,
-    SIGNS_PER_S,
-    STALE_S,
-    RateLimiter,
-)
+from gantryctl.service.protocol import limits
 from gantryctl.service.protocol.messages import (
     FREE,
     SILENT,
     Identity,
     MessageRefused,
     action_of,
+    compact,
     parse,
+    reply_to,
     to_record,
 )
-from gantryctl.service.protocol.roles import MAY, Role, may
+from gantryctl.service.protocol.roles import Role, may, rights_of
 
+# The controller answers within a scan or two of 1 ms: replies are fetched as quickly while one is expected.
 _QUICK_S: Final = 0.002
 _OUT_MAX: Final = 200
 
 
 class Flooded(Exception):
-    """A connection that sends far too much, or does not take its replies."""
+    """Raised for a connection that sends far too much: it is to be closed."""
 
 
 class Client:
@@ -68,11 +59,14 @@ class Client:
         self._replies: deque[str] = deque()
         self._asked: dict[int, float] = {}
         self._sent_frame = self._sent_slow = -1
-        self._all = RateLimiter(FLOOD_PER_S)
-        self._commands, self._signs = RateLimiter(COMMANDS_PER_S), RateLimiter(SIGNS_PER_S)
+        self._all = limits.RateLimiter(limits.FLOOD_PER_S)
+        self._commands, self._signs = (
+            limits.RateLimiter(limits.COMMANDS_PER_S),
+            limits.RateLimiter(limits.SIGNS_PER_S),
+        )
 
     def take(self, text: str | bytes) -> None:
-        """One message of this connection: refused here, or handed to the controller.
+        """Refuse one message of this connection, or hand it to the controller.
 
         Raises:
             Flooded: the connection is to be closed.
@@ -83,11 +77,12 @@ class Client:
         try:
             message = parse(text)
             seq = message.seq
+            # Stop, quick stop and release have buckets of their own: a flood of commands must not hold them up.
             limit = self._signs if message.kind in SILENT else self._commands
             if limit.wait_s(message.kind if message.kind in FREE else "command") > 0.0:
                 if message.kind in SILENT:
                     return
-                raise MessageRefused(Code.SEC_06, reason=Words.TOO_MANY_COMMANDS(limit=COMMANDS_PER_S))
+                raise MessageRefused(Code.SEC_06, reason=Words.TOO_MANY_COMMANDS(limit=limits.COMMANDS_PER_S))
             if not may(self.who.role, action_of(message)):
                 reason = Words.ROLE_MAY_NOT(role=self.who.role, action=action_of(message))
                 raise MessageRefused(Code.SEC_01, reason=reason)
@@ -97,33 +92,34 @@ class Client:
             if not self._hub.send(self.who, raw):
                 raise MessageRefused(Code.SYS_11, reason=Words.NO_COMMANDS_NOW)
         except MessageRefused as refused:
-            self.answer(refusal_of(seq or refused.seq, refused))
+            self.answer(reply_to(seq or refused.seq, refused))
             return
         if message.kind not in SILENT:
             self.used_s = time.monotonic()
-            self._asked[seq] = self.used_s + ANSWER_S
+            self._asked[seq] = self.used_s + limits.ANSWER_S
             self._hub.expect()
 
     def answer(self, reply: dict[str, Any]) -> None:
         """Queue a reply."""
         self._asked.pop(reply["seq"], None)
         if len(self._replies) < _OUT_MAX:
-            self._replies.append(json.dumps(reply, separators=(",", ":"), ensure_ascii=False))
+            self._replies.append(compact(reply))
         self.wake.set()
 
     def overdue(self, now_s: float) -> None:
-        """Answer for a controller that does not."""
+        """Answer in place of a silent controller."""
         for seq in [seq for seq, due_s in self._asked.items() if now_s > due_s]:
-            self.answer(refusal_of(seq, MessageRefused(Code.SYS_11, reason=Words.NO_ANSWER)))
+            self.answer(reply_to(seq, MessageRefused(Code.SYS_11, reason=Words.NO_ANSWER)))
 
     @property
     def waiting(self) -> bool:
-        """A reply is expected."""
+        """Replies are outstanding."""
         return bool(self._asked)
 
     def outgoing(self) -> list[str]:
-        """Everything to send now: replies in their order, then the newest status frame if it is new."""
+        """Take everything to send now: replies in their order, then the newest status frame if it is new."""
         self.wake.clear()
+        # A slow reader loses status frames, never a reply and never the newest frame.
         texts = list(self._replies)
         self._replies.clear()
         if self._hub.tick != self._sent_frame:
@@ -138,7 +134,7 @@ class Hub:
     """All connections of one source.
 
     Attributes:
-        tick: number of the newest picture. slow_version: of the tags that are sent on change.
+        tick: number of the newest snapshot. slow_version: of the tags that are sent on change.
         events: journal events of this source.
     """
 
@@ -146,7 +142,7 @@ class Hub:
         self._memory, self._source = memory, source
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
-        self._picture = Snapshot(memory)
+        self._snapshot = Snapshot(memory)
         self._clients: dict[str, Client] = {}
         self.tick = self.slow_version = 0
         self._fast: dict[str, Any] = {}
@@ -154,11 +150,10 @@ class Hub:
         self._age_ms = math.inf
         self._texts: dict[bool, str] = {}
         self._expected = asyncio.Event()
-        while self._replies.take() is not None:
-            pass  # of connections that are gone
-        self.send(
-            Identity("", "", Role.VIEWER, "local" if source is Source.LOCAL else "web"), {"type": "restart"}
-        )
+        # Connections of an earlier process of this source are gone, and their replies with them.
+        self._replies.clear()
+        place = "local" if source is Source.LOCAL else "web"
+        self.send(Identity("", "", Role.VIEWER, place), {"type": "restart"})
 
     # --- connections ------------------------------------------------------------------------------
 
@@ -166,13 +161,13 @@ class Hub:
         return len(self._clients)
 
     def connect(self, user: str, role: Role, place: str) -> Client:
-        """A new connection."""
+        """Add a connection."""
         who = Identity(secrets.token_hex(4), user, role, place)
         client = self._clients[who.client] = Client(self, who)
         return client
 
     def leave(self, client: Client) -> None:
-        """A connection has ended: its lease and its control end with it."""
+        """Remove a connection; the controller ends its lease and its control."""
         if self._clients.pop(client.who.client, None) is not None:
             self.send(client.who, {"type": "gone"})
 
@@ -188,33 +183,32 @@ class Hub:
             "user": who.user,
             "role": str(who.role),
             "place": who.place,
-            "may": [str(action) for action, roles in MAY.items() if who.role in roles],
+            "may": rights_of(who.role),
             "version": version("gantryctl"),
-            "frame_ms": round(FRAME_S * 1e3),
+            "frame_ms": round(limits.FRAME_S * 1e3),
             "lease_ms": self._memory.words[Word.LEASE_MS],
-            "renew_ms": round(RENEW_S * 1e3),
-            "frames_max_jog": FRAMES_MAX_JOG,
-            "frames_max": FRAMES_MAX,
-            "stale_ms": round(STALE_S * 1e3),
+            "renew_ms": round(limits.RENEW_S * 1e3),
+            "frames_max_jog": limits.FRAMES_MAX_JOG,
+            "frames_max": limits.FRAMES_MAX,
+            "stale_ms": round(limits.STALE_S * 1e3),
         }
-        return json.dumps(found, separators=(",", ":"))
+        return compact(found)
 
     def send(self, who: Identity, message: dict[str, Any]) -> bool:
         """Hand a message to the controller; False when it takes none."""
         return self._commands.put(to_record(who, message))
 
     def expect(self) -> None:
-        """A reply is on its way: look often."""
+        """Fetch replies quickly: one is expected."""
         self._expected.set()
 
-    # --- pictures ---------------------------------------------------------------------------------
+    # --- snapshots --------------------------------------------------------------------------------
 
     def look(self) -> None:
-        """Take a new picture and wake every connection."""
-        fast, age_ms = self._picture.fast()
-        self._slow = self._picture.slow()
-        self._fast, self._age_ms = fast, age_ms
-        self.slow_version = self._picture.version
+        """Take a new snapshot and wake every connection."""
+        self._fast, self._age_ms = self._snapshot.fast()
+        self._slow = self._snapshot.slow()
+        self.slow_version = self._snapshot.version
         self.tick += 1
         self._texts.clear()
         now_s = time.monotonic()
@@ -224,8 +218,8 @@ class Hub:
 
     @property
     def fresh(self) -> bool:
-        """The controller is alive."""
-        return self._age_ms <= STALE_S * 1e3
+        """Whether the controller is alive."""
+        return self._age_ms <= limits.STALE_S * 1e3
 
     def status(self, *, whole: bool = True) -> dict[str, Any]:
         """A `status` message."""
@@ -238,16 +232,15 @@ class Hub:
         }
 
     def status_text(self, *, whole: bool) -> str:
-        """The same as text, made once for all connections."""
+        """The `status` message as text, made once for all connections."""
         if whole not in self._texts:
-            status = self.status(whole=whole)
-            self._texts[whole] = json.dumps(status, separators=(",", ":"), ensure_ascii=False)
+            self._texts[whole] = compact(self.status(whole=whole))
         return self._texts[whole]
 
     # --- tasks ------------------------------------------------------------------------------------
 
     async def run(self) -> None:
-        """Pictures and replies until cancelled."""
+        """Take snapshots and pass replies on, until cancelled."""
         await asyncio.gather(self._look_on(), self._answer_on())
 
     async def _look_on(self) -> None:
@@ -255,11 +248,10 @@ class Hub:
         due_s = loop.time()
         while True:
             self.look()
-            due_s = max(due_s + FRAME_S, loop.time())
+            due_s = max(due_s + limits.FRAME_S, loop.time())
             await asyncio.sleep(due_s - loop.time())
 
     async def _answer_on(self) -> None:
-        """Replies: every 2 ms while one is expected, else with every picture."""
         while True:
             while (record := self._replies.take()) is not None:
                 with contextlib.suppress(ValueError):
@@ -272,18 +264,4 @@ class Hub:
                 continue
             self._expected.clear()
             with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(self._expected.wait(), FRAME_S)
-
-
-def refusal_of(seq: int, refused: MessageRefused) -> dict[str, Any]:
-    """A reply that refuses."""
-    return {
-        "type": "reply",
-        "seq": seq,
-        "ok": False,
-        "code": str(refused.refusal.code),
-        "text": str(refused),
-        "values": to_wire(refused.refusal.values),
-        "epoch": None,
-        "journal": 0,
-    }
+                await asyncio.wait_for(self._expected.wait(), limits.FRAME_S)

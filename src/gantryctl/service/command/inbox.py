@@ -1,14 +1,12 @@
-"""Commands out of the rings, replies and events back: what stands between the operator and the other processes."""
+"""Commands out of the rings, replies and events back: the operator's link to the other processes."""
 
 from __future__ import annotations
 
-import json
 from collections import Counter, OrderedDict, deque
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import to_wire
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog, printable
 from gantryctl.service.memory.ring import Ring
@@ -18,15 +16,19 @@ from gantryctl.service.protocol.messages import (
     Message,
     MessageRefused,
     checked,
+    compact,
     from_record,
+    reply_to,
 )
 
-# Records looked at in one scan.
+# Records taken from a ring in one scan: sorting them takes time too.
 _PER_SCAN: Final = 32
 _CLIENTS: Final = 1024
+_TEXT_MAX: Final = 300
+# Most commands that wait. The console of the machine is a source of its own: no flood of a page fills its places.
 OF_CLIENT: Final = 16
-# PendingCommand at most. The console of the machine has places of its own: no page fills them.
 OF_SOURCE: Final = 128
+# Decision 0011: stops are judged first and never refused; they carry no age and no epoch that could be wrong.
 _FIRST: Final = ("stop", "quick_stop", "release")
 _KINDS: Final = {"set": "setting", "take": "authority", "give": "authority"}
 
@@ -40,7 +42,7 @@ class PendingCommand(NamedTuple):
 
 
 class CommandQueue:
-    """Commands that wait."""
+    """Commands that wait for their scan, in the order they came."""
 
     def __init__(self) -> None:
         self._waiting: deque[PendingCommand] = deque()
@@ -49,26 +51,26 @@ class CommandQueue:
     def __len__(self) -> int:
         return len(self._waiting)
 
-    def append(self, waiting: PendingCommand) -> bool:
-        """CommandQueue one; False when too many wait already. Of signs of life only the newest of a client waits."""
-        client, source = waiting.who.client, waiting.source
-        if waiting.message.kind in SILENT:
-            self._drop(client, waiting.message.kind)
+    def append(self, pending: PendingCommand) -> bool:
+        """Add one; False when too many wait already. Of signs of life only the newest of a client waits."""
+        client, source = pending.who.client, pending.source
+        if pending.message.kind in SILENT:
+            self._drop(client, pending.message.kind)
         if self._count[client] >= OF_CLIENT or self._count[source] >= OF_SOURCE:
             return False
-        self._waiting.append(waiting)
+        self._waiting.append(pending)
         self._count[client] += 1
         self._count[source] += 1
         return True
 
     def take(self) -> PendingCommand:
-        """The oldest one."""
-        waiting = self._waiting.popleft()
-        self._leave(waiting)
-        return waiting
+        """Remove and return the oldest command."""
+        pending = self._waiting.popleft()
+        self._leave(pending)
+        return pending
 
     def clear(self) -> None:
-        """None waits any more."""
+        """Drop all commands."""
         self._waiting.clear()
         self._count.clear()
 
@@ -79,15 +81,15 @@ class CommandQueue:
                 self._leave(each)
                 return
 
-    def _leave(self, waiting: PendingCommand) -> None:
-        for key in (waiting.who.client, waiting.source):
+    def _leave(self, pending: PendingCommand) -> None:
+        for key in (pending.who.client, pending.source):
             self._count[key] -= 1
             if not self._count[key]:
                 del self._count[key]
 
 
 class Gone(NamedTuple):
-    """A connection has ended; with `everyone`, all connections of a source."""
+    """The end of a connection; with `everyone`, of all connections of a source."""
 
     source: int
     client: str
@@ -114,7 +116,7 @@ class Inbox:
         self._last_seq: OrderedDict[str, int] = OrderedDict()
 
     def receive(self, epoch: int, holder: str) -> None:
-        """Once a scan: sort what has come; `holder` is the client that has control."""
+        """Sort the commands of this scan; `holder` is the client that has control."""
         self.first.clear()
         for source, ring in enumerate(self._commands):
             if not len(ring):
@@ -130,7 +132,8 @@ class Inbox:
             who, raw = from_record(record)
         except (ValueError, KeyError, TypeError):
             return
-        if raw.get("type") in ("gone", "restart"):  # of the gateway itself, about its connections
+        # These two come from the gateway itself: no client can send them past `parse`.
+        if raw.get("type") in ("gone", "restart"):
             self._last_seq.pop(who.client, None)
             self.gone.append(Gone(source, who.client, raw["type"] == "restart"))
             return
@@ -139,20 +142,20 @@ class Inbox:
         except MessageRefused as refused:
             self._reply(source, who, raw.get("seq"), refused, 0, epoch)
             return
-        waiting = PendingCommand(source, who, message)
+        pending = PendingCommand(source, who, message)
         if message.kind in _FIRST:
-            self.first.setdefault(message.kind, []).append(waiting)
+            self.first.setdefault(message.kind, []).append(pending)
         elif message.kind in SILENT and who.client != holder:
             if message.kind == "renew":
                 dead = MessageRefused(Code.SEC_09, reason=Words.LEASE_DEAD(why=Words.LEASE_ENDED))
                 self._reply(source, who, message.seq, dead, 0, epoch)
-        elif not self.others.append(waiting):
+        elif not self.others.append(pending):
             full = MessageRefused(Code.SEC_06, reason=Words.NO_COMMANDS_NOW)
             self._reply(source, who, message.seq, full, 0, epoch)
 
-    def check_sequence(self, waiting: PendingCommand) -> None:
-        """Each number of a connection once, and rising; raises MessageRefused."""
-        client, seq = waiting.who.client, waiting.message.seq
+    def check_sequence(self, pending: PendingCommand) -> None:
+        """Refuse a number that a connection used before: a repeated command is not a new one."""
+        client, seq = pending.who.client, pending.message.seq
         if not seq > self._last_seq.get(client, -1):
             raise MessageRefused(Code.SEC_04, reason=Words.SEQUENCE_USED(number=seq))
         self._last_seq[client] = seq
@@ -160,15 +163,16 @@ class Inbox:
         if len(self._last_seq) > _CLIENTS:
             self._last_seq.popitem(last=False)
 
-    def answer(self, waiting: PendingCommand, refused: MessageRefused | None, epoch: int) -> None:
-        """One reply and one event for a command; nothing for those that are silent when all is well."""
-        silent = waiting.message.kind in SILENT
-        number = 0 if silent else self._event(waiting, refused)
+    def answer(self, pending: PendingCommand, refused: MessageRefused | None, epoch: int) -> None:
+        """Reply to a command and journal it; signs of life get neither while all is well."""
+        silent = pending.message.kind in SILENT
+        number = 0 if silent else self._event(pending, refused)
         if refused is not None or not silent:
-            self._reply(waiting.source, waiting.who, waiting.message.seq, refused, number, epoch)
+            self._reply(pending.source, pending.who, pending.message.seq, refused, number, epoch)
 
     def answer_all(self, together: Sequence[PendingCommand], epoch: int) -> None:
-        """A reply for each of the stops of one scan, and one event for each user: a flood does not fill the journal."""
+        """Reply to each of the stops of one scan, and journal one event for each user."""
+        # One event, so that a flood of stops does not fill the journal.
         of_user: dict[str, list[PendingCommand]] = {}
         for each in together:
             of_user.setdefault(each.who.user, []).append(each)
@@ -177,30 +181,26 @@ class Inbox:
             for each in same:
                 self._reply(each.source, each.who, each.message.seq, None, number, epoch)
 
-    def _event(self, waiting: PendingCommand, refused: MessageRefused | None, **more: int) -> int:
-        """Its number. It has the time of the scan that carried it out: journal and recording belong together."""
-        message = waiting.message
+    def _event(self, pending: PendingCommand, refused: MessageRefused | None, **more: int) -> int:
+        """Journal a command; the number of its event."""
+        # With the time of its scan, so that a run can be replayed from state and journal (decision 0011).
+        message = pending.message
         outcome = "done" if refused is None else f"refused: {refused.refusal.code} {refused}"
         values = {name: value for name, value in message.values.items() if name != "lease"}
         words = [str(value) for name, value in values.items() if name != "before"]
         words += [f"(before: {values['before']:g})"] if "before" in values else []
         asked = " ".join([message.kind, *words])
         kind = _KINDS.get(message.kind, "command")
-        return self.events.put(kind, f"{asked}: {outcome}", waiting.who, **values, **more, time_s=self.time_s)
+        return self.events.put(kind, f"{asked}: {outcome}", pending.who, **values, **more, time_s=self.time_s)
 
     def _reply(
         self, source: int, who: Identity, seq: Any, refused: MessageRefused | None, number: int, epoch: int
     ) -> None:
-        reply = {
-            "type": "reply",
-            "seq": seq if isinstance(seq, int) else 0,
-            "ok": refused is None,
-            "code": "" if refused is None else str(refused.refusal.code),
-            "text": "" if refused is None else printable(str(refused), 300),
-            "values": {} if refused is None else to_wire(refused.refusal.values),
-            "epoch": epoch,
-            "journal": number,
-        }
-        self._replies[source].put(
-            json.dumps([who.client, reply], separators=(",", ":"), ensure_ascii=False).encode()
-        )
+        reply = reply_to(seq if isinstance(seq, int) else 0, refused, epoch=epoch, journal=number)
+        reply["text"] = printable(reply["text"], _TEXT_MAX)
+        ring = self._replies[source]
+        record = compact([who.client, reply]).encode()
+        # A reason may quote as much as a list of drive parameters: a reply that fits no slot goes without values.
+        if len(record) > ring.record_max:
+            record = compact([who.client, {**reply, "values": {}}]).encode()
+        ring.put(record)

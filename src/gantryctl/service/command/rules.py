@@ -11,7 +11,7 @@ from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.command.arming import Armed, check_armed
 from gantryctl.service.protocol.limits import FRAMES_MAX, FRAMES_MAX_JOG
 from gantryctl.service.protocol.messages import Identity, Message, MessageRefused, action_of
-from gantryctl.service.protocol.roles import NEEDS_AUTHORITY, Action, may
+from gantryctl.service.protocol.roles import RIGHTS, Action, may
 from gantryctl.units import deg, rad
 
 # Lowest acceleration setting, as a part of the machine file's.
@@ -112,7 +112,7 @@ def check_allowed(message: Message, who: Identity, now: Situation) -> None:
         raise MessageRefused(Code.SEC_01, reason=Words.ROLE_MAY_NOT(role=who.role, action=action))
     # Switching off and arming must not wait for control: the first is safe, the second needs it when executed.
     power_off = message.kind == "power" and not message.values["on"]
-    needs_control = action in NEEDS_AUTHORITY and not power_off and message.kind != "arm"
+    needs_control = RIGHTS[action].control and not power_off and message.kind != "arm"
     if needs_control and (now.holder is None or now.holder.client != who.client):
         reason = Words.HAS_CONTROL(user=now.holder.user) if now.holder else Words.TAKE_CONTROL_FIRST
         raise MessageRefused(Code.SEC_07, reason=reason)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import time
 from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.service.memory.ring import Ring
-from gantryctl.service.protocol.messages import Identity
+from gantryctl.service.protocol.messages import Identity, compact
 
 # Longest text of an event, bytes.
 TEXT_MAX: Final = 500
@@ -65,17 +64,13 @@ class EventLog:
             "text": printable(text, TEXT_MAX),
             "values": values,
         }
-        data = _json(record)
+        data = compact(record).encode()
         if len(data) > self._ring.record_max:
-            data = _json({**record, "text": printable(text, TEXT_MAX // 2), "values": {}})
+            data = compact({**record, "text": printable(text, TEXT_MAX // 2), "values": {}}).encode()
         if not self._ring.put(data):
             self.lost += 1
             return 0
         return self._ring.written
-
-
-def _json(record: dict[str, Any]) -> bytes:
-    return json.dumps(record, separators=(",", ":"), ensure_ascii=False).encode()
 
 
 def printable(text: str, length: int = TEXT_MAX) -> str:

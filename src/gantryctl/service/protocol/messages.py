@@ -13,22 +13,24 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from gantryctl.errors import GantryctlError
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.log import Refusal
+from gantryctl.program.alarms.log import Refusal, to_wire
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Action, Role
 
 
 class MessageRefused(GantryctlError):
-    """A message that is refused: a code with the values of its message."""
+    """A message that is refused: a code with the values of its message.
+
+    Attributes:
+        seq: number of the message, where it has one.
+    """
 
     exit_code = 2
 
     def __init__(self, code: Code, /, **values: object) -> None:
-        self.refusal = Refusal(code, values)
+        self.refusal, self.seq = Refusal(code, values), 0
         super().__init__(self.refusal.text)
-        # Of the message, where it has one.
-        self.seq = 0
 
 
 class Identity(NamedTuple):
@@ -304,6 +306,31 @@ def _first_wrong(fault: ValidationError) -> str:
     """The key that a refusal names: keys that are missing or unknown come first."""
     errors = fault.errors(include_url=False, include_context=False, include_input=False)
     return str(min(errors, key=lambda each: each["type"] not in ("missing", "extra_forbidden"))["loc"][-1])
+
+
+def reply_to(
+    seq: int, refused: MessageRefused | None = None, *, epoch: int | None = None, journal: int = 0
+) -> dict[str, Any]:
+    """The reply to a command.
+
+    Args:
+        epoch: the newest one, if it is known. journal: number of the event, 0 for none.
+    """
+    return {
+        "type": "reply",
+        "seq": seq,
+        "ok": refused is None,
+        "code": "" if refused is None else str(refused.refusal.code),
+        "text": "" if refused is None else str(refused),
+        "values": {} if refused is None else to_wire(refused.refusal.values),
+        "epoch": epoch,
+        "journal": journal,
+    }
+
+
+def compact(value: object) -> str:
+    """JSON without spaces, in any script."""
+    return json.dumps(value, separators=(",", ":"), ensure_ascii=False)
 
 
 def to_record(identity: Identity, message: Mapping[str, Any]) -> bytes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 
 class Role(StrEnum):
@@ -45,65 +45,51 @@ class Action(StrEnum):
 _ALL: Final = frozenset(Role)
 _MOVES: Final = frozenset({Role.OPERATOR, Role.PHYSICIST, Role.SERVICE})
 _TUNES: Final = frozenset({Role.PHYSICIST, Role.SERVICE})
+_SERVICE: Final = frozenset({Role.SERVICE})
+_READS: Final = frozenset({Role.PHYSICIST, Role.SERVICE, Role.ADMIN})
+_ADMIN: Final = frozenset({Role.ADMIN})
 
-# The admin looks after users and cannot move; Stop is for everybody.
-MAY: Final[dict[Action, frozenset[Role]]] = {
-    Action.VIEW: _ALL,
-    Action.STOP: _ALL,
-    Action.QUICK_STOP: _ALL,
-    Action.AUTHORITY: _MOVES,
-    Action.TAKE_OVER: _MOVES,
-    Action.POWER: _MOVES,
-    Action.MODE: _MOVES,
-    Action.JOG: _MOVES,
-    Action.MOVE: _MOVES,
-    Action.HALT: _MOVES,
-    Action.RESET: _MOVES,
-    Action.ACKNOWLEDGE: _MOVES,
-    Action.SPEED: _MOVES,
-    Action.INCREMENT: _MOVES,
-    Action.OVERRIDE: _MOVES,
-    Action.ACCELERATION: _TUNES,
-    Action.BRAKE_TEST: _TUNES,
-    Action.RESET_LOCKED: frozenset({Role.SERVICE}),
-    Action.TRACES: _MOVES,
-    Action.JOURNAL: frozenset({Role.PHYSICIST, Role.SERVICE, Role.ADMIN}),
-    Action.USERS: frozenset({Role.ADMIN}),
+
+class Right(NamedTuple):
+    """Who may do an action, and what it is; with `control` only whoever has the control authority."""
+
+    roles: frozenset[Role]
+    words: str
+    control: bool = False
+
+
+# The admin looks after users and cannot move; Stop is for everybody. Power off needs no control, see `rules`.
+RIGHTS: Final[dict[Action, Right]] = {
+    Action.VIEW: Right(_ALL, "see everything that the page shows"),
+    Action.STOP: Right(_ALL, "Stop: jog-release ramp"),
+    Action.QUICK_STOP: Right(_ALL, "quick stop: ErrorStop afterwards"),
+    Action.AUTHORITY: Right(_MOVES, "take control when it is free, give it back"),
+    Action.TAKE_OVER: Right(_MOVES, "take control over from somebody, at standstill"),
+    Action.POWER: Right(_MOVES, "power on and off", control=True),
+    Action.MODE: Right(_MOVES, "choose the motion mode, at standstill", control=True),
+    Action.JOG: Right(_MOVES, "forward and reverse keys, increments", control=True),
+    Action.MOVE: Right(_MOVES, "move to an angle", control=True),
+    Action.HALT: Right(_MOVES, "stop on the normal ramp", control=True),
+    Action.RESET: Right(_MOVES, "reset alarms that are not locked", control=True),
+    Action.ACKNOWLEDGE: Right(_MOVES, "acknowledge an alarm as seen"),
+    Action.SPEED: Right(_MOVES, "speed setting", control=True),
+    Action.INCREMENT: Right(_MOVES, "increment setting", control=True),
+    Action.OVERRIDE: Right(_MOVES, "speed override", control=True),
+    Action.ACCELERATION: Right(_TUNES, "acceleration setting, up to that of the machine file", control=True),
+    Action.BRAKE_TEST: Right(_TUNES, "brake test", control=True),
+    Action.RESET_LOCKED: Right(_SERVICE, "reset alarms that are locked", control=True),
+    Action.TRACES: Right(_MOVES, "list and download recordings"),
+    Action.JOURNAL: Right(_READS, "export the journal"),
+    Action.USERS: Right(_ADMIN, "users (on the command line)"),
 }
-
-WORDS: Final[dict[Action, str]] = {
-    Action.VIEW: "see everything that the page shows",
-    Action.STOP: "Stop: jog-release ramp",
-    Action.QUICK_STOP: "quick stop: ErrorStop afterwards",
-    Action.AUTHORITY: "take control when it is free, give it back",
-    Action.TAKE_OVER: "take control over from somebody, at standstill",
-    Action.POWER: "power on and off",
-    Action.MODE: "choose the motion mode, at standstill",
-    Action.JOG: "forward and reverse keys, increments",
-    Action.MOVE: "move to an angle",
-    Action.HALT: "stop on the normal ramp",
-    Action.RESET: "reset alarms that are not locked",
-    Action.ACKNOWLEDGE: "acknowledge an alarm as seen",
-    Action.SPEED: "speed setting",
-    Action.INCREMENT: "increment setting",
-    Action.OVERRIDE: "speed override",
-    Action.ACCELERATION: "acceleration setting, up to that of the machine file",
-    Action.BRAKE_TEST: "brake test",
-    Action.RESET_LOCKED: "reset alarms that are locked",
-    Action.TRACES: "list and download recordings",
-    Action.JOURNAL: "export the journal",
-    Action.USERS: "users (on the command line)",
-}
-
-# Only whoever has control may do these; power off is for any of these roles without it.
-NEEDS_AUTHORITY: Final = frozenset(
-    {
-        Action.POWER, Action.MODE, Action.JOG, Action.MOVE, Action.HALT, Action.RESET, Action.SPEED,
-        Action.INCREMENT, Action.OVERRIDE, Action.ACCELERATION, Action.BRAKE_TEST, Action.RESET_LOCKED,
-    }
-)  # fmt: skip
 
 
 def may(role: Role, action: Action) -> bool:
     """Whether the table allows it."""
-    return role in MAY.get(action, frozenset())
+    right = RIGHTS.get(action)
+    return right is not None and role in right.roles
+
+
+def rights_of(role: Role) -> list[str]:
+    """Everything that a role may do."""
+    return [str(action) for action in RIGHTS if may(role, action)]

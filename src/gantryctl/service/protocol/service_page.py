@@ -10,7 +10,7 @@ from string import Template
 from typing import Final
 
 from gantryctl.service.protocol import limits
-from gantryctl.service.protocol.roles import MAY, NEEDS_AUTHORITY, WORDS, Role
+from gantryctl.service.protocol.roles import RIGHTS, Role
 from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
 _YES: Final = {True: "yes", False: "-"}
@@ -213,9 +213,9 @@ def _roles() -> str:
         f"| action | what | {' | '.join(Role)} | control |",
         f"|---|---|{'---|' * len(Role)}---|",
         *(
-            f"| `{action}` | {WORDS[action]} | {' | '.join(_YES[role in roles] for role in Role)} "
-            f"| {_YES[action in NEEDS_AUTHORITY]} |"
-            for action, roles in MAY.items()
+            f"| `{action}` | {right.words} | {' | '.join(_YES[role in right.roles] for role in Role)} "
+            f"| {_YES[right.control]} |"
+            for action, right in RIGHTS.items()
         ),
     ]
     return "\n".join(lines) + "\n"

@@ -10,6 +10,7 @@ from typing import Final, Literal, NamedTuple, TypeAlias
 
 from gantryctl.image import DriveState, Mode
 from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, PowerPhase
+from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.messages import ARMABLE
 
 Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows"]
@@ -50,17 +51,12 @@ def _set(name: str, unit: str, kind: Kind, role: str, meaning: str, labels: tupl
 
 
 _FRAME: Final = (
-    _out(
-        "frame",
-        "",
-        "int",
-        "20 Hz",
-        "Status frame number of the controller, one every 50 ms. Commands echo it.",
-    ),
+    _out("frame", "", "int", "20 Hz",
+         f"Status frame number of the controller, one every {FRAME_S * 1e3:.0f} ms. Commands echo it."),
     _out("epoch", "", "int", "20 Hz", "Command epoch. Commands of another epoch are refused."),
     _out("scan", "", "int", "20 Hz", "Scans since the controller started."),
     _out("time_s", "s", "float", "20 Hz", "Nominal time of the scan since the controller started."),
-)
+)  # fmt: skip
 
 _MOTION: Final = (
     _out("pos_act_deg", "deg", "float", "20 Hz", "Measured angle of the gantry, motor side."),
@@ -128,22 +124,14 @@ _HEALTH: Final = (
 
 _AUTHORITY: Final = (
     _out("authority_user", "", "text", "on change", "Who has control; empty when nobody."),
-    _out(
-        "authority_client", "", "text", "on change", "Client id of the holder; `welcome.client` is one's own."
-    ),
+    _out("authority_client", "", "text", "on change", "Client id of the holder; `welcome.client` is your own."),
     _out("authority_local", "", "bool", "on change", "The holder sits at the local console."),
     _set("mode", "", "enum", "operator", "Motion mode; changes at standstill only.", _labels(Mode)),
     _set("speed_setting_deg_s", "deg/s", "float", "operator", "Speed of moves, keys and increments."),
     _set("increment_deg", "deg", "float", "operator", "One increment."),
     _set("override_percent", "%", "float", "operator", "Speed override, 0..100."),
-    _set(
-        "acc_setting_deg_s2",
-        "deg/s2",
-        "float",
-        "physicist",
-        "Acceleration and deceleration of normal motion.",
-    ),
-)
+    _set("acc_setting_deg_s2", "deg/s2", "float", "physicist", "Acceleration and deceleration of normal motion."),
+)  # fmt: skip
 
 _ARMED: Final = (
     _out("armed_action", "", "enum", "on change", "What is armed: the next step executes it.", ("none", *ARMABLE)),
