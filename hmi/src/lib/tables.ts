@@ -154,7 +154,7 @@ export interface Tags {
   events_lost: number | null;
   /** Who has control; empty when nobody. */
   authority_user: string | null;
-  /** Client id of the holder; `welcome.client` is one's own. */
+  /** Client id of the holder; `welcome.client` is your own. */
   authority_client: string | null;
   /** The holder sits at the local console. */
   authority_local: boolean | null;
