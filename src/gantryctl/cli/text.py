@@ -11,17 +11,20 @@ if TYPE_CHECKING:
 
 
 def print_table(table: TextTable) -> None:
-    """A table of text: the first column left, numbers right."""
+    """A table of text, words left, numbers right; an empty line and the title above it where it has one."""
     from rich.console import Console
     from rich.table import Table
 
-    shown = Table(box=None, pad_edge=False, title=table.title, title_justify="left", title_style="bold")
+    shown = Table(
+        box=None, pad_edge=False, title=table.title or None, title_justify="left", title_style="bold"
+    )
     for number, head in enumerate(table.heads):
-        shown.add_column(head, justify="right" if number else "left")
+        shown.add_column(head, justify="left" if number in table.left else "right")
     for row in table.rows:
         shown.add_row(*row)
     console = Console(width=120, highlight=False)
-    console.print()
+    if table.title:
+        console.print()
     console.print(shown)
 
 

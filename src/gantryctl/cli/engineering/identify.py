@@ -97,7 +97,7 @@ def _next_version(path: Path, force: bool) -> int:
 def _show(
     path: Path, machine: Machine, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
 ) -> None:
-    from gantryctl.engineering.report.text import TextTable
+    from gantryctl.engineering.identification.text import truth_table
 
     swing = calibration.identified.swing_hz
     acc = machine.virtual_axis.acc_deg_s2
@@ -105,19 +105,8 @@ def _show(
         f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by "
         f"{calibration.origin.instrument}; the fit leaves {found.residual_deg:.5f} deg (rms)"
     )
-    rows = tuple(
-        (
-            c.name,
-            f"{c.identified:.6g}",
-            f"{c.truth:.6g}",
-            c.unit,
-            f"{c.error_percent:+.1f} %" if c.truth else "",
-        )
-        for c in beside
-    )
-    print_table(
-        TextTable("Identified, beside the truth of the simulator", ("", "found", "truth", "", "off by"), rows)
-    )
+    title = "Identified, beside the truth of the simulator"
+    print_table(truth_table(title, "found", beside, digits=6))
     click.echo(
         f"\nFirst mode with the motor held: {swing:.2f} Hz. An S-curve whose ramps last one period of it: "
         f"jerk_deg_s3 = {acc * swing:.3g} with the present acc_deg_s2 = {acc:.4g}."

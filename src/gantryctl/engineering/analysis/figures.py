@@ -210,9 +210,9 @@ def _equation_5(axis: Axes, machine: Machine, response: TimeResponse) -> None:
     if response.reference is Reference.STEP:
         values = size * (1.0 - rigid_loop(machine, kvf=0.0).step(times))
     elif response.reference is Reference.RAMP:
-        values = rigid_loop(machine).ramp_error(size, times)
+        values = rigid_loop(machine).error_behind(1, size, times)
     else:
-        values = rigid_loop(machine).parabola_error(size, times)
+        values = rigid_loop(machine).error_behind(2, size, times)
     axis.plot(times, 1e3 * deg(1.0) * values, color=GREY, linestyle="--", label="eq. (5)")
 
 

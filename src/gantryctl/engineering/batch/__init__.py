@@ -3,6 +3,7 @@
 The same compiled laws and physics as the scan engine runs one by one, so the same bits while no monitor acts.
 """
 
+from gantryctl.engineering.batch.base_motion import base_motion_rad
 from gantryctl.engineering.batch.loop import ClosedLoop, Leg, LegStatistics, Log, run_legs
 
-__all__ = ["ClosedLoop", "Leg", "LegStatistics", "Log", "run_legs"]
+__all__ = ["ClosedLoop", "Leg", "LegStatistics", "Log", "base_motion_rad", "run_legs"]

@@ -11,13 +11,13 @@ from gantryctl.engineering.accuracy.noise import DRAWS, a_draws
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
-from gantryctl.engineering.batch import ClosedLoop, Log
+from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation
 from gantryctl.wiring.program import motion_limits, position_law
-from gantryctl.wiring.simulator import gantry_sim, plant_params
+from gantryctl.wiring.simulator import gantry_sim
 
 REST_S: Final = 1.0
 SETTLE_S: Final = 6.0
@@ -128,7 +128,9 @@ def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Mov
     period_s = logs[0].period_s
     end = len(logs[0]) + math.ceil(duration_s / period_s) + 1
     load, ref = column["pos_load_rad"], column["vel_ref_rad_s"]
-    base = _base_motion_um(machine, column["pos_base_rad"], load)
+    base = (
+        base_motion_rad(machine, column["pos_base_rad"], load) * machine.plant.gear_error.ring_radius_m * 1e6
+    )
     first, last = (end + round(t / period_s) for t in _RESIDUAL_S)
     final = float(np.mean(load[-round(1.0 / period_s) :]))
     outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
@@ -142,12 +144,3 @@ def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Mov
         settling_s=float(outside[-1] + 1) * period_s if len(outside) else 0.0,
         reducer_knm=float(np.max(np.abs(column["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
     )
-
-
-def _base_motion_um(machine: Machine, base_rad: np.ndarray, load_rad: np.ndarray) -> np.ndarray:
-    """Base motion at the ring radius, the static part of the eccentric moment taken out (plant equations S10)."""
-    p = plant_params(machine)
-    if not p.base:
-        return np.zeros_like(base_rad)
-    static = p.eccentric_moment_nm * np.sin(load_rad - p.eccentric_angle_rad) / p.base_stiffness_nm_per_rad
-    return np.asarray((base_rad - static) * machine.plant.gear_error.ring_radius_m * 1e6)

@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
 from gantryctl.engineering.comparison.report import CompareReport
+from gantryctl.engineering.identification.text import truth_table
 from gantryctl.engineering.report.text import TextTable
 
 _HEADS: Final = {
@@ -24,7 +25,9 @@ def tables(report: CompareReport) -> list[TextTable]:
     """Rows, identified values, profiles, ensemble."""
     found = [_rows(report)]
     if report.identified:
-        found.append(_identified(report))
+        found.append(
+            truth_table("What the compensations know, and the truth", "known", report.identified, digits=5)
+        )
     found.append(_profiles(report))
     if report.ensemble is not None:
         found += [_quantiles(report, name) for name in report.ensemble.rows]
@@ -51,20 +54,6 @@ def _text(name: str, value: float) -> str:
 def _rows(report: CompareReport) -> TextTable:
     rows = tuple((name, *(_text(key, getattr(row, key)) for key in _HEADS)) for name, row in report.rows)
     return TextTable(f"{report.paper} against {report.improved}", ("", *_HEADS.values()), rows)
-
-
-def _identified(report: CompareReport) -> TextTable:
-    rows = tuple(
-        (
-            c.name,
-            f"{c.identified:.5g}",
-            f"{c.truth:.5g}",
-            c.unit,
-            f"{c.error_percent:+.1f} %" if c.truth else "",
-        )
-        for c in report.identified
-    )
-    return TextTable("What the compensations know, and the truth", ("", "known", "truth", "", "off by"), rows)
 
 
 def _profiles(report: CompareReport) -> TextTable:

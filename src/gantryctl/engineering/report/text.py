@@ -7,11 +7,16 @@ from typing import NamedTuple
 
 
 class TextTable(NamedTuple):
-    """A table; the first column is text, the others are numbers."""
+    """A table.
+
+    Attributes:
+        left: columns that hold words; the others hold numbers and stand at the right.
+    """
 
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    left: tuple[int, ...] = (0,)
 
     @classmethod
     def of(cls, title: str, rows: Iterable[Mapping[str, str]]) -> TextTable:

@@ -5,8 +5,15 @@ deceleration that the machine can give.
 """
 
 from gantryctl.engineering.stops.limits import check_quick_stop, find_quick_dec
-from gantryctl.engineering.stops.run import StopClass, StopResult, run_stop, worst_stop
-from gantryctl.engineering.stops.table import REACTION_S, StopRow, stop_table
+from gantryctl.engineering.stops.run import (
+    REACTION_S,
+    StopClass,
+    StopResult,
+    StopRow,
+    run_stop,
+    stop_table,
+    worst_stop,
+)
 
 __all__ = [
     "REACTION_S",

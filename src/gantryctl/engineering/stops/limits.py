@@ -6,8 +6,15 @@ import functools
 import math
 from typing import Final
 
-from gantryctl.engineering.stops.run import StopClass, StopResult, worst_stop
-from gantryctl.engineering.stops.table import REACTION_S, SPEED_PARTS
+from gantryctl.engineering.stops.run import (
+    REACTION_S,
+    SPEED_PARTS,
+    StopClass,
+    StopResult,
+    within_ratings,
+    worst_of,
+    worst_stop,
+)
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 
@@ -15,17 +22,11 @@ RESOLUTION_DEG_S2: Final = 0.1
 _SMALLEST_DEG_S2: Final = 0.2
 
 
-def within_ratings(machine: Machine, stop: StopResult) -> bool:
-    """Whether a stop stays below the torque limit of the drive and the momentary torque of the reducer."""
-    return not stop.torque_limited and stop.torque_reducer_nm <= machine.reducer.torque_momentary_nm
-
-
 def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) -> StopResult:
     """Each figure the worst over 1/10, 1/2 and the whole of the highest speed: friction helps a fast stop more."""
     top = machine.speed.setting_max_deg_s
     stops = [worst_stop(machine, StopClass.QUICK, k * top, quick_dec_deg_s2) for k in SPEED_PARTS]
-    worst = {name: max(getattr(s, name) for s in stops) for name in StopResult._fields[2:]}
-    return StopResult(StopClass.QUICK, top, **worst)
+    return worst_of(StopClass.QUICK, top, stops)
 
 
 def find_quick_dec(machine: Machine) -> float:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import Enum
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gantryctl import _core
-from gantryctl.engineering.batch import ClosedLoop, Log
+from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
@@ -18,8 +18,10 @@ from gantryctl.units import deg, rad
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
 
-Floats = NDArray[np.float64]
-
+REACTION_S: Final = 0.06
+"""Time from the cause of a stop to the beginning of the ramp that permitted angles allow for."""
+SPEED_PARTS: Final = (0.1, 0.5, 1.0)
+"""Speeds that stops are judged at, as parts of the highest one."""
 AT_REST_DEG_S: Final = 0.05  # motor side: below this the axis counts as standing
 _RAMP_UP_S: Final = 5.0  # acceleration to the test speed, gentle enough to leave the load calm
 _CRUISE_S: Final = 1.0
@@ -102,8 +104,18 @@ def worst_stop(
         for at in (90.0, -90.0)
         for sign in (1.0, -1.0)
     ]
-    worst = {name: max(getattr(r, name) for r in runs) for name in StopResult._fields[2:]}
+    return worst_of(stop_class, speed_deg_s, runs)
+
+
+def worst_of(stop_class: StopClass, speed_deg_s: float, stops: Sequence[StopResult]) -> StopResult:
+    """Each figure the worst of several stops."""
+    worst = {name: max(getattr(stop, name) for stop in stops) for name in StopResult._fields[2:]}
     return StopResult(stop_class, speed_deg_s, **worst)
+
+
+def within_ratings(machine: Machine, stop: StopResult) -> bool:
+    """Whether a stop stays below the torque limit of the drive and the momentary torque of the reducer."""
+    return not stop.torque_limited and stop.torque_reducer_nm <= machine.reducer.torque_momentary_nm
 
 
 def _cruising(
@@ -112,8 +124,7 @@ def _cruising(
     """The axis in steady motion, just arriving at the angle."""
     plant, drive = plant_params(machine), drive_params(machine)
     if machine.plant.switches.eccentric_moment:
-        sign = math.copysign(1.0, eccentric_moment_nm(machine))
-        plant.eccentric_moment_nm = sign * machine.plant.load.eccentric_check_moment_nm
+        plant.eccentric_moment_nm = _check_moment_nm(machine)
     if quick_dec_deg_s2 is not None:
         drive.quick_dec_rad_s2 = rad(quick_dec_deg_s2) * machine.axis.ratio
     speed = rad(speed_deg_s)
@@ -126,6 +137,11 @@ def _cruising(
     loop = ClosedLoop.standing_at(gantry_sim(machine, plant, drive), position_law(machine), start)
     loop.run(plan, plan.duration + _CRUISE_S)
     return loop
+
+
+def _check_moment_nm(machine: Machine) -> float:
+    """The eccentric moment that stops are held against, with the sign of the machine's own."""
+    return math.copysign(machine.plant.load.eccentric_check_moment_nm, eccentric_moment_nm(machine))
 
 
 def _ramp(machine: Machine, stop_class: StopClass, start: SetPoint) -> _core.Segments:
@@ -151,7 +167,9 @@ def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: 
     motor, vel_motor, load = log["pos_motor_rad"], np.abs(log["vel_motor_rad_s"]), log["pos_load_rad"]
     moving = np.nonzero(vel_motor / ratio > rad(AT_REST_DEG_S))[0]
     rest = min(int(moving[-1]) + 1, len(motor) - 1) if len(moving) else 0
-    shake = (log["pos_base_rad"] - _static_base(machine, load)) * machine.plant.gear_error.ring_radius_m * 1e6
+    moment = _check_moment_nm(machine) * machine.plant.switches.eccentric_moment
+    rocking = base_motion_rad(machine, log["pos_base_rad"], load, moment)
+    shake = rocking * machine.plant.gear_error.ring_radius_m * 1e6
     energy = 0.0
     if stop_class is StopClass.BRAKE:
         slipping = log.time_s >= machine.brake.close_time_ms * 1e-3
@@ -171,11 +189,26 @@ def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: 
     )
 
 
-def _static_base(machine: Machine, load: Floats) -> Floats:
-    """Deflection of the base under the eccentric moment alone, rad."""
-    plant: _core.PlantParams = plant_params(machine)
-    if not plant.base:
-        return np.zeros_like(load)
-    sign = math.copysign(1.0, eccentric_moment_nm(machine))
-    moment = sign * machine.plant.load.eccentric_check_moment_nm * machine.plant.switches.eccentric_moment
-    return moment * np.sin(load - plant.eccentric_angle_rad) / plant.base_stiffness_nm_per_rad
+class StopRow(NamedTuple):
+    """A stop and what it means.
+
+    Attributes:
+        angle_with_reaction_deg: stopping angle with 60 ms of travel before it.
+        inspect: the stop is above the ratings of motor or reducer: inspect afterwards.
+    """
+
+    stop: StopResult
+    angle_with_reaction_deg: float
+    inspect: bool
+
+
+def stop_table(machine: Machine, speeds_deg_s: tuple[float, ...] | None = None) -> list[StopRow]:
+    """Every stop class at 1/10, 1/2 and the whole of the highest speed (or at `speeds_deg_s`), worst of four cases."""
+    top = machine.speed.setting_max_deg_s
+    rows = []
+    for stop_class in StopClass:
+        for speed in speeds_deg_s or tuple(k * top for k in SPEED_PARTS):
+            stop = worst_stop(machine, stop_class, speed)
+            angle = stop.angle_deg + speed * REACTION_S
+            rows.append(StopRow(stop, angle, inspect=not within_ratings(machine, stop)))
+    return rows

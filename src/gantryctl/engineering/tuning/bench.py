@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gantryctl import _core
-from gantryctl.engineering.batch import ClosedLoop, Log
+from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.engineering.tuning.gains import Gains
 from gantryctl.machine import Machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
@@ -231,7 +231,8 @@ def _judged(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
     ref, motor, load = log["vel_ref_rad_s"], log["vel_motor_rad_s"] / ratio, log["vel_load_rad_s"]
     top = float(np.max(np.abs(ref)))
     time, after = log.time_s, log.time_s - plan.duration
-    shake = 1e6 * machine.plant.gear_error.ring_radius_m * _shaking(machine, log)
+    rocking = base_motion_rad(machine, log["pos_base_rad"], log["pos_load_rad"])
+    shake = 1e6 * machine.plant.gear_error.ring_radius_m * rocking
     residual = (after >= _RESIDUAL_S[0]) & (after <= _RESIDUAL_S[1])
     middle = np.abs(time - 0.5 * plan.duration) < 0.25
     return TrialMove(
@@ -247,19 +248,6 @@ def _judged(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
         time_s=plan.duration,
         limited=bool(np.any(log["torque_limited"])),
     )
-
-
-def _shaking(machine: Machine, log: Log) -> Floats:
-    """Base angle without what the eccentric moment makes at rest, rad."""
-    plant = plant_params(machine)
-    if not plant.base:
-        return np.zeros(len(log))
-    still = (
-        plant.eccentric_moment_nm
-        * np.sin(log["pos_load_rad"] - plant.eccentric_angle_rad)
-        / plant.base_stiffness_nm_per_rad
-    )
-    return np.asarray(log["pos_base_rad"] - still)
 
 
 def _settled(load: Floats, after_s: Floats) -> float:

@@ -88,49 +88,78 @@ def paper_procedure(bench: Bench, start: Gains = POOR, criteria: Criteria = QUAR
     Raises:
         UsageError: the axis does not even bear the first value of a phase.
     """
+    kvp, tvi, kpp, acceleration = _raised_phases(bench, criteria)
     log: list[Trial] = []
     gains = replace(start, kvf=0.0)
-    gains = _kvp(bench, gains, criteria, log)
-    gains = _tvi(bench, gains, criteria, log)
-    gains = _kpp(bench, gains, criteria, log)
-    gains = _kvf(bench, gains, criteria, log)
-    gains = _acceleration(bench, gains, criteria, log)
+    for phase in (kvp, tvi, kpp):
+        gains = _raised(phase, gains, log)
+    gains = _feed_forward(bench, gains, criteria, log)
+    gains = _raised(acceleration, gains, log)
     return Tuned(start, gains.rounded(), tuple(log))
 
 
-def _kvp(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
-    def attempt(kvp: float) -> Outcome:
-        step = bench.speed_step(replace(gains, kvp_nm_s_per_rad=kvp))
+class _Phase(NamedTuple):
+    """A value that is raised until its criterion breaks.
+
+    Attributes:
+        value, with_value: of gains, and gains with another value. attempt: experiment and outcome.
+        logged: the value as the log shows it.
+    """
+
+    name: str
+    unit: str
+    limit: float
+    measured_unit: str
+    value: Callable[[Gains], float]
+    with_value: Callable[[Gains, float], Gains]
+    attempt: Callable[[Gains], Outcome]
+    logged: Callable[[float], float] = float
+
+
+def _raised_phases(bench: Bench, criteria: Criteria) -> tuple[_Phase, _Phase, _Phase, _Phase]:
+    machine = bench.machine
+    most = machine.virtual_axis.jog_release_dec_deg_s2
+
+    def speed(gains: Gains) -> Outcome:
+        step = bench.speed_step(gains)
         return 100.0 * step.overshoot, _limited(step.limited)
 
-    limit = 100.0 * criteria.speed_overshoot
-    line = _Line("Kvp", "N m s/rad", limit, "% speed overshoot")
-    return replace(gains, kvp_nm_s_per_rad=_raised(attempt, gains.kvp_nm_s_per_rad, line, log))
-
-
-def _tvi(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
-    """Shortened, so 1/Tvi is raised; what is logged is Tvi in ms."""
-
-    def attempt(inverse: float) -> Outcome:
-        step = bench.speed_step(replace(gains, tvi_s=1.0 / inverse))
-        return 100.0 * step.overshoot, _limited(step.limited)
-
-    limit = 100.0 * criteria.integral_overshoot
-    line = _Line("Tvi", "ms", limit, "% speed overshoot", lambda inverse: 1e3 / inverse)
-    return replace(gains, tvi_s=1.0 / _raised(attempt, 1.0 / gains.tvi_s, line, log))
-
-
-def _kpp(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
-    def attempt(kpp: float) -> Outcome:
-        step = bench.position_step(replace(gains, kpp_per_s=kpp))
+    def load(gains: Gains) -> Outcome:
+        step = bench.position_step(gains)
         return 100.0 * step.load_overshoot, _limited(step.limited)
 
-    limit = 100.0 * criteria.load_overshoot
-    line = _Line("Kpp", "1/s", limit, "% load overshoot")
-    return replace(gains, kpp_per_s=_raised(attempt, gains.kpp_per_s, line, log))
+    def base(gains: Gains) -> Outcome:
+        """Until the base moves as much as it may, or torque limit, reducer or the other ramps are reached."""
+        if gains.acc_deg_s2 > most:
+            return 0.0, f"above the jog-release ramp of {most:g} deg/s2"
+        move = bench.move(gains)
+        if move.reducer_nm > machine.reducer.torque_rated_nm:
+            return move.base_um, f"reducer {move.reducer_nm / 1e3:.1f} kN m"
+        return move.base_um, _limited(move.limited)
+
+    return (
+        _Phase(
+            "Kvp", "N m s/rad", 100.0 * criteria.speed_overshoot, "% speed overshoot",
+            lambda gains: gains.kvp_nm_s_per_rad, lambda gains, kvp: replace(gains, kvp_nm_s_per_rad=kvp), speed,
+        ),
+        # Tvi is shortened, so 1/Tvi is raised.
+        _Phase(
+            "Tvi", "ms", 100.0 * criteria.integral_overshoot, "% speed overshoot",
+            lambda gains: 1.0 / gains.tvi_s, lambda gains, inverse: replace(gains, tvi_s=1.0 / inverse), speed,
+            lambda inverse: 1e3 / inverse,
+        ),
+        _Phase(
+            "Kpp", "1/s", 100.0 * criteria.load_overshoot, "% load overshoot",
+            lambda gains: gains.kpp_per_s, lambda gains, kpp: replace(gains, kpp_per_s=kpp), load,
+        ),
+        _Phase(
+            "acceleration", "deg/s2", criteria.base_um, "um base motion",
+            lambda gains: gains.acc_deg_s2, lambda gains, acc: replace(gains, acc_deg_s2=acc), base,
+        ),
+    )  # fmt: skip
 
 
-def _kvf(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
+def _feed_forward(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
     """In steps of 10 %; above 100 % the axis would run ahead of its set-point."""
     best, limit = 0.0, 100.0 * criteria.feed_forward_overshoot
     for k in range(_KVF_STEPS + 1):
@@ -146,60 +175,25 @@ def _kvf(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Ga
     return replace(gains, kvf=best)
 
 
-def _acceleration(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
-    """Until the base moves as much as it may, or the torque limit, the reducer or the other ramps are reached."""
-    machine = bench.machine
-    most = machine.virtual_axis.jog_release_dec_deg_s2
-
-    def attempt(acc: float) -> Outcome:
-        if acc > most:
-            return 0.0, f"above the jog-release ramp of {most:g} deg/s2"
-        move = bench.move(replace(gains, acc_deg_s2=acc))
-        if move.reducer_nm > machine.reducer.torque_rated_nm:
-            return move.base_um, f"reducer {move.reducer_nm / 1e3:.1f} kN m"
-        return move.base_um, _limited(move.limited)
-
-    line = _Line("acceleration", "deg/s2", criteria.base_um, "um base motion")
-    return replace(gains, acc_deg_s2=_raised(attempt, gains.acc_deg_s2, line, log))
-
-
-class _Line(NamedTuple):
-    """How a phase is logged."""
-
-    phase: str
-    unit: str
-    limit: float
-    measured_unit: str
-    shown: Callable[[float], float] = float
-
-
-def _raised(attempt: Callable[[float], Outcome], start: float, line: _Line, log: list[Trial]) -> float:
+def _raised(phase: _Phase, gains: Gains, log: list[Trial]) -> Gains:
     """Raise by a quarter until the criterion breaks, then halve the step until the edge is known within 2 %."""
 
     def keeps(value: float) -> bool:
-        measured, note = attempt(value)
-        kept = measured <= line.limit and not note and math.isfinite(measured)
+        measured, note = phase.attempt(phase.with_value(gains, value))
+        kept = measured <= phase.limit and not note and math.isfinite(measured)
+        shown = phase.logged(value)
         log.append(
-            Trial(
-                line.phase,
-                line.shown(value),
-                line.unit,
-                measured,
-                line.limit,
-                line.measured_unit,
-                kept,
-                note,
-            )
+            Trial(phase.name, shown, phase.unit, measured, phase.limit, phase.measured_unit, kept, note)
         )
         return kept
 
-    good, bad = start, start
-    if not keeps(start):
+    good = bad = phase.value(gains)
+    if not keeps(good):
         last = log[-1]
         why = f"; {last.note}" if last.note else ""
         raise UsageError(
-            f"the axis does not bear the starting value: {line.phase} = {last.value:.4g} {line.unit} gives "
-            f"{last.measured:.3g} {line.measured_unit}, permitted {line.limit:.3g}{why}; start with poorer gains or "
+            f"the axis does not bear the starting value: {last.phase} = {last.value:.4g} {last.unit} gives "
+            f"{last.measured:.3g} {last.measured_unit}, permitted {last.limit:.3g}{why}; start with poorer gains or "
             "permit more"
         )
     for _ in range(_MOST_TRIALS):
@@ -208,14 +202,11 @@ def _raised(attempt: Callable[[float], Outcome], start: float, line: _Line, log:
             break
         good = bad
     else:
-        raise UsageError(f"{line.phase} can be raised without end: the criterion is never reached")
+        raise UsageError(f"{phase.name} can be raised without end: the criterion is never reached")
     while bad / good > _RESOLUTION:
         middle = math.sqrt(good * bad)
-        if keeps(middle):
-            good = middle
-        else:
-            bad = middle
-    return good
+        good, bad = (middle, bad) if keeps(middle) else (good, middle)
+    return phase.with_value(gains, good)
 
 
 def _limited(limited: bool) -> str:

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.engineering.analysis.data import measured_data
 from gantryctl.engineering.analysis.measured.excitation import multisine, sine
+from gantryctl.engineering.analysis.measured.probe import Probe, ProbeLimits, fitted, measure
 from gantryctl.engineering.analysis.measured.response import (
     Condition,
     measure_simulated,
     model_ratios,
     simulated_probe,
 )
-from gantryctl.engineering.analysis.models.frequency import Probe, ProbeLimits, fitted, measure
 from gantryctl.engineering.analysis.models.mechanics import Friction
 from gantryctl.engineering.analysis.models.sampled import Input
 from gantryctl.engineering.analysis.text import measured_sentence

@@ -108,8 +108,8 @@ def test_what_does_not_exist_is_none() -> None:
 
 def test_no_feed_forward_leaves_the_ramp_error() -> None:
     loop = RigidLoop(PAPER.js_kg_m2, 77.6959, 0.01, 10.0, kvf=0.0)
-    assert loop.ramp_error(6.0, [20.0])[0] == pytest.approx(0.6, rel=1e-9)
-    assert loop.parabola_speed_error(0.4, [20.0])[0] == pytest.approx(loop.steady_speed_error(0.4), rel=1e-9)
+    assert loop.error_behind(1, 6.0, [20.0])[0] == pytest.approx(0.6, rel=1e-9)
+    assert loop.error_behind(1, 0.4, [20.0])[0] == pytest.approx(loop.steady_speed_error(0.4), rel=1e-9)
 
 
 def test_constant_torque_leaves_no_error_and_a_ramp_does() -> None:

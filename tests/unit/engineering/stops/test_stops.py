@@ -13,7 +13,8 @@ from gantryctl.engineering.stops import (
     stop_table,
     worst_stop,
 )
-from gantryctl.engineering.stops.limits import hardest_quick_stop, within_ratings
+from gantryctl.engineering.stops.limits import hardest_quick_stop
+from gantryctl.engineering.stops.run import within_ratings
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, with_values
 

@@ -1,7 +1,7 @@
 """The simulated axis measured in three conditions, and the linear model of the same ratios beside it.
 
 Standing with a torque below breakaway (friction is a spring), standing with more (it begins to slide), and turning
-slowly (it slides). On a real axis `frequency.Probe` runs the same way on its drive port.
+slowly (it slides). On a real axis `probe.Probe` runs the same way on its drive port.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.analysis.measured.excitation import multisine
-from gantryctl.engineering.analysis.models.frequency import (
+from gantryctl.engineering.analysis.measured.probe import (
     FrequencyResponse,
     Probe,
     ProbeLimits,

@@ -118,15 +118,15 @@ def _following_figures(machine: Machine, total: RigidLoop, total0: RigidLoop) ->
     speed, acc = machine.speed.setting_max_deg_s, machine.virtual_axis.acc_deg_s2
     ramp, parabola = f"ramp_{speed:g}deg_s", f"acc_{acc:.5g}"
     return {
-        f"{ramp}_position_error_deg_Kvf0": _at(_RAMP_S, lambda t: total0.ramp_error(speed, t)),
-        f"{ramp}_position_error_deg_Kvf1": _at(_RAMP_S, lambda t: total.ramp_error(speed, t)),
-        f"{ramp}_speed_error_deg_s_Kvf1": _at(_RAMP_S, lambda t: total.ramp_speed_error(speed, t)),
-        f"{parabola}_speed_error_deg_s_Kvf1": _at(_RAMP_S, lambda t: total.parabola_speed_error(acc, t)),
-        f"{parabola}_position_error_deg_Kvf1": _at(_RAMP_S, lambda t: total.parabola_error(acc, t)),
-        f"{parabola}_position_error_deg_Kvf0": _at(_RAMP_S, lambda t: total0.parabola_error(acc, t)),
-        "speed_error_peak_at_acc_corner_deg_s": total.corner_speed_error(acc)[1],
-        "speed_error_peak_at_acc_reversal_deg_s": total.corner_speed_error(2.0 * acc)[1],
-        "position_error_peak_at_acc_corner_deg": total.corner_position_error(acc)[1],
+        f"{ramp}_position_error_deg_Kvf0": _at(_RAMP_S, lambda t: total0.error_behind(1, speed, t)),
+        f"{ramp}_position_error_deg_Kvf1": _at(_RAMP_S, lambda t: total.error_behind(1, speed, t)),
+        f"{ramp}_speed_error_deg_s_Kvf1": _at(_RAMP_S, lambda t: total.error_behind(0, speed, t)),
+        f"{parabola}_speed_error_deg_s_Kvf1": _at(_RAMP_S, lambda t: total.error_behind(1, acc, t)),
+        f"{parabola}_position_error_deg_Kvf1": _at(_RAMP_S, lambda t: total.error_behind(2, acc, t)),
+        f"{parabola}_position_error_deg_Kvf0": _at(_RAMP_S, lambda t: total0.error_behind(2, acc, t)),
+        "speed_error_peak_at_acc_corner_deg_s": total.largest_error_behind(1, acc)[1],
+        "speed_error_peak_at_acc_reversal_deg_s": total.largest_error_behind(1, 2.0 * acc)[1],
+        "position_error_peak_at_acc_corner_deg": total.largest_error_behind(2, acc)[1],
         "speed_error_const_Kvf0_deg_s": total0.steady_speed_error(acc),
         "jerk_j_position_error_deg_per_unit_jerk": total.jerk_error_per_jerk,
     }

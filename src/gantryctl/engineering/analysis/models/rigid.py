@@ -153,29 +153,16 @@ class RigidLoop:
         """y(t) for r = 1(t)."""
         return inverse_laplace(self.position * integrator(), times_s)
 
-    def ramp_error(self, speed: float, times_s: list[float]) -> FloatArray:
-        """r - y for r = speed t, from standstill."""
-        return inverse_laplace(self.error * integrator(2, speed), times_s)
+    def error_behind(self, order: int, size: float, times_s: list[float]) -> FloatArray:
+        """r - y from standstill for r = size t^order/order!: step 0, ramp 1, parabola 2.
 
-    def ramp_speed_error(self, speed: float, times_s: list[float]) -> FloatArray:
-        """Time derivative of `ramp_error`: the answer to a step of speed."""
-        return inverse_laplace(self.error * integrator(1, speed), times_s)
+        The speed error behind the same reference is that of one order less.
+        """
+        return inverse_laplace(self.error * integrator(order + 1, size), times_s)
 
-    def parabola_error(self, acceleration: float, times_s: list[float]) -> FloatArray:
-        """r - y for r = acceleration t^2/2, from standstill."""
-        return inverse_laplace(self.error * integrator(3, acceleration), times_s)
-
-    def parabola_speed_error(self, acceleration: float, times_s: list[float]) -> FloatArray:
-        """Time derivative of `parabola_error`: the answer to a step of acceleration."""
-        return inverse_laplace(self.error * integrator(2, acceleration), times_s)
-
-    def corner_speed_error(self, acceleration_step: float) -> tuple[float, float]:
-        """Time and size of the largest speed error after a step of acceleration (a corner of a trapezoid)."""
-        return largest(self.error * integrator(2, acceleration_step))
-
-    def corner_position_error(self, acceleration_step: float) -> tuple[float, float]:
-        """Time and size of the largest position error after a step of acceleration."""
-        return largest(self.error * integrator(3, acceleration_step))
+    def largest_error_behind(self, order: int, size: float) -> tuple[float, float]:
+        """Time and size of the largest `error_behind`."""
+        return largest(self.error * integrator(order + 1, size))
 
     def torque_step(self, torque_nm: float, times_s: list[float]) -> FloatArray:
         """Motor angle after a step of disturbing torque at the motor, rad."""

@@ -1,0 +1,26 @@
+"""The table of stops as plain data for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from gantryctl.engineering.report.data import plain
+from gantryctl.engineering.stops.run import StopRow
+from gantryctl.machine import Machine
+
+
+def stops_data(machine: Machine, rows: Sequence[StopRow]) -> dict[str, Any]:
+    """Everything `stops --json` prints."""
+    return {
+        "machine": machine.name,
+        "permitted_deg": machine.axis.stopping_angle_max_deg,
+        "rows": [
+            {
+                **{name: plain(value) for name, value in row.stop._asdict().items()},
+                "angle_with_reaction_deg": row.angle_with_reaction_deg,
+                "inspect": row.inspect,
+            }
+            for row in rows
+        ],
+    }

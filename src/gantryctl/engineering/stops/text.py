@@ -1,0 +1,47 @@
+"""The table of stops as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.stops.run import REACTION_S, StopRow
+from gantryctl.machine import Machine
+
+_NOTE = """Worst of four stops each (at +-90 deg, both directions), with an eccentric moment of {moment:g} kN m.
+Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging at the speed of the last column.
++ {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
+Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards."""
+
+
+def stops_text(rows: Sequence[StopRow]) -> TextTable:
+    """One row per stop; the first and the last column are words."""
+    return TextTable.of("", [_row(row) for row in rows])._replace(left=(0, 10))
+
+
+def _row(row: StopRow) -> dict[str, str]:
+    stop = row.stop
+    return {
+        "stop": stop.stop_class.value,
+        "from\ndeg/s": f"{stop.speed_deg_s:.1f}",
+        "angle\ndeg": f"{stop.angle_deg:.2f}",
+        "+ 60 ms\ndeg": f"{row.angle_with_reaction_deg:.2f}",
+        "time\ns": f"{stop.time_s:.2f}",
+        "motor\nN m": f"{stop.torque_motor_nm:.0f}",
+        "reducer\nkN m": f"{stop.torque_reducer_nm / 1e3:.1f}",
+        "base\num p-p": f"{stop.base_um:.0f}",
+        "brake\nkJ": f"{stop.brake_energy_kj:.1f}" if stop.brake_energy_kj else "-",
+        "load swing\ndeg/s": f"{stop.load_swing_deg_s:.2f}",
+        "": "inspect afterwards" if row.inspect else "",
+    }
+
+
+def stops_note(machine: Machine) -> str:
+    """What the columns mean, and what is permitted."""
+    return _NOTE.format(
+        moment=machine.plant.load.eccentric_check_moment_nm / 1e3,
+        reaction=REACTION_S * 1e3,
+        permitted=machine.axis.stopping_angle_max_deg,
+        torque=machine.motor.torque_max_nm,
+        reducer=machine.reducer.torque_momentary_nm / 1e3,
+    )
