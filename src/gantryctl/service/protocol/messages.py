@@ -76,7 +76,9 @@ ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_
 # A safe integer: JavaScript holds no larger one exactly.
 Whole: TypeAlias = Annotated[int, Field(ge=0, le=2**53)]
 Number: TypeAlias = Annotated[float, Field(gt=-1e9, lt=1e9, allow_inf_nan=False)]
-Lease: TypeAlias = Annotated[str, Field(pattern="^[0-9a-f]{16}$")]
+Lease: TypeAlias = Annotated[
+    str, Field(pattern="^[0-9a-f]{16}$", description="16 hex digits, random, new at every press")
+]
 Direction: TypeAlias = Literal["forward", "reverse"]
 
 
@@ -97,40 +99,42 @@ class Timed(Untimed):
 
 
 class Alive(Untimed):
-    """Sign of life of the holder of control."""
+    """Sign of life of whoever has control, at least twice a second: a silent holder loses control. No reply."""
 
     type: Literal["alive"]
 
 
 class Take(Timed):
-    """Take control, with `over` from another holder."""
+    """Take control authority; `over` takes it from somebody else, at standstill only."""
 
     type: Literal["take"]
     over: bool
 
 
 class Give(Timed):
-    """Give control back."""
+    """Give control back; a jog stops, a move goes on, a motion that stands still at override 0 ends. A holder that
+    falls silent or leaves gives control back, too.
+    """
 
     type: Literal["give"]
 
 
 class Power(Timed):
-    """Switch power on or off."""
+    """Switch power; on needs control, off does not."""
 
     type: Literal["power"]
     on: bool
 
 
 class ChooseMode(Timed):
-    """Choose the motion mode."""
+    """Choose the motion mode, at standstill."""
 
     type: Literal["mode"]
     mode: Literal["none", "continuous", "incremental"]
 
 
 class Jog(Timed):
-    """Press a key: begin hold-to-run."""
+    """Begin hold-to-run, in continuous mode."""
 
     type: Literal["jog"]
     lease: Lease
@@ -138,28 +142,28 @@ class Jog(Timed):
 
 
 class Renew(Timed):
-    """Renew the lease of a held key."""
+    """Renew the lease while the key is held. No reply but a refusal: then the lease is dead."""
 
     type: Literal["renew"]
     lease: Lease
 
 
 class Release(Untimed):
-    """Let a key go."""
+    """Let the key go: the axis stops on the jog-release ramp. Always accepted."""
 
     type: Literal["release"]
     lease: Lease
 
 
 class Increment(Timed):
-    """Move by one increment."""
+    """Move by one increment, in incremental mode."""
 
     type: Literal["increment"]
     direction: Direction
 
 
 class Move(Timed):
-    """Move to an angle."""
+    """Move to an angle with the speed setting; never the shortest way."""
 
     type: Literal["move"]
     target_deg: Number
@@ -172,32 +176,36 @@ class Halt(Timed):
 
 
 class Stop(Untimed):
-    """Stop on the jog-release ramp."""
+    """Stop on the jog-release ramp. Accepted from everyone, always."""
 
     type: Literal["stop"]
 
 
 class QuickStop(Untimed):
-    """Stop by a quick stop."""
+    """Stop by a quick stop, which leads to ErrorStop. Accepted from everyone, always."""
 
     type: Literal["quick_stop"]
 
 
 class Reset(Timed):
-    """Reset alarms."""
+    """Reset alarms whose cause is gone; never switches on. Locked ones (`reset_locked` is true) need the service role,
+    and `arm` first.
+    """
 
     type: Literal["reset"]
 
 
 class Acknowledge(Timed):
-    """Mark an alarm as seen."""
+    """Mark an alarm as seen. Needs no control."""
 
     type: Literal["acknowledge"]
-    id: Whole
+    id: Annotated[Whole, Field(description="number of the alarm row")]
 
 
 class Set(Timed):
-    """Change a setting."""
+    """Change a setting: a tag with direction `both`, but `mode`. An override raised from 0 while a motion stands still
+    is refused as that motion would be.
+    """
 
     type: Literal["set"]
     tag: Literal["speed_setting_deg_s", "increment_deg", "override_percent", "acc_setting_deg_s2"]
@@ -205,14 +213,14 @@ class Set(Timed):
 
 
 class Arm(Timed):
-    """Arm an action that takes two steps."""
+    """Take the first of two steps, see below. Needs no control."""
 
     type: Literal["arm"]
     action: Literal["brake_test", "reset_locked"]
 
 
 class StartBrakeTest(Timed):
-    """Execute the armed brake test."""
+    """Execute the armed brake test; power must be off; refused where `brake_test_available` is false."""
 
     type: Literal["brake_test"]
 
@@ -224,7 +232,7 @@ AnyMessage: TypeAlias = Annotated[
     Field(discriminator="type"),
 ]  # fmt: skip
 MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
-_COMMON: Final = frozenset({"type", *Timed.model_fields})
+COMMON: Final = frozenset({"type", *Timed.model_fields})
 
 
 def _models() -> Iterator[tuple[str, type[Untimed]]]:
@@ -234,7 +242,7 @@ def _models() -> Iterator[tuple[str, type[Untimed]]]:
 
 # Keys that a message of a type has beside those of all messages.
 FIELDS: Final = {
-    kind: tuple(name for name in model.model_fields if name not in _COMMON) for kind, model in _models()
+    kind: tuple(name for name in model.model_fields if name not in COMMON) for kind, model in _models()
 }
 WITHOUT_EPOCH: Final = frozenset(kind for kind, model in _models() if not issubclass(model, Timed))
 # Not counted with the commands by the rate limit: each has a limit of its own.

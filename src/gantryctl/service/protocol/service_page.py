@@ -5,11 +5,14 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import Template
-from typing import Final
+from typing import Any, Final
 
+from gantryctl.program.alarms.service import SERVICE
 from gantryctl.service.protocol import limits
+from gantryctl.service.protocol.messages import COMMON, MESSAGES
 from gantryctl.service.protocol.roles import RIGHTS, Role
 from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
@@ -47,9 +50,9 @@ the page. Refused with HTTP 401 (not logged in) or 403 (foreign `Origin` or `Hos
 
 | type | when | keys |
 |---|---|---|
-| `welcome` | first | `client` (one's own id), `user`, `role`, `place` (`local`, `loopback` or `remote`: those move above `speed_cap_deg_s` with the enabling switch only), `may` (actions of the role), `version`, `frame_ms` ($frame_ms), `lease_ms` (`[monitors] lease_ms`, 250 as shipped), `renew_ms` ($renew_ms), `frames_max_jog` ($frames_max_jog), `frames_max` ($frames_max), `stale_ms` ($stale_ms) |
+| `welcome` | first | `client` (your own id), `user`, `role`, `place` (`local`, `loopback` or `remote`: those move above `speed_cap_deg_s` with the enabling switch only), `may` (actions of the role), `version`, `frame_ms` ($frame_ms), `lease_ms` (`[monitors] lease_ms`, 250 as shipped), `renew_ms` ($renew_ms), `frames_max_jog` ($frames_max_jog), `frames_max` ($frames_max), `stale_ms` ($stale_ms) |
 | `status` | every $frame_ms ms | `frame`, `fresh` (false: the controller is silent), `age_ms` (of the snapshot), `tags` (those of 20 Hz always, the others in the first frame and when one of them changed: merge them) |
-| `reply` | once for every command with a `seq` | `seq`, `ok`, `code` (stable, empty when ok), `text` (why not), `epoch` (the newest), `journal` (number of the event, 0 when none) |
+| `reply` | once for every command with a `seq` | `seq`, `ok`, `code` (stable, empty when ok), `text` (why not), `values` (those in the message of the code), `epoch` (the newest), `journal` (number of the event, 0 when none) |
 
 A slow reader loses status frames, never the newest one, and never a reply. Data are stale when no `status` came for
 $stale_ms ms, or `fresh` is false, or `age_ms` is above $stale_ms: show it, and disable every motion button. Stop stays enabled.
@@ -62,27 +65,7 @@ than $frames_max behind ($frames_max_jog for `jog` and `renew`) is refused as SE
 SEC-04. Unknown types and keys, strings for numbers, nan and inf are refused as SEC-05. At most $commands_per_s commands a second
 (SEC-06); `renew`, `release`, `stop` and `quick_stop` do not count.
 
-| type | more keys | does |
-|---|---|---|
-| `alive` | - | at least twice a second from whoever has control: silence of $silence_s s gives it back. No reply |
-| `take` | `over`: bool | control authority; `over` takes it from somebody else, at standstill only |
-| `give` | - | gives it back; a jog stops, a move goes on, one that stands still at override 0 ends. So it is when the holder is silent or gone |
-| `power` | `on`: bool | on needs control, off does not |
-| `mode` | `mode`: none, continuous, incremental | at standstill |
-| `jog` | `lease`: 16 hex digits, random, new at every press; `direction`: forward, reverse | continuous mode: begins hold-to-run |
-| `renew` | `lease` | every $renew_ms ms while the key is held. No reply but a refusal: then the lease is dead |
-| `release` | `lease` | key let go: the jog-release ramp. Always accepted |
-| `increment` | `direction` | incremental mode: one increment |
-| `move` | `target_deg` | to an angle with the speed setting; never the shortest way |
-| `halt` | - | ends the motion on the normal ramp |
-| `stop` | - | jog-release ramp. Accepted from everyone, always |
-| `quick_stop` | - | quick stop, ErrorStop. Accepted from everyone, always |
-| `reset` | - | resets alarms whose cause is gone; never enables. Locked ones (`reset_locked` is true) need the service role, and `arm` first |
-| `acknowledge` | `id` of the alarm row | marks it as seen. Needs no control |
-| `set` | `tag`, `value` | one of the tags with direction `both`, but `mode`. An override raised from 0 while a motion stands still is refused as that motion would be |
-| `arm` | `action`: brake_test, reset_locked | the first of two steps, see below. Needs no control |
-| `brake_test` | - | power must be off; needs `arm`; refused where `brake_test_available` is false |
-
+$messages
 `ok` means that the scan has carried it out, or begun to. A refusal changes nothing.
 
 An epoch ends with `stop`, `quick_stop`, `reset`, every change of control and every start of the controller. Nothing
@@ -116,27 +99,10 @@ epoch, and executes.
 A brake test that is under way ends with its epoch too: by `stop` or `quick_stop` from anybody, and when whoever began it loses
 control or the connection. The torque is taken back, the drive is disabled, the brake has stayed closed.
 
-### Codes of refusals by the service
+### Codes of the service
 
-| code | why |
-|---|---|
-| SEC-01 | the role may not do it, or not logged in |
-| SEC-02 | too old: the frame number is too far behind |
-| SEC-03 | of another epoch |
-| SEC-04 | sequence number used before |
-| SEC-05 | not understood: unknown type or key, wrong type, not finite, too long |
-| SEC-06 | too many commands |
-| SEC-07 | needs control: nobody or somebody else has it |
-| SEC-08 | control is held by somebody and the axis is moving |
-| SEC-09 | the lease is dead or is not yours |
-| SEC-10 | not armed: by nobody, too long ago, in another epoch, at another screen, or (second person) by the same user |
-| SEC-11 | (event) a certificate of the page, of OPC UA or of one of its clients ends within 30 days, or has ended |
-| SYS-11 | the controller does not answer |
-| JRN-01 | (event) the disk is nearly full: nothing is recorded, or no new motion |
-| JRN-02 | the journal is not able to keep events: no new motion |
-| JRN-05 | (event) the journal was damaged and moved aside; service must reset |
-
-All others (CTL-.., LIM-.., PWR-.., INT-..) are those of `gantryctl explain`.
+$codes
+`gantryctl explain CODE` knows these and all others (CTL-.., LIM-.., PWR-.., INT-..).
 """)
 
 _HTTP: Final = """\
@@ -177,48 +143,69 @@ The address is `http://127.0.0.1:8650` unless `--listen` says otherwise; another
 
 def reference_page() -> str:
     """The whole page."""
-    return "\n".join([_HEAD, _tags(), _alarm_row(), _SOCKET.substitute(_NUMBERS), _HTTP, _roles()])
+    socket = _SOCKET.substitute(_NUMBERS, messages=_messages(), codes=_codes())
+    rows = _table(("key", "meaning"), ((f"`{key}`", words) for key, words in ALARM_ROW.items()))
+    alarms = f"### Rows of `alarms` and `alarm_history`\n\n{rows}"
+    return "\n".join([_HEAD, _tags(), alarms, socket, _HTTP, _roles()])
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, *rows]
+    lines.insert(1, ["---"] * len(head))
+    # The ruler stands without spaces, as everywhere in the documents.
+    return "".join(f"|{'|'.join(row)}|\n" if row[0] == "---" else f"| {' | '.join(row)} |\n" for row in lines)
 
 
 def _tags() -> str:
-    lines = [
-        "## Tags\n",
-        "| name | unit | type | direction | rate | role | meaning |",
-        "|---|---|---|---|---|---|---|",
-        *(_tag(tag) for tag in TAGS),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _tag(tag: Tag) -> str:
-    labels = f" One of: {', '.join(tag.labels)}." if tag.labels else ""
-    return (
-        f"| `{tag.name}` | {tag.unit or '-'} | {tag.kind} | {tag.direction} | {tag.rate} | {tag.role} "
-        f"| {tag.meaning}{labels} |"
+    rows = (
+        (f"`{tag.name}`", tag.unit or "-", tag.kind, tag.direction, tag.rate, tag.role, _meaning(tag))
+        for tag in TAGS
     )
+    return "## Tags\n\n" + _table(("name", "unit", "type", "direction", "rate", "role", "meaning"), rows)
 
 
-def _alarm_row() -> str:
-    rows = [f"| `{key}` | {words} |" for key, words in ALARM_ROW.items()]
-    return (
-        "\n".join(["### Rows of `alarms` and `alarm_history`\n", "| key | meaning |", "|---|---|", *rows])
-        + "\n"
+def _meaning(tag: Tag) -> str:
+    return f"{tag.meaning} One of: {', '.join(tag.labels)}." if tag.labels else tag.meaning
+
+
+def _messages() -> str:
+    definitions = MESSAGES.json_schema()["$defs"].values()
+    rows = (
+        (
+            f"`{each['properties']['type']['const']}`",
+            _keys(each["properties"]),
+            " ".join(each["description"].split()),
+        )
+        for each in definitions
     )
+    return _table(("type", "more keys", "does"), sorted(rows))
+
+
+def _keys(properties: dict[str, Any]) -> str:
+    words = {
+        name: each.get("description") or ", ".join(each.get("enum", ())) or each["type"]
+        for name, each in properties.items()
+        if name not in COMMON
+    }
+    return "; ".join(f"`{name}`: {text}" for name, text in words.items()) or "-"
+
+
+def _codes() -> str:
+    rows = ((row.code, f"{row.english.title}: {row.english.cause}") for row in SERVICE)
+    return _table(("code", "why"), rows)
 
 
 def _roles() -> str:
-    lines = [
-        "## Roles: who may what\n",
-        "Deny is the default. *Control* says that the action also needs the control authority.\n",
-        f"| action | what | {' | '.join(Role)} | control |",
-        f"|---|---|{'---|' * len(Role)}---|",
-        *(
-            f"| `{action}` | {right.words} | {' | '.join(_YES[role in right.roles] for role in Role)} "
-            f"| {_YES[right.control]} |"
-            for action, right in RIGHTS.items()
-        ),
-    ]
-    return "\n".join(lines) + "\n"
+    rows = (
+        (
+            f"`{action}`", right.words, *(_YES[role in right.roles] for role in Role), _YES[right.control],
+        )
+        for action, right in RIGHTS.items()
+    )  # fmt: skip
+    return (
+        "## Roles: who may what\n\nDeny is the default. *Control* says that the action also needs the control authority.\n\n"
+        + _table(("action", "what", *Role, "control"), rows)
+    )
 
 
 if __name__ == "__main__":
