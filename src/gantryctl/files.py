@@ -39,7 +39,8 @@ def replacing(path: Path, *, make_folder: bool = False) -> Iterator[Path]:
     Raises:
         StateError: as `write_whole`.
     """
-    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")  # two writers do not meet in it
+    # A name of its own for each writer: two at once must not write into one draft.
+    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
         if make_folder:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -10,14 +10,15 @@ from typing import Final
 from gantryctl.errors import UsageError
 from gantryctl.ports import ScanStart
 
+# A scan later than this part of its period, and than this time, is left out. A reading that is late by t looks like a
+# following error of speed x t, a scan that is missing costs acceleration x t^2 / 2: for 9 ms at 6 deg/s and 2 deg/s2
+# 0.054 against 0.0001 deg (decision 0005).
 _LATE_PERIODS: Final = 0.25
 _LATE_LEAST_S: Final = 0.001
-"""A scan later than this part of its period, and than this time, is left out. At speed a late reading looks like a
-following error, speed times lateness; a scan that is missing costs next to nothing."""
 
 
 class VirtualClock:
-    """Never waits and is never late; the engine does not even ask."""
+    """Never waits and is never late; the engine leaves it out."""
 
     def start(self) -> None:
         """Nothing to start."""
@@ -70,11 +71,12 @@ class RealClock:
         if late_s > max(_LATE_PERIODS * self.period_s, _LATE_LEAST_S):
             deadline += math.ceil(late_s / self.period_s)
             late_again_s = self._sleep_until(deadline)
-            deadline += int(late_again_s / self.period_s)  # without waiting once more
+            # Without another wait: a computer that is always late would never come to a scan.
+            deadline += int(late_again_s / self.period_s)
         return ScanStart(deadline, late_s)
 
     def _sleep_until(self, deadline: int) -> float:
-        """How late it is then, s."""
+        """Sleep, and give the lateness after it, s."""
         assert self._base_s is not None
         at_s = self._base_s + deadline * self.period_s
         now_s = self._now()

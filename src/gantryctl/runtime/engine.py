@@ -28,7 +28,8 @@ from gantryctl.runtime.statistics import ScanStatistics
 from gantryctl.runtime.stopping import StopProgram, quick_stop_output
 from gantryctl.trace import TIME_COLUMN
 
-_new = tuple.__new__  # builds an image in half the time of its constructor
+# Builds an image in half the time of its constructor.
+_new = tuple.__new__
 
 NOTHING_READ: Final = InputImage(
     scan=-1,
@@ -106,11 +107,11 @@ class Engine:
         return self.scan * self.period_s
 
     def step(self) -> None:
-        """One scan. Ctrl-C inside it is a failure (quick stop); `run_for` and `run_until` hold it back."""
+        """Make one scan. Ctrl-C inside it is a failure (quick stop); `run_for` and `run_until` defer it."""
         self._guarded(self.scan + 1, None)
 
     def run_for(self, seconds: float) -> None:
-        """As many whole scans as `seconds` needs."""
+        """Make as many whole scans as `seconds` needs."""
         self._run(self.scan + self._scans(seconds), None)
 
     def run_until(self, condition: Callable[[Engine], bool], timeout_s: float) -> bool:
@@ -126,6 +127,7 @@ class Engine:
 
     def close(self) -> None:
         """Leave the drive without torque, then finish the recording; may be called twice."""
+        # The torque first: a recording that cannot be finished must not keep the drive on.
         try:
             self.drive.close()
         finally:
@@ -135,6 +137,7 @@ class Engine:
     def _scans(self, seconds: float) -> int:
         if not (math.isfinite(seconds) and seconds >= 0.0):
             raise UsageError(f"time to run must be a number of seconds from 0 up, got {seconds}")
+        # A whole quotient may come out an ulp too large, 0.30000000000000004 / 0.1: that is not one scan more.
         return math.ceil(seconds / self.period_s - 1e-6)
 
     def _run(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
@@ -143,13 +146,14 @@ class Engine:
             return self._guarded(end, condition)
 
     def _guarded(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
-        """Whatever a scan raises, the drive is told to stop first."""
+        """Run scans; when one raises, stop the drive before the error goes on."""
         try:
             return self._scan_until(end, condition)
         except BaseException as failure:
             scan, time_s = self.scan, self.time_s
             silent = self._stop_drive(failure)
-            if not isinstance(failure, (Exception, SystemExit)):  # a program that calls sys.exit has a fault
+            # Ctrl-C goes on as it is; a program that calls sys.exit has a fault like any other.
+            if not isinstance(failure, (Exception, SystemExit)):
                 raise
             if silent is not None:
                 text = f"{failure} · the drive did not take the quick stop: {silent}"
@@ -160,6 +164,7 @@ class Engine:
 
     def _scan_until(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         clock, interrupt, scan = self.clock, self._interrupt, self._scan
+        # In virtual time no deadline is waited for, and no time measured.
         paced = not isinstance(clock, VirtualClock)
         if paced and self.scan == 0:
             clock.start()
@@ -174,10 +179,12 @@ class Engine:
         return False
 
     def _wait(self) -> tuple[float, int]:
-        """Wait for the next scan: how late it was looked for, s, and how many deadlines were skipped."""
+        """Wait for the next scan; give its lateness, s, and the number of deadlines skipped."""
         wanted = self.scan + self._waited
         deadline, late_s = self.clock.wait_for(wanted)
         skipped = deadline - wanted
+        # Missed deadlines are never caught up (decision 0005). A real axis went on meanwhile: the scan has the number
+        # of its deadline, and set-point, timers and leases follow. A simulated plant has waited: one number a scan.
         if self.overrun_policy is OverrunPolicy.QUICK_STOP:
             self.scan += skipped
             if self.overrun_stop is None:
@@ -187,7 +194,7 @@ class Engine:
         return late_s, skipped
 
     def _scan(self) -> None:
-        """Read, program, write, record: the one place that says in which order."""
+        """Read, program, write, record: the order of a scan, in one place."""
         drive, scan, stopping = self.drive, self.scan, self.overrun_stop is not None
         time_s = scan * self.period_s
         feedback, command = drive.read(), self.operator.poll(time_s)
@@ -197,14 +204,16 @@ class Engine:
         output = self._active.scan(image)
         if stopping and output.request is DriveRequest.ENABLE:
             output = quick_stop_output(output.brake_open)
-        true_row = self._truth()  # before the write: a simulated plant moves on inside it
+        # Row k is the state at k x period, and a simulated plant advances inside the write (decision 0005).
+        true_row = self._truth()
         drive.write(output)
         self.output = output
         self.scan = scan + 1
         if self._record is not None:
             try:
                 self._record((time_s, *self._active.trace_row(), *true_row))
-            except DeviceError as fault:  # the axis is more important than its recording
+            except DeviceError as fault:
+                # A write error ends the recording, never the motion (decision 0006).
                 self.recording_fault = f"recording ended at t = {self.time_s:.3f} s: {fault}"
                 self._record = None
 
@@ -215,6 +224,7 @@ class Engine:
             Why the drive did not take it, or None.
         """
         self.failure = self.failure or failure
+        # The brake stays as it was: closing on a turning gantry loads the reducer more than the ramp (decision 0006).
         output = quick_stop_output(self.output.brake_open)
         if not isinstance(self._active, StopProgram):
             self._active = StopProgram(output.brake_open, self.program.trace_columns)

@@ -26,10 +26,12 @@ class DeferredInterrupt:
             and threading.current_thread() is threading.main_thread()
         )
         if self._active:
-            signal.signal(signal.SIGINT, self._hold)
+            # Python's default raises KeyboardInterrupt between any two instructions: a scan would be cut in its middle,
+            # with a command computed and not sent.
+            signal.signal(signal.SIGINT, self._defer)
         return self
 
-    def _hold(self, number: int, frame: FrameType | None) -> None:
+    def _defer(self, number: int, frame: FrameType | None) -> None:
         if self.pending:
             signal.default_int_handler(number, frame)
         self.pending = True

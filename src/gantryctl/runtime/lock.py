@@ -11,13 +11,14 @@ from typing import Final
 from gantryctl.errors import StateError
 
 _FILE: Final = "lock"
-_NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)  # the file is cut to nothing: it must be ours
-_LOCKED_BYTE: Final = 1 << 20  # Windows locks bytes, also against reading: one far behind the process number
+# The file is cut to nothing: it must not be a link to somewhere else.
+_NO_LINK: Final = getattr(os, "O_NOFOLLOW", 0)
+# Windows locks bytes, against reading too: one far behind the process number, which another run reads.
+_LOCKED_BYTE: Final = 1 << 20
 
 
 class StateLock:
-    """`with StateLock(directory):` the directory is ours; the system frees it when the process ends,
-    however it ends.
+    """Holds a state directory for one process: `with StateLock(directory):`.
 
     Raises:
         StateError: another run holds it, or the directory cannot be used.
@@ -51,7 +52,8 @@ class StateLock:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        os.close(self._handle)  # frees the lock; the file stays, for removing it would race with the next run
+        # Closing frees the lock; the file stays, for removing it would race with the next run.
+        os.close(self._handle)
         self._handle = -1
 
 
@@ -66,5 +68,6 @@ if sys.platform == "win32":
 else:
     import fcntl
 
+    # The system frees it however the process ends (decision 0006).
     def _lock(handle: int) -> None:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,4 +1,4 @@
-"""Operators without a person: a script by time, and a command held by the caller."""
+"""Operators without a person: a script by time, and a command that the caller sets."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from gantryctl.errors import UsageError
 from gantryctl.image import OperatorCommand
 
-_TOLERANCE_S = 1e-9  # k * period may fall short of the written time by a rounding error
+# k x period may fall short of the time in the script by a rounding error.
+_TOLERANCE_S = 1e-9
 
 
 class FixedOperator:
@@ -22,7 +23,6 @@ class FixedOperator:
         self.command = command or OperatorCommand()
 
     def poll(self, time_s: float) -> OperatorCommand:
-        """The command held now."""
         return self.command
 
 
@@ -38,5 +38,4 @@ class ScriptedOperator:
         self._commands = [OperatorCommand(), *(command for _, command in script)]
 
     def poll(self, time_s: float) -> OperatorCommand:
-        """The command valid at `time_s`."""
         return self._commands[bisect_right(self._times, time_s)]

@@ -6,8 +6,8 @@ from collections import deque
 from enum import Enum
 from typing import Final, NamedTuple
 
+# Time over which overruns are counted, s.
 WINDOW_S: Final = 1.0
-"""Time over which overruns are counted, s."""
 
 
 class OverrunPolicy(Enum):
@@ -27,6 +27,8 @@ class OverrunPolicy(Enum):
 class OverrunLimits(NamedTuple):
     """When `OverrunPolicy.QUICK_STOP` acts."""
 
+    # A stall below the limit costs next to nothing: with the controller held for 9 and 20 ms over UDP at 250 Hz the
+    # following error was 0.006 and 0.007 deg, as in a run without a stall (docs/evidence/can_stall.json).
     late_s: float = 0.030
     """A single scan that starts later than this, s."""
     frozen_s: float = 0.050

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Final
 
+# Above ordinary processes, below the kernel's own threads.
 PRIORITY: Final = 20
-"""Above ordinary processes, below the kernel's own threads."""
 
 
 @contextmanager
@@ -21,6 +21,7 @@ def keeps_time() -> Iterator[bool]:
     """
     was_enabled = gc.isenabled()
     before = _scheduling()
+    # A collection in the middle of a scan delays it, and takes the longer the more objects there are.
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -25,8 +25,9 @@ from gantryctl.trace.files import (
     write_parquet,
 )
 
+# Rows in a block of the live file: what a kill may cost. Rows are packed into bytes as they come: turning a thousand
+# tuples into columns takes about five times as long in one scan, once a second, and that scan would be late (0006).
 FLUSH_ROWS: Final = 1000
-"""Rows in a block of the live file: what a kill may cost."""
 
 
 class MemoryRecorder:
@@ -98,7 +99,8 @@ class ArrowRecorder:
         self._closed = self._failed = False
         try:
             self._file = self._open(resume)
-            self.flush()  # columns and metadata are in the file from the start
+            # Columns and metadata are in the file from the start.
+            self.flush()
         except FileExistsError:
             raise DeviceError(
                 f"{self.live_path}: left by a run that was killed, or in use; export it or move it away"
@@ -119,8 +121,10 @@ class ArrowRecorder:
         if begun:
             os.truncate(self.live_path, begun)
             return pa.OSFile(str(self.live_path), "ab")
+        # Never over the recording of a run that was killed.
         with self.live_path.open("wb" if resume else "xb"):
-            pass  # never over the recording of a run that was killed
+            pass
+        # Arrow's own file has no buffer in the process: a kill costs the last block and no more (decision 0006).
         file = pa.OSFile(str(self.live_path), "wb")
         file.write(self._schema.serialize())
         return file
@@ -150,13 +154,13 @@ class ArrowRecorder:
             self._convert()
 
     def leave(self) -> None:
-        """Let go of the live file as it is: `resume` goes on with it."""
+        """Close the live file as it is: `resume` goes on with it."""
         self.flush()
         self._closed = True
         self._file.close()
 
     def flush(self) -> None:
-        """What has come so far goes to the file as one block: no kill of this process takes it back."""
+        """Write the rows so far as one block: no kill of this process takes it back."""
         rows = np.frombuffer(bytes(self._bytes)).reshape(-1, len(self.columns))
         self._bytes.clear()
         self._write(record_batch(self._schema, rows).serialize())
@@ -173,4 +177,5 @@ class ArrowRecorder:
 
         with pa.memory_map(str(self.live_path)) as source, pa.ipc.open_stream(source) as stream:
             write_parquet(self.path, self._schema, stream)
+        # The stream goes last: until the closed file is on the disk it is the only copy.
         self.live_path.unlink()

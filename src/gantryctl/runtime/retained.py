@@ -88,12 +88,12 @@ class Retained:
         object.__setattr__(self, "alarms", tuple(self.alarms)[-ALARMS_KEPT:])
 
 
+# Fields that memories of the first version do not have, with what they mean there.
 _ADDED: Final = {
     "brake_tested_power_ups": 0, "brake_test_outcome": "", "brake_test_text": "",
     "brake_plus_nm": None, "brake_minus_nm": None,
     "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0,
 }  # fmt: skip
-"""Fields that memories of the first version do not have, with what they mean there."""
 
 
 def to_json_values(record: Retained) -> dict[str, object]:
@@ -141,5 +141,6 @@ def _fits(value: object, hint: object) -> bool:
     if isinstance(value, float):
         return float in kinds and math.isfinite(value)
     if isinstance(value, int):
+        # Above 2^53 a whole number is no longer the same one as a float.
         return int in kinds or (float in kinds and abs(value) <= 2**53)
     return (type(None) if value is None else type(value)) in kinds

@@ -41,9 +41,12 @@ def decode(data: bytes) -> tuple[int, Retained]:
     if not isinstance(values, dict):
         raise _Damaged("damaged (no record in it)")
     body = {key: value for key, value in values.items() if key != "crc32"}
+    # The bytes must be exactly what the content would be written as: so every changed bit shows, also one in white
+    # space or in the CRC itself (decision 0006).
     if values.get("crc32") != _crc(body) or _text(values) != data:
         raise _Damaged("damaged (the check sum does not fit)")
     sequence, record = values.get("sequence"), values.get("record")
+    # A whole copy of another version is an error at once, never bridged with the older data of the other copy.
     if values.get("format") != FORMAT or not isinstance(sequence, int) or not isinstance(record, dict):
         raise StateError(f"of another version of gantryctl: {values.get('format')!r}, wanted {FORMAT!r}")
     return sequence, from_json_values(record)
@@ -87,6 +90,7 @@ class RetainedMemory:
         copies = self._copies()
         newest = max(copies, key=lambda name: copies[name].sequence, default=COPIES[1])
         sequence = copies[newest].sequence + 1 if copies else 1
+        # In turn, so that a write that is torn by a power cut never hits the newest copy.
         older = COPIES[1 - COPIES.index(newest)]
         write_whole(self.directory / older, encode(record, sequence), make_folder=True)
 

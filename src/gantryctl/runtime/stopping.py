@@ -7,14 +7,13 @@ from typing import Final
 
 from gantryctl.image import DriveRequest, InputImage, OutputImage
 
+# Motor speed below which the quick stop counts as finished: 0.025 deg/s at the gantry; and how long it must stay there.
 REST_SPEED_RAD_S: Final = 0.5
-"""Motor speed below which the quick stop counts as finished: 0.025 deg/s at the gantry."""
 REST_TIME_S: Final = 0.05
-"""How long it must stay below."""
+# The brake closes at the latest after this time: twice what a quick stop from full speed takes.
 RAMP_TIME_S: Final = 3.0
-"""The brake closes at the latest after this time: twice what a quick stop from full speed takes."""
+# Time for the brake to close before the torque goes off: twice the reference machine's 150 ms.
 BRAKE_TIME_S: Final = 0.3
-"""Time for the brake to close before the torque goes off."""
 
 
 def quick_stop_output(brake_open: bool) -> OutputImage:
@@ -40,11 +39,11 @@ class StopProgram:
         self._closed_s = math.inf
 
     def scan(self, image: InputImage) -> OutputImage:
-        """One scan of the stop."""
         now_s = image.time_s
         if self._begin_s is None:
             self._begin_s = self._moving_s = now_s
-        if not abs(image.drive.vel_act_rad_s) < REST_SPEED_RAD_S:  # NaN counts as moving
+        # Written so that NaN counts as moving.
+        if not abs(image.drive.vel_act_rad_s) < REST_SPEED_RAD_S:
             self._moving_s = now_s
         rested = now_s - self._moving_s >= REST_TIME_S or now_s - self._begin_s >= RAMP_TIME_S
         if rested and self._closed_s == math.inf:
@@ -54,5 +53,4 @@ class StopProgram:
         return quick_stop_output(self._brake_open)
 
     def trace_row(self) -> tuple[float, ...]:
-        """Nothing is known of the program's own values."""
         return self._row

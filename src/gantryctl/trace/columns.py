@@ -15,7 +15,7 @@ from gantryctl.units import deg, name_ending
 
 TIME_COLUMN: Final = "time_s"
 
-# suffix -> how people write it
+# By the end of a name: how people write the unit.
 SI_UNITS: Final = {
     "rad_s3": "rad/s³",
     "rad_s2": "rad/s²",
@@ -37,7 +37,8 @@ SI_UNITS: Final = {
     "counts": "counts",
 }
 DEGREE_UNITS: Final = {"deg_s3": "deg/s³", "deg_s2": "deg/s²", "deg_s": "deg/s", "deg": "deg"}
-# what a person might write instead, and what the trace wants
+# What a person might write instead, and what the trace wants: checked when a recording begins, not when it is read,
+# because exported files may be in degrees (decision 0006).
 FOREIGN_UNITS: Final = {
     **{suffix: suffix.replace("deg", "rad") for suffix in DEGREE_UNITS},
     "mdeg": "rad",

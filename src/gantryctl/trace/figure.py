@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS: Final = (".png", ".svg", ".html")
+# Stretches of a long curve: about two for each pixel of a picture 9 in wide at 150 dpi. An SVG grows with every point.
 _POINTS_DRAWN: Final = 3000
+# The palette of Okabe and Ito, which people with any colour vision can tell apart.
 _BLUE, _ORANGE, _GREEN = "#0072b2", "#d55e00", "#009e73"
 _MORE_COLOURS: Final = (_BLUE, _ORANGE, _GREEN, "#cc79a7", "#56b4e9", "#e69f00", "#000000")
 _STYLE: Final[dict[Any, Any]] = {
@@ -40,7 +42,8 @@ _STYLE: Final[dict[Any, Any]] = {
     "axes.axisbelow": True,
     "axes.formatter.useoffset": False,
     "legend.frameon": False,
-    "svg.hashsalt": "gantryctl",  # the same trace gives the same file
+    # The same trace gives the same file: matplotlib draws random ids without a salt.
+    "svg.hashsalt": "gantryctl",
     "svg.fonttype": "path",
 }
 
@@ -157,7 +160,8 @@ def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
     axes.set_ylabel(panel.axis_label)
     axes.margins(y=0.08)
     low, high = axes.dataLim.intervaly
-    if low == high:  # a constant is a line in the middle, not noise on a scale of its own
+    # A constant is a line in the middle, not rounding on a scale of its own.
+    if low == high:
         axes.set_ylim(low - 0.5, high + 0.5)
     if len(panel.lines) > 1:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(panel.lines), borderaxespad=0.1)

@@ -23,10 +23,13 @@ Metadata: TypeAlias = Mapping[str, "str | int | float | bool | None"]
 
 LIVE_SUFFIX: Final = ".arrows"
 CLOSED_SUFFIX: Final = ".parquet"
+# Key of the schema metadata; its value is one JSON object. A file without it is not a recording of this program.
 METADATA_KEY: Final = b"gantryctl"
-"""Key of the schema metadata; its value is one JSON object. A file without it is not a recording of ours."""
+# End of an Arrow IPC stream: continuation marker and a length of 0. A file that ends otherwise was never closed.
 STREAM_END: Final = b"\xff\xff\xff\xff\0\0\0\0"
+# Seconds in a row group of the closed file: a window of a long recording is read without the rest.
 ROW_GROUP_S: Final = 30.0
+# As many as 30 s hold at the 1 ms of the reference machine.
 _ROWS_WITHOUT_PERIOD: Final = 30_000
 
 
@@ -61,7 +64,8 @@ def whole_part(path: Path) -> tuple[int, float]:
                 end = source.tell()
                 if batch.num_rows:
                     last_s = batch.column(0)[-1].as_py()
-    except (pa.ArrowException, OSError):  # there is none, or the kill cut the block after `end`
+    except (pa.ArrowException, OSError):
+        # No such file, or the kill cut the block after `end`.
         pass
     return end, last_s
 
@@ -90,6 +94,8 @@ def write_parquet(path: Path, schema: Any, batches: Iterable[Any]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    # Neighbouring scans share the high bytes of their floats: as streams of bytes these compress, while a dictionary
+    # of values that hardly ever repeat only grows.
     options = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": True}
     try:
         with replacing(path) as draft, pq.ParquetWriter(draft, schema, **options) as writer:
@@ -135,7 +141,8 @@ def write_csv(path: Path, columns: Mapping[str, Floats]) -> None:
 
     options = pa_csv.WriteOptions(include_header=False, quoting_style="none")
     try:
-        with path.open("wb") as file:  # not by way of a draft: it may be a pipe
+        # Not by way of a draft: the name may be that of a pipe.
+        with path.open("wb") as file:
             file.write((",".join(columns) + "\n").encode())
             pa_csv.write_csv(pa.table(dict(columns)), file, options)
     except OSError as fault:

@@ -13,6 +13,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.trace.files import METADATA_KEY, STREAM_END, Metadata
 from gantryctl.trace.table import Trace
 
+# First bytes of the two formats: Parquet's name, and the continuation marker of an Arrow IPC message.
 _PARQUET_MAGIC: Final = b"PAR1"
 _STREAM_MAGIC: Final = b"\xff\xff\xff\xff"
 
@@ -77,14 +78,15 @@ def _read_stream(path: Path) -> Trace:
             for batch in stream:
                 batch.validate()
                 batches.append(batch)
-        except (pa.ArrowException, OSError):  # the block that was being written
+        except (pa.ArrowException, OSError):
+            # The block that was being written when the process was killed.
             complete = False
         table = pa.Table.from_batches(batches, schema=stream.schema)
         return Trace(_columns_of(path, table), metadata, complete=complete)
 
 
 def check_schema(path: Path, schema: Any) -> Metadata:
-    """The metadata of a recording; DeviceError when the file is somebody else's."""
+    """Metadata of a recording; DeviceError when the file was not written by this program."""
     import pyarrow as pa
 
     text = (schema.metadata or {}).get(METADATA_KEY)
@@ -103,7 +105,7 @@ def check_schema(path: Path, schema: Any) -> Metadata:
 
 
 def _columns_of(path: Path, table: Any) -> dict[str, Any]:
-    """Own copies of the columns: the file may be closed, removed or go on growing."""
+    # Copies, not views: the file may be closed, removed or go on growing.
     for name, column in zip(table.column_names, table.columns, strict=True):
         if column.null_count:
             raise DeviceError(f"{path}: not a recording of gantryctl: {name} has empty cells")

@@ -35,6 +35,7 @@ def _summary(name: str, values: Floats) -> ColumnSummary:
     unit = unit_of(name).symbol
     if not len(finite):
         return ColumnSummary(name, unit, None, None, None, missing)
-    scale = float(np.max(np.abs(finite))) or 1.0  # squares of large values would overflow
+    # Squares of large values would overflow.
+    scale = float(np.max(np.abs(finite))) or 1.0
     rms = scale * math.sqrt(float(np.mean((finite / scale) ** 2)))
     return ColumnSummary(name, unit, float(finite.min()), float(finite.max()), rms, missing)

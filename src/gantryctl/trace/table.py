@@ -32,6 +32,8 @@ class TraceHash:
         """Add whole rows, an array of shape (rows, columns)."""
         if rows.ndim != 2 or rows.shape[1] != self._width:
             raise UsageError(f"trace hash: rows of {self._width} values expected, got shape {rows.shape}")
+        # Row by row, so that the hash can grow with a recording that is not kept (0006); little-endian, so that it
+        # is the same on every machine.
         self._digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
 
     def hexdigest(self) -> str:
@@ -97,6 +99,7 @@ class Trace:
         if not isinstance(period_s, int | float) or len(self) < 2:
             return []
         time_s = self.time_s
+        # Half a period of tolerance: times are k x period, so a step is one period or a whole number of them.
         (before,) = np.nonzero(np.diff(time_s) > 1.5 * period_s)
         return [(float(time_s[k]), float(time_s[k + 1])) for k in before]
 
