@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import can
 
-from gantryctl.drives.canopen.bus.bus import open_bus
-from gantryctl.drives.virtual import ControlClient
+from gantryctl.drives.canopen.bus.link import open_bus
+from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.image import SAFE_OUTPUT
 from gantryctl.machine import Machine, default_machine, to_toml, with_values

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import pytest
 
 from conformance.drive_port import DISABLE, ENABLE, DriveBench, DriveConformance
-from gantryctl.drives.virtual import DriveNode, Requests
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring.canopen import canopen_drive

@@ -11,7 +11,9 @@ import pytest
 
 from conformance.drive_port import DriveBench, DriveConformance
 from conformance.test_canopen_drive import SYNC_S, CanBench
-from gantryctl.drives.virtual import DriveLoop, DriveNode, FrameSender, Requests, running
+from gantryctl.drives.virtual.loop import DriveLoop, FrameSender, running
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring.canopen import canopen_drive
 from gantryctl.wiring.virtual import drive_hardware

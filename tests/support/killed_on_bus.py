@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from gantryctl.drives.virtual import ControlClient
+from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.engineering.stops import REACTION_S, StopClass, worst_stop
 from gantryctl.machine import load_machine
 from gantryctl.service.clients.link import ServiceLink

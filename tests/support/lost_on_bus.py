@@ -16,7 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gantryctl.drives.virtual import ControlClient
+from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.service.clients.link import ServiceLink
 from support.killed_on_bus import machine_file, until_said
 

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from gantryctl.drives.virtual import ControlClient
+from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import configs_folder
 from gantryctl.trace import read_trace

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gantryctl.drives.virtual import DriveNode, Requests
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate

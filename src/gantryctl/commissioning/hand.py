@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Final
 
-from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine

@@ -8,8 +8,8 @@ from typing import Final
 from gantryctl.commissioning.context import Context, failed, judged, passed
 from gantryctl.commissioning.hand import by_hand
 from gantryctl.commissioning.results import StepResult
-from gantryctl.drives.canopen import ReadOnlyDrive
 from gantryctl.drives.canopen.setup.parameters import backup
+from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.home_reference import why_not_referenced

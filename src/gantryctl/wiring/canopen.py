@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gantryctl.drives.base import SimulatedPlant
-from gantryctl.drives.canopen import BusLink, CanopenDrive, CanopenSettings, InputBits, ReadOnlyDrive
-from gantryctl.drives.canopen.bus.bus import ECHOING, open_bus
+from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, open_bus
 from gantryctl.drives.canopen.bus.lock import DriveLock
+from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.canopen.settings import CanopenSettings, InputBits
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
+from gantryctl.ports import Drive
 from gantryctl.units import rad
 
 _STEPPED_ANSWER_S: Final = 1.0
@@ -105,12 +107,14 @@ def canopen_drive(
     return CanopenDrive(link, settings, plant).open()
 
 
-def read_only_drive(machine: Machine) -> ReadOnlyDrive:
+def read_only_drive(machine: Machine) -> Drive:
     """A drive on a bus as it stands, read by SDO; nothing is written and it is not started.
 
     Raises:
         DeviceError: it cannot be reached.
     """
+    from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
+
     link = can_link(machine)
     try:
         return ReadOnlyDrive(link, canopen_settings(machine))

@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from gantryctl.drives.canopen import BusLink
-from gantryctl.drives.virtual import ControlClient, DirectBus, DriveNode, personality
 from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.loop import DirectBus
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.personality import personality
+from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.drives.virtual.side_channel.remote_plant import RemotePlant
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.units import rad, rad_s_from_r_min
 from gantryctl.wiring.simulator import drive_params, plant_params
+
+if TYPE_CHECKING:
+    from gantryctl.drives.canopen.bus.link import BusLink
 
 
 def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
@@ -65,6 +71,8 @@ def virtual_node(
         state: a state kept from an earlier run, to go on from.
         quirks: personalities.
     """
+    from gantryctl.drives.canopen.bus.link import BusLink  # the virtual drive itself needs no master
+
     bus = DirectBus()
     node = DriveNode(
         drive_hardware(machine, rad(angle_deg)),

@@ -49,6 +49,7 @@ def test_a_weak_brake_fails_and_nothing_moves_until_service_resets(
     done("move", "1", "--config", config)
 
 
+@pytest.mark.can
 def test_a_drive_that_owns_its_brake_is_not_testable_here() -> None:
     answer = refused("brake-test", "--fresh", "--config", configs_folder() / "hust_can.toml")
     assert 'not testable here: [brake] owner = "drive"' in answer

@@ -10,6 +10,8 @@ import pytest
 from gantryctl.machine import configs_folder, load_machine, to_toml, with_values
 from support.command_line import cli
 
+pytestmark = pytest.mark.can
+
 CONFIG = configs_folder() / "hust_can.toml"
 
 

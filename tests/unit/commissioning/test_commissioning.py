@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
-from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.setup.parameters import save
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import CommandRefused, UsageError
@@ -28,6 +28,8 @@ from gantryctl.operation.store import StateStore
 from gantryctl.wiring import virtual as virtual_wiring
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_node
+
+pytestmark = pytest.mark.can
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
 QUICK = [step.key for step in STEPS if step.key not in ("turn", "accuracy", "bands", "stops")]

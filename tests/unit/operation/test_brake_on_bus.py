@@ -7,12 +7,14 @@ from collections.abc import Callable
 
 import pytest
 
-from gantryctl.drives.virtual import DriveNode
+from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.operation.run import AxisRun, Snapshot, Stop
 from gantryctl.program import BrakeTestOutcome, BrakeTestPhase, PowerPhase
+
+pytestmark = pytest.mark.can
 
 MACHINE = with_values(
     load_machine(configs_folder() / "hust_can.toml"),

@@ -67,7 +67,7 @@ def _promised(eds_file: Path | None) -> tuple[int | None, int | None] | None:
     """Vendor and product of an EDS."""
     if eds_file is None:
         return None
-    from gantryctl.drives.od import read_eds
+    from gantryctl.drives.od.reading import read_eds
 
     info = read_eds(eds_file).info
     return info.vendor_number, info.product_number

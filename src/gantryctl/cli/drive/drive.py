@@ -14,8 +14,9 @@ from gantryctl.cli.drive.drive_sim import sim
 from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
 
 if TYPE_CHECKING:
-    from gantryctl.drives.canopen import CanopenSettings, RemoteNode
-    from gantryctl.drives.od import DeviceDescription
+    from gantryctl.drives.canopen.bus.node import RemoteNode
+    from gantryctl.drives.canopen.settings import CanopenSettings
+    from gantryctl.drives.od.model import DeviceDescription
     from gantryctl.machine import Machine
 
 
@@ -30,7 +31,7 @@ drive.add_command(sim)
 @contextmanager
 def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSettings, Machine]]:
     """The drive of a machine file, for SDO; the bus is left again."""
-    from gantryctl.drives.canopen import RemoteNode
+    from gantryctl.drives.canopen.bus.node import RemoteNode
     from gantryctl.errors import UsageError
     from gantryctl.wiring.canopen import can_link, canopen_settings
 
@@ -180,7 +181,7 @@ def save(config_file: Path | None, yes: bool) -> int:
 
 
 def _entries(machine: Machine, eds_file: Path | None) -> DeviceDescription | None:
-    from gantryctl.drives.od import read_eds
+    from gantryctl.drives.od.reading import read_eds
 
     path = eds_file or (Path(machine.can.eds) if machine.can.eds else None)
     return None if path is None else read_eds(path, machine.can.node)

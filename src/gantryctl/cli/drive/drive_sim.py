@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
     import can
 
-    from gantryctl.drives.virtual import DriveLoop, DriveNode, Personality
+    from gantryctl.drives.virtual.loop import DriveLoop
+    from gantryctl.drives.virtual.node import DriveNode
+    from gantryctl.drives.virtual.personality import Personality
 
 
 @click.command("sim")
@@ -39,7 +41,7 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
 
     Two terminals: `gantryctl drive sim --can udp_multicast`, and a master on the same interface.
     """
-    from gantryctl.drives.virtual import personality
+    from gantryctl.drives.virtual.personality import personality
     from gantryctl.errors import UsageError
 
     if list_them:
@@ -56,7 +58,7 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
         raise UsageError(
             "--can is missing: which python-can interface (socketcan, udp_multicast, slcan ...)?"
         )
-    from gantryctl.drives.canopen.bus.bus import open_bus
+    from gantryctl.drives.canopen.bus.link import open_bus
 
     bus = open_bus(interface, given["channel"], given["bitrate"])
     try:
@@ -67,7 +69,7 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
 
 
 def _list() -> None:
-    from gantryctl.drives.virtual import PERSONALITIES
+    from gantryctl.drives.virtual.personality import PERSONALITIES
 
     width = max(map(len, PERSONALITIES))
     for name, kind in PERSONALITIES.items():
@@ -75,8 +77,8 @@ def _list() -> None:
 
 
 def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
-    from gantryctl.drives.od import write_eds
-    from gantryctl.drives.virtual import device_tables
+    from gantryctl.drives.od.writing import write_eds
+    from gantryctl.drives.virtual.communication.drive_objects import device_tables
     from gantryctl.errors import UsageError
     from gantryctl.wiring.virtual import drive_hardware
 
@@ -89,14 +91,11 @@ def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
 
 
 def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, Any]) -> None:
-    from gantryctl.drives.virtual import (
-        ControlServer,
-        DriveLoop,
-        DriveNode,
-        FrameSender,
-        ParameterStore,
-        Requests,
-    )
+    from gantryctl.drives.virtual.communication.store import ParameterStore
+    from gantryctl.drives.virtual.loop import DriveLoop, FrameSender
+    from gantryctl.drives.virtual.node import DriveNode
+    from gantryctl.drives.virtual.side_channel.control import ControlServer
+    from gantryctl.drives.virtual.side_channel.requests import Requests
     from gantryctl.units import rad
     from gantryctl.wiring.virtual import drive_hardware
 

@@ -1,9 +1,4 @@
-"""The brake of a CANopen axis: worked by object 60FE, or by the drive in its own state machine.
-
-A drive that owns its brake closes it in order when it is disabled by "disable operation" (605C = 1: ramp, brake, then
-torque off). The program asks for that by taking the brake release back while enabled; the word 07 stays until the drive
-has left Operation enabled, or until it has had time enough. DISABLE without that takes the torque off at once.
-"""
+"""Brake control of a CANopen axis: by object 60FE, or by the state machine of a drive that owns its brake."""
 
 from __future__ import annotations
 
@@ -15,11 +10,14 @@ from gantryctl.image import DriveRequest, DriveState
 
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _TURNING: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-_RESERVE_S: Final = 0.2
+_RESERVE_S: Final = 0.2  # beyond the closing time of the machine file
 
 
 class BrakeControl:
-    """Who closes the brake, and how.
+    """Close and release the brake, whoever owns it.
+
+    A drive that owns its brake closes it in order when it is disabled by "disable operation". The program asks for
+    that by withdrawing the brake release while enabled; DISABLE without that takes the torque off at once.
 
     Args:
         settings: owner, closing time, period.
@@ -32,10 +30,10 @@ class BrakeControl:
         self._closing = 0
         self._closed_in_order = False
         self.released = False
-        """What 60FE says; always False for a brake of the drive's own."""
+        """Release command for 60FE; always False for a brake that the drive owns."""
 
     def word(self, word: int, state: DriveState, request: DriveRequest, brake_open: bool) -> int:
-        """The controlword, with an orderly way down where the brake is the drive's."""
+        """The controlword, with an orderly way down where the drive owns the brake."""
         if self._by_60fe:
             self.released = brake_open and state in _TURNING
             return word
@@ -47,6 +45,8 @@ class BrakeControl:
         if request is DriveRequest.ENABLE:
             self._closing = int(self._was_released and not brake_open) and max(1, self._closing)
             self._was_released = self._was_released or brake_open
+        # 605C = 1: ramp, brake, then torque off (decision 0012). The word 07 stays until the drive has left Operation
+        # enabled, or for as long as that may take; a quick stop has precedence.
         if request is DriveRequest.QUICK_STOP or not 0 < self._closing <= self._most:
             return word
         self._closing += 1
@@ -54,7 +54,7 @@ class BrakeControl:
         return DISABLE_OPERATION
 
     def is_open(self, state: DriveState, contact: bool | None) -> bool:
-        """By its contact; without one, what the drive must have done."""
+        """State of the brake contact; without one, what the drive must have done."""
         if contact is not None:
             return contact
         return self.released if self._by_60fe else state in _TURNING

@@ -1,4 +1,4 @@
-"""CiA 402 as two pure functions: statusword to state, state and request to controlword. Nobody waits here.
+"""CiA 402 as two pure functions that never wait: statusword to state, state and request to controlword.
 
 | state seen             | DISABLE | ENABLE | QUICK_STOP | FAULT_RESET             |
 |------------------------|---------|--------|------------|-------------------------|
@@ -9,9 +9,6 @@
 | Quick stop active      | 00      | 02     | 02         | 00                      |
 | Fault                  | 00      | 00     | 00         | 80 and 00 in turn       |
 | anything else          | 00      | 00     | 00         | 00                      |
-
-A quick stop is ended by DISABLE only: 0F would enable again with option codes 5 to 8. The reset bit is taken back in
-between, for drives that want an edge and for those that stand still while it is set.
 """
 
 from __future__ import annotations
@@ -33,6 +30,8 @@ INTERNAL_LIMIT: Final = 1 << 11
 FOLLOWS_COMMAND: Final = 1 << 12
 """In cyclic synchronous velocity: the drive follows 60FF."""
 
+# Statusword patterns of CiA 402 (IEC 61800-7-201). Of the 128 patterns of the low seven bits 24 are states: the others
+# decode to UNKNOWN, which leads to a safe word.
 _BY_4F: Final = {
     0x00: DriveState.NOT_READY_TO_SWITCH_ON,
     0x40: DriveState.SWITCH_ON_DISABLED,
@@ -53,13 +52,14 @@ _TO_ENABLED: Final = {
     DriveState.READY_TO_SWITCH_ON: SWITCH_ON,
     DriveState.SWITCHED_ON: ENABLE_OPERATION,
     DriveState.OPERATION_ENABLED: ENABLE_OPERATION,
+    # Only DISABLE ends a quick stop: 0F would enable again with the option codes 5 to 8 of 605A.
     DriveState.QUICK_STOP_ACTIVE: QUICK_STOP,
 }
 _STOPPABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
 def decode_statusword(word: int) -> DriveState:
-    """The state that 6041 shows; UNKNOWN where the pattern is none of the table."""
+    """The state that 6041 shows; UNKNOWN for a pattern outside the table."""
     return _STATES[word & 0x7F]
 
 
@@ -68,9 +68,11 @@ def next_controlword(state: DriveState, request: DriveRequest, previous: int) ->
 
     Args:
         state: as decoded from the last statusword.
-        request: what the program wants.
+        request: of the program.
         previous: the word sent last, for the edge of the reset bit.
     """
+    # Bit 7 acts on its rising edge. It goes back to 0 in between, for drives that freeze while it is set, and a reset
+    # never enables: both were seen on drives, or in libraries (decision 0012).
     if request is DriveRequest.ENABLE:
         return _TO_ENABLED.get(state, DISABLE_VOLTAGE)
     if request is DriveRequest.QUICK_STOP and state in _STOPPABLE:

@@ -1,14 +1,13 @@
-"""Live counters of one TPDO: age in scans, missed, late, duplicated, of the wrong length."""
+"""Diagnostics of one TPDO: age in scans; telegrams missed, late, duplicated, of the wrong length."""
 
 from __future__ import annotations
 
 
 class TpdoWatch:
-    """Sorts the telegrams of one identifier by the SYNC they answer.
+    """Assign the telegrams of one identifier to the SYNC they answer.
 
     `begin` is called when SYNC goes out. The first telegram after it is its answer; one that comes when the next SYNC
-    is due is late, and any other is a duplicate and changes nothing. Everything that waits on the bus is read before
-    SYNC goes out, so a telegram can never be taken for the answer to a later SYNC unless it takes longer than a period.
+    is due is late, and any other is a duplicate and changes nothing.
 
     Args:
         size: bytes of the mapping.
@@ -27,17 +26,19 @@ class TpdoWatch:
         self.longest_age = 0
 
     def begin(self, periods: int = 1) -> None:
-        """SYNC goes out, so many periods after the one before: whatever was waited for until now is missed."""
+        """SYNC goes out, `periods` after the one before: a telegram still outstanding is missed."""
+        # Whatever waits on the bus is read before SYNC goes out: only a telegram that takes longer than a period
+        # could be taken for the answer to a later SYNC.
         if self.waiting:
             self.missed += 1
         self.waiting = True
         self.age += periods
 
     def take(self, data: bytes, in_time: bool) -> bool:
-        """One telegram; True when it is news.
+        """Store one telegram; True if it is new.
 
         Args:
-            in_time: it came while the scan waited for it.
+            in_time: the scan still waited for it.
         """
         if len(data) != self.size:
             self.wrong_length += 1

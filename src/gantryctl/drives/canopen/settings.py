@@ -1,4 +1,4 @@
-"""What the master has to know of its drive, in SI at the motor shaft; made by wiring from the machine file."""
+"""Settings of the master for its drive, in SI at the motor shaft; made by wiring from the machine file."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from gantryctl.image import DriveIdentity
 
 BrakeOwner = Literal["drive", "object_60FE"]
 
+# SI unit velocity, object 60A9 (CiA 402): prefix, numerator and denominator of the unit in one word.
 VELOCITY_UNITS: Final = {
     "inc/s": 0x00B5_0300,
     "r/min": 0x00B4_4700,
@@ -19,7 +20,7 @@ VELOCITY_UNITS: Final = {
 
 
 class InputBits(NamedTuple):
-    """Bits of 60FD; None where nothing is wired: that input then counts as good."""
+    """Bits of 60FD; None for an input that is not wired and therefore counts as good."""
 
     estop_ok: int | None = None
     enabling_switch: int | None = None
@@ -41,14 +42,14 @@ class CanopenSettings:
     """Scan and SYNC period."""
     node: int
     master_node: int
-    """Node id of our heartbeat."""
+    """Node id of the controller's heartbeat."""
     increments_per_turn: int
     """Of 6064, per motor turn."""
     turns: int
     """Multiturn range in motor turns."""
     velocity_unit: str
     torque_rated_nm: float
-    """Used where the drive has no 6076."""
+    """For drives without 6076."""
     torque_reference: float
     """What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque."""
     torque_max_nm: float
@@ -62,7 +63,7 @@ class CanopenSettings:
     heartbeat_timeout_s: float = 0.15
     rpdo_deadline_s: float = 0.05
     answer_s: float = 0.002
-    """How long a scan waits for the answers to its SYNC."""
+    """Longest time a scan waits for the answers to its SYNC."""
     sdo_timeout_s: float = 0.5
     follows_bit: bool = True
     """Bit 12 of 6041 says whether the drive follows 60FF."""
@@ -70,7 +71,7 @@ class CanopenSettings:
 
     @property
     def heartbeat_scans(self) -> int:
-        """Scans between two heartbeats of ours."""
+        """Scans between two heartbeats of the controller."""
         return max(1, round(self.heartbeat_s / self.period_s))
 
     @property
@@ -80,6 +81,8 @@ class CanopenSettings:
 
 
 def drive_identity(settings: CanopenSettings, name: str, key: str) -> DriveIdentity:
-    """What the program sees of the drive. The encoder has no serial number on the bus: the drive's stands for it."""
+    """Identity as the program sees it."""
+    # CiA 402 has no object for the serial number of an encoder: that of the drive stands for it. And 6064 has 32 bits:
+    # whatever the encoder counts beyond them is not on the bus.
     turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
     return DriveIdentity(name, f"CAN-{key}", settings.increments_per_turn, turns)

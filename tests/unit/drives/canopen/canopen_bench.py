@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from functools import cache
 
-from gantryctl.drives.canopen import CanopenDrive
-from gantryctl.drives.virtual import Requests
+from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.wiring.canopen import canopen_settings

@@ -7,12 +7,14 @@ import math
 import can
 import pytest
 
-from gantryctl.drives.canopen import CanopenDrive
+from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
 from gantryctl.wiring.canopen import canopen_drive
 from unit.drives.canopen.canopen_bench import ENABLE, SYNC_S, Bench
+
+pytestmark = pytest.mark.can
 
 USABLE = [
     "plain", "self-starting", "zero-status", "step-by-step", "level-reset", "frozen-reset", "lagging", "cycle-time",

@@ -17,6 +17,8 @@ from gantryctl.drives.canopen.process_image import Unwrap
 from gantryctl.drives.canopen.setup.parameter_check import interpolation
 from gantryctl.image import DriveRequest, DriveState
 
+pytestmark = pytest.mark.can
+
 # CiA 402, statusword: (mask, value) of every state.
 TABLE = {
     DriveState.NOT_READY_TO_SWITCH_ON: (0x4F, 0x00),

@@ -13,6 +13,8 @@ from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
 from unit.drives.canopen.canopen_bench import ENABLE, Bench
 
+pytestmark = pytest.mark.can
+
 
 def quick_round(monkeypatch: pytest.MonkeyPatch, *quirks: str) -> Bench:
     """A drive whose parameters are all read again in half a second."""

@@ -15,6 +15,8 @@ from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.runtime import StateLock
 from gantryctl.wiring.canopen import can_link
 
+pytestmark = pytest.mark.can
+
 linux = pytest.mark.skipif(sys.platform != "linux", reason="abstract names of sockets are Linux's")
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
 WHERE = f"test bus {os.getpid()}, node 1"

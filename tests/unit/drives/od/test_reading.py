@@ -7,7 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gantryctl.drives.od import Access, DataType, EdsError, ObjectKind, parse_eds, read_eds
+from gantryctl.drives.od.model import Access, EdsError, ObjectKind
+from gantryctl.drives.od.reading import parse_eds, read_eds
+from gantryctl.drives.od.types import DataType
 from gantryctl.drives.od.values import parse_number
 
 FILES = Path(__file__).parents[3] / "data" / "eds"

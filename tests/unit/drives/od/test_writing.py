@@ -4,19 +4,10 @@ import io
 
 import canopen
 
-from gantryctl.drives.od import (
-    Access,
-    DataType,
-    DeviceInfo,
-    Entry,
-    ObjectKind,
-    ObjectSpec,
-    decode,
-    described,
-    encode,
-    parse_eds,
-    write_eds,
-)
+from gantryctl.drives.od.model import Access, DeviceInfo, Entry, ObjectKind, ObjectSpec, described
+from gantryctl.drives.od.reading import parse_eds
+from gantryctl.drives.od.types import DataType, decode, encode
+from gantryctl.drives.od.writing import write_eds
 
 ENTRIES = (
     Entry(0x1000, 0, "Device type", DataType.UNSIGNED32, Access.RO, 0x20192),

@@ -6,8 +6,12 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from gantryctl.drives.virtual import DriveNode, Hardware, ParameterStore, Requests, personality
 from gantryctl.drives.virtual.axis.cia402 import State
+from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.communication.store import ParameterStore
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.personality import personality
+from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring.virtual import drive_hardware
 

@@ -10,8 +10,11 @@ import can
 import canopen
 import pytest
 
-from gantryctl.drives.od import write_eds
-from gantryctl.drives.virtual import DirectBus, DriveNode, device_tables, personality
+from gantryctl.drives.od.writing import write_eds
+from gantryctl.drives.virtual.communication.drive_objects import device_tables
+from gantryctl.drives.virtual.loop import DirectBus
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.personality import personality
 from gantryctl.machine import default_machine
 from gantryctl.wiring.virtual import drive_hardware
 

@@ -4,9 +4,9 @@ import struct
 
 import pytest
 
-from gantryctl.drives.virtual import DriveNode
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.communication.nmt import NmtCommand, NmtState, command_for, next_nmt
+from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.errors import UsageError
 from unit.drives.virtual.bench import EMCY, ENABLE, HEARTBEAT, NODE, SDO_TX, TPDO1, Aborted, Bench
 

@@ -5,11 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.drives.od import parse_eds, write_eds
 from gantryctl.drives.od.csv_axis import check_csv_axis, lacking
-from gantryctl.drives.virtual import PERSONALITIES, personality
+from gantryctl.drives.od.reading import parse_eds
+from gantryctl.drives.od.writing import write_eds
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.communication.nmt import NmtState
+from gantryctl.drives.virtual.personality import PERSONALITIES, personality
 from gantryctl.errors import UsageError
 from unit.drives.virtual.bench import (
     EMCY,

@@ -1,20 +1,27 @@
-"""One python-can bus, read and written by the scan itself: no threads, nothing that dies in silence."""
+"""One python-can bus, opened by name; the scan itself reads and writes it, without a thread."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Final, NamedTuple, Protocol
+from typing import Any, Final, NamedTuple
 
 import can
 
+from gantryctl.errors import DeviceError, UsageError
+
+# Failures one after the other: a full transmit queue recovers, a dead controller does not.
 _DOWN_AFTER: Final = 3
-"""Failures one after the other: a full transmit queue recovers, a dead controller does not."""
 _ECHOES_KEPT: Final = 256
-_BUS_OFF: Final = 0x40  # error classes of SocketCAN error frames
-_CONTROLLER: Final = 0x04
-_PASSIVE: Final = 0x30
+_BUS_OFF: Final = 0x40  # error class of SocketCAN error frames (linux/can/error.h)
+
+
+# python-can's IPv4 group; its default, the IPv6 one, is lost on many hosts.
+UDP_GROUP: Final = "239.74.163.2"
+# Interfaces that deliver our own frames back. Undropped, the echo overwrote a freshly set controlword in 463 of 500
+# cycles of a library on udp_multicast.
+ECHOING: Final = ("udp_multicast",)
 
 
 class Frame(NamedTuple):
@@ -24,58 +31,41 @@ class Frame(NamedTuple):
     data: bytes
 
 
-class Link(Protocol):
-    """What the master needs of a bus."""
+def open_bus(interface: str, channel: str | None = None, bitrate: int | None = None) -> can.BusABC:
+    """Open a bus without python-can's own configuration files.
 
-    stepped: bool
-    """The drive's time goes on by SYNC, not by itself."""
-    refused: int
-    """Frames that the bus did not take."""
-
-    @property
-    def down(self) -> bool:
-        """Sending or receiving does not work any more."""
-        ...
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """One frame; a bus that refuses it is counted, not raised."""
-        ...
-
-    def receive(self, timeout_s: float) -> Frame | None:
-        """The next frame of somebody else; None when the time is over."""
-        ...
-
-    def pause(self, seconds: float) -> None:
-        """Let time go on."""
-        ...
-
-    def pace(self, period_s: float) -> None:
-        """Wait for the next scan, where nothing else paces it; a drive stepped by SYNC needs none."""
-        ...
-
-    def now_s(self) -> float:
-        """The time that time-outs are counted in, s."""
-        ...
-
-    def close(self) -> None:
-        """Leave the bus; may be called twice."""
-        ...
+    Raises:
+        UsageError: there is no such interface. DeviceError: it cannot be opened.
+    """
+    if interface not in can.VALID_INTERFACES:
+        known = ", ".join(sorted(can.VALID_INTERFACES))
+        raise UsageError(f"CAN interface {interface!r}: python-can has no such interface; it has: {known}")
+    if not channel and interface == "udp_multicast":
+        channel = UDP_GROUP
+    options: dict[str, Any] = {} if bitrate is None else {"bitrate": bitrate}
+    if channel:
+        options["channel"] = channel
+    try:
+        return can.Bus(interface=interface, ignore_config=True, **options)
+    except (can.CanError, OSError, ValueError, ImportError, TypeError) as fault:
+        where = interface if not channel else f"{interface}, channel {channel}"
+        raise DeviceError(f"the CAN interface cannot be opened ({where}): {fault}") from None
 
 
 class BusLink:
-    """A python-can bus.
+    """A python-can bus as the master uses it.
 
     Args:
         bus: open.
-        echoes: the interface delivers our own frames back (udp_multicast does).
+        echoes: the interface delivers our own frames back.
         advance: lets the time of a drive in this process go on; without it time is the computer's.
-        stepped: the drive's time goes on by SYNC (a drive in this process is so by itself).
+        stepped: the drive's time goes on by SYNC; always so for a drive in this process.
         when_closed: called once, after the bus was left.
 
     Attributes:
-        refused, malformed, foreign: frames that the bus did not take, that could not be read, that are of no concern
-            (extended, remote, FD, error frames).
-        bus_off, passive: what the controller reported last.
+        refused: frames that the bus did not take.
+        ignored: frames that could not be read, or that are of no concern (extended, remote, FD, error frames).
+        bus_off: the controller reported bus-off last.
     """
 
     def __init__(
@@ -94,8 +84,8 @@ class BusLink:
         self._sent: Counter[tuple[int, bytes]] | None = Counter() if echoes else None
         self._send_failures = self._receive_failures = 0
         self._open = True
-        self.refused = self.malformed = self.foreign = 0
-        self.bus_off = self.passive = False
+        self.refused = self.ignored = 0
+        self.bus_off = False
 
     @property
     def down(self) -> bool:
@@ -108,7 +98,7 @@ class BusLink:
         )
 
     def send(self, can_id: int, data: bytes) -> None:
-        """One frame."""
+        """Send one frame; a refusal of the bus is counted, not raised."""
         if not self._open:
             return
         if self._sent is not None:
@@ -143,8 +133,9 @@ class BusLink:
         except (can.CanError, OSError):
             self._receive_failures += 1
             return None
-        except (ValueError, TypeError):  # udp_multicast and packets that are no CAN frames
-            self.malformed += 1
+        # udp_multicast raises these for packets that are no CAN frames; a receiver thread would die of them.
+        except (ValueError, TypeError):
+            self.ignored += 1
             return None
         self._receive_failures = 0
         return message
@@ -154,7 +145,7 @@ class BusLink:
             self._error_frame(message)
             return None
         if message.is_extended_id or message.is_remote_frame or message.is_fd:
-            self.foreign += 1
+            self.ignored += 1
             return None
         frame = Frame(message.arbitration_id, bytes(message.data))
         if self._sent is not None and self._sent[frame] > 0:
@@ -165,14 +156,12 @@ class BusLink:
         return frame
 
     def _error_frame(self, message: can.Message) -> None:
-        self.foreign += 1
+        self.ignored += 1
         if message.arbitration_id & _BUS_OFF:
             self.bus_off = True
-        if message.arbitration_id & _CONTROLLER and len(message.data) > 1:
-            self.passive = bool(message.data[1] & _PASSIVE)
 
     def pause(self, seconds: float) -> None:
-        """Sleep, or let the drive in this process live."""
+        """Sleep, or advance the drive in this process."""
         if self._advance is None:
             time.sleep(seconds)
         else:
@@ -180,12 +169,12 @@ class BusLink:
             self._advance(seconds)
 
     def pace(self, period_s: float) -> None:
-        """Sleep; not for a drive that is stepped by SYNC."""
+        """Sleep until the next scan; a drive stepped by SYNC needs none."""
         if not self.stepped:
             time.sleep(period_s)
 
     def now_s(self) -> float:
-        """The monotonic clock, or the time given to the drive in this process."""
+        """Time for time-outs, s: the monotonic clock, or the time of the drive in this process."""
         return time.monotonic() if self._advance is None else self._virtual_s
 
     def close(self) -> None:

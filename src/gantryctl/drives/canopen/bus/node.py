@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from gantryctl.drives.canopen.bus.link import Frame, Link
+from gantryctl.drives.canopen.bus.link import BusLink, Frame
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.emergency import EmergencyLog
 from gantryctl.errors import DeviceError
@@ -81,7 +81,7 @@ class RemoteNode:
         unknown: frames on identifiers without a meaning here.
     """
 
-    def __init__(self, link: Link, node: int, master_node: int, sdo_timeout_s: float) -> None:
+    def __init__(self, link: BusLink, node: int, master_node: int, sdo_timeout_s: float) -> None:
         self.link, self.node, self.master_node = link, node, master_node
         self.sdo = SdoClient(link, node, self.dispatch, sdo_timeout_s)
         self.emergencies = EmergencyLog()

@@ -1,18 +1,19 @@
-"""The parameters that decide what happens when something breaks, read again while the axis runs. Nobody waits."""
+"""Parameter watch: read the safety-relevant parameters again while the axis runs, without waiting."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Final
 
 from gantryctl.drives.canopen.bus.node import RemoteNode
+from gantryctl.drives.canopen.bus.sdo import decode_object
 from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict, WantedParameter, compare
-from gantryctl.drives.od import decode
-from gantryctl.drives.od.standard import standard_of
 
+# Every parameter is read once in this time: about one request every three seconds behind the process data. A thread
+# would need the bus for itself, and waiting would cost the scan (decision 0012).
 ROUND_S: Final = 60.0
-"""Every parameter is read once in this time."""
 _ERROR_CODE: Final = WantedParameter(0x603F, 0, 0, "why the drive is in fault")
 _ABORT: Final = 0x80
 _UPLOAD: Final = 0x40
@@ -20,7 +21,7 @@ _EXPEDITED: Final = 0x02
 
 
 class ParameterWatch:
-    """One request at a time, round robin; its answer is taken whenever it comes, between process data.
+    """Read one parameter after the other, round robin, and compare.
 
     Args:
         node: sends and takes the frames.
@@ -28,9 +29,9 @@ class ParameterWatch:
         period_s: scan period.
 
     Attributes:
-        error_code: 603F, asked for when a fault comes without an emergency message; 0 else.
-        differs: what is not as it was written any more, a line for each, by object.
-        answered, unanswered: requests so far.
+        error_code: 603F, requested when a fault comes without an emergency message; else 0.
+        differs: a line for each parameter that is not as written any more, by object.
+        answered, unanswered: requests so far; silence is not a difference, it has alarms of its own.
     """
 
     def __init__(self, node: RemoteNode, wanted: Sequence[WantedParameter], period_s: float) -> None:
@@ -51,10 +52,11 @@ class ParameterWatch:
         return next(iter(self.differs.values()), "")
 
     def scan(self, periods: int, unknown_fault: bool = False) -> None:
-        """After the process data of a scan, which is so many periods after the one before.
+        """Send the request that is due, after the process data of a scan.
 
         Args:
-            unknown_fault: the drive is in fault, and no emergency message has said why.
+            periods: since the scan before.
+            unknown_fault: the drive is in fault without an emergency message.
         """
         self._left -= periods
         if unknown_fault and not self._unknown_fault:
@@ -74,16 +76,19 @@ class ParameterWatch:
         self._node.link.send(self._node.sdo.request_id, request)
 
     def _answer(self, data: bytes) -> None:
-        """A frame of the drive's SDO server, whatever it is."""
+        """Take a frame of the drive's SDO server, whatever it is."""
         asked = self._asked
         if asked is None or len(data) < 8 or data[1:4] != struct.pack("<HB", asked.obj, asked.sub):
             return
-        command, have = data[0], None
+        command = data[0]
+        have: int | None = None
         if command != _ABORT:
             if command & 0xE0 != _UPLOAD or not command & _EXPEDITED:
                 return
             size = 4 - (command >> 2 & 3) if command & 1 else 4
-            have = _number(asked, data[4 : 4 + size])
+            with suppress(ValueError):
+                value = decode_object(asked.obj, asked.sub, data[4 : 4 + size])
+                have = value if isinstance(value, int) else None
         self._asked = None
         self.answered += 1
         if asked is _ERROR_CODE:
@@ -94,12 +99,3 @@ class ParameterWatch:
             self.differs.pop((asked.obj, asked.sub), None)
         else:
             self.differs[asked.obj, asked.sub] = row.line
-
-
-def _number(wanted: WantedParameter, data: bytes) -> int | None:
-    known = standard_of(wanted.obj, wanted.sub)
-    try:
-        value = int.from_bytes(data, "little") if known is None else decode(known.data_type, data)
-    except ValueError:
-        return None
-    return value if isinstance(value, int) else None

@@ -8,8 +8,9 @@ from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.setup.opening import write_restart_marker
-from gantryctl.drives.od import DataType, DeviceDescription, decode
+from gantryctl.drives.od.model import DeviceDescription
 from gantryctl.drives.od.standard import STANDARD
+from gantryctl.drives.od.types import DataType, decode
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveState
 

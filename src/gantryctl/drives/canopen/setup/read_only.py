@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gantryctl.drives.base import BaseDrive
-from gantryctl.drives.canopen.bus.link import Link
+from gantryctl.drives.canopen.bus.link import BusLink
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.process_image import Unwrap
@@ -27,7 +27,7 @@ class ReadOnlyDrive(BaseDrive):
         DeviceError: nobody answers.
     """
 
-    def __init__(self, link: Link, settings: CanopenSettings) -> None:
+    def __init__(self, link: BusLink, settings: CanopenSettings) -> None:
         node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
         self.who, self.rows = look(node, settings)
         self._identity = drive_identity(settings, self.who.text, self.who.key)

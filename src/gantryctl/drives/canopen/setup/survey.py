@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.drives.canopen.bus.link import Frame, Link
+from gantryctl.drives.canopen.bus.link import BusLink, Frame
 from gantryctl.drives.canopen.bus.node import NmtState, NodeIdentity, RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.setup.parameter_check import CSV_BIT
@@ -37,7 +37,7 @@ class Found(NamedTuple):
     remarks: tuple[str, ...]
 
 
-def survey(link: Link, listen_s: float = 1.2, nodes: range = range(1, 128)) -> tuple[Found, ...]:
+def survey(link: BusLink, listen_s: float = 1.2, nodes: range = range(1, 128)) -> tuple[Found, ...]:
     """Listen for heartbeats, ask every node id for 1000:00, and look closer at those that answer."""
     heard: dict[int, int | None] = {}
     for node in nodes:
@@ -49,7 +49,7 @@ def survey(link: Link, listen_s: float = 1.2, nodes: range = range(1, 128)) -> t
     return tuple(_look(link, node, heard[node]) for node in sorted(heard))
 
 
-def _take(link: Link, seconds: float, heard: dict[int, int | None]) -> None:
+def _take(link: BusLink, seconds: float, heard: dict[int, int | None]) -> None:
     frame: Frame | None = link.receive(max(0.0, seconds))
     if frame is None:
         return
@@ -59,7 +59,7 @@ def _take(link: Link, seconds: float, heard: dict[int, int | None]) -> None:
         heard.setdefault(frame.can_id - 0x580, None)
 
 
-def _look(link: Link, number: int, nmt: int | None) -> Found:
+def _look(link: BusLink, number: int, nmt: int | None) -> Found:
     node = RemoteNode(link, number, _NO_MASTER, _SDO_S)
     shown = NmtState(nmt).name if nmt in set(NmtState) else "silent"
     try:

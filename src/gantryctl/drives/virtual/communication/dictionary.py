@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from gantryctl.drives.od import DataType, DeviceDescription, Entry, Value, decode, encode, limits
+from gantryctl.drives.od.model import DeviceDescription, Entry
+from gantryctl.drives.od.types import DataType, Value, decode, encode, limits
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 
 Key = tuple[int, int]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gantryctl.drives.od import (
+from gantryctl.drives.od.model import (
     Access,
     DeviceDescription,
     DeviceInfo,

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from gantryctl.drives.od import Entry, bit_length
+from gantryctl.drives.od.model import Entry
+from gantryctl.drives.od.types import bit_length
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import MAPPED, PDO_INVALID

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.drives.od import Access, DataType, Entry, ObjectKind, ObjectSpec
+from gantryctl.drives.od.model import Access, Entry, ObjectKind, ObjectSpec
+from gantryctl.drives.od.types import DataType
 from gantryctl.drives.virtual.personality import Personality
 
 PDOS: Final = 4

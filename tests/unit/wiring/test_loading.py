@@ -1,0 +1,76 @@
+"""What a process loads: the controller of a machine on a bus no simulator, a simulation no bus."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+MODULES_MAX = 165
+"""Of the controller of a machine on a bus; 213 before the rooms were told apart."""
+
+ON_BUS = """
+from gantryctl.service.controller import process
+from gantryctl.drives.base import BaseDrive
+from gantryctl.errors import DeviceError
+from gantryctl.machine import configs_folder, load_machine, with_values
+from gantryctl.wiring.engine import build_engine, build_program, drive_of
+
+file = load_machine(configs_folder() / "hust_can.toml")
+bus = {"can.interface": "virtual", "can.channel": "nobody", "can.sdo_timeout_ms": 10.0}
+machine = with_values(file, bus)
+try:
+    drive_of(machine)
+except DeviceError as silence:
+    assert "does not answer" in str(silence)
+drive = BaseDrive()
+build_engine(machine, drive, build_program(machine, drive, zero_counts=0.0))
+"""
+
+SIMULATED = """
+from gantryctl.machine import default_machine
+from gantryctl.wiring.engine import build_engine
+
+build_engine(default_machine()).run_for(0.1)
+"""
+
+
+def loaded(script: str) -> list[str]:
+    """Our modules, and python-can, that a new process has loaded at the end of a script."""
+    end = "\nimport json, sys\nprint(json.dumps([m for m in sys.modules if m.split('.')[0] in ('gantryctl', 'can')]))"
+    done = subprocess.run([sys.executable, "-c", script + end], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found: list[str] = json.loads(done.stdout.splitlines()[-1])
+    return sorted(found)
+
+
+def of(rooms: tuple[str, ...], modules: list[str]) -> list[str]:
+    return [m for m in modules if any(m == room or m.startswith(room + ".") for room in rooms)]
+
+
+@pytest.mark.can
+def test_a_controller_on_a_bus_loads_no_simulator() -> None:
+    modules = loaded(ON_BUS)
+    strange = (
+        "drives.virtual",
+        "drives.simulated",
+        "drives.ideal",
+        "engineering",
+        "commissioning",
+        "cli",
+        "gateway",
+    )
+    assert of(tuple(f"gantryctl.{room}" for room in strange), modules) == []
+    ours = of(("gantryctl",), modules)
+    print(f"modules of gantryctl in the controller of a machine on a bus: {len(ours)}")
+    assert len(ours) <= MODULES_MAX, ours
+
+
+def test_a_simulation_loads_no_bus() -> None:
+    modules = loaded(SIMULATED)
+    assert (
+        of(("can", "gantryctl.drives.canopen", "gantryctl.drives.virtual", "gantryctl.service"), modules)
+        == []
+    )
