@@ -23,7 +23,8 @@ from gantryctl.drives.canopen.bus.link import open_bus
 from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.image import SAFE_OUTPUT
-from gantryctl.machine import Machine, default_machine, to_toml, with_values
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine.writing import to_toml
 from gantryctl.runtime import RealClock, keeps_time
 from gantryctl.wiring.canopen import canopen_drive
 

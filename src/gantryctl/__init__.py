@@ -14,16 +14,25 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gantryctl.engineering.accuracy.job import run_accuracy
-    from gantryctl.engineering.stops import stop_table
-    from gantryctl.errors import GantryctlError
-    from gantryctl.image import InputImage, Mode, OperatorCommand
-    from gantryctl.machine import Machine, default_machine, load_machine, with_values
-    from gantryctl.operation.scripting import move
-    from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
-    from gantryctl.runtime import Engine
-    from gantryctl.trace import Trace, read_trace
-    from gantryctl.wiring.engine import build_engine
+    from gantryctl.engineering.accuracy.job import run_accuracy as run_accuracy
+    from gantryctl.engineering.stops import stop_table as stop_table
+    from gantryctl.errors import GantryctlError as GantryctlError
+    from gantryctl.image import InputImage as InputImage
+    from gantryctl.image import Mode as Mode
+    from gantryctl.image import OperatorCommand as OperatorCommand
+    from gantryctl.machine import Machine as Machine
+    from gantryctl.machine import default_machine as default_machine
+    from gantryctl.machine import load_machine as load_machine
+    from gantryctl.machine import with_values as with_values
+    from gantryctl.operation.scripting import move as move
+    from gantryctl.program import Axis as Axis
+    from gantryctl.program import AxisProgram as AxisProgram
+    from gantryctl.program import AxisState as AxisState
+    from gantryctl.program import GantryProgram as GantryProgram
+    from gantryctl.runtime import Engine as Engine
+    from gantryctl.trace.reader import read_trace as read_trace
+    from gantryctl.trace.table import Trace as Trace
+    from gantryctl.wiring.engine import build_engine as build_engine
 
 _HOME = {
     "Axis": "gantryctl.program",
@@ -36,38 +45,18 @@ _HOME = {
     "Machine": "gantryctl.machine",
     "Mode": "gantryctl.image",
     "OperatorCommand": "gantryctl.image",
-    "Trace": "gantryctl.trace",
+    "Trace": "gantryctl.trace.table",
     "build_engine": "gantryctl.wiring.engine",
     "default_machine": "gantryctl.machine",
     "load_machine": "gantryctl.machine",
     "move": "gantryctl.operation.scripting",
-    "read_trace": "gantryctl.trace",
+    "read_trace": "gantryctl.trace.reader",
     "run_accuracy": "gantryctl.engineering.accuracy.job",
     "stop_table": "gantryctl.engineering.stops",
     "with_values": "gantryctl.machine",
 }
 
-__all__ = [
-    "Axis",
-    "AxisProgram",
-    "AxisState",
-    "Engine",
-    "GantryProgram",
-    "GantryctlError",
-    "InputImage",
-    "Machine",
-    "Mode",
-    "OperatorCommand",
-    "Trace",
-    "build_engine",
-    "default_machine",
-    "load_machine",
-    "move",
-    "read_trace",
-    "run_accuracy",
-    "stop_table",
-    "with_values",
-]
+__all__ = list(_HOME)
 
 
 def __getattr__(name: str) -> Any:

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from gantryctl.machine import default_machine
 from gantryctl.operation.scripting import move
-from gantryctl.runtime import FixedOperator, MemoryRecorder, RealClock
-from gantryctl.trace import Trace
+from gantryctl.runtime import FixedOperator, RealClock
+from gantryctl.runtime.recorder import MemoryRecorder
+from gantryctl.trace.table import Trace
 from gantryctl.units import rad
 from gantryctl.wiring.engine import build_engine
 

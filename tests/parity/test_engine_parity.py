@@ -13,7 +13,8 @@ from gantryctl import _core
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
-from gantryctl.runtime import Engine, FixedOperator, MemoryRecorder
+from gantryctl.runtime import Engine, FixedOperator
+from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import rad
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.program import position_law

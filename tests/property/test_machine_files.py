@@ -17,10 +17,10 @@ from gantryctl.machine import (
     field_specs,
     load_machine,
     parse_machine,
-    to_toml,
     with_values,
 )
 from gantryctl.machine.loading import check
+from gantryctl.machine.writing import to_toml
 
 MACHINE = default_machine()
 VALUES = effective_values(MACHINE)

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gantryctl.errors import DeviceError
-from gantryctl.runtime import ArrowRecorder, MemoryRecorder
-from gantryctl.trace import read_trace, unit_of
-from gantryctl.trace.columns import DEGREE_UNITS, SI_UNITS, in_degrees
+from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
+from gantryctl.trace.columns import DEGREE_UNITS, SI_UNITS, in_degrees, unit_of
+from gantryctl.trace.reader import read_trace
 
 ParameterRow = tuple[float, ...]
 

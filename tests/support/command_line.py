@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gantryctl.cli.main import run
-from gantryctl.machine import default_machine, to_toml, with_values
+from gantryctl.machine import default_machine, with_values
+from gantryctl.machine.writing import to_toml
 from gantryctl.operation.store import StateStore
 
 

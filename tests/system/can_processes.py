@@ -20,7 +20,7 @@ import numpy as np
 from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import configs_folder
-from gantryctl.trace import read_trace
+from gantryctl.trace.reader import read_trace
 
 COMMAND = [sys.executable, "-m", "gantryctl"]
 LATE_MS = 30.0

@@ -20,7 +20,7 @@ from gantryctl.operation.opening import set_up_again
 from gantryctl.operation.run import AxisRun, Stop
 from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState
-from gantryctl.runtime import MemoryRecorder
+from gantryctl.runtime.recorder import MemoryRecorder
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
 

@@ -20,7 +20,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 from gantryctl.service.recorder.journal import read_journal, verify
-from gantryctl.trace import read_trace
+from gantryctl.trace.reader import read_trace
 from support.service_process import PASSWORD, Page, Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")

@@ -15,7 +15,7 @@ from gantryctl.service.memory.memory import Source
 from gantryctl.service.recorder.journal import read_journal, verify
 from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
-from gantryctl.trace import read_trace
+from gantryctl.trace.reader import read_trace
 from support.service_process import Page, Service, add_users, on_own_disk
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")

@@ -19,7 +19,8 @@ import pytest
 from gantryctl.machine import default_machine
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.service.recorder.journal import read_journal, verify
-from gantryctl.trace import Trace, read_trace
+from gantryctl.trace.reader import read_trace
+from gantryctl.trace.table import Trace
 from support.replay import Replay
 from support.service_process import Page, Service, add_users
 

@@ -16,7 +16,7 @@ import pytest
 
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.service.recorder.journal import Journal
-from gantryctl.trace import read_trace
+from gantryctl.trace.reader import read_trace
 from support.service_process import Service, add_users
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the service needs Linux")

@@ -165,7 +165,8 @@ def _hash(machine: Machine) -> str:
 
 
 def _show_data(machine: Machine, path: Path, with_derived: bool) -> dict[str, Any]:
-    from gantryctl.machine import derived, effective_values, field_specs, origins
+    from gantryctl.machine import effective_values, field_specs, origins
+    from gantryctl.machine.derived import derived
 
     origin = origins(machine)
     values = {
@@ -200,7 +201,7 @@ def _show_values(machine: Machine, path: Path) -> None:
 
 
 def _show_derived(machine: Machine) -> None:
-    from gantryctl.machine import derived
+    from gantryctl.machine.derived import derived
 
     click.echo(
         "\n# What follows from them: rigid body and name plates; `gantryctl stops` has the full plant."

@@ -11,8 +11,8 @@ import click
 from gantryctl.cli.options import PATH, NamedPath, json_option, print_json
 
 if TYPE_CHECKING:
-    from gantryctl.trace import Trace
     from gantryctl.trace.summary import ColumnSummary
+    from gantryctl.trace.table import Trace
 
 
 class Recording(NamedPath):
@@ -48,7 +48,7 @@ def show(file: Path, as_json: bool) -> None:
 
     In degrees; as JSON in radians, as recorded.
     """
-    from gantryctl.trace import read_trace
+    from gantryctl.trace.reader import read_trace
     from gantryctl.trace.summary import summarize
 
     recording = read_trace(file)
@@ -106,8 +106,8 @@ def plot(
     as_json: bool,
 ) -> None:
     """Plot FILE: angle, speed, following error and torque, or the columns asked for."""
-    from gantryctl.trace import read_trace
     from gantryctl.trace.figure import chosen, draw, overview, save
+    from gantryctl.trace.reader import read_trace
 
     recording = _part(read_trace(file), start_s, end_s)
     if columns is None:
@@ -171,7 +171,7 @@ def export(file: Path, kind: str, degrees: bool, out: Path | None, as_json: bool
     Parquet is for a recording that was never closed, or to have it in degrees.
     """
     from gantryctl.errors import UsageError
-    from gantryctl.trace import read_trace
+    from gantryctl.trace.reader import read_trace
 
     recording = read_trace(file)
     out = out or _beside(file, ("_deg." if degrees else ".") + kind)

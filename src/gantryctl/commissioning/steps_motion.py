@@ -15,8 +15,8 @@ from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.operation.run import AxisRun
-from gantryctl.runtime import MemoryRecorder
-from gantryctl.trace import Trace
+from gantryctl.runtime.recorder import MemoryRecorder
+from gantryctl.trace.table import Trace
 from gantryctl.units import deg
 
 _SMALL_DEG: Final = 1.0

@@ -7,7 +7,6 @@ Only `plant` is the simulated world; nothing that controls may read it.
 from __future__ import annotations
 
 from gantryctl.machine.calibration import Calibration, Identified, Maps, calibration_toml, load_calibration
-from gantryctl.machine.derived import Derived, derived
 from gantryctl.machine.effective import (
     Difference,
     Origin,
@@ -32,12 +31,10 @@ from gantryctl.machine.problems import show_value
 from gantryctl.machine.rules.lines import RULES
 from gantryctl.machine.specs import FieldSpec, field_specs
 from gantryctl.machine.tables.model import Machine
-from gantryctl.machine.writing import to_toml
 
 __all__ = [
     "RULES",
     "Calibration",
-    "Derived",
     "Difference",
     "FieldSpec",
     "Identified",
@@ -50,7 +47,6 @@ __all__ = [
     "configs_folder",
     "default_machine",
     "default_machine_path",
-    "derived",
     "diff_machines",
     "effective_values",
     "field_specs",
@@ -63,6 +59,5 @@ __all__ = [
     "parse_machine",
     "short_hash",
     "show_value",
-    "to_toml",
     "with_values",
 ]

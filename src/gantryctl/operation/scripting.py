@@ -12,8 +12,8 @@ from gantryctl.machine import Machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.summary import MotionSummary, summarise
 from gantryctl.program import Axis, AxisProgram, GantryProgram
-from gantryctl.runtime import MemoryRecorder
-from gantryctl.trace import Trace
+from gantryctl.runtime.recorder import MemoryRecorder
+from gantryctl.trace.table import Trace
 from gantryctl.wiring.engine import ProgramFactory
 
 

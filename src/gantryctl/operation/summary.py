@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gantryctl.machine import Machine
-from gantryctl.trace import Trace
+from gantryctl.trace.table import Trace
 
 Floats = NDArray[np.float64]
 _USED: Final = (

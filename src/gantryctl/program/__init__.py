@@ -4,7 +4,6 @@ Errors are values inside the scan: a bad input gives a refusal or an alarm, neve
 """
 
 from gantryctl.program.alarms.codes import Code, Reaction, Severity
-from gantryctl.program.alarms.explain import all_codes, explain
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.axis.axis import Axis
@@ -33,6 +32,4 @@ __all__ = [
     "Reaction",
     "Refusal",
     "Severity",
-    "all_codes",
-    "explain",
 ]

@@ -6,7 +6,6 @@ from gantryctl.runtime.lock import StateLock
 from gantryctl.runtime.operators import FixedOperator, ScriptedOperator
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
 from gantryctl.runtime.priority import keeps_time
-from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.runtime.retained import AlarmEntry, Retained
 from gantryctl.runtime.retained_store import RetainedMemory
 from gantryctl.runtime.statistics import Histogram, ScanStatistics
@@ -14,11 +13,9 @@ from gantryctl.runtime.statistics import Histogram, ScanStatistics
 __all__ = [
     "NOTHING_READ",
     "AlarmEntry",
-    "ArrowRecorder",
     "Engine",
     "FixedOperator",
     "Histogram",
-    "MemoryRecorder",
     "OverrunLimits",
     "OverrunPolicy",
     "RealClock",

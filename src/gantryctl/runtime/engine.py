@@ -26,7 +26,7 @@ from gantryctl.runtime.interrupts import DeferredInterrupt
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverruns
 from gantryctl.runtime.statistics import ScanStatistics
 from gantryctl.runtime.stopping import StopProgram, quick_stop_output
-from gantryctl.trace import TIME_COLUMN
+from gantryctl.trace.columns import TIME_COLUMN
 
 # Builds an image in half the time of its constructor.
 _new = tuple.__new__

@@ -13,17 +13,20 @@ from typing import Any, Final
 import numpy as np
 
 from gantryctl.errors import DeviceError
-from gantryctl.trace import Floats, Metadata, Trace, validate_columns
+from gantryctl.trace.columns import validate_columns
 from gantryctl.trace.files import (
     CLOSED_SUFFIX,
     LIVE_SUFFIX,
     STREAM_END,
+    Floats,
+    Metadata,
     arrow_schema,
     head_of,
     record_batch,
     whole_part,
     write_parquet,
 )
+from gantryctl.trace.table import Trace
 
 # Rows in a block of the live file: what a kill may cost. Rows are packed into bytes as they come: turning a thousand
 # tuples into columns takes about five times as long in one scan, once a second, and that scan would be late (0006).

@@ -7,14 +7,8 @@ from click.testing import CliRunner
 
 from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, UsageError
-from gantryctl.machine import (
-    config_hash,
-    default_machine,
-    default_machine_path,
-    derived,
-    field_specs,
-    short_hash,
-)
+from gantryctl.machine import config_hash, default_machine, default_machine_path, field_specs, short_hash
+from gantryctl.machine.derived import derived
 
 
 def run(*arguments):

@@ -13,13 +13,13 @@ from gantryctl.machine import (
     config_hash,
     default_machine,
     default_machine_path,
-    derived,
     effective_values,
     field_specs,
     load_machine,
     parse_machine,
-    to_toml,
 )
+from gantryctl.machine.derived import derived
+from gantryctl.machine.writing import to_toml
 
 ROOT = Path(__file__).parents[3]
 REQUIRED = {

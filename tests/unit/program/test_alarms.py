@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from gantryctl.errors import CommandRefused
-from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity, all_codes, explain
+from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity
 from gantryctl.program.alarms.alarms_page import reference_page
+from gantryctl.program.alarms.explain import all_codes, explain
 from gantryctl.program.alarms.log import HISTORY_LENGTH, refusal, to_wire
 from gantryctl.program.alarms.words import Words
 

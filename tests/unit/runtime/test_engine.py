@@ -14,11 +14,11 @@ from gantryctl.runtime import (
     NOTHING_READ,
     Engine,
     FixedOperator,
-    MemoryRecorder,
     ScriptedOperator,
     VirtualClock,
     trace_columns,
 )
+from gantryctl.runtime.recorder import MemoryRecorder
 from unit.runtime.fakes import FakeDrive, FakeProgram, FakeTruth, raising
 
 PERIOD_S = 0.001

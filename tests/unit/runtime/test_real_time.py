@@ -10,13 +10,13 @@ from gantryctl.image import DriveRequest, OutputImage
 from gantryctl.runtime import (
     Engine,
     FixedOperator,
-    MemoryRecorder,
     OverrunLimits,
     OverrunPolicy,
     RealClock,
     VirtualClock,
     trace_columns,
 )
+from gantryctl.runtime.recorder import MemoryRecorder
 from unit.runtime.fakes import FakeDrive, FakeProgram, FakeTime
 
 PERIOD_S = 0.010

@@ -15,7 +15,7 @@ from gantryctl.service.memory.snapshot import publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 from gantryctl.service.recorder.trace_writer import TraceWriter
-from gantryctl.trace import read_trace
+from gantryctl.trace.reader import read_trace
 
 COLUMNS = ("time_s", "x_rad")
 PERIOD_S = 0.001

@@ -10,9 +10,9 @@ from click.testing import CliRunner, Result
 
 from gantryctl.cli.main import cli
 from gantryctl.errors import DeviceError, UsageError
-from gantryctl.runtime import ArrowRecorder
-from gantryctl.trace import read_trace
+from gantryctl.runtime.recorder import ArrowRecorder
 from gantryctl.trace.figure import chosen, draw, overview
+from gantryctl.trace.reader import read_trace
 from gantryctl.units import rad
 
 COLUMNS = ("time_s", "pos_ref_rad", "vel_ref_rad_s", "pos_load_rad", "torque_act_nm", "axis_state")

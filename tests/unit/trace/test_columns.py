@@ -5,8 +5,7 @@ import math
 import pytest
 
 from gantryctl.errors import UsageError
-from gantryctl.trace import in_degrees, unit_of, validate_columns
-from gantryctl.trace.columns import degree_factor
+from gantryctl.trace.columns import degree_factor, in_degrees, unit_of, validate_columns
 
 
 @pytest.mark.parametrize(

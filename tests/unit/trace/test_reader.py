@@ -14,9 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from gantryctl.errors import DeviceError, UsageError
-from gantryctl.runtime import ArrowRecorder, MemoryRecorder
-from gantryctl.trace import read_trace
+from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.trace.files import METADATA_KEY, arrow_schema, record_batch, write_parquet
+from gantryctl.trace.reader import read_trace
 
 COLUMNS = ("time_s", "pos_ref_rad", "torque_act_nm")
 METADATA = {
@@ -92,7 +92,7 @@ def test_a_live_recording_can_be_read_block_by_block(tmp_path: Path) -> None:
 
 KILLED = """
 import os, signal, sys
-from gantryctl.runtime import ArrowRecorder
+from gantryctl.runtime.recorder import ArrowRecorder
 recorder = ArrowRecorder(sys.argv[1], ("time_s", "x_rad"))
 for k in range(2500):
     recorder.record((k * 0.001, k))

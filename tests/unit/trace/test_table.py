@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from gantryctl.errors import DeviceError, UsageError
-from gantryctl.trace import Floats, Trace, TraceHash, read_trace
+from gantryctl.trace.files import Floats
+from gantryctl.trace.reader import read_trace
+from gantryctl.trace.table import Trace, TraceHash
 from gantryctl.units import RAD_PER_DEG
 
 

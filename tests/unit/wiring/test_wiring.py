@@ -11,7 +11,8 @@ from gantryctl.drives.simulated import SimDrive
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program import Axis, AxisProgram, AxisState, GantryProgram
-from gantryctl.runtime import FixedOperator, MemoryRecorder, RealClock, ScriptedOperator, VirtualClock
+from gantryctl.runtime import FixedOperator, RealClock, ScriptedOperator, VirtualClock
+from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.program import axis_settings, motion_limits, position_law, ramps_deg

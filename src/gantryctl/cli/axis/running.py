@@ -23,8 +23,9 @@ from gantryctl.operation.run import AxisRun, Motion, Stop
 from gantryctl.operation.store import StateStore
 from gantryctl.operation.summary import MotionSummary, summarise
 from gantryctl.ports import Recorder
-from gantryctl.runtime import ArrowRecorder, MemoryRecorder
-from gantryctl.trace import Metadata, read_trace
+from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
+from gantryctl.trace.files import Metadata
+from gantryctl.trace.reader import read_trace
 from gantryctl.units import DEG_S_PER_R_MIN
 from gantryctl.wiring.engine import ProgramFactory
 from gantryctl.wiring.program import ramps_deg

@@ -8,7 +8,8 @@ from gantryctl.engineering.tuning.gains import machine_with
 from gantryctl.engineering.tuning.result import Tuning
 from gantryctl.engineering.tuning.text import before_after_table
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, short_hash, to_toml
+from gantryctl.machine import Machine, short_hash
+from gantryctl.machine.writing import to_toml
 
 
 def proposed_machine(tuning: Tuning) -> Machine:

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.errors import DeviceError, GantryctlError
-from gantryctl.runtime import ArrowRecorder
-from gantryctl.runtime.recorder import FLUSH_ROWS
+from gantryctl.runtime.recorder import FLUSH_ROWS, ArrowRecorder
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy
 from gantryctl.trace.files import LIVE_SUFFIX

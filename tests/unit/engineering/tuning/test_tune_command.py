@@ -15,9 +15,9 @@ from gantryctl.machine import (
     default_machine_path,
     diff_machines,
     load_machine,
-    to_toml,
     with_values,
 )
+from gantryctl.machine.writing import to_toml
 
 
 def run(*arguments):

@@ -15,8 +15,8 @@ from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.machine import Machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.store import StateStore
-from gantryctl.runtime import MemoryRecorder
-from gantryctl.trace import Trace
+from gantryctl.runtime.recorder import MemoryRecorder
+from gantryctl.trace.table import Trace
 
 Progress = Callable[[int, float], None]
 """Called at every stop with its index and target, deg."""
