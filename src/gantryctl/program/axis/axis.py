@@ -30,18 +30,9 @@ from gantryctl.units import deg
 
 # All at the gantry but the torque, which is the motor's.
 TRACE_COLUMNS: Final = (
-    "pos_ref_rad",
-    "vel_ref_rad_s",
-    "acc_ref_rad_s2",
-    "pos_act_rad",
-    "vel_act_rad_s",
-    "vel_cmd_rad_s",
-    "torque_act_nm",
-    "pos_err_rad",
-    "axis_state",
-    "drive_state",
-    "alarm_count",
-)
+    "pos_ref_rad", "vel_ref_rad_s", "acc_ref_rad_s2", "pos_act_rad", "vel_act_rad_s", "vel_cmd_rad_s",
+    "torque_act_nm", "pos_err_rad", "axis_state", "drive_state", "alarm_count",
+)  # fmt: skip
 
 _OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
@@ -76,38 +67,10 @@ class Axis:
     """
 
     __slots__ = (
-        "_error",
-        "_events",
-        "_law",
-        "_park_scans",
-        "_ratio",
-        "_reference",
-        "_settled",
-        "_switching_off",
-        "_torque_max",
-        "_vel_max",
-        "_vel_next",
-        "alarms",
-        "brake_test",
-        "feedback",
-        "interlocks",
-        "load_side",
-        "monitors",
-        "motion",
-        "plans",
-        "pos_act_rad",
-        "pos_err_rad",
-        "power",
-        "recovery",
-        "refusal",
-        "refusal_count",
-        "scan",
-        "settings",
-        "state",
-        "time_s",
-        "vel_cmd_rad_s",
-        "virtual",
-        "zero_counts",
+        "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled", "_switching_off",
+        "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
+        "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
+        "scan", "settings", "state", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS

@@ -55,23 +55,20 @@ def check_way(
     here_rad: float, target_rad: float, travel: TravelSettings, interlocks: Interlocks
 ) -> Refusal | None:
     """Refuse a target outside the travel, and motion towards an open limit switch."""
-    refused = check_target(here_rad, target_rad, travel)
-    if refused is not None:
-        return refused
-    if target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE)
-    if target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.FORWARD)
-    return None
+    return check_target(here_rad, target_rad, travel) or _inward_only(
+        here_rad,
+        target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open,
+        target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open,
+    )
 
 
 def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
     """Refuse a speed towards the end of the travel at which the axis stands; its sign is the direction."""
-    if vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE)
-    if vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD:
-        return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.FORWARD)
-    return None
+    return _inward_only(
+        here_rad,
+        vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD,
+        vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD,
+    )
 
 
 def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
@@ -95,6 +92,12 @@ def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     if speed_rad_s <= limit_rad_s * (1.0 + 1e-9):
         return None
     return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))
+
+
+def _inward_only(here_rad: float, plus_shut: bool, minus_shut: bool) -> Refusal | None:
+    if not (plus_shut or minus_shut):
+        return None
+    return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE if plus_shut else Words.FORWARD)
 
 
 def _wrong_speed(speed_rad_s: float, allowed: Said) -> Refusal:

@@ -191,19 +191,15 @@ class MotionCommands:
             command.refusal = self._alarms.note(Code.LIM_01, measured=deg(self._virtual.pos_ref_rad))
 
     def _begin(self, command: MotionCommand, refused: Refusal | None) -> MotionCommand:
-        refused = refused or self.check_speed(command.speed_rad_s) or self._check_state()
-        refused = refused or check_way(
-            self._virtual.pos_ref_rad, command.target_rad, self._settings.travel, self._interlocks
-        )
-        if refused is None:
-            if self._power.parked:
-                refused = self._virtual.check(command.target_rad, command.speed_rad_s)
-            else:
-                refused = self._virtual.move_to(command.target_rad, command.speed_rad_s, self.scan)
+        refused, parked = refused or self._check(command), self._power.parked
+        if refused is None and parked:
+            refused = self._virtual.check(command.target_rad, command.speed_rad_s)
+        elif refused is None:
+            refused = self._virtual.move_to(command.target_rad, command.speed_rad_s, self.scan)
         if refused is not None:
             return command.fail(refused)
-        self.take(None if self._power.parked else command)
-        if self._power.parked:
+        self.take(None if parked else command)
+        if parked:
             command.status = CommandStatus.WAITING
             self.waiting = command
             self._power.wake()
@@ -217,21 +213,21 @@ class MotionCommands:
 
     def check_resume(self) -> Refusal | None:
         """Judge the motion that override 0 holds back like a new one, before it goes on."""
-        command = self.current
-        if command is None or not self._virtual.paused:
-            return None
-        here = self._virtual.pos_ref_rad
-        return (
-            self.check_speed(command.speed_rad_s)
-            or self._check_state()
-            or check_way(here, command.target_rad, self._settings.travel, self._interlocks)
-        )
+        return None if self.current is None or not self._virtual.paused else self._check(self.current)
 
     def check_speed(self, speed_rad_s: float) -> Refusal | None:
         """Judge a speed: above 0, at most the highest setting, and low while the brake test is overdue."""
         speed = self._settings.speed
         refused = check_speed(speed_rad_s, speed)
         return check_overdue(speed_rad_s, speed) if refused is None and self.brake_overdue else refused
+
+    def _check(self, command: MotionCommand) -> Refusal | None:
+        here = self._virtual.pos_ref_rad
+        return (
+            self.check_speed(command.speed_rad_s)
+            or self._check_state()
+            or check_way(here, command.target_rad, self._settings.travel, self._interlocks)
+        )
 
     def _check_state(self) -> Refusal | None:
         stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None

@@ -28,20 +28,13 @@ class Power(Block):
         if enable != self._enable:
             self._enable = enable
             self._fail(None)
-            self._on = False
-            if enable:
-                reason = axis.power_on()
-                if reason is None:
-                    self._on = True
-                else:
-                    self._refused(reason)
-            else:
+            self._on = enable and self._accepted(axis.power_on())
+            if not enable:
                 axis.power_off()
         self.status = axis.power.status
-        if self._on and axis.alarms.first_out is not None:
-            first = axis.alarms.first_out
+        if self._on and (first := axis.alarms.first_out) is not None:
             self._on = False
-            self.error, self.error_id, self.error_text = True, first.code, first.measured
+            self._fail(first.refusal)
 
 
 class Reset(Block):
@@ -61,12 +54,7 @@ class Reset(Block):
     def __call__(self, *, execute: bool, service: bool = False) -> None:
         if execute and not self._execute:
             self.done = False
-            self._fail(None)
-            reason = self.axis.reset(service=service)
-            if reason is None:
-                self.busy = True
-            else:
-                self._refused(reason)
+            self.busy = self._accepted(self.axis.reset(service=service)) or self.busy
         elif not execute and not self.busy:
             self.done = False
             self._fail(None)
@@ -74,10 +62,7 @@ class Reset(Block):
         recovery = self.axis.recovery
         if self.busy and not recovery.resetting:
             self.busy = False
-            reason = recovery.failure
-            self.done = reason is None
-            if reason is not None:
-                self._refused(reason)
+            self.done = self._accepted(recovery.failure)
 
 
 class SetOverride(Block):
@@ -95,10 +80,7 @@ class SetOverride(Block):
         if not enable or override == self._asked or (math.isnan(override) and math.isnan(self._asked)):
             return
         self._asked = override
-        reason = self.axis.set_override(override)
-        self._fail(None)
-        if reason is not None:
-            self._refused(reason)
+        self._accepted(self.axis.set_override(override))
 
 
 class SetPosition(Block):
@@ -118,10 +100,5 @@ class SetPosition(Block):
     def __call__(self, *, execute: bool, position_rad: float) -> None:
         if execute != self._execute:
             self._execute = execute
-            self.done = False
             self._fail(None)
-            if execute:
-                reason = self.axis.set_position(position_rad)
-                self.done = reason is None
-                if reason is not None:
-                    self._refused(reason)
+            self.done = execute and self._accepted(self.axis.set_position(position_rad))

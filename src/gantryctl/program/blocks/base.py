@@ -29,10 +29,12 @@ class Block:
         self.error = reason is not None
         self.error_id, self.error_text = (None, "") if reason is None else (reason.code, reason.text)
 
-    def _refused(self, reason: Refusal) -> None:
-        """Show the error at once: the command was refused and nothing changed."""
-        self._fail(reason)
-        self.axis.report_refusal(reason)
+    def _accepted(self, refused: Refusal | None) -> bool:
+        """Show a refusal at once; True when there is none."""
+        self._fail(refused)
+        if refused is not None:
+            self.axis.report_refusal(refused)
+        return refused is None
 
 
 class ExecuteBlock(Block):

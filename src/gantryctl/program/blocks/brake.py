@@ -52,13 +52,9 @@ class BrakeTest(Block):
 
     def _begin(self) -> None:
         self._clear()
-        reason = self.axis.begin_brake_test()
-        if reason is not None:
-            self._refused(reason)
-            self._final = True
-            return
+        self.busy = self._accepted(self.axis.begin_brake_test())
+        self._final = not self.busy
         self._tests = self.axis.brake_test.count
-        self.busy = True
 
     def _show(self) -> None:
         test = self.axis.brake_test

@@ -44,29 +44,23 @@ class Jog(ExecuteBlock):
         if command is not None and not self._released:
             self._released = True
             self.axis.motion.release(command)
-        if forward == backward:
-            return
-        pressed_now = (forward and not self._forward) or (backward and not self._backward)
-        if not pressed_now:  # one of two keys was let go
-            return
-        self._start(1 if forward else -1, velocity_rad_s)
+        # Of two keys, the one that stays when the other is released begins nothing.
+        if forward != backward and (not self._forward if forward else not self._backward):
+            self._start(1 if forward else -1, velocity_rad_s)
 
     def _start(self, direction: int, velocity_rad_s: float) -> None:
         axis = self.axis
         still_moving = self._command is not None and self._command.alive
+        # Judged here, because the keys give the sign: a negative speed is not the other direction.
+        refused = axis.motion.check_speed(velocity_rad_s)
         if still_moving and direction != self._direction:
-            self._refused(refusal(Code.CTL_14, reason=Words.REVERSAL_FROM_REST))
-            return
-        if not still_moving and axis.motion.current is not None:
-            self._refused(refusal(Code.CTL_14, reason=Words.JOG_FROM_REST))
-            return
-        reason = axis.motion.check_speed(velocity_rad_s)  # the keys give the sign, not the speed
-        if reason is not None:
-            self._refused(reason)
-            return
-        self.at_limit = False
-        self._direction, self._speed, self._released = direction, velocity_rad_s, False
-        self._begin(axis.motion.move_velocity(direction * velocity_rad_s))
+            refused = refusal(Code.CTL_14, reason=Words.REVERSAL_FROM_REST)
+        elif not still_moving and axis.motion.current is not None:
+            refused = refusal(Code.CTL_14, reason=Words.JOG_FROM_REST)
+        if self._accepted(refused):
+            self.at_limit = False
+            self._direction, self._speed, self._released = direction, velocity_rad_s, False
+            self._begin(axis.motion.move_velocity(direction * velocity_rad_s))
 
     def _end(self, command: MotionCommand) -> None:
         self.at_limit = command.status is CommandStatus.DONE and command.refusal is not None
@@ -74,11 +68,10 @@ class Jog(ExecuteBlock):
 
     def _change_speed(self, velocity_rad_s: float) -> None:
         self._speed = velocity_rad_s
-        command = self._command
-        if command is not None:
-            reason = self.axis.motion.change_speed(command, velocity_rad_s)
-            if reason is not None:
-                self.axis.report_refusal(reason)
+        if self._command is not None:
+            refused = self.axis.motion.change_speed(self._command, velocity_rad_s)
+            if refused is not None:
+                self.axis.report_refusal(refused)
 
 
 class Inch(ExecuteBlock):
@@ -105,13 +98,14 @@ class Inch(ExecuteBlock):
         travel = axis.settings.travel
         length = travel.pos_max_rad - travel.pos_min_rad
         if forward and backward:
-            self._refused(refusal(Code.CTL_14, reason=Words.BOTH_KEYS))
+            self._accepted(refusal(Code.CTL_14, reason=Words.BOTH_KEYS))
         elif axis.motion.current is not None:
-            self._refused(refusal(Code.CTL_14, reason=Words.INCREMENT_FROM_REST))
+            self._accepted(refusal(Code.CTL_14, reason=Words.INCREMENT_FROM_REST))
         elif not 0.0 < distance_rad <= length:
-            allowed = Words.AT_MOST_ANGLE(high=deg(length))
-            measured = Words.ANGLE(value=deg(distance_rad))
-            self._refused(refusal(Code.CTL_01, name=Words.NAME_INCREMENT, allowed=allowed, measured=measured))
+            allowed, measured = Words.AT_MOST_ANGLE(high=deg(length)), Words.ANGLE(value=deg(distance_rad))
+            self._accepted(
+                refusal(Code.CTL_01, name=Words.NAME_INCREMENT, allowed=allowed, measured=measured)
+            )
         else:
             way = distance_rad if forward else -distance_rad
             self._begin(axis.motion.move_relative(way, velocity_rad_s))
