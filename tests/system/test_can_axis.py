@@ -16,8 +16,9 @@ from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure,
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop, CommandRefused
 from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
+from gantryctl.operation.client import Stop
 from gantryctl.operation.opening import set_up_again
-from gantryctl.operation.run import AxisRun, Stop
+from gantryctl.operation.run import AxisRun
 from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState
 from gantryctl.runtime.recorder import MemoryRecorder

@@ -212,6 +212,9 @@ def test_a_second_controller_on_the_same_machine_is_impossible(service: Service)
         assert "in use by process" in done.stderr
 
 
+FILES_ENTERED = Path(__file__).parents[1] / "support" / "files_entered.py"
+
+
 def command(service: Service, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-m", "gantryctl", *arguments],
@@ -232,6 +235,19 @@ def test_the_command_line_goes_to_the_service_when_it_is_told_to(service: Servic
     assert command(service, "jog", "-", "--for", "0.2").returncode == 0
     assert "30 s at most" in command(service, "jog", "-", "--for", "31").stderr
     assert command(service, "detach").returncode == 0
+
+
+def test_a_move_at_the_service_enters_at_most_five_files_of_the_command_line(service: Service) -> None:
+    """Files of `cli` and `operation` with a function called before the service is told to move; seven once."""
+    done = subprocess.run(
+        [sys.executable, FILES_ENTERED, "move", "--by", "0.1", "--service", "--yes"],
+        env={**os.environ, "GANTRYCTL_STATE": str(service.root)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    entered = json.loads(done.stderr)
+    assert "cli/axis/service_axis.py" in entered
+    assert len(entered) <= 5, entered
 
 
 def test_the_command_line_takes_control_from_nobody(service: Service) -> None:

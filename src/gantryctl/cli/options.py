@@ -1,12 +1,15 @@
-"""Options that many commands share, under one name each."""
+"""What commands share: options under one name each, the machine they are about, stop signals, questions, JSON."""
 
 from __future__ import annotations
 
 import json
 import os
+import signal
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
@@ -171,3 +174,57 @@ def directory(path: Path) -> Path:
     except OSError as fault:
         raise UsageError(f"--out {path}: cannot be made: {fault.strerror or fault}") from None
     return path
+
+
+_LOCAL_ONLY: Final = ("program_name", "out", "fresh", "real_time", "no_trace", "seed")
+
+
+def refuse_local_options(given: dict[str, Any]) -> None:
+    """Refuse an option that a running service cannot follow.
+
+    Raises:
+        UsageError: with its name.
+    """
+    from gantryctl.errors import UsageError
+
+    for name in _LOCAL_ONLY:
+        if given.get(name):
+            option = name.removesuffix("_name").replace("_", "-")
+            raise UsageError(
+                f"--{option} does not go with a running service; gantryctl detach, or leave it out"
+            )
+
+
+@contextmanager
+def stop_signals(stop: Callable[[], object]) -> Iterator[None]:
+    """Call `stop` on Ctrl-C, on SIGTERM and when the terminal is lost, instead of ending the process."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows knows no SIGHUP
+    known = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    before = {number: signal.signal(number, lambda *_: stop()) for number in known}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def confirm(question: str, otherwise: str) -> None:
+    """Ask a person on standard error; Ctrl-C means no.
+
+    Args:
+        otherwise: what follows from a no, for the refusal.
+
+    Raises:
+        CommandRefused: the answer is no.
+    """
+    from gantryctl.errors import CommandRefused
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also while stop signals are held back
+    try:
+        agreed = click.confirm(question, err=True)
+    except click.Abort:
+        agreed = False
+    finally:
+        signal.signal(signal.SIGINT, before)
+    if not agreed:
+        raise CommandRefused(f"not confirmed: {otherwise}")

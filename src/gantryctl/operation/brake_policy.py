@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from typing import Final, NamedTuple
+from typing import Final
 
 from gantryctl.machine import Machine
+from gantryctl.operation.client import BrakeDue
 from gantryctl.operation.store import TIME_FORMAT
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
@@ -18,31 +19,6 @@ from gantryctl.wiring.program import speed_settings, untestable
 
 LOCKED: Final = frozenset(str(code) for code, row in ALARMS.items() if row.lock)
 """Codes that only service may reset, also when they are of an earlier run."""
-
-
-class BrakeDue(NamedTuple):
-    """When the next brake test is due.
-
-    Attributes:
-        at: UTC, or "" where only the power-ups count, or nothing is ever due.
-        power_ups_left: until it is due; None where the brake cannot be tested here.
-        overdue: nothing moves faster than `overdue_deg_s` until the brake has passed a test.
-    """
-
-    at: str
-    power_ups_left: int | None
-    overdue: bool
-    overdue_deg_s: float = math.nan
-
-    @property
-    def words(self) -> str:
-        """For people."""
-        if self.power_ups_left is None:
-            return "not testable here"
-        if self.overdue:
-            return f"overdue: nothing moves faster than {self.overdue_deg_s:g} deg/s"
-        cycles = f"after {self.power_ups_left} more power-ups"
-        return f"due {self.at}, or {cycles}" if self.at else f"due {cycles}"
 
 
 def brake_words(machine: Machine, retained: Retained, now: datetime) -> str:

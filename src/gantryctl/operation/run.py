@@ -9,19 +9,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import UTC, datetime
-from enum import IntEnum
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_failed
+from gantryctl.operation.client import BrakeTestReport, Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, open_axis
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
-from gantryctl.program import AxisState, BrakeTestResult, GantryProgram, Reaction, Refusal
+from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, Reaction
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.axis.command_checks import check_direction, check_overdue, check_setting, check_target
+from gantryctl.program.axis.command_checks import (
+    check_direction,
+    check_overdue,
+    check_setting,
+    check_target,
+    require,
+)
 from gantryctl.runtime import Engine, FixedOperator, keeps_time
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
@@ -34,51 +40,6 @@ REST_S: Final = 120.0  # a stop on the slowest ramp from the highest speed
 # Power sequence and brake test have time limits of their own; these are only a net below them.
 _POWER_S: Final = 10.0
 _TEST_S: Final = 30.0
-
-
-class Stop(IntEnum):
-    """Urgency of a request to stop the axis."""
-
-    NO = 0
-    RAMP = 1
-    QUICK = 2
-
-
-class Snapshot(NamedTuple):
-    """State of the axis for a display. Angles at the gantry, measured by the motor encoder.
-
-    Attributes:
-        time_left_s: of a motion that has an end.
-    """
-
-    time_s: float
-    angle_deg: float
-    speed_deg_s: float
-    following_error_deg: float
-    state: str
-    time_left_s: float | None
-
-
-class Motion(NamedTuple):
-    """A motion that has ended: its time in the recording, and whether it did what was asked.
-
-    Attributes:
-        done: it ran to its end: not stopped, and in position where it has a target.
-        settled_s: from the end of the set-point's motion until in position; None without a target.
-        asked_deg_s: the speed that was asked for, times override; None where the time decides (jog).
-    """
-
-    from_s: float
-    to_s: float
-    done: bool
-    settled_s: float | None
-    asked_deg_s: float | None
-
-
-def require(refused: Refusal | None) -> None:
-    """Raise CommandRefused with the reason, unless it is None."""
-    if refused is not None:
-        raise CommandRefused(refused.text)
 
 
 class AxisRun:
@@ -149,6 +110,15 @@ class AxisRun:
         """The drive that is run."""
         return self._open.drive
 
+    @property
+    def must_ask(self) -> bool:
+        """A person must agree before a real gantry moves; a simulated one needs no question."""
+        return self.machine.paced_by_clock and self.machine.can.commissioning_required
+
+    def take(self) -> float:
+        """The angle: an axis of this process is under control, and at rest between two commands."""
+        return self.angle_deg
+
     def snapshot(self) -> Snapshot:
         """State of the axis for a display."""
         axis, time_s = self.axis, self.engine.time_s
@@ -191,7 +161,9 @@ class AxisRun:
         self._command(power=False, forward=False, reverse=False, move=False)
         self._follow(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)
 
-    def move(self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0) -> Motion:
+    def move(
+        self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+    ) -> MotionReport:
         """Move to an angle and wait until the axis stands there; powers up where that was not done.
 
         Raises:
@@ -205,7 +177,7 @@ class AxisRun:
             raise UsageError(f"override {override:g}: above 0 and at most 1")
         return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=rad(wanted), override=override)
 
-    def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> Motion:
+    def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> MotionReport:
         """Make one increment in the incremental mode."""
         self._check_speed(speed_deg_s)
         self.power_up()
@@ -214,7 +186,7 @@ class AxisRun:
         key = {"forward" if forward else "reverse": True}
         return self._motion(increment_rad=rad(step_deg), speed_rad_s=rad(speed_deg_s), **key)
 
-    def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> Motion:
+    def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> MotionReport:
         """Hold the key for a time in the continuous mode, then let go and wait for rest; powers up first.
 
         Raises:
@@ -229,16 +201,16 @@ class AxisRun:
             return self._not_begun()
         self._command(mode=Mode.CONTINUOUS, speed_rad_s=rad(speed_deg_s))
         self.engine.step()
-        start_s, refusals = self.engine.time_s, self.axis.refusal_count
+        begin, refusals = self._not_begun(), self.axis.refusal_count
         self._command(forward=forward, reverse=not forward)
         self._renew()
         self.engine.step()
         self._follow(lambda: self.axis.refusal_count > refusals or self._at_rest, seconds, held=True)
         self._raise_refusal(refusals)
         self._command(forward=False, reverse=False)
-        return self._finished(start_s, lease=True)._replace(settled_s=None, asked_deg_s=None)
+        return self._finished(begin, lease=True)._replace(settled_s=None, asked_deg_s=None)
 
-    def test_brake(self) -> BrakeTestResult:
+    def test_brake(self) -> BrakeTestReport:
         """Give torque both ways against the closed brake, with power off; the result is retained.
 
         Raises:
@@ -257,7 +229,21 @@ class AxisRun:
         self._open = self._open._replace(retained=retained)
         self.brake_due = judge_due(self.machine, self.axis, retained, power_ups)
         self._raise_alarm()
-        return result
+        return self.brake_test_report()
+
+    def brake_test_report(self) -> BrakeTestReport:
+        """The brake test of this run as far as it has got."""
+        test, last = self.axis.brake_test, self.axis.brake_test.last
+        return BrakeTestReport(
+            outcome=BrakeTestOutcome.NONE if last is None else last.outcome,
+            detail="" if last is None else last.text,
+            level_nm=test.level_nm,
+            plus_nm=test.plus_nm,
+            minus_nm=test.minus_nm,
+            moved_deg=deg(test.moved_rad),
+            limit_deg=deg(test.moved_max_rad),
+            due=self.brake_due,
+        )
 
     # --- checks and refusals -------------------------------------------------------------------------------------
 
@@ -285,30 +271,41 @@ class AxisRun:
 
     # --- motions -------------------------------------------------------------------------------------------------
 
-    def _not_begun(self) -> Motion:
-        """A stop was asked for before the motion began."""
-        return Motion(self.engine.time_s, self.engine.time_s, False, None, None)
+    def _not_begun(self) -> MotionReport:
+        """A motion of no length: stopped, unless it begins now."""
+        here_deg, now_s = self.angle_deg, self.engine.time_s
+        return MotionReport(Ending.STOPPED, here_deg, here_deg, now_s, now_s)
 
-    def _motion(self, **levels: Any) -> Motion:
+    def _motion(self, **levels: Any) -> MotionReport:
         self.power_up()
         if self.stop is not Stop.NO:
             return self._not_begun()
-        start_s, refusals = self.engine.time_s, self.axis.refusal_count
+        begin, refusals = self._not_begun(), self.axis.refusal_count
         self._command(**levels)
         self.engine.step()
         self._command(move=False, forward=False, reverse=False)
         self._raise_refusal(refusals)
-        return self._finished(start_s)
+        return self._finished(begin)
 
-    def _finished(self, start_s: float, *, lease: bool = False) -> Motion:
+    def _finished(self, begin: MotionReport, *, lease: bool = False) -> MotionReport:
         """Wait until the motion has ended one way or the other."""
         self._moves += 1
         self._follow(lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S, lease=lease)
         end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
-        done = self.stop is Stop.NO and self._at_rest and not self.axis.monitors.not_in_position
+        if self.stop is not Stop.NO:
+            ending = Ending.STOPPED
+        else:
+            reached = self._at_rest and not self.axis.monitors.not_in_position
+            ending = Ending.DONE if reached else Ending.NOT_IN_POSITION
         command = self.operator.command
-        return Motion(start_s, end_s, done, settled_s, deg(command.speed_rad_s) * command.override)
+        return begin._replace(
+            ending=ending,
+            end_deg=self.angle_deg,
+            to_s=end_s,
+            settled_s=settled_s,
+            asked_deg_s=deg(command.speed_rad_s) * command.override,
+        )
 
     @property
     def _at_rest(self) -> bool:

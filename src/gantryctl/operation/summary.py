@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gantryctl.machine import Machine
 from gantryctl.trace.table import Trace
 
 Floats = NDArray[np.float64]
@@ -45,13 +44,6 @@ class MotionSummary:
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
         return asdict(self)
-
-
-def way_note(machine: Machine, here_deg: float, target_deg: float) -> str | None:
-    """Remark on a move that a rotary table would make the other way round; this axis has a cable."""
-    way_deg = abs(target_deg - here_deg)
-    inside = machine.axis.pos_min_deg <= target_deg <= machine.axis.pos_max_deg
-    return f"{way_deg:.0f} deg the long way: cable" if inside and way_deg > 180.0 + 1e-7 else None
 
 
 def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionSummary | None:

@@ -10,7 +10,7 @@ import pytest
 from gantryctl.cli.axis.display import Display
 from gantryctl.errors import AlarmStop
 from gantryctl.machine import default_machine
-from gantryctl.operation.run import Snapshot
+from gantryctl.operation.client import Snapshot
 from gantryctl.operation.store import StateStore
 from gantryctl.trace.reader import read_trace
 from support.command_line import Terminal, cli, done, machine_file, plant_truth

@@ -11,7 +11,8 @@ from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine import configs_folder, load_machine, with_values
-from gantryctl.operation.run import AxisRun, Snapshot, Stop
+from gantryctl.operation.client import Snapshot, Stop
+from gantryctl.operation.run import AxisRun
 from gantryctl.program import BrakeTestOutcome, BrakeTestPhase, PowerPhase
 
 pytestmark = pytest.mark.can

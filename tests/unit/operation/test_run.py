@@ -11,7 +11,8 @@ from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import DriveState, InputImage
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.operation.run import AxisRun, Motion, Snapshot, Stop
+from gantryctl.operation.client import MotionReport, Snapshot, Stop
+from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status, read_retained, reset_machine
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Axis, AxisProgram, GantryProgram
@@ -170,7 +171,7 @@ def test_a_quick_stop_request_is_an_alarm_and_faster() -> None:
 )
 @pytest.mark.parametrize("at_s", [0.0, 0.1, 0.2, 0.3])
 def test_a_stop_request_during_power_up_means_no_motion(
-    at_s: float, begin: Callable[[AxisRun], Motion]
+    at_s: float, begin: Callable[[AxisRun], MotionReport]
 ) -> None:
     session = AxisRun(SIM, observer=Looker(at_s, lambda: setattr(session, "stop", Stop.RAMP)))
     motion = begin(session)

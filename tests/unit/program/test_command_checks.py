@@ -6,10 +6,10 @@ import math
 
 import pytest
 
+from gantryctl.cli.axis.move import way_note
 from gantryctl.cli.text import shown
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
-from gantryctl.operation.summary import way_note
 from gantryctl.program import GantryProgram, Refusal
 from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.runtime import FixedOperator

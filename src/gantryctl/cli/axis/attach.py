@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gantryctl.cli.axis.remote import directory_of
+from gantryctl.cli.axis.service_axis import directory_of
 from gantryctl.cli.options import ATTACHED, config_option, machine_of
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import short_hash

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,21 +10,20 @@ import click
 
 from gantryctl.cli.options import (
     config_option,
+    confirm,
     fresh_option,
     json_option,
     machine_of,
     print_json,
     proven_machine,
+    refuse_local_options,
     service_option,
     to_service,
 )
 
 if TYPE_CHECKING:
-    from gantryctl.errors import AlarmStop, GantryctlError
-    from gantryctl.machine import Machine
-    from gantryctl.operation.run import AxisRun
-    from gantryctl.operation.store import StateStore
-    from gantryctl.program import BrakeTestResult
+    from gantryctl.errors import GantryctlError
+    from gantryctl.operation.client import AxisClient, BrakeTestReport
 
 
 @click.command("brake-test")
@@ -41,74 +41,75 @@ def brake_test(
     Exit code 1 when the brake does not pass. Ctrl-C ends the test: torque off, drive disabled, the brake stays closed.
     """
     if to_service(service, config_file):
-        from gantryctl.cli.axis.remote import refuse_local_options
-        from gantryctl.cli.axis.remote_state import remote_brake_test
+        from gantryctl.cli.axis.service_axis import ServiceAxis
 
         refuse_local_options({"fresh": fresh})
-        return remote_brake_test(machine_of(config_file), yes=yes, take_over=take_over, as_json=as_json)
+        axis = ServiceAxis(machine_of(config_file), take_over=take_over)
+        axis.look()
+        return _test(axis, yes=yes, as_json=as_json)
     from contextlib import nullcontext
 
+    from gantryctl.operation.run import AxisRun
     from gantryctl.operation.store import StateStore
 
     machine = proven_machine(config_file)
     with nullcontext() if fresh else StateStore(machine) as store:
-        return _test(machine, store, yes=yes, as_json=as_json)
+        return _test(AxisRun(machine, store, brake_test=True), yes=yes, as_json=as_json)
 
 
-def _test(machine: Machine, store: StateStore | None, *, yes: bool, as_json: bool) -> int:
-    """One run of the axis for the test; the exit code."""
-    from gantryctl.cli.axis.asking import ask_for_torque
-    from gantryctl.cli.axis.running import stop_signals
-    from gantryctl.errors import AlarmStop, CommandRefused
-    from gantryctl.operation.run import AxisRun
+def _test(axis: AxisClient, *, yes: bool, as_json: bool) -> int:
+    """Ask, test, print; the exit code."""
+    from gantryctl.cli.axis.move import guarded
+    from gantryctl.errors import CommandRefused
+    from gantryctl.wiring.program import untestable
 
-    session = AxisRun(machine, store, brake_test=True)
-    failure: GantryctlError | None = None
-    alarm: AlarmStop | None = None
-    result: BrakeTestResult | None = None
-    word = "failed"
-    with stop_signals(session):
-        try:
-            ask_for_torque(session, yes)
-            result = session.test_brake()
-            word = f"brake test {result.outcome.name.lower()}"
-        except AlarmStop as stopped:
-            failure = alarm = stopped
-            word = f"stopped by an alarm: {alarm}"
-        except CommandRefused as refused:
-            failure, word = refused, f"refused: {refused}"
-        finally:
-            session.close(word, alarm)
-    return _report(session, result, failure, as_json)
+    machine = axis.machine
+
+    def action(axis: AxisClient) -> BrakeTestReport:
+        reason = untestable(machine)
+        if reason:
+            raise CommandRefused(f"not testable here: {reason}")
+        if axis.must_ask and not yes:
+            question = (
+                f"{machine.name}: +-{machine.brake.test_torque_nm:g} N m against the closed brake. Test?"
+            )
+            confirm(question, "no torque was given")
+        return axis.test_brake()
+
+    report, failure = guarded(axis, action)
+    return _print(machine.name, report or axis.brake_test_report(), failure, as_json=as_json)
 
 
-def _report(
-    session: AxisRun, result: BrakeTestResult | None, failure: GantryctlError | None, as_json: bool
-) -> int:
-    from gantryctl.program import BrakeTestOutcome
-    from gantryctl.units import deg
-
-    law = session.axis.brake_test
-    passed = result is not None and result.outcome is BrakeTestOutcome.PASSED
-    code = failure.exit_code if failure is not None else int(not passed)
-    shown = {
-        "exit_code": code,
-        "machine": session.machine.name,
-        "result": result.outcome.name.lower() if result is not None else None,
-        "text": result.text if result is not None else None,
-        "level_nm": law.level_nm,
-        "plus_nm": known(law.plus_nm),
-        "minus_nm": known(law.minus_nm),
-        "moved_deg": deg(law.moved_rad),
-        "limit_deg": deg(law.moved_max_rad),
-        "due_at": session.brake_due.at,
-        "power_ups_left": session.brake_due.power_ups_left,
-        "error": str(failure) if failure is not None else None,
-    }
+def _print(name: str, report: BrakeTestReport, failure: GantryctlError | None, *, as_json: bool) -> int:
+    code = failure.exit_code if failure is not None else int(not report.done)
+    tested = failure is None
     if as_json:
-        print_json(shown)
-    elif result is not None:
-        print_result(shown, session.brake_due.words)
+        print_json(
+            {
+                "exit_code": code,
+                "machine": name,
+                "result": report.outcome.name.lower() if tested else None,
+                "text": report.detail if tested else None,
+                "level_nm": report.level_nm,
+                "plus_nm": known(report.plus_nm),
+                "minus_nm": known(report.minus_nm),
+                "moved_deg": report.moved_deg,
+                "limit_deg": report.limit_deg,
+                "due_at": report.due.at,
+                "power_ups_left": report.due.power_ups_left,
+                "error": str(failure) if failure is not None else None,
+            }
+        )
+    elif tested:
+        click.echo(f"{name}: {report.text}: {report.detail}")
+        for title, text in (
+            ("torque asked for", f"+-{report.level_nm:.1f} N m at the motor, for 2 s each way"),
+            ("plus", _torque(report.plus_nm)),
+            ("minus", _torque(report.minus_nm)),
+            ("moved", f"{report.moved_deg:.4f} deg, {report.limit_deg:.4f} deg allowed"),
+            ("next test", report.due.words),
+        ):
+            click.echo(f"  {title:<18}{text}")
     if failure is not None:
         click.echo(f"error: {failure}", err=True)
     return code
@@ -116,26 +117,11 @@ def _report(
 
 def known(value: float) -> float | None:
     """A number for JSON, or None."""
-    import math
-
     return value if math.isfinite(value) else None
 
 
-def print_result(shown: dict[str, object], due: str) -> None:
-    """A test for people: the keys of its JSON."""
-
-    def torque(value: object) -> str:
-        return f"{value:+.1f} N m held" if isinstance(value, float) else "not held"
-
-    click.echo(f"{shown['machine']}: brake test {shown['result']}: {shown['text']}")
-    for name, text in (
-        ("torque asked for", f"+-{shown['level_nm']:.1f} N m at the motor, for 2 s each way"),
-        ("plus", torque(shown["plus_nm"])),
-        ("minus", torque(shown["minus_nm"])),
-        ("moved", f"{shown['moved_deg']:.4f} deg, {shown['limit_deg']:.4f} deg allowed"),
-        ("next test", due),
-    ):
-        click.echo(f"  {name:<18}{text}")
+def _torque(value: float) -> str:
+    return f"{value:+.1f} N m held" if math.isfinite(value) else "not held"
 
 
 @click.command()
@@ -146,6 +132,7 @@ def arm(action: str, config_file: Path | None) -> int:
 
     `brake-test --service` and `reset --service` arm by themselves where one person is enough.
     """
-    from gantryctl.cli.axis.remote_state import remote_arm
+    from gantryctl.cli.axis.service_state import arm_for_another
 
-    return remote_arm(machine_of(config_file), action.replace("-", "_"))
+    arm_for_another(machine_of(config_file), action.replace("-", "_"))
+    return 0

@@ -1,18 +1,126 @@
-"""What a person sees while the axis moves."""
+"""What a person sees of a motion: a live line, the summary at the end, or its JSON."""
 
 from __future__ import annotations
 
 import os
 import shutil
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
-from typing import Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import click
 
-from gantryctl.operation.run import Snapshot
+from gantryctl.cli.options import print_json
+from gantryctl.cli.text import shown
+from gantryctl.errors import CommandRefused, GantryctlError
+from gantryctl.machine import Machine
+from gantryctl.operation.client import MotionReport, Snapshot
+from gantryctl.units import DEG_S_PER_R_MIN
+from gantryctl.wiring.program import ramps_deg
+
+if TYPE_CHECKING:
+    from gantryctl.operation.summary import MotionSummary
 
 _LOG_EVERY_S: Final = 5.0  # axis time between two lines of a plain log
+_STOOD_DEG_S: Final = 0.01  # slower than this it only settled where it already was
+
+
+class RunDetails(NamedTuple):
+    """What only a run in this process knows of its motion; the service has it in its journal and recordings.
+
+    Attributes:
+        alarms: texts of alarms and notes, oldest first.
+        lines: timing and bus, for a terminal.
+        trace: the recording.
+    """
+
+    summary: MotionSummary | None = None
+    notes: tuple[str, ...] = ()
+    alarms: tuple[str, ...] = ()
+    lines: tuple[str, ...] = ()
+    trace: Path | None = None
+
+
+_NO_DETAILS: Final = RunDetails()
+
+
+def print_motion(
+    machine: Machine,
+    report: MotionReport | None,
+    failure: GantryctlError | None,
+    details: RunDetails = _NO_DETAILS,
+    *,
+    as_json: bool,
+) -> int:
+    """Print how a motion ended; the exit code."""
+    code = failure.exit_code if failure is not None else int(report is None or not report.done)
+    if as_json:
+        print_json(
+            {
+                "exit_code": code,
+                "machine": machine.name,
+                "result": report.text if failure is None and report is not None else None,
+                "start_deg": report.start_deg if report is not None else None,
+                "end_deg": report.end_deg if report is not None else None,
+                "summary": details.summary.as_dict() if details.summary is not None else None,
+                "settled_s": report.settled_s if report is not None else None,
+                "notes": list(details.notes),
+                "alarms": list(details.alarms),
+                "error": str(failure) if failure is not None else None,
+                "trace": str(details.trace) if details.trace is not None else None,
+            }
+        )
+    else:
+        if not isinstance(failure, CommandRefused):
+            for line in _motion_lines(machine, report, details.summary):
+                click.echo(line)
+        for text in details.alarms if failure is None else ():
+            click.echo(f"note: {text}")
+        for line in details.lines:
+            click.echo(f"  {line}")
+        if details.trace is not None:
+            click.echo(f"  trace             {details.trace}")
+    if failure is not None:
+        click.echo(f"error: {failure}", err=True)
+    return code
+
+
+def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummary | None) -> Iterator[str]:
+    """The end of a motion in words."""
+    word = "stopped by an alarm" if report is None else report.text
+    if s is None:
+        if report is not None:
+            yield f"{word}: {shown(report.start_deg, 4):.4f} -> {shown(report.end_deg, 4):.4f} deg"
+        return
+    yield (
+        f"{word}: {shown(s.start_deg, 4):.4f} -> {shown(s.end_deg, 4):.4f} deg, {s.duration_s:.2f} s, "
+        f"peak {s.peak_deg_s:.2f} deg/s{_speed_hint(machine, s, report)}"
+    )
+    load = s.following_error_load_deg
+    yield (
+        f"  following error   motor side {s.following_error_motor_deg:.5f} deg"
+        + (f", load side {load:.5f} deg" if load is not None else "")
+    )
+    load = s.speed_error_load_deg_s
+    yield (
+        f"  speed error       motor side {s.speed_error_motor_deg_s:.5f} deg/s"
+        + (f", load side {load:.5f} deg/s" if load is not None else "")
+    )
+    yield f"  largest torque    {s.torque_max_nm:.1f} N m of {machine.motor.torque_max_nm:g} N m"
+    if report is not None and report.done and report.settled_s is not None:
+        yield f"  in position       {report.settled_s:.2f} s after the set-point arrived"
+
+
+def _speed_hint(machine: Machine, s: MotionSummary, report: MotionReport | None) -> str:
+    """Why a move did not reach the speed that was asked for."""
+    if report is None or not report.done or report.asked_deg_s is None:
+        return ""
+    if s.peak_deg_s >= report.asked_deg_s * (1.0 - 1e-6) or s.peak_deg_s < _STOOD_DEG_S:
+        return ""
+    way = ramps_deg(machine, report.asked_deg_s)
+    return f"; {report.asked_deg_s / DEG_S_PER_R_MIN:g} r/min needs at least {way:.1f} deg"
 
 
 class Display:

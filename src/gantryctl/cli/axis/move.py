@@ -1,10 +1,10 @@
-"""`gantryctl move` and `gantryctl jog`."""
+"""`gantryctl move` and `gantryctl jog`, and the guarded run of a command that gives torque."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
@@ -12,27 +12,37 @@ from gantryctl.cli.options import (
     FINITE,
     SignedCommand,
     config_option,
+    confirm,
     fresh_option,
     json_option,
     machine_of,
     out_option,
     proven_machine,
     real_time_option,
+    refuse_local_options,
     seed_option,
     service_option,
+    stop_signals,
     to_service,
 )
 
 if TYPE_CHECKING:
-    from gantryctl.cli.axis.running import Action
-    from gantryctl.operation.run import AxisRun, Motion
+    from gantryctl.errors import GantryctlError
+    from gantryctl.machine import Machine
+    from gantryctl.operation.client import AxisClient, BrakeTestReport, MotionReport
+
+    Report = TypeVar("Report", MotionReport, BrakeTestReport)
+
+_SAME_DEG: Final = 0.01
+"""An axis that has moved by more is not where it was when the person was asked."""
+_LONG_WAY_DEG: Final = 180.0 + 1e-7
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
     """The options of a command that runs the axis."""
     for option in (
         config_option,
-        click.option("--program", "program_name", help="FILE:CLASS of a program of one's own."),
+        click.option("--program", "program_name", help="FILE:CLASS of a custom program."),
         click.option("--no-trace", is_flag=True, help="Write no recording."),
         out_option,
         seed_option,
@@ -56,15 +66,13 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.option("--override", type=FINITE, default=100.0, show_default=True, help="Speed override, percent.")
 @_run_options
 def move(
-    target: float | None, distance: float | None, override: float, speed: float | None, **run: Any
+    target: float | None, distance: float | None, override: float, speed: float | None, yes: bool, **run: Any
 ) -> int:
     """Move to TARGET (deg), or by an angle with --by. Linear axis with a cable: never the shortest way.
 
     Ctrl-C stops on the jog-release ramp; a second one is a quick stop.
     """
-    from gantryctl.cli.axis.asking import ask_before
     from gantryctl.errors import UsageError
-    from gantryctl.operation.summary import way_note
 
     if (target is None) == (distance is None):
         raise UsageError(
@@ -73,31 +81,23 @@ def move(
     if not 1.0 <= override <= 100.0:  # below, a long move would take days
         raise UsageError(f"--override {override:g}: from 1 to 100 percent")
 
-    yes, take_over = run.pop("yes"), run.pop("take_over")
-    if to_service(run.pop("service"), run["config_file"]):
-        from gantryctl.cli.axis.remote import refuse_local_options
-        from gantryctl.cli.axis.remote_motion import remote_move
-
-        refuse_local_options(run)
-        return remote_move(
-            machine_of(run["config_file"]),
-            lambda here: target if target is not None else here + (distance or 0.0),
-            speed,
-            override / 100.0,
-            yes=yes,
-            take_over=take_over,
-            as_json=run["as_json"],
-        )
-
-    def action(session: AxisRun, say: Callable[[str], None]) -> Motion:
-        here = session.angle_deg
-        end = target if target is not None else here + (distance or 0.0)
-        note = way_note(session.machine, here, end)
-        if note is not None:
-            say(note)
-        wanted = session.machine.speed.setting_max_deg_s if speed is None else speed
-        ask_before(session, f"from {here:.2f} to {end:.2f} deg", wanted, yes)
-        return session.move(end, speed, override / 100.0)
+    def action(axis: AxisClient) -> MotionReport:
+        wanted = axis.machine.speed.setting_max_deg_s if speed is None else speed
+        end = target
+        if axis.must_ask and not yes:
+            # Without a claim on the axis: at a service, control is lost after 2 s of silence.
+            here = axis.angle_deg
+            end = here + (distance or 0.0) if end is None else end
+            click.echo(_way(axis, here, end, wanted), err=run["as_json"])
+            confirm("Move?", "nothing moved")
+            _check_unmoved(here, axis.take())
+        else:
+            here = axis.take()
+            end = here + (distance or 0.0) if end is None else end
+            remark = _way(axis, here, end, wanted) if axis.must_ask else way_note(axis.machine, here, end)
+            if remark and not run["as_json"]:
+                click.echo(remark)
+        return axis.move(end, speed, override / 100.0)
 
     return _run(action, "move", **run)
 
@@ -107,7 +107,7 @@ def move(
 @click.option("--speed", type=FINITE, help="deg/s; the lowest setting when not given.")
 @click.option("--for", "seconds", type=FINITE, required=True, help="How long the key is held, s.")
 @_run_options
-def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
+def jog(direction: str, seconds: float, speed: float | None, yes: bool, **run: Any) -> int:
     """Hold-to-run motion in DIRECTION (+ or -) for a time, then the jog-release ramp.
 
     Ctrl-C lets go; a second one is a quick stop.
@@ -117,47 +117,102 @@ def jog(direction: str, seconds: float, speed: float | None, **run: Any) -> int:
     if not 0.0 < seconds <= 3600.0:
         raise UsageError(f"--for {seconds:g}: above 0 and at most 3600 s")
 
-    take_over = run.pop("take_over")
-    run.pop("yes")  # a key that is held needs no question
-    if to_service(run.pop("service"), run["config_file"]):
-        from gantryctl.cli.axis.remote import refuse_local_options
-        from gantryctl.cli.axis.remote_motion import remote_jog
-
-        refuse_local_options(run)
-        machine = machine_of(run["config_file"])
-        return remote_jog(
-            machine, direction == "+", speed, seconds, take_over=take_over, as_json=run["as_json"]
-        )
-
-    def action(session: AxisRun, _: Callable[[str], None]) -> Motion:
-        wanted = session.machine.speed.setting_min_deg_s if speed is None else speed
-        return session.jog(direction == "+", wanted, seconds)
+    def action(axis: AxisClient) -> MotionReport:
+        wanted = axis.machine.speed.setting_min_deg_s if speed is None else speed
+        return axis.jog(direction == "+", wanted, seconds)  # a key that is held needs no question
 
     return _run(action, "jog", **run)
 
 
+def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:
+    """Say what a move would do and what a stop takes.
+
+    Raises:
+        CommandRefused: target or speed are not possible.
+    """
+    from gantryctl.machine.derived import rigid_stop
+    from gantryctl.program.axis.command_checks import check_setting, check_target, require
+    from gantryctl.units import rad
+    from gantryctl.wiring.program import speed_settings, travel_settings
+
+    machine = axis.machine
+    require(check_setting(rad(speed), speed_settings(machine)))
+    require(check_target(rad(here), rad(end), travel_settings(machine)))
+    stop, _ = rigid_stop(speed, machine.virtual_axis.quick_dec_deg_s2, float("inf"))
+    note = way_note(machine, here, end)
+    return (
+        f"{machine.machine.name} ({machine.drive.kind}): from {here:.3f} to {end:.3f} deg, way "
+        f"{abs(end - here):.3f} deg at {speed:g} deg/s, a quick stop takes {stop:.2f} deg"
+        + (f"; {note}" if note else "")
+    )
+
+
+def way_note(machine: Machine, here_deg: float, target_deg: float) -> str | None:
+    """Remark on a move that a rotary table would make the other way round; this axis has a cable."""
+    way_deg = abs(target_deg - here_deg)
+    inside = machine.axis.pos_min_deg <= target_deg <= machine.axis.pos_max_deg
+    return f"{way_deg:.0f} deg the long way: cable" if inside and way_deg > _LONG_WAY_DEG else None
+
+
+def _check_unmoved(asked: float, now: float) -> None:
+    if abs(now - asked) > _SAME_DEG:
+        from gantryctl.errors import CommandRefused
+
+        raise CommandRefused(
+            f"the gantry stood at {asked:.3f} deg when you were asked, now at {now:.3f} deg: look, then ask again"
+        )
+
+
 def _run(
-    action: Action,
+    action: Callable[[AxisClient], MotionReport],
     name: str,
     *,
     config_file: Path | None,
-    program_name: str | None,
-    no_trace: bool,
-    out: Path | None,
-    seed: int,
-    fresh: bool,
-    real_time: bool,
+    service: bool,
+    take_over: bool,
     as_json: bool,
+    **local: Any,
 ) -> int:
-    """Power up, act, power down, summary; the exit code."""
-    from contextlib import nullcontext
+    """Run one command on the axis, here or at the service; the exit code."""
+    if to_service(service, config_file):
+        from gantryctl.cli.axis.service_axis import ServiceAxis
 
-    from gantryctl.cli.axis.running import run_axis, trace_path
-    from gantryctl.operation.scripting import load_program
-    from gantryctl.operation.store import StateStore
+        refuse_local_options(local)
+        axis = ServiceAxis(machine_of(config_file), take_over=take_over)
+        report, failure = guarded(axis, action)
+        from gantryctl.cli.axis.display import print_motion
 
-    machine = proven_machine(config_file)
-    program = load_program(program_name)
-    with nullcontext() if fresh else StateStore(machine) as store:
-        path = None if no_trace else trace_path(store, out, name)
-        return run_axis(machine, store, action, program, path, seed, real_time=real_time, as_json=as_json)
+        return print_motion(axis.machine, report, failure, as_json=as_json)
+    from gantryctl.cli.axis.local_run import run_here
+
+    return run_here(proven_machine(config_file), action, name, as_json=as_json, **local)
+
+
+def guarded(
+    axis: AxisClient, action: Callable[[AxisClient], Report]
+) -> tuple[Report | None, GantryctlError | None]:
+    """Run an action under stop signals; whatever happens, the axis is left without torque and its state kept."""
+    from gantryctl.errors import AlarmStop, CommandRefused
+    from gantryctl.operation.client import Stop
+
+    report: Report | None = None
+    failure: GantryctlError | None = None
+    alarm: AlarmStop | None = None
+    result = "failed"
+
+    def stop() -> None:
+        axis.stop = Stop.RAMP if axis.stop is Stop.NO else Stop.QUICK
+
+    with stop_signals(stop):
+        try:
+            report = action(axis)
+            result = report.text
+            axis.power_down()
+        except AlarmStop as stopped:
+            failure = alarm = stopped
+            result = f"stopped by an alarm: {alarm}"
+        except CommandRefused as refused:
+            failure, result = refused, f"refused: {refused}"
+        finally:
+            axis.close(result, alarm)
+    return report, failure

@@ -28,23 +28,27 @@ if TYPE_CHECKING:
 @service_option
 def status(config_file: Path | None, as_json: bool, service: bool) -> int:
     """Where the axis stands, what holds it, and what the last command did."""
-    if to_service(service, config_file):
-        from gantryctl.cli.axis.remote_state import remote_status
-
-        return remote_status(machine_of(config_file), as_json)
     from gantryctl.cli.text import shown
-    from gantryctl.operation.state import machine_status
 
-    found = machine_status(machine_of(config_file))
+    machine = machine_of(config_file)
+    tags, more = None, []
+    if to_service(service, config_file):
+        from gantryctl.cli.axis.service_state import service_rows, service_status
+
+        found, tags = service_status(machine)
+        more = service_rows(tags)
+    else:
+        from gantryctl.operation.state import machine_status
+
+        found = machine_status(machine)
     if as_json:
-        print_json(asdict(found))
+        print_json(asdict(found) | {"tags": tags})
         return 0
     click.echo(f"{found.machine}: {found.condition}")
+    angle = "unknown" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)"
     rows = [
-        (
-            "angle",
-            "unknown" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)",
-        ),
+        ("angle", angle),
+        *more,
         ("encoder", found.encoder),
         ("last result", found.last_result or "-"),
         ("last alarm", found.last_alarm or "-"),
@@ -68,7 +72,7 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
     """Alarms of the past, newest first."""
     found: list[AlarmEntry]
     if to_service(service, config_file):
-        from gantryctl.cli.axis.remote_state import service_alarms
+        from gantryctl.cli.axis.service_state import service_alarms
 
         found, holds = service_alarms(machine_of(config_file))
     else:
@@ -76,7 +80,7 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
 
         retained = read_retained(machine_of(config_file))
         found = list(reversed(retained.alarms)) if retained else []
-        holds = retained.error_stop if retained else ""
+        holds = [retained.error_stop] if retained else []
     if last:
         found = found[:1]
     if as_json:
@@ -84,7 +88,7 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
     elif not found:
         click.echo("no alarms")
     for alarm in found if not as_json else ():
-        held = " (holds the axis: gantryctl reset)" if holds == alarm.code else ""
+        held = " (holds the axis: gantryctl reset)" if alarm.code in holds else ""
         click.echo(f"{alarm.at}  t = {alarm.time_s:.3f} s{held}\n  {alarm.text}")
     return 0
 
@@ -118,16 +122,21 @@ def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, tak
     """
     machine = machine_of(config_file)
     if to_service(service, config_file):
-        from gantryctl.cli.axis.remote_state import remote_reset
+        from gantryctl.cli.axis.service_axis import ServiceAxis, held_codes
 
-        return remote_reset(machine, yes=yes, take_over=take_over, as_json=as_json)
-    from gantryctl.operation.brake_policy import locked_code
-    from gantryctl.operation.state import read_retained, reset_machine
+        axis = ServiceAxis(machine, take_over=take_over)
+        tags = axis.look()
+        locked = (
+            (", ".join(held_codes(tags)) or "the position or the journal") if tags["reset_locked"] else ""
+        )
+    else:
+        from gantryctl.operation.brake_policy import locked_code
+        from gantryctl.operation.state import read_retained, reset_machine
 
-    locked = locked_code(read_retained(machine))
+        axis, locked = None, locked_code(read_retained(machine))
     if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
         return 2
-    said = reset_machine(machine)
+    said = reset_machine(machine) if axis is None else axis.reset()
     if as_json:
         print_json({"reset": said})
     else:
@@ -150,7 +159,7 @@ def retain_show(config_file: Path | None, as_json: bool, service: bool) -> int:
 
     machine = machine_of(config_file)
     if to_service(service, config_file):
-        from gantryctl.cli.axis.remote_state import service_retained
+        from gantryctl.cli.axis.service_state import service_retained
 
         retained = service_retained(machine)
     else:

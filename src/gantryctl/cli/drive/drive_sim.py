@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import FINITE, PATH, config_option, machine_of
+from gantryctl.cli.options import FINITE, PATH, config_option, machine_of, stop_signals
 
 if TYPE_CHECKING:
     import threading
@@ -91,6 +91,9 @@ def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
 
 
 def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, Any]) -> None:
+    import threading
+    from contextlib import nullcontext
+
     from gantryctl.drives.virtual.communication.store import ParameterStore
     from gantryctl.drives.virtual.loop import DriveLoop, FrameSender
     from gantryctl.drives.virtual.node import DriveNode
@@ -104,11 +107,9 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
     store = ParameterStore(given["store"])
     node = DriveNode(hardware, given["node_id"], link.send, kind=kind, store=store, stepped=given["stepped"])
     loop = DriveLoop(node, link)
-    stop = _stop_on_signals()
-    if given["control"] is None:
-        _run(loop, stop, interface, given)
-        return
-    with ControlServer(given["control"], Requests(node).answer, loop.lock):
+    stop, path = threading.Event(), given["control"]
+    control = nullcontext() if path is None else ControlServer(path, Requests(node).answer, loop.lock)
+    with stop_signals(stop.set), control:
         _run(loop, stop, interface, given)
 
 
@@ -134,16 +135,3 @@ def _farewell(loop: DriveLoop, node: DriveNode) -> None:
     lost = f"; {loop.lost_us / 1000:.0f} ms lost to a slow computer" if loop.lost_us else ""
     refused = f"; {loop.link.refused} frames refused by the bus" if loop.link.refused else ""
     click.echo(f"virtual drive: stopped after {node.time_us * 1e-6:.3f} s of its own time{lost}{refused}")
-
-
-def _stop_on_signals() -> threading.Event:
-    """SIGINT, SIGTERM and SIGHUP end the loop; the process then leaves in the ordinary way."""
-    import signal
-    import threading
-
-    stop = threading.Event()
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        number = getattr(signal, name, None)
-        if number is not None:
-            signal.signal(number, lambda *_: stop.set())
-    return stop

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from gantryctl.errors import CommandRefused
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
@@ -19,6 +20,12 @@ from gantryctl.units import deg, rad
 _NO_WAY_RAD: Final = 1e-9
 # Beyond this the refusal names the range, not the distance left: "target 1e300 deg" has 300 digits.
 _ABSURD_RAD: Final = rad(1e6)
+
+
+def require(refused: Refusal | None) -> None:
+    """Raise CommandRefused for a refusal: outside a scan errors are exceptions."""
+    if refused is not None:
+        raise CommandRefused(refused.text)
 
 
 def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:

@@ -7,7 +7,8 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.machine import Machine
-from gantryctl.operation.brake_policy import BrakeDue, after_test, judge_due
+from gantryctl.operation.brake_policy import after_test, judge_due
+from gantryctl.operation.client import BrakeDue
 from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult
 from gantryctl.runtime import Retained
 from gantryctl.service.memory.events import EventLog

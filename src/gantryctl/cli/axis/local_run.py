@@ -1,0 +1,116 @@
+"""Runs the axis of a machine in this process: program, recording, live line, summary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import nullcontext
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Final
+
+import click
+
+from gantryctl.cli.axis.display import Display, RunDetails, print_motion
+from gantryctl.cli.axis.move import guarded
+from gantryctl.cli.options import directory
+from gantryctl.machine import Machine, short_hash
+from gantryctl.operation.client import AxisClient, MotionReport
+from gantryctl.operation.opening import bus_lines
+from gantryctl.operation.run import AxisRun
+from gantryctl.operation.scripting import load_program
+from gantryctl.operation.store import StateStore
+from gantryctl.operation.summary import MotionSummary, summarise
+from gantryctl.ports import Recorder
+from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
+from gantryctl.trace.files import Metadata
+from gantryctl.trace.reader import read_trace
+
+TRACES_KEPT: Final = 50
+"""Recordings kept in the state directory; older ones are removed. --out keeps everything."""
+
+
+def run_here(
+    machine: Machine,
+    action: Callable[[AxisClient], MotionReport],
+    name: str,
+    *,
+    program_name: str | None,
+    no_trace: bool,
+    out: Path | None,
+    seed: int,
+    fresh: bool,
+    real_time: bool,
+    as_json: bool,
+) -> int:
+    """Open the machine, act, power down, print what happened; the exit code."""
+    program = load_program(program_name)
+    live = Display(enabled=not as_json)
+    with nullcontext() if fresh else StateStore(machine) as store:
+        path = None if no_trace else trace_path(store, out, name)
+
+        def recorder(columns: tuple[str, ...]) -> Recorder:
+            metadata: Metadata = {
+                "machine": machine.name,
+                "config_hash": short_hash(machine),
+                "version": version("gantryctl"),
+                "seed": seed,
+                "period_s": machine.control.scan_period_ms * 1e-3,
+            }
+            if path is None:
+                return MemoryRecorder(columns, metadata)
+            return ArrowRecorder(path, columns, metadata)
+
+        axis = AxisRun(
+            machine, store, program=program, recorder=recorder, real_time=real_time, observer=live.show
+        )
+        for note in axis.notes:
+            live.say(note)
+        report, failure = guarded(axis, action)
+        live.end()
+        code = print_motion(machine, report, failure, _details(axis, report), as_json=as_json)
+        if axis.engine.recording_fault:
+            click.echo(f"warning: {axis.engine.recording_fault}", err=True)
+        return code
+
+
+def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | None:
+    """Where the recording goes: --out, else the state directory; None without either."""
+    if out is None and store is None:
+        return None
+    folder = directory(out if out is not None else store.traces if store is not None else Path())
+    if out is None:
+        for old in sorted(folder.glob("*.parquet"), key=lambda p: p.name.split("-")[-1])[: -TRACES_KEPT + 1]:
+            old.unlink(missing_ok=True)
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")[:-3]
+    return folder / f"{name}-{stamp}"
+
+
+def _details(axis: AxisRun, report: MotionReport | None) -> RunDetails:
+    """What only a run in this process knows."""
+    summary, file = _summary(axis, report)
+    lines: list[str] = []
+    if axis.engine.statistics.lateness.count and summary is not None:
+        lines += axis.engine.statistics.report(summary.peak_deg_s).splitlines()
+    lines += [f"bus               {line}" for line in bus_lines(axis.drive)]
+    alarms = tuple(alarm.text for alarm in axis.axis.alarms.history)
+    return RunDetails(summary, axis.notes, alarms, tuple(lines), file)
+
+
+def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary | None, Path | None]:
+    """The summary, and where the recording is; a recording without a row is thrown away."""
+    recorder, end_s = axis.engine.recorder, axis.engine.time_s
+    file = recorder.path if isinstance(recorder, ArrowRecorder) else None
+    if not axis.engine.scan:
+        if file is not None:
+            file.unlink(missing_ok=True)
+        return None, None
+    if file is not None:
+        trace = read_trace(file)
+    else:
+        assert isinstance(recorder, MemoryRecorder)
+        trace = recorder.trace()
+    begin_s, end_s = (report.from_s, report.to_s) if report is not None else (0.0, end_s)
+    if not len(trace.slice(begin_s, end_s)):
+        begin_s, end_s = 0.0, axis.engine.time_s
+    return summarise(trace, begin_s, end_s, axis.machine.axis.ratio), file

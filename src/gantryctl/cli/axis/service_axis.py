@@ -1,0 +1,302 @@
+"""The axis of the running service, for `--service` and after `attach`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import click
+
+from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
+from gantryctl.machine import Machine, short_hash
+from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Stop
+from gantryctl.operation.store import state_root
+from gantryctl.program import BrakeTestOutcome
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target, require
+from gantryctl.service.clients.link import ServiceLink
+from gantryctl.service.protocol.limits import FRAME_S, HELD_S
+from gantryctl.units import deg, rad
+from gantryctl.wiring.program import speed_settings, travel_settings
+
+Tags = dict[str, Any]
+_OTHER_S: Final = 120.0
+"""How long it waits for the second person."""
+_SHOWS_S: Final = 0.5
+"""What was done shows in the tags within this."""
+
+
+def directory_of(machine: Machine) -> Path:
+    """The machine's state directory."""
+    return state_root() / machine.name
+
+
+class ServiceAxis:
+    """An `AxisClient` of the running service.
+
+    Control is lost after 2 s of silence, so whoever asks a person looks first (`angle_deg`, `look`) and takes control
+    after the answer. Whoever has control keeps it unless `take_over`. What was switched on here is switched off.
+
+    Attributes:
+        tags: the newest that are known.
+
+    Raises:
+        CommandRefused: another configuration, or somebody else has control.
+    """
+
+    must_ask = True
+
+    def __init__(self, machine: Machine, *, take_over: bool) -> None:
+        self.machine, self.stop = machine, Stop.NO
+        self.tags: Tags = {}
+        self._link = ServiceLink(directory_of(machine))
+        self._take_over = take_over
+        self._taken = self._powered = self._tested = False
+
+    # --- control -------------------------------------------------------------------------------------------------
+
+    def look(self) -> Tags:
+        """The tags of the service, on a connection that is left at once."""
+        with ServiceLink(directory_of(self.machine)) as link:
+            self._check_service(link.tags)
+            self.tags = link.tags
+        return self.tags
+
+    @property
+    def angle_deg(self) -> float:
+        """Measured angle, motor side."""
+        return float(self.tags["pos_act_deg"] if self._taken else self.look()["pos_act_deg"])
+
+    def take(self) -> float:
+        """Take control; what moves without a holder of it is left alone, or stopped with `take_over`."""
+        self._connect()
+        if not self.tags["at_rest"]:
+            if not self._take_over:
+                raise CommandRefused(
+                    f"the axis moves to {self.tags['target_deg']:.2f} deg; --take-over stops it, or wait"
+                )
+            self._link.ask("stop")
+            self._wait(lambda tags: bool(tags["at_rest"]))
+        return self.angle_deg
+
+    def _connect(self) -> None:
+        if self._taken:
+            return
+        self._link.__enter__()
+        self._taken, self.tags = True, self._link.tags
+        self._check_service(self.tags)
+        self._link.ask("take", over=True)
+
+    def _check_service(self, tags: Tags) -> None:
+        """It must be this machine, and its control must be free."""
+        if tags["config_hash"] != short_hash(self.machine):
+            raise CommandRefused(
+                f"the service runs {tags['machine']} with configuration {tags['config_hash']}, this command has "
+                f"{short_hash(self.machine)}: name the service's machine file with --config"
+            )
+        holder = tags["authority_user"]
+        if holder and not self._take_over:
+            raise CommandRefused(
+                f"{Code.SEC_07} · {holder} has control; --take-over takes it, and stops what moves"
+            )
+
+    def close(self, result: str, alarm: AlarmStop | None = None) -> None:
+        """Take off the torque that was switched on here, give control back, leave."""
+        if not self._taken:
+            return
+        with suppress(GantryctlError):  # the service stops what moves when its holder has gone
+            if self._powered:
+                self._link.ask("power", on=False)
+            self._link.ask("give")
+        self._link.__exit__()
+        self._taken = self._powered = False
+
+    # --- commands ------------------------------------------------------------------------------------------------
+
+    def power_up(self) -> None:
+        """Power on, unless it is on."""
+        self.take()
+        if self.tags["power"]:
+            return
+        self._link.ask("power", on=True)
+        self._powered = True
+        self._wait(lambda tags: bool(tags["power"]) or tags["power_phase"] == "off")
+        self._raise_alarm()
+
+    def power_down(self) -> None:
+        """Power off if it was switched on here."""
+        if self._powered:
+            self._link.ask("power", on=False)
+            self._wait(lambda tags: tags["power_phase"] == "off")
+            self._powered = False
+
+    def move(
+        self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+    ) -> MotionReport:
+        """Move to an angle and wait until the axis stands there."""
+        wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
+        require(check_setting(rad(wanted), speed_settings(self.machine)))
+        start_deg = self.take()
+        require(check_target(rad(start_deg), rad(target_deg), travel_settings(self.machine)))
+        self.power_up()
+        start_s, before = self.tags["time_s"], dict(self.tags)
+        self._set("speed_setting_deg_s", wanted)
+        self._set("override_percent", override * 100.0)
+        try:
+            self._link.ask("move", target_deg=target_deg)
+            return self._followed(start_deg, start_s)._replace(asked_deg_s=wanted * override)
+        finally:
+            for tag in ("speed_setting_deg_s", "override_percent"):
+                self._set(tag, before[tag])
+
+    def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> MotionReport:
+        """Hold the key for a time, then let go and wait for rest."""
+        if seconds > HELD_S:
+            raise UsageError(
+                f"--for {seconds:g} s: the service lets a key be held for {HELD_S:g} s at most; ask again then"
+            )
+        start_deg = self.take()
+        require(check_setting(rad(speed_deg_s), speed_settings(self.machine)))
+        direction = 1.0 if forward else -1.0
+        require(check_direction(rad(start_deg), direction, travel_settings(self.machine)))
+        self.power_up()
+        start_s = self.tags["time_s"]
+        self._link.ask("mode", mode="continuous")
+        self._set("speed_setting_deg_s", speed_deg_s)
+        self._link.hold(forward, seconds, lambda: self.stop is not Stop.NO)
+        return self._followed(start_deg, start_s)
+
+    def test_brake(self) -> BrakeTestReport:
+        """Give torque both ways against the closed brake, with power off."""
+        self.take()
+        self._arm("brake_test")
+        before = self._link.look()["brake_tests"]
+        begun = self._link.ask("brake_test")["journal"]
+        self._wait(lambda tags: tags["journal_sequence"] >= begun and tags["brake_test_phase"] == "idle")
+        self._until(lambda tags: bool(tags["brake_tests"] != before))
+        self._tested = True
+        self._raise_alarm()
+        return self.brake_test_report()
+
+    def brake_test_report(self) -> BrakeTestReport:
+        """The test of this command; values of an earlier one until it has ended."""
+        tags = self.tags or self.look()
+        word = tags["brake_test_result"]
+        return BrakeTestReport(
+            outcome=BrakeTestOutcome[word.upper()] if self._tested else BrakeTestOutcome.NONE,
+            detail=tags["brake_test_text"].removeprefix(f"{word}: "),
+            level_nm=tags["brake_test_level_nm"],
+            plus_nm=_number(tags["brake_test_plus_nm"]),
+            minus_nm=_number(tags["brake_test_minus_nm"]),
+            moved_deg=tags["brake_test_moved_deg"],
+            limit_deg=tags["brake_test_limit_deg"],
+            due=brake_due(self.machine, tags),
+        )
+
+    def reset(self) -> str:
+        """Reset what holds the axis; what was done, in words.
+
+        Raises:
+            CommandRefused: something locked has come since `look`.
+        """
+        locked = bool(self.tags and self.tags["reset_locked"])
+        try:
+            self._connect()
+            return self._reset(locked)
+        finally:
+            self.close("reset")
+
+    def _reset(self, locked: bool) -> str:
+        if self.tags["reset_locked"] and not locked:
+            raise CommandRefused("something locked has come since you looked: look, then ask again")
+        before = held_codes(self.tags)
+        if locked:
+            self._arm("reset_locked")
+        asked = self._link.ask("reset")["journal"]
+        self._until(lambda tags: bool(tags["journal_sequence"] >= asked and tags["alarm_count"] == 0))
+        left = {row["code"] for row in self._link.look()["alarms"]}
+        gone = [code for code in before if code not in left]
+        done = f"{', '.join(gone)} reset" if gone else "nothing to reset"
+        return f"{done}; still there: {', '.join(sorted(left))}" if left else done
+
+    # --- how it does it ------------------------------------------------------------------------------------------
+
+    def _set(self, tag: str, value: float) -> None:
+        self._link.ask("set", tag=tag, value=value)
+
+    def _followed(self, start_deg: float, start_s: float) -> MotionReport:
+        """Wait for the end of the motion."""
+        self._wait(
+            lambda tags: (
+                (tags["at_rest"] and (tags["in_position"] or self.stop is not Stop.NO)) or not tags["power"]
+            )
+        )
+        self._raise_alarm()
+        ending = Ending.DONE if self.stop is Stop.NO else Ending.STOPPED
+        return MotionReport(ending, start_deg, self.angle_deg, start_s, self.tags["time_s"])
+
+    def _wait(self, holds: Callable[[Tags], bool]) -> None:
+        """Look until the tags show something; signs of life and stop requests go out meanwhile."""
+        sent = Stop.NO
+        self._link.look()
+        while not holds(self._link.look()):
+            self._link.alive()
+            if self.stop > sent:
+                sent = self.stop
+                self._link.ask("stop" if sent is Stop.RAMP else "quick_stop")
+
+    def _until(self, holds: Callable[[Tags], bool]) -> None:
+        """Look until what was done shows, but not for long: the reply is faster than the tags."""
+        for _ in range(math.ceil(_SHOWS_S / FRAME_S)):
+            if holds(self._link.look()):
+                return
+
+    def _raise_alarm(self) -> None:
+        first = next((row for row in self.tags["alarms"] if row["first_out"]), None)
+        if first is not None:
+            raise AlarmStop(first["text"])
+
+    def _arm(self, action: str) -> None:
+        """Arm an action, or wait until somebody else has.
+
+        Raises:
+            CommandRefused: nobody did.
+        """
+        if not self.tags["second_person"]:
+            self._link.ask("arm", action=action)
+            return
+        word = action.replace("_", "-")
+        click.echo(f"another user must arm it now: the page, or `gantryctl arm {word}`", err=True)
+        left = math.ceil(_OTHER_S / FRAME_S)
+
+        def armed(tags: Tags) -> bool:
+            nonlocal left
+            left -= 1
+            return tags["armed_action"] == action or left < 0 or self.stop is not Stop.NO
+
+        self._wait(armed)
+        if self.tags["armed_action"] != action:
+            raise CommandRefused(f"{Code.SEC_10} · nobody has armed {word}: nothing was done")
+
+
+def brake_due(machine: Machine, tags: Tags) -> BrakeDue:
+    """When the next brake test is due."""
+    return BrakeDue(
+        tags["brake_test_due_at"],
+        tags["brake_test_cycles_left"],
+        overdue=tags["brake_test_overdue"],
+        overdue_deg_s=deg(speed_settings(machine).brake_overdue_rad_s),
+    )
+
+
+def held_codes(tags: Tags) -> list[str]:
+    """Codes of what holds the axis."""
+    blocked = [tags["blocked_by"].partition(" ")[0]] if tags["blocked_by"] else []
+    return [row["code"] for row in tags["alarms"]] + blocked
+
+
+def _number(value: float | None) -> float:
+    return math.nan if value is None else value

@@ -1,0 +1,92 @@
+"""Questions to the running service: status, alarms, retained memory, an armed action."""
+
+from __future__ import annotations
+
+import click
+
+from gantryctl.cli.axis.service_axis import Tags, brake_due, directory_of, held_codes
+from gantryctl.machine import Machine
+from gantryctl.operation.state import MachineStatus
+from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
+from gantryctl.service.clients.link import ServiceLink
+from gantryctl.units import deg, rad
+
+
+def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
+    """Where the axis of the service stands, and everything that it publishes."""
+    with ServiceLink(directory_of(machine)) as link:
+        tags = link.tags
+    kept = RetainedMemory(directory_of(machine)).load() or Retained(machine.name, tags["config_hash"])
+    status = MachineStatus(
+        machine=tags["machine"],
+        condition=f"in service, {tags['axis_state'].replace('_', ' ')}",
+        angle_deg=tags["pos_act_deg"],
+        encoder="ok" if tags["position_valid"] else tags["blocked_by"] or "the position is not valid",
+        last_result=kept.last_result,
+        last_alarm="; ".join(row["text"] for row in tags["alarms"]),
+        error_stop=next((row["code"] for row in tags["alarms"] if row["first_out"]), kept.error_stop),
+        power_ups=kept.power_ups,
+        moves=kept.moves,
+        travelled_deg=deg(kept.travelled_rad),
+        brake_test=_brake_words(machine, tags),
+        directory=str(directory_of(machine)),
+    )
+    return status, tags
+
+
+def service_rows(tags: Tags) -> list[tuple[str, str]]:
+    """Name and value of what only a running axis has, for a terminal."""
+    lateness = f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"
+    return [
+        ("speed", f"{tags['vel_act_deg_s']:.3f} deg/s"),
+        ("power", "on" if tags["power"] else tags["blocked_by"] or "off"),
+        ("drive", str(tags["drive_state"]).replace("_", " ")),
+        ("control", tags["authority_user"] or "free"),
+        ("scan", lateness),
+        ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
+        ("configuration", tags["config_hash"]),
+    ]
+
+
+def _brake_words(machine: Machine, tags: Tags) -> str:
+    if not tags["brake_test_available"]:
+        return f"not testable here: {tags['brake_test_blocked']}"
+    last = f"{tags['brake_test_text']}; " if tags["brake_test_text"] else ""
+    return f"{last}{brake_due(machine, tags).words}"
+
+
+def service_alarms(machine: Machine) -> tuple[list[AlarmEntry], list[str]]:
+    """Alarms since the service started and those retained from before, newest first; codes of what holds the axis."""
+    with ServiceLink(directory_of(machine)) as link:
+        tags = link.tags
+    fresh = [
+        AlarmEntry(row["code"], row["text"], row["at"], row["time_s"], rad(row["pos_act_deg"]))
+        for row in tags["alarm_history"]
+    ]
+    known = {(alarm.code, round(alarm.time_s, 6), alarm.text) for alarm in fresh}
+    kept = RetainedMemory(directory_of(machine)).load()
+    older = [
+        alarm
+        for alarm in reversed(kept.alarms if kept else ())
+        if (alarm.code, round(alarm.time_s, 6), alarm.text) not in known
+    ]
+    first_out = [row["code"] for row in tags["alarms"] if row["first_out"]]
+    return [*fresh, *older], first_out or held_codes(tags)
+
+
+def service_retained(machine: Machine) -> Retained | None:
+    """The retained memory as it is on the disk; the service keeps it at every power-off."""
+    with ServiceLink(directory_of(machine)):
+        return RetainedMemory(directory_of(machine)).load()
+
+
+def arm_for_another(machine: Machine, action: str) -> None:
+    """Arm for somebody else, and stay until it is used or over."""
+    with ServiceLink(directory_of(machine)) as link:
+        link.ask("arm", action=action)
+        click.echo(f"{action.replace('_', '-')} is armed for 10 s: somebody else may execute it")
+        while link.look()["armed_client"] != link.client:  # the reply is faster than the tags
+            link.alive()
+        while link.look()["armed_client"] == link.client:
+            link.alive()
+    click.echo("not armed any more")
