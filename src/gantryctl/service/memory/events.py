@@ -1,4 +1,4 @@
-"""Events on their way to the journal: one JSON record each, written by whoever saw it happen."""
+"""Events on their way to the journal: one JSON record each, written by the process that saw it happen."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ RESERVE: Final = 2048
 class EventLog:
     """The writer's end of one event ring.
 
-    Events that found no place are declared by the next one that finds two: the gap stands in the journal where it is.
-
     Attributes:
-        lost: events that found no place. New motion is refused long before.
+        lost: events that found the ring full. New motion is refused long before.
     """
 
     def __init__(self, ring: Ring) -> None:
@@ -35,16 +33,17 @@ class EventLog:
 
     @property
     def room(self) -> bool:
-        """Whether there is room for more than the reserve."""
+        """Whether the ring takes more than the reserve."""
         return self._ring.slots - len(self._ring) > RESERVE
 
     def put(self, kind: str, text: str, who: Identity | None = None, **values: Any) -> int:
-        """Hand one event to the journal; its number, 0 when it was lost.
+        """Hand one event to the journal; return its number, 0 for a lost one.
 
         Args:
             kind: one word: command, alarm, authority, setting, login, user, service.
             values: numbers and short texts.
         """
+        # A gap is declared by the next event that finds two places, so it stands in the journal where it is.
         if self.lost > self._declared:
             if self._ring.slots - len(self._ring) < 2:
                 self.lost += 1
@@ -74,6 +73,7 @@ class EventLog:
 
 
 def printable(text: str, length: int = TEXT_MAX) -> str:
-    """At most `length` bytes of one line without control characters: what a name or message may bring into a log."""
+    """Cut a text to `length` bytes of one line without control characters."""
+    # A user name or a message must not forge lines of a log (docs/explanation/security.md, Journal).
     clean = "".join(c if c.isprintable() else "\ufffd" for c in text[:length])
     return clean.encode(errors="replace")[:length].decode(errors="ignore")

@@ -1,4 +1,4 @@
-"""The shared memory of the service: one anonymous file that the supervisor makes and every process inherits."""
+"""The shared memory of the service: one anonymous file, made by the supervisor and inherited by every process."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _WORDS: Final = 512
 
 
 class Source(IntEnum):
-    """Who writes commands and events."""
+    """The writer of commands and events."""
 
     # The gateway.
     WEB = 0
@@ -103,7 +103,7 @@ _AREAS: Final = (
 
 
 class SharedMemory:
-    """All areas by name.
+    """The areas of the shared memory by name.
 
     Attributes:
         words: numbers by `Word`.
@@ -132,13 +132,14 @@ class SharedMemory:
 
     @classmethod
     def create(cls) -> SharedMemory:
-        """New memory, all zero; it has no name and is gone with its last process.
+        """Make new memory, all zero.
 
         Raises:
             DeviceError: the system has none.
         """
         if sys.platform != "linux":
             raise DeviceError("`gantryctl serve` needs Linux: its processes share an anonymous memory file")
+        # Decision 0011: an anonymous file has no name, no permissions to get wrong, and is gone with its last process.
         try:
             handle = os.memfd_create("gantryctl")
             os.set_inheritable(handle, True)
@@ -148,5 +149,5 @@ class SharedMemory:
         return cls(handle)
 
     def close(self) -> None:
-        """This process needs it no more."""
+        """Close the handle in this process; the mapping stays until it is collected."""
         os.close(self.handle)

@@ -1,8 +1,6 @@
 """A bounded ring of records in shared memory, from one process to one other, without locks.
 
-The writer moves `tail` after the record is whole, the reader moves `head` when it is done with it. Both are eight
-aligned bytes, stored at once; x86 keeps the order of stores, a check sum refuses a record that came apart elsewhere.
-A process that is killed in between leaves the ring as it was.
+The writer moves `tail` after the record is whole, the reader moves `head` when it is done with it.
 """
 
 from __future__ import annotations
@@ -13,15 +11,19 @@ from typing import Final
 
 from gantryctl.errors import UsageError
 
+# Head and tail are eight aligned bytes, stored at once: a process that is killed in between leaves the ring as it was.
+# In words of eight bytes, each on a cache line of its own.
 _HEAD: Final = 0
-_TAIL: Final = 8  # in words of eight bytes, one cache line away
+_TAIL: Final = 8
 _DAMAGED: Final = 16
 _FIRST_SLOT: Final = 192
+# Length and CRC. x86 keeps the order of stores; elsewhere the check sum refuses a record that came apart
+# (decision 0011).
 _RECORD: Final = struct.Struct("<II")
 
 
 class Ring:
-    """One end of a ring; which end it is decides which methods may be called.
+    """One end of a ring: the writer's or the reader's.
 
     Args:
         memory: the same shared memory on both ends, zero at first, aligned to eight bytes.
@@ -40,12 +42,12 @@ class Ring:
         self._words = memory[:_FIRST_SLOT].cast("Q")
 
     def __len__(self) -> int:
-        """Records that wait."""
+        """Waiting records."""
         return max(0, min(self.slots, self._words[_TAIL] - self._words[_HEAD]))
 
     @property
     def damaged(self) -> int:
-        """Records that the reader had to throw away."""
+        """Records that the reader has discarded."""
         return self._words[_DAMAGED]
 
     # --- writer -----------------------------------------------------------------------------------
@@ -71,18 +73,18 @@ class Ring:
 
     @property
     def written(self) -> int:
-        """Records ever written: the number of the newest one."""
+        """Number of the newest record that was written."""
         return self._words[_TAIL]
 
     @property
     def done(self) -> int:
-        """Records ever taken: everything up to this number."""
+        """Number of the newest record that was taken."""
         return self._words[_HEAD]
 
     # --- reader -----------------------------------------------------------------------------------
 
     def take(self) -> bytes | None:
-        """The oldest record; None when there is none. Damaged ones are counted and left out."""
+        """Remove and return the oldest record, None from an empty ring. Damaged ones are counted and left out."""
         while True:
             found = self.peek(1)
             if not found:
@@ -93,10 +95,11 @@ class Ring:
             self._words[_DAMAGED] += 1
 
     def peek(self, limit: int) -> list[bytes | None]:
-        """The oldest records, at most `limit`, left where they are; None for a damaged one."""
+        """Return the oldest records, at most `limit`, and leave them in the ring; None for a damaged one."""
         words, memory = self._words, self._memory
         head, tail = words[_HEAD], words[_TAIL]
-        if not 0 <= tail - head <= self.slots:  # no writer of ours leaves this: begin anew
+        # No writer of this program leaves such numbers: start over at the tail.
+        if not 0 <= tail - head <= self.slots:
             words[_DAMAGED] += 1
             words[_HEAD] = tail
             return []
@@ -109,11 +112,11 @@ class Ring:
         return found
 
     def advance(self, count: int) -> None:
-        """The oldest `count` records are done with."""
+        """Remove the oldest `count` records."""
         self._words[_HEAD] = min(self._words[_HEAD] + count, self._words[_TAIL])
 
     def clear(self) -> int:
-        """Throw away everything that waits; how many there were."""
+        """Discard all waiting records; return how many there were."""
         waiting = len(self)
         self._words[_HEAD] = self._words[_TAIL]
         return waiting

@@ -1,7 +1,7 @@
 """A record that one process publishes and many read, always whole and never waited for by the writer.
 
 The sequence is odd while the writer writes. A reader copies, and takes the copy only if the sequence was even and has
-not changed; a check sum covers machines that reorder stores.
+not changed.
 """
 
 from __future__ import annotations
@@ -13,12 +13,14 @@ from typing import Final, NamedTuple
 from gantryctl.errors import UsageError
 
 _HEADER: Final = 24
+# Length and CRC: the check sum covers machines that reorder stores.
 _LENGTHS: Final = struct.Struct("<II")
+# A reader gives up after so many attempts instead of waiting for a writer that was killed inside a publication.
 _TRIES: Final = 200
 
 
 class Published(NamedTuple):
-    """What was read.
+    """One record as it was read.
 
     Attributes:
         version: rises by one with every publication.
@@ -49,7 +51,8 @@ class SequenceLock:
         if len(data) > self.capacity:
             raise UsageError(f"record of {len(data)} bytes: there is room for {self.capacity}")
         words, memory = self._words, self._memory
-        writing = words[0] | 1  # odd already when a writer was killed inside
+        # The sequence is odd already if a writer was killed inside.
+        writing = words[0] | 1
         words[0] = writing
         _LENGTHS.pack_into(memory, 8, len(data), zlib.crc32(data))
         memory[_HEADER : _HEADER + len(data)] = data
@@ -57,11 +60,11 @@ class SequenceLock:
 
     @property
     def version(self) -> int:
-        """How often something was published."""
+        """Number of publications so far."""
         return self._words[0] // 2
 
     def read(self) -> Published | None:
-        """The newest whole record; None when there is none or the writer does not finish one."""
+        """Return the newest whole record; None before the first, or while the writer does not finish one."""
         words, memory = self._words, self._memory
         for _ in range(_TRIES):
             before = words[0]

@@ -1,4 +1,4 @@
-"""The controller's picture of itself as tags: packed numbers every 10 ms, the rest as JSON when it changes."""
+"""Status snapshot of the controller as tags: packed numbers every 10 ms, the rest as JSON when it changes."""
 
 from __future__ import annotations
 
@@ -16,9 +16,11 @@ from gantryctl.service.protocol.tags import BY_NAME, TAGS
 # Tags of the packed record, in this order.
 FAST: Final = tuple(tag.name for tag in TAGS if tag.rate == "20 Hz")
 _PACKED: Final = struct.Struct(f"<Q{len(FAST)}d")
+# Six decimals of a degree are 17 nrad; more would carry the binary tail of every float over the wire.
 _DIGITS: Final = 6
 
 
+# Packed numbers instead of JSON: this record is written a hundred times a second inside the scan's process.
 def publish_fast(lock: SequenceLock, values: Mapping[str, float]) -> None:
     """Pack the 20 Hz tags with the time on CLOCK_MONOTONIC."""
     lock.publish(_PACKED.pack(time.monotonic_ns(), *[values[name] for name in FAST]))
@@ -30,7 +32,7 @@ def publish_json(lock: SequenceLock, values: object) -> None:
 
 
 class Snapshot:
-    """What a reader of the shared memory sees: the tags as plain JSON values.
+    """A reader of the status snapshot: the tags as plain JSON values.
 
     Attributes:
         version: rises when a tag that is sent on change has changed.
@@ -44,7 +46,7 @@ class Snapshot:
         self.version = 0
 
     def fast(self) -> tuple[dict[str, Any], float]:
-        """The 20 Hz tags, and their age in ms; empty and inf before the controller has published any."""
+        """Read the 20 Hz tags and their age in ms; empty and inf before the controller has published any."""
         found = self._memory.fast.read()
         if found is None or len(found.data) != _PACKED.size:
             return {}, math.inf
@@ -53,7 +55,7 @@ class Snapshot:
         return {name: decode(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
 
     def slow(self) -> dict[str, Any]:
-        """All other tags; look at `version` to know whether they changed."""
+        """Read all other tags; `version` rises when they changed."""
         now = (self._memory.slow.version, self._memory.alarms.version)
         if now != self._seen:
             slow, alarms = self._memory.slow.read(), self._memory.alarms.read()
@@ -67,7 +69,7 @@ class Snapshot:
 
 
 def decode(name: str, number: float) -> Any:
-    """A packed number as its tag says: word, flag, whole number, rounded number, or None."""
+    """Turn a packed number into the value of its tag: word, flag, whole number, rounded number, or None."""
     tag = BY_NAME[name]
     if not math.isfinite(number):
         return None

@@ -1,4 +1,4 @@
-"""The recording on its way out of the scan: rows into the ring while power is on."""
+"""Trace rows on their way out of the scan: into a ring, while power is on."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from gantryctl.service.memory.ring import Ring
 
 
 class RingRecorder:
-    """A `Recorder` that only packs a row; the recorder process makes a file of it.
+    """A `Recorder` that packs rows into a ring; the recorder process writes the file.
 
     Attributes:
         number: of the recording under way; 0 while nothing is recorded.
-        lost: rows that found no place.
+        lost: rows that found the ring full.
     """
 
     def __init__(self, ring: Ring, columns: Sequence[str]) -> None:
@@ -28,16 +28,17 @@ class RingRecorder:
         self._pack = struct.Struct(f"<{len(columns) + 1}d").pack
 
     def record(self, row: tuple[float, ...]) -> None:
-        """One row, if something is recorded."""
+        """Pack one row of the recording under way."""
         if self.number and not self._ring.put(self._pack(self.number, *row)):
             self.lost += 1
 
     def stop(self) -> None:
-        """This recording is complete."""
+        """End the recording under way."""
+        # A record of the number alone marks the end.
         if self.number:
             self._ring.put(struct.pack("<d", self.number))
             self.number = 0
 
     def close(self) -> None:
-        """The same."""
+        """End the recording under way."""
         self.stop()

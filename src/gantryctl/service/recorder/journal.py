@@ -1,7 +1,6 @@
 """The journal: every command, alarm, change of control or setting and login, each bound to the one before.
 
-SQLite in WAL mode with `synchronous=FULL`: what `append` has returned for survives a kill and a power cut. Row n holds
-the SHA-256 over row n-1's hash and its own content, so any single edit shows.
+Row n holds the SHA-256 over row n-1's hash and its own content, so any single edit shows.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.program.alarms.codes import Code
 from gantryctl.service.recorder import journal_file as file
 
-# Events that stay whatever their age and size.
+# Events that stay whatever their age and size: the last runs can always be read.
 KEPT_LEAST: Final = 1000
 # Events taken out in one commit: no longer than a second.
 PRUNED_MOST: Final = 20_000
@@ -39,7 +38,7 @@ class Entry(NamedTuple):
 
 
 class Anchor(NamedTuple):
-    """One event's number and hash, to be kept where nobody who can write the journal can change it."""
+    """Number and hash of one event, to be kept out of reach of those who can write the journal."""
 
     seq: int
     hash: str
@@ -47,10 +46,10 @@ class Anchor(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """What `verify` found.
+    """The result of `verify`.
 
     Attributes:
-        rows: rows looked at.
+        rows: checked rows.
         wrong: the first thing that is wrong, or "".
         first: number of the first row; above 1 when older ones were taken out by age or size.
         anchors: how many of the anchors given were found in the chain.
@@ -69,7 +68,7 @@ class Journal:
         moved_aside: where the damaged one went, or None.
 
     Args:
-        connect: opens the database, in autocommit; a test puts a file system of its own under it.
+        connect: opens the database, in autocommit; a test puts a failing file system under it.
 
     Raises:
         JournalFault: the directory cannot be used.
@@ -90,7 +89,7 @@ class Journal:
         self._seq, self._hash = self._db.execute("SELECT seq, hash FROM head").fetchone()
 
     def append(self, boot: int, source: int, first: int, records: Sequence[bytes | None]) -> None:
-        """Keep events; on the disk when this returns. Those that are there already are left out.
+        """Keep events: they are on the disk when this returns. Those that are there already are left out.
 
         Args:
             boot: number of this start of the service. source: who wrote them.
@@ -117,7 +116,7 @@ class Journal:
         self._seq, self._hash = seq, last
 
     def prune(self, before_utc: str, bytes_max: int) -> int:
-        """Take out the oldest events, and write down which and their hash in the same commit; how many.
+        """Remove the oldest events, and write which, with their hash, in the same commit; return how many.
 
         The newest `KEPT_LEAST` stay, whatever the limits; one call takes `PRUNED_MOST` at most.
 
@@ -136,6 +135,7 @@ class Journal:
             if upto <= base:
                 return 0
             last = db.execute("SELECT hash FROM events WHERE seq = ?", (upto,)).fetchone()[0]
+            # Decision 0011: what is taken out stays provable. The chain begins at the hash that this event keeps.
             said = file.own_record(
                 "journal", f"events {base + 1} to {upto} were taken out by age or size", base=upto, hash=last
             )
@@ -153,7 +153,7 @@ class Journal:
         return int(upto - base)
 
     def locked(self) -> bool:
-        """It was begun because the one before was damaged, and nobody has acknowledged that yet."""
+        """Whether it follows a damaged journal, and service has not acknowledged that yet."""
         first = self._db.execute("SELECT text FROM events WHERE seq = 1").fetchone()
         if first is None or not first[0].startswith(Code.JRN_05):
             return False
@@ -161,7 +161,7 @@ class Journal:
         return self._db.execute(acknowledged, (OWN,)).fetchone() is None
 
     def note(self, kind: str, text: str) -> None:
-        """Keep an event of the recorder's own."""
+        """Keep an event of the recorder itself."""
         self.append(0, OWN, time.time_ns(), [file.own_record(kind, text)])
 
     def close(self) -> None:
@@ -170,7 +170,7 @@ class Journal:
 
 
 def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: bool = False) -> list[Entry]:
-    """Rows by number, from another process than the writer's.
+    """Read rows by number, in a process other than the writer's.
 
     Raises:
         DeviceError: there is none, or it cannot be read.
@@ -183,7 +183,7 @@ def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: b
 
 
 def anchor(directory: Path) -> Anchor:
-    """The newest event.
+    """Return number and hash of the newest event.
 
     Raises:
         DeviceError: there is no journal, or it is empty.
@@ -195,11 +195,11 @@ def anchor(directory: Path) -> Anchor:
 
 
 def verify(directory: Path, anchors: Sequence[Anchor] = (), newest: int = 0) -> Verdict:
-    """Look at every row and its hash, whether the end is there, and whether what was taken out was written down.
+    """Check every row and its hash, the end, and that a removal of old events was written down.
 
     Args:
         anchors: events that must be in it as they were. Those from before its first row are not looked for.
-        newest: only so many, for a first look; 0 for all.
+        newest: check only so many, for a quick start; 0 for all.
 
     Raises:
         DeviceError: there is none.
@@ -258,7 +258,7 @@ def _end(rows: _Rows, anchors: dict[int, Anchor], count: int, last: str) -> str:
 
 @contextmanager
 def _reading(directory: Path) -> Iterator[_Rows]:
-    """The journal as it is now: `rows(query, values)` yields tuples."""
+    """Open the journal for reading: `rows(query, values)` yields tuples."""
     path = directory / file.FILE
     if not path.is_file():
         raise DeviceError(f"{path}: there is no journal yet")
@@ -268,7 +268,8 @@ def _reading(directory: Path) -> Iterator[_Rows]:
         raise DeviceError(f"{path}: {fault}") from fault
     with closing(db):
         try:
-            db.execute("BEGIN")  # one picture, whatever is written meanwhile
+            # One transaction, so that the writer changes nothing under the reader.
+            db.execute("BEGIN")
         except sqlite3.Error as fault:
             raise DeviceError(f"{path}: {fault}") from fault
         yield _Rows(db, path)

@@ -68,7 +68,7 @@ INSERT: Final = f"INSERT INTO events VALUES (?, {', '.join('?' * len(FIELDS))}, 
 
 
 def row_of(boot: int, source: int, number: int, record: bytes | None) -> tuple[Any, ...]:
-    """The content of a row, in the order of `FIELDS`."""
+    """Make the content of a row, in the order of `FIELDS`."""
     found: dict[str, Any] = _LOST if record is None else json.loads(record)
     return (
         boot, source, number, found.get("utc", ""), found.get("monotonic_ns", 0), found["kind"],
@@ -78,18 +78,16 @@ def row_of(boot: int, source: int, number: int, record: bytes | None) -> tuple[A
 
 
 def own_record(kind: str, text: str, **values: Any) -> bytes:
-    """An event of the journal's writer."""
+    """Make an event of the journal's writer."""
     utc = datetime.now(UTC).isoformat(timespec="milliseconds")
     found = {"utc": utc, "monotonic_ns": time.monotonic_ns(), "kind": kind, "text": text, "values": values}
     return json.dumps(found).encode()
 
 
 def connect(path: Path) -> sqlite3.Connection:
-    """A connection in autocommit, to a file that its owner writes, its group reads and nobody else sees.
-
-    SQLite gives the files beside it the same rights.
-    """
-    with suppress(OSError):  # SQLite says better what is wrong with the file
+    """Connect in autocommit to a file that its owner writes, its group reads and others cannot see."""
+    # SQLite gives the files beside it the same rights, and reports better what is wrong with the file.
+    with suppress(OSError):
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, _RIGHTS)
         with os.fdopen(handle):
             os.fchmod(handle, stat.S_IMODE(os.fstat(handle).st_mode) & _RIGHTS)
@@ -97,13 +95,15 @@ def connect(path: Path) -> sqlite3.Connection:
 
 
 def open_file(path: Path, connected: Callable[[Path], sqlite3.Connection]) -> sqlite3.Connection:
-    """The journal, made where there is none.
+    """Open the journal; make it where there is none.
 
     Raises:
         Damaged: it is not whole. sqlite3.Error: it cannot be opened, or is another kind of file.
     """
     db = connected(path)
     try:
+        # What `append` has returned for survives a kill and a power cut: of 1000 simulated power cuts none lost such an
+        # event, with synchronous = NORMAL 938 did (docs/evidence/journal_power_cuts.json).
         db.execute("PRAGMA journal_mode = WAL")
         db.execute("PRAGMA synchronous = FULL")
         db.executescript(_SCHEMA.format(start=START))
@@ -115,7 +115,7 @@ def open_file(path: Path, connected: Callable[[Path], sqlite3.Connection]) -> sq
 
 
 def _check_tail(db: sqlite3.Connection) -> None:
-    """Whether the last rows fit together."""
+    """Check that the last rows fit together; Damaged otherwise."""
     if db.execute("PRAGMA quick_check(1)").fetchone() != ("ok",):
         raise Damaged("the database is damaged")
     base_seq, base_hash = db.execute("SELECT seq, hash FROM base").fetchone()
@@ -136,14 +136,14 @@ def _check_tail(db: sqlite3.Connection) -> None:
 
 
 def older(db: sqlite3.Connection, before_utc: str, base: int) -> int:
-    """The last event before the first one that is young enough."""
+    """Find the last event before the first one that is young enough."""
     query = "SELECT seq FROM events WHERE utc >= ? ORDER BY seq LIMIT 1"
     found = db.execute(query, (before_utc,)).fetchone()
     return int(found[0]) - 1 if found else base
 
 
 def surplus(db: sqlite3.Connection, bytes_max: int, base: int, head: int) -> int:
-    """The last one of the oldest events, as many as all of them occupy too much."""
+    """Find the last of the oldest events whose removal brings all of them below the limit."""
     names = ("page_count", "freelist_count", "page_size")
     pages, free, size = (db.execute(f"PRAGMA {name}").fetchone()[0] for name in names)
     used = (pages - free) * size
@@ -151,14 +151,14 @@ def surplus(db: sqlite3.Connection, bytes_max: int, base: int, head: int) -> int
 
 
 def is_damage(fault: Exception) -> bool:
-    """Whether the file is damaged, rather than the disk full or not ours."""
+    """Tell damage to the file from a disk that is full or not ours."""
     if isinstance(fault, OSError):
         return False
     return getattr(fault, "sqlite_errorcode", 0) & 0xFF not in _OF_THE_DISK
 
 
 def move_aside(path: Path) -> Path:
-    """Rename a damaged journal and what belongs to it; the new name."""
+    """Rename a damaged journal with the files beside it; return the new name."""
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
     aside = path.with_name(f"{path.stem}-damaged-{stamp}.sqlite")
     path.rename(aside)

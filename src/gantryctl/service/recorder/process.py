@@ -1,7 +1,6 @@
 """The recorder process: events into the journal, trace rows into files.
 
-It is the only writer of the journal. An event leaves its ring when it is on the disk, so a recorder that is killed
-loses nothing; a slow disk delays only this process.
+It is the only writer of the journal; a slow disk delays only this process.
 """
 
 from __future__ import annotations
@@ -27,6 +26,7 @@ from gantryctl.service.recorder.journal import Journal, JournalFault
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
+# A commit that takes longer shows as `slow`; events wait in their rings meanwhile.
 SLOW_S: Final = 1.0
 _BATCH: Final = 200
 _PAUSE_S: Final = 0.010
@@ -35,11 +35,11 @@ _PRUNE_S: Final = 600.0
 
 
 class EventWriter:
-    """Takes events out of their rings when the journal has them.
+    """Moves events from their rings into the journal.
 
     Args:
         free_bytes: what is free on the disk.
-        connect: opens the database; a test puts a disk of its own under it.
+        connect: opens the database; a test puts a failing disk under it.
     """
 
     def __init__(
@@ -47,11 +47,11 @@ class EventWriter:
         memory: SharedMemory,
         directory: Path,
         free_bytes: Callable[[], int],
-        keeping: RetentionPolicy | None = None,
+        policy: RetentionPolicy | None = None,
         connect: Callable[[Path], sqlite3.Connection] | None = None,
     ) -> None:
         self._memory, self._directory, self._free = memory, directory, free_bytes
-        self._keeping, self._connect = keeping or RetentionPolicy(), connect
+        self._policy, self._connect = policy or RetentionPolicy(), connect
         self._journal: Journal | None = None
         self._locked = False
         # When the commit under way began, on CLOCK_MONOTONIC.
@@ -66,7 +66,7 @@ class EventWriter:
         """Health of the journal now."""
         if self.failed:
             return JournalState.FAILED
-        if self._free() < self._keeping.event_reserve_mb * MB:
+        if self._free() < self._policy.event_reserve_mb * MB:
             return JournalState.FULL
         if self._locked:
             return JournalState.LOCKED
@@ -78,10 +78,10 @@ class EventWriter:
         )
 
     def drain(self) -> bool:
-        """Write what waits; whether there was anything.
+        """Write the waiting events; False if there were none.
 
         Raises:
-            JournalFault: it was not written and waits on.
+            JournalFault: the events were not written and wait on.
         """
         if self._journal is None:
             self._open()
@@ -98,64 +98,65 @@ class EventWriter:
             finally:
                 self.began_s = None
             self._slowest_s = max(self._slowest_s, time.monotonic() - began_s)
+            # Decision 0011: an event leaves its ring when it is committed, so a killed recorder loses none, and the
+            # numbers of the ring make every event exactly once.
             ring.advance(len(records))
             busy = True
             if self._locked and any(r is not None and b'"kind":"journal"' in r for r in records):
                 self._locked = False
         self.failed = False
-        self._say_how_it_goes()
+        self._report_disk()
         self._prune()
         return busy
 
-    def _say_how_it_goes(self) -> None:
-        """What the disk does to the journal is in the journal, as soon as it can be."""
-        free_mb, limits = self._free() / MB, self._keeping
+    def _report_disk(self) -> None:
+        """Write into the journal what the disk did to it, as soon as it takes events again."""
+        free_mb, limits = self._free() / MB, self._policy
         short, nearly = limits.shortage(free_mb), limits.shortage(free_mb / ENOUGH)
         disk = max(short, min(nearly, self._disk))
         if disk != self._disk:
             limit, stop = limits.reserve_mb, limits.event_reserve_mb
             if disk == 0:
-                self._own(f"the disk has room again: {free_mb:.0f} MB free")
+                self._note("service", f"the disk has room again: {free_mb:.0f} MB free")
             elif disk == 1:
-                short_of = Words.NOTHING_RECORDED(free=free_mb, limit=limit)
-                self._own(refusal(Code.JRN_01, reason=short_of).line)
+                self._alarm(Code.JRN_01, reason=Words.NOTHING_RECORDED(free=free_mb, limit=limit))
             else:
-                short_of = Words.NO_NEW_MOTION(free=free_mb, limit=limit, stop=stop)
-                self._own(refusal(Code.JRN_01, reason=short_of).line)
+                self._alarm(Code.JRN_01, reason=Words.NO_NEW_MOTION(free=free_mb, limit=limit, stop=stop))
             self._disk = disk
         if self._failed_since_s > -math.inf:
             seconds = time.monotonic() - self._failed_since_s
-            self._own(refusal(Code.JRN_02, reason=Words.EVENTS_WAITED(time_s=seconds)).line)
+            self._alarm(Code.JRN_02, reason=Words.EVENTS_WAITED(time_s=seconds))
             self._failed_since_s = -math.inf
         if self._slowest_s > SLOW_S:
-            slow = Words.DISK_SLOW(time_s=self._slowest_s, limit=SLOW_S)
-            self._own(refusal(Code.JRN_02, reason=slow).line)
+            self._alarm(Code.JRN_02, reason=Words.DISK_SLOW(time_s=self._slowest_s, limit=SLOW_S))
         self._slowest_s = 0.0
 
     def _prune(self) -> None:
-        """Now and then: take out what is too old or too much."""
+        """Remove events that are too old or too many, every ten minutes."""
         now_s = time.monotonic()
         if self._journal is None or now_s < self._prune_s:
             return
-        days = self._keeping.journal_days
+        days = self._policy.journal_days
         before = (datetime.now(UTC) - timedelta(days=days)).isoformat(timespec="milliseconds") if days else ""
-        taken = self._journal.prune(before, int(self._keeping.journal_mb * MB))
+        taken = self._journal.prune(before, int(self._policy.journal_mb * MB))
         self._prune_s = now_s if taken else now_s + _PRUNE_S
 
-    def _own(self, text: str) -> None:
-        """An event of the recorder itself."""
+    def _alarm(self, code: Code, **values: object) -> None:
+        self._note("alarm", refusal(code, **values).line)
+
+    def _note(self, kind: str, text: str) -> None:
         assert self._journal is not None
-        self._journal.note("alarm" if text.startswith("JRN") else "service", text)
+        self._journal.note(kind, text)
 
     def _open(self) -> None:
         self._journal = Journal(self._directory, self._connect)
         aside = self._journal.moved_aside
         if aside is not None:
-            self._own(refusal(Code.JRN_05, file=aside.name).line)
+            self._alarm(Code.JRN_05, file=aside.name)
         self._locked = self._journal.locked()
 
     def run(self, ended: threading.Event) -> None:
-        """Until told to end and everything is written."""
+        """Write events until told to end and everything is written."""
         while True:
             last_round = ended.is_set()
             try:
@@ -183,18 +184,19 @@ class EventWriter:
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory, directory = SharedMemory(int(arguments[0])), Path(arguments[1])
-    keeping = RetentionPolicy.from_json(arguments[2])
+    policy = RetentionPolicy.from_json(arguments[2])
     die_with_parent()
     ended = threading.Event()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: ended.set())
 
     free_bytes = free_of(directory)
-    events = EventWriter(memory, directory, free_bytes, keeping)
-    traces = TraceWriter(memory, directory / "traces", free_bytes, keeping)
+    events = EventWriter(memory, directory, free_bytes, policy)
+    traces = TraceWriter(memory, directory / "traces", free_bytes, policy)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")
     writer.start()
-    traces.drain(at_once=True)  # now it is known which recording goes on
+    # First the rows: they say which recording goes on, all others were left by a recorder that is gone.
+    traces.drain(at_once=True)
     traces.finish_left()
     while writer.is_alive():
         traces.drain()

@@ -1,4 +1,4 @@
-"""How much the service keeps on its disk: options of `gantryctl serve`, handed to the recorder process."""
+"""Retention policy of journal and recordings: options of `gantryctl serve`, handed to the recorder process."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 from gantryctl.errors import UsageError
 
 MB: Final = 2**20
-# There is room again when there is so much more than the reserve: nothing comes and goes at the edge of it.
+# Hysteresis: there is room again with so much more than the reserve, or recordings would come and go at its edge.
 ENOUGH: Final = 1.1
 
 
 class RetentionPolicy(NamedTuple):
-    """Sizes in MB of 2^20 bytes. Events come before recordings: those end first, and have no part in their room.
+    """Sizes in MB of 2^20 bytes. Recordings end before events do, and have no part in the room of events.
 
     Attributes:
         journal_mb: the oldest events go when all of them need more.
@@ -33,11 +33,11 @@ class RetentionPolicy(NamedTuple):
     event_reserve_mb: int = 16
 
     def shortage(self, free_mb: float) -> int:
-        """0 for room enough, 1 for none for recordings, 2 for none for new motion either."""
+        """Judge the free room: 0 enough, 1 none for recordings, 2 none for new motion either."""
         return (free_mb < self.reserve_mb) + (free_mb < self.event_reserve_mb)
 
     def checked(self) -> RetentionPolicy:
-        """The same; UsageError for sizes that contradict each other."""
+        """Return the policy; UsageError for sizes that contradict each other."""
         if not self.reserve_mb >= self.event_reserve_mb:
             raise UsageError(
                 f"--reserve {self.reserve_mb} MB is below --event-reserve {self.event_reserve_mb} MB: "
@@ -47,16 +47,16 @@ class RetentionPolicy(NamedTuple):
 
     @classmethod
     def from_json(cls, text: str) -> RetentionPolicy:
-        """From the argument of the process."""
+        """Read the argument of the recorder process."""
         return cls(**json.loads(text))
 
     def to_json(self) -> str:
-        """For the argument of the process."""
+        """Write the argument of the recorder process."""
         return json.dumps(self._asdict())
 
 
 def free_of(directory: Path) -> Callable[[], int]:
-    """A function that gives the bytes free on the disk of a directory."""
+    """Make a function that returns the free bytes on the disk of a directory."""
 
     def free_bytes() -> int:
         found = os.statvfs(directory)

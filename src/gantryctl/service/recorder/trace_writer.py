@@ -28,10 +28,8 @@ TRACES_KEPT: Final = 100
 class TraceWriter:
     """Makes a file of every recording: live as an Arrow stream, closed as Parquet.
 
-    A row leaves the ring when it is in the file, so a recorder that is killed loses none; the next one goes on with
-    the same file and leaves out what is there already. While the disk is short of room nothing is recorded; a recording
-    that was left because of that goes on in its file, with a gap. Closing takes a second for five minutes of rows, so
-    it is done beside: the next rows do not wait for it.
+    While the disk is short of room nothing is recorded; a recording that was left because of that goes on in its file,
+    with a gap.
 
     Args:
         free_bytes: what is free on the disk.
@@ -42,10 +40,10 @@ class TraceWriter:
         memory: SharedMemory,
         directory: Path,
         free_bytes: Callable[[], int],
-        keeping: RetentionPolicy | None = None,
+        policy: RetentionPolicy | None = None,
     ) -> None:
         self._memory, self._directory, self._free = memory, directory, free_bytes
-        self._keeping = keeping or RetentionPolicy()
+        self._policy = policy or RetentionPolicy()
         self._file: ArrowRecorder | None = None
         self._number = 0.0
         self._unpack: Callable[[bytes], tuple[Any, ...]] | None = None
@@ -53,7 +51,7 @@ class TraceWriter:
         self._closing: list[threading.Thread] = []
 
     def drain(self, *, at_once: bool = False) -> None:
-        """Take the rows that wait: when they are a whole block, when a second has passed, or at once."""
+        """Take the waiting rows: when they are a whole block, when a second has passed, or at once."""
         ring, now_s = self._memory.rows, time.monotonic()
         if len(ring) < FLUSH_ROWS and now_s < self._due_s and not at_once:
             return
@@ -64,14 +62,16 @@ class TraceWriter:
                 if record is not None:
                     self._take(record)
             self._writing(lambda file: file.flush())
+            # A row leaves the ring when it is in the file: a killed recorder loses none, and the next one goes on with
+            # the same file, leaving out the rows that are there already (decision 0011).
             ring.advance(len(records))
 
     def _look_at_disk(self) -> None:
         """Leave the recording under way when room is short; go on with it when there is room again."""
-        self._keep_quota()
+        self._apply_quota()
         words = self._memory.words
         free_mb = self._free() / MB / (ENOUGH if words[Word.RECORDING_STOPPED] else 1.0)
-        short = self._keeping.shortage(free_mb) > 0 or self._size() > self._keeping.traces_mb * MB
+        short = self._policy.shortage(free_mb) > 0 or self._size() > self._policy.traces_mb * MB
         words[Word.RECORDING_STOPPED] = short
         if short and self._file is not None:
             self._writing(lambda file: file.leave())
@@ -111,7 +111,7 @@ class TraceWriter:
                 self._writing(lambda file: file.record(row))
 
     def _writing(self, do: Callable[[ArrowRecorder], None]) -> None:
-        """Do it with the file, if there is one; a file that fails is left, the service goes on."""
+        """Work on the file, if there is one; a failing file is left, the service goes on."""
         if self._file is not None:
             try:
                 do(self._file)
@@ -120,7 +120,7 @@ class TraceWriter:
                 self._file = None
 
     def _begin(self) -> None:
-        """A new file, or the one that was left by this recorder or by one that was killed."""
+        """Begin a file, or go on with one that this recorder or a killed one has left."""
         about = self._memory.columns.read()
         if about is None or self._memory.words[Word.RECORDING_STOPPED]:
             return
@@ -136,13 +136,13 @@ class TraceWriter:
         except (OSError, GantryctlError) as fault:
             sys.stderr.write(f"recorder: {fault}\n")
 
-    def _keep_quota(self) -> None:
-        """Once a minute: the oldest recordings go, by count and by size; never the one under way."""
+    def _apply_quota(self) -> None:
+        """Remove the oldest recordings once a minute, by count and by size; never the one under way."""
         now_s = time.monotonic()
         if now_s < self._quota_s:
             return
         self._quota_s = now_s + QUOTA_S
-        room, name = self._keeping.traces_mb * MB, self._path().name
+        room, name = self._policy.traces_mb * MB, self._path().name
         for kept, file in enumerate(sorted(self._directory.glob("service-*"), reverse=True), 1):
             room -= file.stat().st_size
             if (kept > TRACES_KEPT or room < 0) and file.stem != name:
@@ -155,14 +155,14 @@ class TraceWriter:
             self._beside(made.close)
 
     def finish_left(self) -> None:
-        """Close what recorders have left that are gone: a power cut, or no room."""
+        """Close files that earlier recorders left after a power cut or for want of room."""
         for live in sorted(self._directory.glob(f"service-*{LIVE_SUFFIX}")):
             if live.stem != self._path().name:
                 self._beside(partial(ArrowRecorder.finish, live))
 
     def _beside(self, close: Callable[[], None]) -> None:
-        """In a thread: one that is killed leaves the live file as it was."""
-
+        # Closing takes a second for five minutes of rows: in a thread, so that the next rows do not wait for it. A
+        # thread that is killed leaves the live file as it was.
         def closed() -> None:
             try:
                 close()

@@ -1,4 +1,4 @@
-"""Certificates that the service uses: until when they are valid, and a word in time before they are not any more."""
+"""Validity of the certificates that the service uses, and warnings before they expire."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gantryctl.program.alarms.words import Words
 
 WARN_DAYS: Final = 30
 _DAY: Final = timedelta(days=1)
+# UTCTime and GeneralizedTime (RFC 5280, section 4.1.2.5).
 _TIMES: Final = {0x17: "%y%m%d%H%M%SZ", 0x18: "%Y%m%d%H%M%SZ"}
 _VERSION: Final = 0xA0
 # Serial number, algorithm and issuer stand before it.
@@ -23,17 +24,17 @@ _PEM: Final = b"-----BEGIN CERTIFICATE-----"
 
 
 class Validity(NamedTuple):
-    """From when until when."""
+    """Begin and end of a certificate."""
 
     begin: datetime
     end: datetime
 
 
 def validity(file: Path) -> Validity:
-    """Of the first certificate in a file, PEM or DER.
+    """Read the validity of the first certificate in a file, PEM or DER.
 
     Raises:
-        UsageError: it cannot be read, or is no certificate.
+        UsageError: the file cannot be read, or holds no certificate.
     """
     try:
         data = file.read_bytes()
@@ -54,7 +55,7 @@ def validity(file: Path) -> Validity:
 
 
 def _parts(data: bytes) -> list[tuple[int, bytes]]:
-    """The elements of a DER sequence one after the other: tag and content."""
+    """Split a DER sequence into its elements: tag and content."""
     found, at = [], 0
     while at < len(data):
         tag, length = data[at], data[at + 1]
@@ -74,7 +75,7 @@ def _time(tag: int, content: bytes) -> datetime:
 
 
 def refuse_expired(file: Path, now: datetime) -> None:
-    """Raises UsageError for a certificate that is not valid now."""
+    """Raise UsageError for a certificate that is not valid now."""
     begin, end = validity(file)
     if now >= end:
         raise UsageError(f"{file}: expired on {end:%Y-%m-%d}: browsers refuse it; get a new one")
@@ -83,13 +84,13 @@ def refuse_expired(file: Path, now: datetime) -> None:
 
 
 class CertificateWatch:
-    """What is to be said about certificates: from 30 days before the end on, once a day each."""
+    """Warnings about certificates: from 30 days before the end on, once a day each."""
 
     def __init__(self) -> None:
         self._said: dict[Path, datetime] = {}
 
     def due(self, files: Iterable[Path], now: datetime) -> list[str]:
-        """One line for each certificate of which something is to be said now."""
+        """Return one line for each certificate whose warning is due."""
         found = []
         for file in files:
             text = _warning(file, now)

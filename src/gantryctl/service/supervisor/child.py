@@ -1,4 +1,4 @@
-"""One process of the service that is kept running: started again when it ends, ended when it hangs."""
+"""A process of the service that is kept running: started again when it ends, ended when it hangs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,13 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 
-# Before a process is started again; from the beginning once it has run for a while.
+# Pauses before a new start; they begin again after a calm run. A killed process was back after 0.6 to 3.3 s
+# (docs/evidence/service_kills.json).
 _PAUSES_S: Final = (0.0, 0.1, 0.3, 0.5, 1.0, 2.0)
 _CALM_S: Final = 10.0
-# A process that gives signs of life and then none for so long hangs.
+# A process without a sign of life for so long hangs.
 HANG_S: Final = 10.0
-# The same before the first one.
+# Before the first sign: imports on a busy machine take their time.
 START_S: Final = 60.0
 
 
@@ -49,7 +50,7 @@ class Child:
         self._ending = asyncio.Event()
 
     async def keep(self, said: Callable[[str], None]) -> None:
-        """Run it until it is to end. Returns when a critical one fails too often."""
+        """Run it until it is to end, or until a critical one has failed too often."""
         tries = 0
         while not self._ending.is_set():
             self._began_ns = time.monotonic_ns()
@@ -67,20 +68,22 @@ class Child:
             await asyncio.sleep(pause_s)
 
     async def _run(self) -> str:
-        """Start it and wait; how it ended."""
+        """Start it and wait; return how it ended."""
         try:
             self.process = await asyncio.create_subprocess_exec(
                 *self._command,
                 pass_fds=self._handles,
-                start_new_session=True,  # Ctrl-C is for the supervisor only
+                # A session of its own: Ctrl-C reaches the supervisor only, which ends the axis first.
+                start_new_session=True,
             )
-        except OSError as fault:  # no memory, handles or processes now: perhaps later
+        # Memory, handles or processes may be short now and not later (tests/system/test_service_starved.py).
+        except OSError as fault:
             return f"could not be started: {fault.strerror or fault}"
         self.starts += 1
         return f"ended with code {await self.process.wait()}"
 
     def end_hung(self, said: Callable[[str], None], now_ns: int) -> None:
-        """End it when it has given no sign of life for too long; `keep` starts it again."""
+        """End it after too long without a sign of life; `keep` starts it again."""
         if self._beat_ns is None or self.process is None or self.process.returncode is not None:
             return
         beat_ns = self._beat_ns()
@@ -93,11 +96,11 @@ class Child:
                 self.process.kill()
 
     def leave(self) -> None:
-        """Do not start it again."""
+        """Keep it from being started again."""
         self._ending.set()
 
     async def end(self, patience_s: float) -> None:
-        """Tell it to end, and end it when it does not."""
+        """Ask it to end, and kill it if it does not."""
         self.leave()
         if self.process is None or self.process.returncode is not None:
             return
@@ -112,7 +115,7 @@ class Child:
 
 
 def notify(word: str) -> None:
-    """Say READY, WATCHDOG or STOPPING to whoever started the service, if it wants to know."""
+    """Tell systemd READY, WATCHDOG or STOPPING; without systemd do nothing."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return

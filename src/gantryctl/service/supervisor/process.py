@@ -1,7 +1,4 @@
-"""The parent of the service's processes: starts them, starts them again, ends them; serves the local socket.
-
-The controller ends first when the service ends, so that the axis is at rest while the journal still takes events.
-"""
+"""The parent of the service's processes: starts them, starts them again, ends them; serves the local socket."""
 
 from __future__ import annotations
 
@@ -12,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -30,21 +28,21 @@ _CONTROLLER_END_S: Final = 25.0
 _END_S: Final = 8.0
 _CERTIFICATES_S: Final = 3600.0
 _LOOK_S: Final = 1.0
-# Whoever looks so late was held up, and so were the others: nobody is judged by it.
+# A supervisor that was held up for so long cannot tell a process that hangs from one that was held up with it.
 _HELD_UP_S: Final = 3.0
 
 
 class Options(NamedTuple):
-    """What the service is told beside where it listens.
+    """Options of the service beside its addresses.
 
     Attributes:
-        keeping: how much the recorder keeps.
-        certificates: the files whose end is watched, as they are now.
+        policy: how much the recorder keeps.
+        certificates: lists the files whose end is watched.
         second_person: what one user arms, another one executes.
-        users: whose changes are written down.
+        users: their changes go into the journal.
     """
 
-    keeping: RetentionPolicy
+    policy: RetentionPolicy
     certificates: Callable[[], list[Path]]
     second_person: bool
     users: Users
@@ -78,40 +76,31 @@ class Supervisor:
         self.memory.words[Word.LEASE_MS] = round(machine.monitors.lease_ms)
         handle = self.memory.handle
         run = [sys.executable, "-m"]
-        wanted = config_hash(machine)
-        self.controller = Child(
-            "controller",
-            [*run, "gantryctl.service.controller", str(handle), str(config), wanted]
-            + (["--second-person"] if options.second_person else []),
-            [handle],
-            critical=True,
-        )
-        recorder = [
-            *run,
-            "gantryctl.service.recorder",
-            str(handle),
-            str(directory),
-            options.keeping.to_json(),
-        ]
+        # Modules by these names: they show in the list of processes.
+        controller = [*run, "gantryctl.service.controller", str(handle), str(config), config_hash(machine)]
+        if options.second_person:
+            controller.append("--second-person")
+        self.controller = Child("controller", controller, [handle], critical=True)
+        words = self.memory.words
+        recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory), options.policy.to_json()]
         self.recorder = Child(
-            "recorder", recorder, [handle], beat_ns=lambda: self.memory.words[Word.RECORDER_NS]
+            "recorder", recorder, [handle], beat_ns=partial(words.__getitem__, Word.RECORDER_NS)
         )
         self.gateway: Child | None = None
         if gateway is not None:
-            self.gateway = Child(
-                "gateway",
-                [*run, *gateway, str(handle)],
-                [handle, listener],
-                beat_ns=lambda: self.memory.words[Word.GATEWAY_NS],
-            )
+            # The listening socket belongs to this process: a gateway that restarts misses no connection
+            # (decision 0011).
+            command = [*run, *gateway, str(handle)]
+            beat_ns = partial(words.__getitem__, Word.GATEWAY_NS)
+            self.gateway = Child("gateway", command, [handle, listener], beat_ns=beat_ns)
         self.opcua: Child | None = None
         if opcua is not None:
             self.opcua = Child("opcua", [*run, *opcua, str(handle)], [handle])
         self._directory, self._say, self._options = directory, say, options
-        self.hub: Hub
+        self.hub = Hub(self.memory, Source.LOCAL)
 
     async def run(self, ready: Callable[[], None]) -> int:
-        """Run until a signal or until the controller cannot be kept running; the exit code.
+        """Run until a signal, or until the controller cannot be kept running; return the exit code.
 
         Raises:
             DeviceError: the controller does not start.
@@ -120,7 +109,6 @@ class Supervisor:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             loop.add_signal_handler(number, ended.set)
-        self.hub = Hub(self.memory, Source.LOCAL)
         server = LocalServer(self._directory, self.hub)
         keepers = {child: asyncio.create_task(child.keep(self._tell)) for child in self._children()}
         own = [asyncio.create_task(work) for work in (self.hub.run(), self._watch(), ended.wait())]
@@ -152,7 +140,7 @@ class Supervisor:
         self.hub.events.put("service", text)
 
     async def _watch(self) -> None:
-        """Once a second: processes that hang, users that were changed, certificates that end; a word to systemd."""
+        """Watch for hanging processes, changed users and ending certificates, once a second."""
         certificates, users = CertificateWatch(), UserWatch(self._options.users)
         before_s = certificates_s = time.monotonic() - _CERTIFICATES_S
         while True:
@@ -180,13 +168,14 @@ class Supervisor:
             await asyncio.sleep(0.02)
 
     async def _end(self) -> None:
-        """Axis first, then page, then journal."""
+        """End the axis first, then the page, then the journal."""
+        # The axis must be at rest while the journal still takes events.
         self.hub.events.put("service", "the service ends")
-        lookers = [child for child in (self.gateway, self.opcua) if child is not None]
-        for child in lookers:
+        viewers = [child for child in (self.gateway, self.opcua) if child is not None]
+        for child in viewers:
             child.leave()
         await self.controller.end(_CONTROLLER_END_S)
-        for child in lookers:
+        for child in viewers:
             await child.end(_END_S)
         await self.recorder.end(_END_S)
         self.memory.close()

@@ -1,4 +1,4 @@
-"""What is looked at before the service starts; nothing here moves or writes anything of the machine."""
+"""Self-test before the service starts; nothing here moves the machine or writes its state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NEWEST: Final = 100_000
 
 
 class Check(NamedTuple):
-    """One thing looked at; `vital` ones stop the start when they fail."""
+    """One check; a failed `vital` one stops the start."""
 
     name: str
     ok: bool
@@ -29,20 +29,20 @@ class Check(NamedTuple):
     vital: bool = True
 
 
-def self_test(machine: Machine, store: StateStore, root: Path, keeping: RetentionPolicy) -> list[Check]:
-    """All checks, none left out when one fails."""
+def self_test(machine: Machine, store: StateStore, root: Path, policy: RetentionPolicy) -> list[Check]:
+    """Run all checks, also after a failed one."""
     return [
         _memory(),
         _clock(),
         _state(machine, store),
-        _disk(store.directory, keeping),
+        _disk(store.directory, policy),
         _journal(store.directory),
         _users(root),
     ]
 
 
 def _memory() -> Check:
-    """A record through a ring and a picture through the sequence lock."""
+    """Pass a record through a ring and through the sequence lock."""
     try:
         memory = SharedMemory.create()
     except GantryctlError as fault:
@@ -56,13 +56,13 @@ def _memory() -> Check:
 
 
 def _clock() -> Check:
-    """The monotonic clock must be finer than a scan."""
+    """Check that the monotonic clock is finer than a scan."""
     step_s = time.get_clock_info("monotonic").resolution
     return Check("clock", step_s < 1e-5, f"CLOCK_MONOTONIC, resolution {step_s:.1e} s")
 
 
 def _state(machine: Machine, store: StateStore) -> Check:
-    """Nobody else runs this machine, and its memory can be read."""
+    """Check that no other process runs this machine, and that its memory can be read."""
     try:
         with store:
             retained, plant = store.load_retained(), store.load_plant()
@@ -77,16 +77,15 @@ def _state(machine: Machine, store: StateStore) -> Check:
     return Check("state", True, "a new machine" if retained is None else "retained memory and plant read")
 
 
-def _disk(directory: Path, keeping: RetentionPolicy) -> Check:
-    free_mb, least = free_of(directory)() / MB, keeping.event_reserve_mb
+def _disk(directory: Path, policy: RetentionPolicy) -> Check:
+    free_mb, least = free_of(directory)() / MB, policy.event_reserve_mb
     return Check("disk", free_mb >= least, f"{free_mb:.0f} MB free, at least {least:g} MB for the journal")
 
 
 def _journal(directory: Path) -> Check:
-    """A damaged journal does not stop the start: it is moved aside, and motion waits for service.
-
-    The newest events are looked at, which takes a second at most; `gantryctl journal verify` looks at all.
-    """
+    """Check the newest events of the journal."""
+    # A damaged journal does not stop the start: it is moved aside, and motion waits for service. The newest events take
+    # a second at most; `gantryctl journal verify` checks all.
     if not (directory / FILE).exists():
         return Check("journal", True, "a new one", vital=False)
     try:

@@ -23,6 +23,7 @@ FORMAT: Final = "gantryctl users, version 1"
 PASSWORD_MIN: Final = 12
 PASSWORD_MAX: Final = 256
 _NAME: Final = re.compile(r"[a-z][a-z0-9._-]{0,31}")
+# Decision 0011: 0.1 s and 32 MB a check; one check at a time.
 _N, _R, _P = 2**15, 8, 1
 _MEMORY: Final = 128 * 2**20
 
@@ -56,7 +57,7 @@ class Users:
         self.path = root / FILE
 
     def all(self) -> dict[str, User]:
-        """By name.
+        """Read all users by name.
 
         Raises:
             StateError: the file is damaged.
@@ -72,10 +73,10 @@ class Users:
             raise StateError(f"{self.path}: users cannot be read: {fault}") from fault
 
     def add(self, name: str, role: Role, password: str) -> None:
-        """A new user.
+        """Add a user.
 
         Raises:
-            UsageError: the name is taken or not possible, or the password is too short.
+            UsageError: the name is taken or not possible, or the password too short.
         """
         if not _NAME.fullmatch(name):
             raise UsageError(f"user name {name!a}: a small letter, then at most 31 of a-z 0-9 . _ -")
@@ -87,18 +88,19 @@ class Users:
         self._store({**users, name: made(name, role, password)})
 
     def remove(self, name: str) -> None:
-        """Take a user out; UsageError when there is none."""
+        """Remove a user; UsageError for an unknown one."""
         users = self.all()
         _known(users, name)
         self._store({other: user for other, user in users.items() if other != name})
 
     def set_password(self, name: str, password: str) -> None:
-        """Another password; ends the sessions of this user. UsageError when there is no such user."""
+        """Set another password, which ends the user's sessions; UsageError for an unknown user."""
         users = self.all()
         self._store({**users, name: made(name, _known(users, name).role, password)})
 
     def check(self, name: str, password: str) -> User | None:
-        """The user if the password is right. Takes the same time for a name that is not there."""
+        """Return the user if the password is right."""
+        # An unknown name takes the same time: guesses learn nothing about names.
         user = self.all().get(name)
         against = user or _NOBODY
         right = hmac.compare_digest(_key(password, against), bytes.fromhex(against.key))
@@ -113,7 +115,7 @@ class Users:
 
 
 def made(name: str, role: Role, password: str) -> User:
-    """A user with a fresh salt; UsageError for a password that is too short or too long."""
+    """Make a user with a fresh salt; UsageError for a password that is too short or too long."""
     if not PASSWORD_MIN <= len(password) <= PASSWORD_MAX:
         raise UsageError(
             f"a password has {PASSWORD_MIN} to {PASSWORD_MAX} characters, this one has {len(password)}"
@@ -145,7 +147,7 @@ _NOBODY: Final = User("", Role.VIEWER, "00" * 16, "00" * 32, _N, _R, _P, "")
 
 
 class UserWatch:
-    """What has changed since it was last asked."""
+    """Changes of the file while the service runs, for the journal."""
 
     def __init__(self, users: Users) -> None:
         self._users = users
@@ -153,7 +155,7 @@ class UserWatch:
         self._known: dict[str, User] | None = None
 
     def changes(self) -> list[str]:
-        """One line for each change; nothing for what was there at the first look."""
+        """Return one line for each change since the last call; none at the first."""
         try:
             found = self._users.path.stat()
             stamp: object = (found.st_mtime_ns, found.st_ino, found.st_size)
