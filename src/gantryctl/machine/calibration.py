@@ -12,6 +12,7 @@ from gantryctl.errors import ConfigError
 from gantryctl.machine.reading import parse_toml, printable, read_text
 from gantryctl.machine.tables.fields import Table
 
+# As many as the compiled laws have places for (`MAP_HARMONICS` and the others of the core).
 MAP_HARMONICS: Final = 16
 REVERSAL_HARMONICS: Final = 12
 SCALE_HARMONICS: Final = 40

@@ -176,7 +176,7 @@ def _torque(m: Machine) -> list[Derived]:
             "friction of motor and reducer at the highest setting, unloaded",
         ),
         Derived("torque_needed_move", need, "N m", "acceleration + nominal eccentric moment + friction"),
-        Derived("torque_rated", m.motor.torque_rated_nm, "N m", "available for ever"),
+        Derived("torque_rated", m.motor.torque_rated_nm, "N m", "available continuously"),
         Derived("torque_needed_quick", quick, "N m", "quick stop of the rigid machine"),
         Derived(
             "torque_needed_quick_check",

@@ -26,6 +26,7 @@ class Difference(NamedTuple):
 
 def config_hash(machine: Machine) -> str:
     """SHA-256 over the effective values, given or default, as canonical JSON; 64 hexadecimal digits."""
+    # How a value is written, its place, and whether it was given or is the default do not count (decision 0004).
     values = {path: _canonical(value_at(machine, path)) for path in field_specs()}
     text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode("ascii")).hexdigest()

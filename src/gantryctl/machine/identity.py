@@ -13,6 +13,7 @@ from gantryctl.machine.tables.model import Machine
 
 def identity_hash(machine: Machine) -> str:
     """What makes a machine another one: ratios, motor, reducer, encoder; not gains, limits or [plant]."""
+    # Gains, limits and [plant] may change without a new calibration; what was measured hangs on these parts.
     ratios = {"reducer_ratio": machine.axis.reducer_ratio, "ring_ratio": machine.axis.ring_ratio}
     tables = {
         name: getattr(machine, name).model_dump(mode="json") for name in ("motor", "reducer", "encoder")

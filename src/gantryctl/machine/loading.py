@@ -86,6 +86,7 @@ def check(data: Data, name: str) -> Machine:
     try:
         machine = _validate(_as_json(data))
     except ValidationError as error:
+        # The rules run as well, with stand-ins for what was refused: one run reports all problems (decision 0004).
         lines, unusable = describe(error.errors(include_url=False, include_input=False), data, name)
         lines += contradictions(_without(error, data), printable(name, 300), unusable)
         raise ConfigError(lines) from None
@@ -115,12 +116,13 @@ def default_machine() -> Machine:
 
 
 def _as_json(data: Data) -> str:
-    # A date has no JSON form; null is refused by every field.
+    # A date has no JSON form; null, which every field refuses, stands in for it.
     return json.dumps(data, default=_null)
 
 
 def _validate(text: str) -> Machine:
-    # JSON in strict mode: lax takes "5" and true as numbers, strict Python refuses arrays for tuples.
+    # JSON in strict mode: lax mode takes "5" and true as numbers, strict Python mode refuses arrays for tuples
+    # (decision 0004).
     return Machine.model_validate_json(text, strict=True, context={RULES_LATER: True})
 
 

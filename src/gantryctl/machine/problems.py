@@ -17,6 +17,7 @@ from gantryctl.machine.tables.model import Machine
 
 Location: TypeAlias = tuple[int | str, ...]
 
+# A file that is wrong from end to end needs another kind of help than ten thousand lines.
 MAX_LINES: Final = 500
 # Looking for similar names is slow; a file with more unknown keys needs another kind of help.
 _MAX_HINTS: Final = 50
@@ -33,6 +34,7 @@ _TYPE_NAMES: Final = {
     bool: "a boolean", str: "text", int: "a whole number", float: "a number with a point",
     list: "an array", dict: "a table",
 }  # fmt: skip
+# Mistakes of unit that people make: minutes, turns, kilo, degrees and radians.
 _FACTORS: Final = {
     60.0: "per minute instead of per second?",
     360.0: "degrees where turns belong, or the other way round?",

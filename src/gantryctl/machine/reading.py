@@ -12,8 +12,8 @@ from typing import Any, Final, TypeAlias
 from gantryctl.errors import ConfigError
 
 MAX_BYTES: Final = 256 * 1024
+# The TOML reader needs quadratic time for a dotted key: 256 KB of one key keep it busy for minutes (decision 0004).
 MAX_LINE: Final = 500
-"""Characters in a line: a key of a hundred thousand parts would keep the TOML reader busy for minutes."""
 MAX_DEPTH: Final = 8
 
 Data: TypeAlias = dict[str, Any]

@@ -85,4 +85,5 @@ def below(value: float, limit: float, why: str) -> Broken:
 
 
 def _rounding(value: float, limit: float) -> float:
+    # 6 x 1.05 is 6.300000000000001: a value that is written as it should be must not be refused.
     return 1e-9 * max(abs(value), abs(limit))

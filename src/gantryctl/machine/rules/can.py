@@ -6,8 +6,8 @@ from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below
 from gantryctl.machine.tables.model import Machine
 
 _TRAVEL = ("axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
+# A deadline shorter than this trips on an ordinary late scan.
 _FEWEST_SCANS = 3.0
-"""A deadline shorter than this trips on an ordinary late scan."""
 
 
 @rule("can.node", "can.master_node", "drive.kind")

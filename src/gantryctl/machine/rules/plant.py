@@ -167,6 +167,7 @@ def step_follows_brake(m: Machine) -> Broken:
 
 def _follows(m: Machine, stiffness: float, inertia: float, what: str) -> Broken:
     """Whether the drive cycle is short enough for a spring on an inertia, both at the same shaft."""
+    # Natural frequency x step: explicit steps are stable up to 2; 1 leaves half of it.
     if stiffness <= 0.0:
         return None
     most = 1e6 / math.sqrt(stiffness / inertia)

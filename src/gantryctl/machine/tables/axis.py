@@ -57,6 +57,8 @@ class SpeedTable(Table):
     setting_min_deg_s: float = number(0.6, 0.001, 5.0, "paper", "Lowest speed setting (0.1 r/min).")
     setting_max_deg_s: float = number(6.0, 0.1, 60.0, "paper", "Highest speed setting (1 r/min).")
     creep_deg_s: float = number(0.1, 0.001, 1.0, "choice", "Service creep, a limit of its own.")
+    # Each limit of the chain lies above the one before, so that the milder one acts first: setting, clamp of the
+    # command, ceiling in the drive, trip.
     command_clamp_deg_s: float = number(
         6.3,
         0.1,
@@ -74,9 +76,12 @@ class SpeedTable(Table):
 class VirtualAxisTable(Table):
     """[virtual_axis]: dynamics of the set-point at the gantry, with three decelerations."""
 
+    # A step of the acceleration swings a load on a spring up to twice as far; the paper drives trapezoids all the same.
     profile: Literal["trapezoid", "jerk_limited"] = choice(
         "trapezoid", "paper", "Shape of a move: constant acceleration, or limited jerk."
     )
+    # 15.25 s and 45.76 deg from rest to 6 deg/s: no move below 91.52 deg reaches the highest setting. The sizing
+    # case, 1 s to 6 deg/s, asks for 15.25 times as much.
     acc_deg_s2: float = number(
         450.0 / 1144.0, 0.01, 20.0, "paper", "Acceleration (450 deg/s2 at the motor, divided by 1144)."
     )
@@ -84,8 +89,10 @@ class VirtualAxisTable(Table):
     jerk_deg_s3: float = number(
         0.788, 0.01, 40.0, "estimate", 'Jerk of a move; only with profile = "jerk_limited".'
     )
+    # With the deceleration of a move an axis at 6 deg/s would need 46 deg to stop after the key is let go.
     jog_release_dec_deg_s2: float = number(2.0, 0.1, 20.0, "choice", "Deceleration when a jog key is let go.")
     jog_release_jerk_deg_s3: float = number(20.0, 0.1, 1000.0, "choice", "Jerk of the jog-release ramp.")
+    # v^2 / (2 x angle) for the permitted 4 deg from 6 deg/s are 4.5 deg/s2; 4.95 with a reaction time of 60 ms.
     quick_dec_deg_s2: float = number(
         5.4, 0.1, 30.0, "derived", "Deceleration of the quick stop, a step without jerk limit."
     )

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from gantryctl.machine.tables.fields import Table, number, numbers, switch, table, text
 
+# The compiled law has as many places (`FAST_WAVES` of the core).
 MAX_FAST_WAVES = 6
 
 
@@ -21,6 +22,7 @@ class TorqueFeedForwardTable(Table):
     acceleration: bool = switch(
         False, "choice", "Feed forward the torque that accelerates; jerk-limited only."
     )
+    # Above what the eccentric moment and a move of the reference machine ask for, far below the rated torque.
     limit_nm: float = number(60.0, 0.0, 500.0, "choice", "Largest torque fed forward, motor side.")
 
 
@@ -50,6 +52,7 @@ class WindupTable(Table):
         False, "choice", "Wind-up under eccentric moment and acceleration; jerk-limited only."
     )
     reversal: bool = switch(False, "choice", "Lost motion of friction and backlash, by the last direction.")
+    # Not a step: a step of the correction would be a jump of the speed command.
     reversal_length_deg: float = number(
         0.01, 1e-4, 0.5, "choice", "Way over which the direction turns round."
     )
@@ -60,6 +63,7 @@ class LoadEncoderLoopTable(Table):
 
     active: bool = switch(False, "choice", "Close the loop.")
     own_errors: bool = switch(False, "choice", "Take the encoder's own errors out, from the calibration.")
+    # Slow against the load mode of 2 Hz: the loop corrects what stands, not what swings.
     integral_per_s: float = number(1.0, 0.01, 10.0, "choice", "Integral gain.")
     dead_band_deg: float = number(1e-4, 0.0, 0.005, "choice", "Errors below this are left alone.")
     limit_deg: float = number(0.05, 0.0, 0.5, "choice", "Largest correction.")
@@ -79,6 +83,7 @@ class DampingTable(Table):
     active: bool = switch(False, "choice", "Damp the swing.")
     gain: float = number(0.05, 0.0, 0.3, "choice", "Part of the swing that the motor yields to.")
     filter_ms: float = number(5.0, 0.1, 100.0, "choice", "Filter of the load speed.")
+    # Wind-up under a standing moment is no swing: it is taken out by this slow filter.
     slow_s: float = number(1.0, 0.1, 50.0, "choice", "Twist that lasts longer is no swing.")
 
 

@@ -16,8 +16,8 @@ from gantryctl.machine.tables.fields import Table, table
 from gantryctl.machine.tables.motor import BrakeTable, EncoderTable, MotorTable, ReducerTable
 from gantryctl.machine.tables.plant import PlantTable
 
+# Key of the validation context: the caller checks the rules itself, because it makes lines of them.
 RULES_LATER: Final = "rules_later"
-"""Key of the validation context: the caller checks the rules itself, because it wants the lines."""
 
 
 class Machine(Table):
@@ -51,7 +51,7 @@ class Machine(Table):
 
     @property
     def calibration(self) -> Calibration | None:
-        """The identified values, from the file that [control.compensation] names; None if there is none."""
+        """Identified values, from the file that [control.compensation] names; None without such a file."""
         return self._calibration
 
     @property
