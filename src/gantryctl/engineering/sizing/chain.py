@@ -16,6 +16,7 @@ from gantryctl.machine.writing import toml_tables
 from gantryctl.units import DEG_S_PER_R_MIN
 
 _SPEED_CHAIN: Final = ("command_clamp_deg_s", "drive_ceiling_deg_s", "overspeed_trip_deg_s")
+# 1 r/min is 6 deg/s: what comes of the conversion must not end in 5.999999999999999.
 _DIGITS: Final = 12
 
 
@@ -29,6 +30,7 @@ def machine_values(sheet: Sheet, motor: MotorFile) -> dict[str, Value]:
 
 
 def _limits(sheet: Sheet) -> dict[str, Value]:
+    # The chain keeps its proportions: clamp 1.05, ceiling 1.083 and trip 1.1 x the highest setting.
     reference = default_machine().speed
     top = round(sheet.motion.speed_max_r_min * DEG_S_PER_R_MIN, _DIGITS)
     chain = {

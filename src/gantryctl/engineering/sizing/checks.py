@@ -1,4 +1,4 @@
-"""Does a motor fit a requirement sheet: one line per demand, with what it takes and what there is."""
+"""Checks of a motor against a requirement sheet: one line per demand, with what it takes and what there is."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ class Check(NamedTuple):
     @property
     def fits(self) -> bool:
         """The demand is met; rounding forgiven."""
+        # A requirement that is met exactly is met: 1.1 x 1144 must not fail by an ulp.
         return self.used <= self.limit * (1.0 + 1e-9)
 
     @property
     def part(self) -> float:
-        """What is used of what there is."""
         return self.used / self.limit if self.limit > 0.0 else math.inf
 
     @property
@@ -54,7 +54,6 @@ class Fit:
 
     @property
     def fits(self) -> bool:
-        """Every demand is met."""
         return all(check.fits for check in self.checks)
 
     @property
@@ -71,6 +70,7 @@ class Fit:
 
 def usable_torque_nm(sheet: Sheet, motor: MotorFile) -> float:
     """Highest torque of the drive: the motor's, or what the reducer bears for a moment."""
+    # The reducer and the base are the limit, not the motor: 35.2 kN m over 88 are 400 N m.
     return min(motor.motor.torque_max_nm, sheet.gears.torque_momentary_nm / sheet.gears.reducer_ratio)
 
 
@@ -105,6 +105,7 @@ def _speed_and_torque(sheet: Sheet, motor: MotorFile, train: Train) -> list[Chec
         ),
         Check("quick stop", train.quick_stop_nm, peak, "N m", "largest eccentric moment driving"),
     ]
+    # Only a torque above the rated one is limited in time.
     if largest > motor.torque_at_nm(motor.motor.torque_rated_nm, speed):
         checks.append(
             Check(
@@ -156,6 +157,7 @@ def _lasting(motor: MotorFile, train: Train, day: Duty) -> list[Check]:
 
 
 def _encoder(sheet: Sheet, motor: MotorFile) -> list[Check]:
+    # The axis is linear, never modulo: the encoder must tell every angle of the travel from every other.
     travel = sheet.range.pos_max_deg - sheet.range.pos_min_deg + 2.0 * sheet.range.wrap_margin_min_deg
     return [
         Check(

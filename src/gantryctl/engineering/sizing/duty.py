@@ -14,6 +14,7 @@ from gantryctl.engineering.sizing.train import Train
 from gantryctl.units import DEG_S_PER_R_MIN, rad
 
 Floats = NDArray[np.float64]
+# A sum over 2001 points of a part: the torque is smooth inside each, and the corners are points.
 _SAMPLES = 2001
 
 
@@ -41,6 +42,7 @@ class Duty(NamedTuple):
 def legs_deg(sheet: Sheet) -> list[tuple[float, float]]:
     """The moves of one treatment: from the last stop to the first, and on; stops at the same angle are no move."""
     stops = sheet.duty.stops_deg
+    # A day is a chain of treatments: each begins where the one before has ended.
     return [(a, b) for a, b in zip((stops[-1], *stops[:-1]), stops, strict=True) if a != b]
 
 

@@ -79,6 +79,7 @@ def delivered_motors() -> list[Path]:
     return sorted((configs_folder() / "motors").glob("*.toml"))
 
 
+# A shell expands `--motor motors/*.toml` to one option and further arguments: the content tells what each is.
 def is_motor_file(path: Path) -> bool:
     """Whether a TOML file describes a motor (it has a table [motor]) and not a requirement sheet.
 
@@ -134,6 +135,7 @@ def _contradictions(file: MotorFile) -> list[str]:
             f"[motor] speed_max_r_min = {plate.speed_max_r_min:g} r/min: must be at least speed_rated_r_min = "
             f"{plate.speed_rated_r_min:g} r/min"
         )
+    # Catalogue values are rounded: 10 %, as the machine file's rule on the name plate.
     power = power_kw(plate.torque_rated_nm, plate.speed_rated_r_min)
     if abs(plate.power_rated_kw - power) > 0.1 * power:
         lines.append(

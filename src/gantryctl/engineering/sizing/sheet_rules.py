@@ -1,4 +1,4 @@
-"""Requirements that no motor can meet, because they contradict each other."""
+"""Contradictions in a requirement sheet, which no motor can meet."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ def _motion(sheet: Sheet) -> list[str]:
     m, lines = sheet.motion, []
     travel = sheet.range.pos_max_deg - sheet.range.pos_min_deg
     speed = m.speed_max_r_min * DEG_S_PER_R_MIN
+    # A normal move may not ask for more than the motor is sized for.
     sizing = deg(mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s))
     if m.speed_min_r_min >= m.speed_max_r_min:
         lines.append(
@@ -70,6 +71,7 @@ def _gears(sheet: Sheet) -> list[str]:
         (f"sizing_time_s = {sheet.motion.sizing_time_s:g} s", sizing, "torque_momentary_nm"),
         (f"acc_deg_s2 = {sheet.motion.acc_deg_s2:g} deg/s2", rad(sheet.motion.acc_deg_s2), "torque_rated_nm"),
     ):
+        # Without rotor and losses, which a motor would add: so no motor can be blamed for it, and none can help.
         at_ring = load.inertia_kg_m2 * acc + load.eccentric_check_moment_nm + load.friction_coulomb_nm
         need, limit = at_ring / g.ring_ratio, getattr(g, key)
         if need > limit:

@@ -19,8 +19,8 @@ from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, rad
 
 Floats = NDArray[np.float64]
 
+# Travel time before a quick stop begins, as `gantryctl stops` counts it.
 REACTION_S = 0.06
-"""Travel time before a quick stop begins, as `gantryctl stops` counts it."""
 
 
 class Part(NamedTuple):
@@ -75,6 +75,7 @@ class Train:
     @property
     def quick_dec_rad_s2(self) -> float:
         """Least deceleration of a quick stop within the permitted angle, v^2/2 (angle - v reaction)."""
+        # The axis travels on at full speed until the stop begins.
         way = rad(self.sheet.motion.stopping_angle_max_deg) - self.speed_rad_s * REACTION_S
         return self.speed_rad_s**2 / (2.0 * way)
 
@@ -99,6 +100,7 @@ class Train:
     def motor_nm(self, acc: Floats | float, vel: Floats | float, against: Floats | float) -> Floats:
         """Motor torque; standing still no friction is counted on, neither helping nor hindering."""
         gears, i = self.sheet.gears, self.ratio
+        # Friction under load is a part of the torque that the reducer transmits: mu_m of plant equations S4.
         through = self.load_nm(acc, vel, against) / i
         loss = gears.load_loss_ratio * np.abs(through) * np.sign(vel)
         idle = (
@@ -127,12 +129,13 @@ class Train:
         ]
 
     def largest_nm(self, acc_rad_s2: float) -> float:
-        """Their sum."""
+        """Sum of `parts`."""
         return sum(part.torque_nm for part in self.parts(acc_rad_s2))
 
     def efficiency(self, acc_rad_s2: float) -> float:
-        """Of the transmission in this case: torque at the gantry over i x the torque that goes into the reducer."""
+        """Efficiency of the transmission in this case: torque at the gantry over i x the torque into the reducer."""
         s, w = self.sheet, self.speed_rad_s
+        # Friction of motor and reducer counts against the transmission, the inertia of the rotor does not.
         out = float(self.load_nm(acc_rad_s2, w, s.load.eccentric_check_moment_nm))
         into = self.largest_nm(acc_rad_s2) - self.fast_inertia_kg_m2 * acc_rad_s2 * self.ratio
         return out / (self.ratio * into)
@@ -155,13 +158,15 @@ class Train:
             swing: factor on the accelerating part: a step of the acceleration swings a load on a spring up to 2.
         """
         s = self.sheet
+        # A step of the acceleration swings a load on a spring up to twice its steady wind-up; rigid, the sizing case
+        # puts 17.6 kN m on the reducer.
         held = s.load.eccentric_check_moment_nm + s.load.friction_coulomb_nm
         held += s.load.friction_viscous_nm_s_per_rad * self.speed_rad_s
         return (swing * s.load.inertia_kg_m2 * acc_rad_s2 + held) / s.gears.ring_ratio
 
     @property
     def kinetic_energy_j(self) -> float:
-        """Of the whole train at the highest speed."""
+        """Kinetic energy of the whole train at the highest speed."""
         return 0.5 * self.inertia_kg_m2 * (self.ratio * self.speed_rad_s) ** 2
 
     @property
@@ -200,6 +205,7 @@ def over_angle(train: Train) -> list[AngleRow]:
     rows = []
     w = train.speed_rad_s
     for angle in ANGLES_DEG:
+        # Angles from where the centre of mass hangs down, so that the rows are alike on every machine.
         at = math.fmod(angle + train.sheet.load.eccentric_angle_deg, 360.0)
         against = float(train.against_nm(rad(at)))
         rows.append(
