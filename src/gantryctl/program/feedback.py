@@ -69,6 +69,7 @@ class Feedback:
         self._frozen_scans = settings.scans(monitors.encoder_frozen_time_s, least=3)
         self._error_scans = settings.scans(monitors.encoder_errors_time_s, least=monitors.encoder_errors_max)
         self._errors_max = monitors.encoder_errors_max
+        # At least three scans: one or two late telegrams are bridged (A16).
         self._old_scans = max(3, int(monitors.reading_age_s / period_s + 1e-9))
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
         self._late_scan, self._late_age = -10, 0
@@ -121,6 +122,7 @@ class Feedback:
 
     def _link(self, link: LinkFlag, age: int) -> None:
         """Raise the alarm of the connection to the drive; the reading of a lost drive is not valid."""
+        # A drive that booted again has lost its mapping: what arrives may be anything.
         if age and link & _LOST:
             self.position_valid = False
         for flag, code in _LINK_CODES:
@@ -162,6 +164,7 @@ class Feedback:
     def _bad_reading(self, counts: float) -> float:
         """Bridge a reading with a checksum error by a prediction; too many of them are a fault (A4, A5)."""
         scan = self._alarms.scan
+        # The speed of the scan before predicts one reading to 0.001 deg (A4).
         self._bad_scans.append(scan)
         first = self._bad_scans[0]
         if len(self._bad_scans) == self._errors_max and scan - first < self._error_scans:

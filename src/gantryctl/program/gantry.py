@@ -38,6 +38,7 @@ class GantryProgram(AxisProgram):
     def __init__(self, axis: Axis, *, service: bool = False) -> None:
         super().__init__(axis)
         self.service = service
+        # After a start nothing moves until a mode is chosen.
         self.mode = Mode.NONE
         self.power = Power(axis)
         self.reset = Reset(axis)
@@ -80,6 +81,7 @@ class GantryProgram(AxisProgram):
             self._by_increment(op)
         if changed or self.brake_test.attention:
             self.brake_test(execute=op.brake_test)
+        # In every scan: the switch may be released on the way.
         if not self.axis.feedback.inputs.enabling_switch:
             self._keep_the_cap()
 
@@ -90,6 +92,7 @@ class GantryProgram(AxisProgram):
         if op.lease != last.lease:
             self._lease_age = 0
         self.override(override=op.override)
+        # A motion begun from a remote screen stays remote until it has ended.
         self._remote = op.remote or (self._remote and self._under_way() is not None)
         if op.quick_stop and not last.quick_stop:
             self.axis.quick_stop()
@@ -99,6 +102,7 @@ class GantryProgram(AxisProgram):
             self._move_gate = self._allowed(self._check_move(op))
         elif not op.move:
             self._move_gate = False
+        # A key that was refused, or stopped by an alarm, must be released before it begins anything again.
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
         if pressed and not self._keys_dead:
             self._keys_dead = not self._allowed(self._check_keys(op))
@@ -190,6 +194,7 @@ class GantryProgram(AxisProgram):
         return refusal(Code.INT_05, measured=deg(speed_rad_s), limit=deg(self._without_switch))
 
     def _check_lease(self) -> Refusal | None:
+        # The operator judges the lease by the clock, the program in scans: each stops the key alone (decision 11).
         if self._lease_age < self._lease_scans:
             return None
         period_ms = self.axis.settings.period_s * 1e3

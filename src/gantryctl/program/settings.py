@@ -42,6 +42,7 @@ class SpeedSettings:
         brake_overdue_rad_s: highest speed while the brake test is overdue.
     """
 
+    # Ramps, short moves and override pass below the lowest setting; creep of service is a setting beside them.
     setting_min_rad_s: float
     setting_max_rad_s: float
     command_clamp_rad_s: float
@@ -122,6 +123,7 @@ class MonitorSettings:
     encoder_frozen_time_s: float = 0.030
     encoder_errors_max: int = 3
     encoder_errors_time_s: float = 0.100
+    # Three scans of 10 ms; Feedback never takes fewer than three scans.
     reading_age_s: float = 0.030
     overload_warning: float = 0.9
     lease_s: float = 0.250
@@ -167,6 +169,7 @@ class PowerSettings:
     brake_close_time_s: float = 0.150
     brake_feedback_time_s: float = 0.300
     power_up_time_s: float = 2.0
+    # At least 1.3 times the check moment at the motor: 56.8 N m on the reference machine (decision 14).
     test_torque_nm: float = 70.0
     untestable: Words | Said | None = None
     unload_step_s: float = 0.050

@@ -118,6 +118,7 @@ class VirtualAxis:
     def stop(self, limits: MotionLimits, scan: int) -> None:
         """Come to rest with `limits`; a stop under way that ends no later is kept: no stop is made weaker."""
         self.paused = False
+        # Nothing to stop: with override 0 the motion under way is given up.
         if self.at_rest:
             return
         start = self._set_point()
@@ -137,6 +138,7 @@ class VirtualAxis:
         start = self._set_point()
         speed = speed_rad_s * self.override
         try:
+            # Override 0 is a plan to rest; the target is kept, and planned anew when the override is raised.
             if self.override < OVERRIDE_MIN:
                 plan = plan_stop(start, self._ramps.normal(speed_rad_s))
             else:
@@ -152,6 +154,7 @@ class VirtualAxis:
     def _within_travel(self, plan: Segments) -> bool:
         """Whether the plan stays inside the travel, or, started outside, never goes further out."""
         low, high = plan.extremes()
+        # Started outside, as after a fault, the way back must be open.
         here = self.pos_ref_rad
         return (
             low >= min(self._pos_min, here) - _LIMIT_TOLERANCE_RAD

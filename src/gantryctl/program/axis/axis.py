@@ -125,6 +125,7 @@ class Axis:
         counts = feedback.counts - self.zero_counts
         virtual.changed = False
         if virtual.following:
+            # Sampled by the scan number, never summed: nothing adds up, and missed scans need no catching up (decision 5).
             virtual.sample(scan)
             if self.load_side is None:
                 self._vel_next, pos, self.pos_err_rad = self._law(
@@ -136,6 +137,7 @@ class Axis:
             self.monitors.scan(pos, self.pos_err_rad, self.vel_cmd_rad_s)
         else:
             if self.load_side is None:
+                # Only the angle of the law is used: there is no command while the drive ramps by itself or is off.
                 _, pos, _ = self._law(0.0, 0.0, counts)
             else:
                 pos = self.load_side.resting(counts)
@@ -144,6 +146,7 @@ class Axis:
             self.monitors.scan_released(pos)
         self.interlocks.scan(pos, power.phase is not _OFF)
         power.step(pos)
+        # An alarm raised in this scan acts on the output of this scan.
         if alarms.pending or self._error or self._switching_off or self.recovery.resetting:
             self._interrupted()
         if power.phase is _ON:
@@ -160,6 +163,7 @@ class Axis:
         virtual, power, motion = self.virtual, self.power, self.motion
         vel_cmd = 0.0
         torque = power.torque_ff_nm
+        # The one place that decides the speed command; 0 unless the axis follows.
         if virtual.following:
             if virtual.changed:
                 self._control_again()
@@ -177,6 +181,7 @@ class Axis:
             motion.stop_command is not None or (self._switching_off and not virtual.at_rest),
             None if current is None else current.state,
         )
+        # A plain tuple: the state table is entered only when one of its inputs has changed.
         if events != self._events or not self._settled:
             self._decide(AxisEvents(*events))
         return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
@@ -293,6 +298,7 @@ class Axis:
             )
         if not self.virtual.at_rest or self.motion.current is not None:
             return refusal(Code.CTL_14, reason=Words.ACCELERATION_AT_REST)
+        # Deceleration keeps its ratio to acceleration, as in the machine file.
         dec = ramps.dec_rad_s2 * acc_rad_s2 / ramps.acc_rad_s2
         self.virtual.use_ramps(replace(ramps, acc_rad_s2=acc_rad_s2, dec_rad_s2=dec))
         return None
@@ -358,6 +364,7 @@ class Axis:
         first = self.alarms.first_out
         if reaction is Reaction.HLT and (blocking := self.alarms.blocking()) is not None:
             self.motion.stop_by(blocking.refusal)
+        # One cause, one first-out alarm; what follows from it is folded under it.
         if first is None or reaction < Reaction.QUICK_STOP:
             return
         self._error = True
@@ -369,6 +376,7 @@ class Axis:
     def _reset_now(self) -> None:
         """Clear the alarms; the axis stays as it is: Reset never enables."""
         if self.recovery.service:
+            # A doubted position counts again only after service has compared the angle.
             self.feedback.accept_position()
             self.power.rebase()
         self.alarms.clear()

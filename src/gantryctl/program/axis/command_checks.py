@@ -43,6 +43,7 @@ def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
 def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:
     """Refuse a target outside the travel, unless it is nearer to the travel than here."""
     low, high = travel.pos_min_rad, travel.pos_max_rad
+    # The way back from outside is always open.
     if target_rad > high and target_rad >= here_rad:
         limit_rad, left_rad = high, high - here_rad
     elif target_rad < low and target_rad <= here_rad:
@@ -80,6 +81,7 @@ def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -
 
 def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     """Refuse a speed of 0 or above the highest setting: a program may creep below the lowest one."""
+    # Written so that NaN is refused: `nan > limit` is false.
     if 0.0 < speed_rad_s <= speed.setting_max_rad_s:
         return None
     return _wrong_speed(speed_rad_s, Words.AT_MOST_SPEED(high=deg(speed.setting_max_rad_s)))
@@ -96,6 +98,7 @@ def check_setting(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
 def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     """Refuse a speed that is too high for a brake whose test is overdue."""
     limit_rad_s = speed.brake_overdue_rad_s
+    # The limit itself, typed in deg/s, must pass after its conversion.
     if speed_rad_s <= limit_rad_s * (1.0 + 1e-9):
         return None
     return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))

@@ -77,6 +77,7 @@ class MotionCommands:
     def move_velocity(self, vel_rad_s: float) -> MotionCommand:
         """Begin a motion with `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
         travel = self._settings.travel
+        # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself.
         end = travel.pos_max_rad if vel_rad_s > 0.0 else travel.pos_min_rad
         command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
         return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
@@ -111,6 +112,7 @@ class MotionCommands:
     def stop(self) -> MotionCommand:
         """Come to rest on the jog-release ramp and take no other command until `release_stop`."""
         command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
+        # With power off and in ErrorStop the axis is stopped already.
         if self.state is AxisState.ERROR_STOP or not self._power.status:
             return command.fail(self._not_ready())
         self._stop_on_jog_ramp()
@@ -128,6 +130,7 @@ class MotionCommands:
 
     def take(self, command: MotionCommand | None) -> None:
         """Let a command that moves nothing take over; None: what is under way is aborted."""
+        # Buffer mode Aborting: nothing is queued, so nothing old can run after a stop.
         self.drop_waiting()
         if self.current is not None:
             self.current.status = CommandStatus.ABORTED
@@ -181,6 +184,7 @@ class MotionCommands:
 
     def _arrived(self, command: MotionCommand) -> None:
         if command.settles and not self._monitors.in_position:
+            # A window that is not reached in time ends the command, not the power (B12, CTL-11).
             if self._monitors.not_in_position:
                 command.fail(self._alarms.active[Code.CTL_11].refusal)
                 self.current = None

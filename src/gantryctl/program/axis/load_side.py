@@ -41,6 +41,7 @@ class LoadSide:
         self._law = law
         self._feedback = feedback
         self._alarms = alarms
+        # A law has memory, so every axis has its copy.
         self.laws = compensation.laws.copy()
         self._run = self.laws.scan
         self._run_again = self.laws.scan_again
@@ -85,6 +86,7 @@ class LoadSide:
         return pos_rad + self.laws.lead(pos_rad)
 
     def _watch(self) -> None:
+        # Disagreement is TORQUE OFF: a monitor that doubts the position cannot trust a ramp on it (decision 10).
         limit = self._limit
         if -limit <= self.disagreement_rad <= limit:  # NaN fails
             self._count = 0

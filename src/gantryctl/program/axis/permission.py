@@ -13,6 +13,7 @@ from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import PowerSettings
 
+# UNKNOWN is a state of its own, and no permission.
 _NO_POWER: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN)
 
 
@@ -20,6 +21,7 @@ def why_no_torque(feedback: Feedback, alarms: AlarmLog, but: Code | None = None)
     """Why the drive may not be enabled now; the alarm `but` does not count."""
     first, blocking = alarms.first_out, alarms.blocking(but)
     reason: Words | Said
+    # A latched alarm is named before the input that caused it.
     if first is not None:
         reason = Words.LATCHED(code=first.code, measured=first.refusal)
     elif blocking is not None:

@@ -57,6 +57,7 @@ def next_state(state: AxisState, events: AxisEvents) -> AxisState:
     if events.error:
         return AxisState.ERROR_STOP
     match state:
+        # Every alarm of a stop class ends with torque off, or with HOLD: in practice Reset leads to Disabled.
         case AxisState.ERROR_STOP | AxisState.DISABLED:
             return AxisState.STANDSTILL if events.powered else AxisState.DISABLED
         case AxisState.STOPPING:

@@ -33,6 +33,7 @@ class Power(Block):
                 axis.power_off()
         self.status = axis.power.status
         if self._on and (first := axis.alarms.first_out) is not None:
+            # Enable must fall and rise again: nothing switches on by itself after a reset.
             self._on = False
             self._fail(first.refusal)
 
@@ -77,6 +78,7 @@ class SetOverride(Block):
 
     def __call__(self, *, enable: bool = True, override: float) -> None:
         self.enabled = enable
+        # NaN is not equal to itself: without the second test it would be refused in every scan.
         if not enable or override == self._asked or (math.isnan(override) and math.isnan(self._asked)):
             return
         self._asked = override

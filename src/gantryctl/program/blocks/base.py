@@ -73,6 +73,7 @@ class ExecuteBlock(Block):
         """Set the outputs of this scan; every call ends with this."""
         self._execute = execute
         command = self._command
+        # PLCopen Part 1: the end of a command shows for at least one scan, also when Execute fell before.
         if command is None:
             if self._final and not execute:
                 self._clear()

@@ -54,10 +54,12 @@ class MoveVelocity(ExecuteBlock):
             self.active
             and command is not None
             and not virtual.paused
+            # Rounding of the constant speed in a plan.
             and abs(virtual.vel_ref_rad_s) >= command.speed_rad_s * virtual.override * (1.0 - 1e-9)
         )
 
     def _end(self, command: MotionCommand) -> None:
+        # A motion without end has ended at the limit of the travel: that is an error of this block (LIM-01).
         if command.status is CommandStatus.DONE and command.refusal is not None:
             command.fail(command.refusal)
         super()._end(command)

@@ -166,6 +166,7 @@ class Monitors:
                 if self._feedback.unchanged_scans:
                     self._feedback.report_frozen(vel_cmd_rad_s)
                     return
+                # Only a drive that obeys is asked for a ramp (B3).
                 obeys = abs(self._feedback.vel_rad_s - vel_cmd_rad_s / self._ratio) <= self._deviation
                 reaction = Reaction.QUICK_STOP if obeys else Reaction.TORQUE_OFF
                 speed = deg(abs(self._virtual.vel_ref_rad_s))
@@ -184,6 +185,7 @@ class Monitors:
         self._deviation_count = self._feedback.lasting(self._deviation_count)
         if self._deviation_count < self._deviation_scans:
             return
+        # With the sign inverted in the drive a quick stop accelerates: beyond 18 000 deg on a rigid model (B5).
         lags = self._feedback.torque_limited and abs(vel) < abs(command) and vel * command >= 0.0
         if not lags:
             limit = deg(self._deviation)
@@ -216,6 +218,7 @@ class Monitors:
     def _brake_closed(self, vel: float, error: float, warning: float) -> None:
         """Closed while commanded open: a fault at once when the axis feels it, else after a time (C5, C6)."""
         self._brake = self._feedback.lasting(self._brake)
+        # A brake that closes by itself in motion shows in torque or error before its contact is late.
         moving, late = not self._virtual.at_rest, self._brake >= self._brake_scans
         if moving and (late or self._feedback.torque_limited or not -warning <= error <= warning):
             self._alarms.raise_(Code.BRK_05, measured=deg(vel), error=deg(abs(error)))
@@ -238,6 +241,7 @@ class Monitors:
             self._dwell = 0
             self.in_position = False
             overdue = self.rest_scans >= self._tolerance_scans
+            # Once in the window, leaving it is a matter of standstill (CTL-13), not of arrival.
             if overdue and not self._in_window and not self.not_in_position:
                 self.not_in_position = True
                 time_s, limit = self.rest_scans * self._period_s, deg(self._window)

@@ -12,6 +12,7 @@ from gantryctl.program.monitors.stop_record import StopRecord
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings
 
+# A drive that still shows its fault after this keeps it for a cause that a reset does not clear.
 _FAULT_RESET_S: Final = 1.0
 
 
@@ -84,6 +85,7 @@ class Recovery:
         """Why a reset is not possible now."""
         active, feedback = self._alarms.active, self._feedback
         locked = next((alarm for alarm in active.values() if alarm.definition.lock), None)
+        # Reset never shortens a stop that is under way.
         if self._power.falling:
             reason: Words | Said = Words.STILL_STOPPING
         elif locked is not None and not service:

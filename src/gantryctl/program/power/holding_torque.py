@@ -28,6 +28,7 @@ class HoldingTorque:
 
     def learn(self, torque_nm: float) -> None:
         """Follow the torque of an axis in position, with the time constant of the settings."""
+        # Only in position at standstill: there the torque is load and static friction, without acceleration.
         mean_nm = self.mean_nm
         self.mean_nm = self.limited(mean_nm + (torque_nm - mean_nm) * self._learn)
 

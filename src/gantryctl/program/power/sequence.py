@@ -195,6 +195,7 @@ class PowerSequence:
         self._pos_rad = pos_rad
         phase = self.phase
         if phase is _ON:
+            # At once: waiting for the following error took 850 ms on a rigid model (D1).
             if self._feedback.state is not _OPERATION_ENABLED:
                 self._lost()
             return
@@ -248,6 +249,7 @@ class PowerSequence:
             self.request = DriveRequest.ENABLE
         if self.request is DriveRequest.DISABLE:
             self.torque_ff_nm = 0.0
+        # Torque is off and the drive disabled: only now the result counts.
         if phase is PowerPhase.OFF and self.brake_test.under_way:
             self._finish_test()
 
@@ -259,6 +261,7 @@ class PowerSequence:
             if self._count > self._power_up_scans:
                 self._stuck(_OPERATION_ENABLED)
             return
+        # The torque of the last standstill: the drive adds it to its own loop, so nothing steps at release.
         holding.preload()
         self._drive_owns_brake = feedback.brake_open
         if self.brake_test.under_way:
@@ -321,6 +324,7 @@ class PowerSequence:
         """Zero speed is held while the brake closes."""
         if self._drive_owns_brake:  # it closes the brake itself, when it is disabled
             self._enter(PowerPhase.DISABLING)
+        # Torque goes off only after the brake holds; TORQUE OFF is the one exception.
         elif self._count >= self._close_scans and not self._feedback.brake_open:
             self._unload()
         elif self._count > self._close_late_scans:
@@ -342,6 +346,7 @@ class PowerSequence:
         step = self._count // self._step_scans + 1
         if step <= _UNLOAD_STEPS:
             preload_nm = self.holding.preload_nm
+            # The angle is checked after each step, so a weak brake shows while the motor still holds most of the load.
             self.torque_ff_nm = self.holding.limited(preload_nm - self._load_nm * step / _UNLOAD_STEPS)
         elif step > _UNLOAD_STEPS + 1:
             self._enter(PowerPhase.DISABLING)
@@ -358,6 +363,7 @@ class PowerSequence:
         self.request = DriveRequest.FAULT_RESET if self.fault_reset else DriveRequest.DISABLE
         moved = self._moved(pos_rad)
         if not moved <= self._settings.sag_max_rad and self._feedback.position_valid:
+            # Within the watch after unloading it is the brake that did not hold (C3), later one that gave way (C4).
             late = not self._unloaded or self._count > self._slip_scans
             self._raise_slip(Code.BRK_04 if late else Code.BRK_03, moved)
         if self._feedback.brake_open and self._count > self._close_late_scans:
@@ -385,6 +391,7 @@ class PowerSequence:
                 self._enter(PowerPhase.OFF)
             return
         brake_time_over = self._count > self._close_late_scans
+        # At rest is judged on the motor side; the load goes on swinging for some seconds.
         if self._at_rest() and (not self._feedback.brake_open or brake_time_over):
             self._enter(PowerPhase.OFF)
         elif elapsed_s > _STOP_TIME_S:
@@ -401,6 +408,7 @@ class PowerSequence:
     def _can_hold(self) -> bool:
         """Whether the drive can be asked for torque at zero speed."""
         feedback = self._feedback
+        # Torque is never given back by itself with the emergency stop open, also when the brake slips (C4).
         inputs = feedback.inputs
         return inputs.estop_ok and inputs.mains_ready and feedback.position_valid and feedback.state in _ABLE
 
