@@ -1,4 +1,4 @@
-"""Set-point plans: made when something changes, then only sampled.
+"""Set-point plans: computed when something changes, then only sampled.
 
 A plan is a `gantryctl._core.Segments`, a table of constant-jerk pieces that ends at rest (or, with
 `plan_velocity`, at a constant speed). Ruckig finds the times; every plan starts exactly at the given state,

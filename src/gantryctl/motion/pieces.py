@@ -1,4 +1,4 @@
-"""Pieces of constant jerk, and Ruckig as the one who finds their durations."""
+"""Pieces of constant jerk; Ruckig finds their durations."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Piece(NamedTuple):
 
 
 def after(start: SetPoint, pieces: Iterable[Piece]) -> SetPoint:
-    """The state at the end of `pieces`."""
+    """State at the end of `pieces`."""
     pos, vel, acc = start
     for piece in pieces:
         pos, vel, acc = _advance(pos, vel, acc if piece.acc_rad_s2 is None else piece.acc_rad_s2, piece)
@@ -37,7 +37,7 @@ def after(start: SetPoint, pieces: Iterable[Piece]) -> SetPoint:
 def segments(
     start: SetPoint, pieces: Sequence[Piece], pos_end_rad: float | None, vel_end_rad_s: float
 ) -> Segments:
-    """The table of a plan; `pos_end_rad` None takes the end the pieces lead to."""
+    """Table of a plan; `pos_end_rad` None takes the end that the pieces lead to."""
     t_start: list[float] = []
     pos_start: list[float] = []
     vel_start: list[float] = []

@@ -21,12 +21,12 @@ _SPEED_REACHED: Final = 1e-9
 
 
 def hold(pos_rad: float) -> Segments:
-    """The plan that stands still at `pos_rad`."""
+    """Plan to stand still at `pos_rad`."""
     return Segments([], [], [], [], [], 0.0, pos_rad, 0.0)
 
 
 def plan_move(start: SetPoint, target_rad: float, limits: MotionLimits) -> Segments:
-    """To rest at `target_rad`, as fast as `limits` allow.
+    """Plan to rest at `target_rad`, as fast as `limits` allow.
 
     Where the target lies behind the point at which the axis can stop, it stops first and then comes back from
     rest: what slows it down and what speeds it up are different limits.
@@ -45,7 +45,7 @@ def plan_move(start: SetPoint, target_rad: float, limits: MotionLimits) -> Segme
 
 
 def plan_velocity(start: SetPoint, vel_rad_s: float, limits: MotionLimits) -> Segments:
-    """To the constant speed `vel_rad_s`, which goes on for ever; through rest when the sign changes.
+    """Plan to the constant speed `vel_rad_s`, without an end; through rest when the sign changes.
 
     Raises:
         CommandRefused: a value is not finite, above the speed limit, or a limit is not above 0.
@@ -66,7 +66,7 @@ def plan_velocity(start: SetPoint, vel_rad_s: float, limits: MotionLimits) -> Se
 
 
 def plan_stop(start: SetPoint, limits: MotionLimits) -> Segments:
-    """To rest with `limits.dec_rad_s2` and jerk, without ever moving back.
+    """Plan to rest with `limits.dec_rad_s2` and jerk, without ever moving back.
 
     Where the present acceleration cannot be released within the jerk limit before the axis stands, the jerk
     is what it must be: an axis that stops does not swing back.
@@ -76,13 +76,13 @@ def plan_stop(start: SetPoint, limits: MotionLimits) -> Segments:
 
 
 def stop_point(start: SetPoint, limits: MotionLimits) -> float:
-    """Where `plan_stop` would come to rest, rad."""
+    """Angle at which `plan_stop` would come to rest, rad."""
     start = _prepared(start, limits)
     return after(start, _stop(start, limits)).pos_rad
 
 
 def _prepared(start: SetPoint, limits: MotionLimits) -> SetPoint:
-    """`start`, checked, without acceleration where plans are trapezoids or the axis stands."""
+    """Check `start`; drop its acceleration where plans are trapezoids or the axis stands."""
     limits.checked()
     pos, vel, acc = start.checked()
     if math.isinf(limits.jerk_rad_s3) or abs(acc) <= _AT_REST_RAD_S2:
@@ -102,7 +102,7 @@ def _direction(start: SetPoint) -> float:
 def _way_in(
     start: SetPoint, target_rad: float, limits: MotionLimits
 ) -> tuple[list[Piece], SetPoint, MotionLimits]:
-    """What comes before the move proper: a stop, a slowing down to the speed limit, or nothing.
+    """Pieces before the move proper: a stop, a ramp down to the speed limit, or none.
 
     Returns the pieces, the state after them, and the limits for the rest of the move.
     """
@@ -120,19 +120,19 @@ def _way_in(
     slow = SetPoint(after(start, slowing).pos_rad, direction * limits.vel_rad_s)
     if (target_rad - after(slow, _stop(slow, limits)).pos_rad) * direction > _ARRIVED_RAD:
         return slowing, slow, limits
-    # Too near for slowing down in two steps: it only ever slows down from the speed it has.
+    # Too near for a ramp down in two steps: it only slows down from its present speed.
     return [], start, limits._replace(vel_rad_s=peak)
 
 
 def _peak_speed(start: SetPoint, limits: MotionLimits) -> float:
-    """The speed once the present acceleration is released; what `start` cannot avoid to reach."""
+    """Speed once the present acceleration is released: `start` cannot avoid it."""
     _, vel, acc = start
     gain = acc * acc / (2.0 * limits.jerk_rad_s3) if acc * vel >= 0.0 else 0.0
     return abs(vel) + gain
 
 
 def _must_stop_first(start: SetPoint, limits: MotionLimits) -> bool:
-    """The axis slows down so hard that it stands before its acceleration is gone, whatever comes next."""
+    """Whether the axis slows down so hard that it stands before its acceleration is gone."""
     _, vel, acc = start
     return acc * vel < 0.0 and 2.0 * limits.jerk_rad_s3 * abs(vel) <= acc * acc
 

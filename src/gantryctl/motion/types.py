@@ -1,4 +1,4 @@
-"""What a plan starts from and what it must keep."""
+"""Start and limits of a plan."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class SetPoint(NamedTuple):
     acc_rad_s2: float = 0.0
 
     def checked(self) -> SetPoint:
-        """Itself; raises CommandRefused when a value is not finite."""
+        """Return itself, or raise CommandRefused for a value that is not finite."""
         for name, value in zip(self._fields, self, strict=True):
             if not math.isfinite(value):
                 raise CommandRefused(f"set-point {name} must be a finite number, got {value}")
@@ -24,17 +24,20 @@ class SetPoint(NamedTuple):
 
 
 class MotionLimits(NamedTuple):
-    """Largest speed and its changes, all positive, at the gantry; `jerk_rad_s3` = inf gives trapezoids."""
+    """Largest speed and its changes, all positive, at the gantry.
+
+    Attributes:
+        acc_rad_s2, dec_rad_s2: what speeds the axis up and slows it down, whichever way it travels.
+        jerk_rad_s3: inf gives trapezoids.
+    """
 
     vel_rad_s: float
     acc_rad_s2: float
-    """What speeds the axis up, whichever way it travels."""
     dec_rad_s2: float
-    """What slows the axis down, whichever way it travels."""
     jerk_rad_s3: float = math.inf
 
     def checked(self) -> MotionLimits:
-        """Itself; raises CommandRefused unless every limit is above 0 and, but for the jerk, finite."""
+        """Return itself, or raise CommandRefused unless every limit is above 0 and, but for the jerk, finite."""
         for name, value in zip(self._fields, self, strict=True):
             infinite_allowed = name == "jerk_rad_s3"
             if not value > 0.0 or (math.isinf(value) and not infinite_allowed):

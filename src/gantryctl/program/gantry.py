@@ -130,7 +130,7 @@ class GantryProgram(AxisProgram):
     # --- by hand ----------------------------------------------------------------------------------
 
     def _by_key(self, op: OperatorCommand) -> None:
-        """Continuous mode, hold-to-run: keys, lease and enabling switch must go on being right."""
+        """Continuous mode, hold-to-run: keys, lease and enabling switch are judged in every scan."""
         if self.jog.busy and (op.forward or op.reverse) and not self._keys_dead:
             refused = self._check_lease() or self._check_switch(self._speed)
             if refused is not None:

@@ -1,4 +1,4 @@
-"""A user's own program: blocks on an axis, once per scan."""
+"""Base of custom programs: blocks on an axis, once per scan."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class AxisProgram:
         self.trace_columns: tuple[str, ...] = axis.trace_columns
 
     def logic(self, image: InputImage) -> None:
-        """The program's own part of a scan."""
+        """Call the blocks of one scan."""
 
     def scan(self, image: InputImage) -> OutputImage:
         """One scan."""
@@ -31,5 +31,5 @@ class AxisProgram:
         return axis.end()
 
     def trace_row(self) -> tuple[float, ...]:
-        """The values of the last scan, in the order of `trace_columns`."""
+        """Values of the last scan, in the order of `trace_columns`."""
         return self.axis.trace_row()

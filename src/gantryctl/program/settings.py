@@ -1,4 +1,4 @@
-"""Everything an axis must know about its machine, in SI, grouped by meaning.
+"""Settings of an axis, in SI, grouped by meaning.
 
 `wiring` fills these from the machine file. Angles, speeds and accelerations are at the gantry unless a name
 says motor. Times stay seconds here; `AxisSettings.scans` turns them into scans where they are used.
@@ -178,7 +178,7 @@ class PowerSettings:
 
 @dataclass(frozen=True, slots=True)
 class CompensationSettings:
-    """What the position loop does beyond the paper's.
+    """Compensations of the position loop.
 
     Attributes:
         laws: switches, numbers and maps; every axis takes a copy.

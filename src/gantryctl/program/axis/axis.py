@@ -1,4 +1,4 @@
-"""The axis: one scan of it, and what a program may ask of it."""
+"""The axis: its scan, its commands and its status."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ class Axis:
         counts = feedback.counts - self.zero_counts
         virtual.changed = False
         if virtual.following:
-            # Sampled by the scan number, never summed: nothing adds up, and missed scans need no catching up (decision 5).
+            # Sampled by the scan number, never summed: missed scans need no catching up (decision 5).
             virtual.sample(scan)
             if self.load_side is None:
                 self._vel_next, pos, self.pos_err_rad = self._law(
@@ -229,7 +229,7 @@ class Axis:
         self.power.abort_test(why)
 
     def stop(self) -> MotionCommand:
-        """To rest on the jog-release ramp, held until released; a brake test under way ends."""
+        """Come to rest on the jog-release ramp, held until released; end a brake test under way."""
         if self.brake_test.under_way:
             self.abort_brake_test(Words.STOPPED)
             command = MotionCommand(AxisState.STOPPING, 0.0, 0.0, settles=False)
@@ -444,7 +444,7 @@ class Axis:
         return virtual.paused or (motion.waiting is not None and virtual.override < OVERRIDE_MIN)
 
     def stopping_angle_rad(self) -> float:
-        """How far the set-point would still go if a hold-to-run key were released now."""
+        """Angle that the set-point would still travel if a hold-to-run key were released now."""
         virtual = self.virtual
         start = SetPoint(virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2)
         limits = self.settings.ramps.jog_release(self.settings.speed.setting_max_rad_s)

@@ -129,7 +129,7 @@ class MotionCommands:
             self._stop_execute = False
 
     def take(self, command: MotionCommand | None) -> None:
-        """Let a command that moves nothing take over; None: what is under way is aborted."""
+        """Abort what is under way and let `command` take over."""
         # Buffer mode Aborting: nothing is queued, so nothing old can run after a stop.
         self.drop_waiting()
         if self.current is not None:
@@ -139,7 +139,7 @@ class MotionCommands:
     # --- the end of commands ----------------------------------------------------------------------
 
     def stop_by(self, reason: Refusal) -> None:
-        """HLT: end the motion with an error on the jog-release ramp; power stays on."""
+        """End the motion with an error on the jog-release ramp (HLT); power stays on."""
         if self.current is None and self.waiting is None:
             return
         state = AxisState.DISCRETE_MOTION if self.current is None else self.current.state

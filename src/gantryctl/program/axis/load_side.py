@@ -1,4 +1,4 @@
-"""The position loop with compensations, and the watch over the second encoder."""
+"""The position loop with compensations, and the monitor of the second encoder."""
 
 from __future__ import annotations
 

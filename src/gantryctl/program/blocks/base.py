@@ -63,7 +63,7 @@ class ExecuteBlock(Block):
         return self._command
 
     def _begin(self, command: MotionCommand) -> None:
-        """Show a new command from now on."""
+        """Follow `command` from now on."""
         self._clear()
         self._command = command
         if command.status is CommandStatus.ERROR and command.refusal is not None:

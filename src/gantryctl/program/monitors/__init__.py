@@ -1,1 +1,1 @@
-"""Monitors of the axis, interlocks, and what a stop was like."""
+"""Monitors of the axis, interlocks, recovery and the record of a stop."""

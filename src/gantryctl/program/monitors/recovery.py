@@ -64,7 +64,7 @@ class Recovery:
         return refused
 
     def finished(self) -> bool:
-        """One scan of a reset under way; True once, when nothing is in its way any more."""
+        """Continue a reset under way; True once, when the drive has cleared its fault."""
         if not self.resetting:
             return False
         if self._feedback.state not in FAULTS:

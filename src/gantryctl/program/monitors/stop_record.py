@@ -1,4 +1,4 @@
-"""The record of a stop by an alarm, and the sentence that describes it."""
+"""The record of a stop by an alarm."""
 
 from __future__ import annotations
 

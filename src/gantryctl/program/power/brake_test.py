@@ -1,4 +1,4 @@
-"""The brake test: torque against the closed brake, both ways, and whether anything moves."""
+"""The brake test: torque against the closed brake, both ways, and its verdict."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SHARE: Final = 0.95
 
 
 class BrakeTestPhase(IntEnum):
-    """Where a brake test is; ENABLING and DISABLING end with the drive, the others by the torque.
+    """Phase of a brake test; ENABLING and DISABLING end with the drive, the others by the torque.
 
     | phase        | leaves when                                              | to                   |
     |--------------|----------------------------------------------------------|----------------------|
@@ -172,7 +172,7 @@ class BrakeTest:
 
     @property
     def result(self) -> BrakeTestResult:
-        """What is known so far."""
+        """Result so far."""
         return BrakeTestResult(self.outcome, self.plus_nm, self.minus_nm, self.moved_rad, self.words)
 
     def end(self, outcome: BrakeTestOutcome, words: Words | Said) -> None:
@@ -236,7 +236,7 @@ class BrakeTest:
             self.on_brake_nm = 0.0
 
     def _rising(self, given_nm: float) -> None:
-        """Up the ramp, or from one direction to the other; then wait for the motor."""
+        """Ramp the torque up, or over to the other direction; then wait for the motor."""
         sign = 1.0 if self.phase is BrakeTestPhase.PLUS_RISING else -1.0
         self._ramp_to(sign * self.level_nm)
         over_s = self._scans * self._period_s - _NOMINAL_S[self.phase]
@@ -246,7 +246,7 @@ class BrakeTest:
             self._fail(Words.TEST_NOT_REACHED(given=given_nm, wanted=sign * self.level_nm))
 
     def _holding(self, given_nm: float) -> None:
-        """Mean over the time that the torque must be held."""
+        """Average over the time that the torque must be held."""
         self._mean += (given_nm - self._mean) / self._scans
         plus = self.phase is BrakeTestPhase.PLUS_HELD
         if plus:
@@ -265,7 +265,7 @@ class BrakeTest:
             self.end(BrakeTestOutcome.PASSED, self._with_way(held))
 
     def _relieving(self, given_nm: float) -> None:
-        """Back to the preload; the motor's torque must follow."""
+        """Ramp the torque back to the preload; the motor must follow."""
         self._ramp_to(0.0)
         back = self.on_brake_nm == 0.0 and abs(given_nm) <= (1.0 - _SHARE) * self.level_nm
         if back or self._scans * self._period_s >= _RELIEVE_S:

@@ -113,7 +113,7 @@ class PowerSequence:
             self._enter(PowerPhase.ENABLING)
 
     def switch_off(self) -> None:
-        """Begin the way down; the axis has come to rest."""
+        """Begin the way down; only at rest."""
         self._parking = False
         self.status = False
         if self.phase is _ON or self.phase in _BRAKE_OPENING:
@@ -278,7 +278,7 @@ class PowerSequence:
             self.torque_ff_nm = holding.proof_nm
 
     def _proving(self, pos_rad: float) -> None:
-        """Torque against the closed brake: the motor must give it, the brake must take it.
+        """Give torque against the closed brake: the motor must give it, the brake must take it.
 
         At zero speed a PI speed loop builds no torque against a closed brake: a drive that is enabled may still drop
         the load, so the torque is asked for beside the speed (60B2).
@@ -296,7 +296,7 @@ class PowerSequence:
             self._alarms.raise_(Code.BRK_07, measured=given, limit=wanted, time_ms=time_ms)
 
     def _settling(self) -> None:
-        """From the proof torque to the preload on a ramp, then as long again for it to settle."""
+        """Ramp from the proof torque to the preload, then wait as long again for it to settle."""
         share = min(1.0, self._count / self._settle_scans)
         proof_nm = self.holding.proof_nm
         self.torque_ff_nm = proof_nm + (self.holding.preload_nm - proof_nm) * share
@@ -321,7 +321,7 @@ class PowerSequence:
     # --- the way down -----------------------------------------------------------------------------
 
     def _closing(self) -> None:
-        """Zero speed is held while the brake closes."""
+        """Hold zero speed while the brake closes."""
         if self._drive_owns_brake:  # it closes the brake itself, when it is disabled
             self._enter(PowerPhase.DISABLING)
         # Torque goes off only after the brake holds; TORQUE OFF is the one exception.
@@ -359,7 +359,7 @@ class PowerSequence:
             self._stuck(DriveState.SWITCH_ON_DISABLED)
 
     def _off(self, pos_rad: float) -> None:
-        """Torque off, brake closed: clear drive faults when asked, watch the brake."""
+        """Watch the closed brake with torque off; clear drive faults when asked."""
         self.request = DriveRequest.FAULT_RESET if self.fault_reset else DriveRequest.DISABLE
         moved = self._moved(pos_rad)
         if not moved <= self._settings.sag_max_rad and self._feedback.position_valid:
@@ -372,7 +372,7 @@ class PowerSequence:
     # --- stops ------------------------------------------------------------------------------------
 
     def _quick_stopping(self) -> None:
-        """The drive ramps down; a drive slower than its ramp does not obey."""
+        """Follow the ramp of the drive; a drive slower than its ramp does not obey."""
         speed = abs(self._feedback.vel_rad_s)
         elapsed_s = self._count * self._period_s
         ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
@@ -399,7 +399,7 @@ class PowerSequence:
             self._alarms.raise_(Code.BRK_11, measured=speed, time_s=elapsed_s)
 
     def _torque_hold(self) -> None:
-        """Torque at zero speed; the preload comes back once the drive is enabled."""
+        """Give the preload back, at zero speed, once the drive is enabled."""
         if self._feedback.state in _ENABLED:
             self.torque_ff_nm = self.holding.preload_nm
         elif self._count > self._power_up_scans:
@@ -454,7 +454,7 @@ class PowerSequence:
     # --- measured ---------------------------------------------------------------------------------
 
     def _moved(self, pos_rad: float) -> float:
-        """How far the axis has moved since this phase began (or since the position was set anew)."""
+        """Angle since this phase began (or since the position was set anew)."""
         if self._pos_hold is None:
             self._pos_hold = pos_rad
         return abs(pos_rad - self._pos_hold)
@@ -468,7 +468,7 @@ class PowerSequence:
         return True
 
     def _at_rest(self) -> bool:
-        """Slow for long enough."""
+        """Whether the axis has been slow for long enough."""
         slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S
         self._rest_count = self._feedback.lasting(self._rest_count) if slow else 0
         return self._rest_count >= self._rest_scans
@@ -482,7 +482,7 @@ class PowerSequence:
         self._alarms.raise_(code, measured=deg(moved_rad), limit=deg(self._settings.sag_max_rad))
 
     def _lost(self) -> None:
-        """The drive is not enabled where it must be; a fault of its own is DRV-01, raised by the interlocks."""
+        """Raise DRV-04: the drive is not enabled where it must be. Its own fault is DRV-01, from the interlocks."""
         if self._feedback.state not in _FAULTS:
             self._alarms.raise_(Code.DRV_04, measured=drive_state_words(self._feedback.state))
 
