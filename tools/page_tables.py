@@ -1,6 +1,6 @@
-"""Write the tables of the service as TypeScript: tags, enums, actions and roles; and its sentences in Chinese.
+"""Write the tables of the service as TypeScript: tags, roles, commands; and the Chinese of all codes.
 
-    python tools/page_tables.py hmi/src/lib      # tables.ts and phrases.ts
+    python tools/page_tables.py hmi/src/lib      # tables.ts and codes.ts
 
 The page is type-checked against it, so a tag that is renamed in Python breaks the build of the page.
 """
@@ -9,15 +9,29 @@ import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from string import Formatter
+from typing import Any
 
-from gantryctl.service.protocol.chinese import phrases
+from gantryctl.program import ALARMS
+from gantryctl.program.alarms.words import Words
+from gantryctl.service.protocol.messages import MESSAGES
 from gantryctl.service.protocol.roles import RIGHTS, Action, Role
 from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
 HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
 NUMBERS = {"float": "number", "int": "number", "bool": "boolean", "text": "string", "rows": "AlarmRow[]"}
+NUMBERS["messages"] = "Message[]"
 ROW_TYPES = {"id": "number", "time_s": "number", "pos_act_deg": "number", "active": "boolean"}
-ROW_TYPES |= {"first_out": "boolean", "lock": "boolean"}
+ROW_TYPES |= {"first_out": "boolean", "lock": "boolean", "values": "Values", "steps": "Message[]"}
+_MESSAGE = """\
+/** A code or words with values, a reason against power, or a text that has none. */
+export type Message =
+  | { code: string; values: Values }
+  | { reason: string; values: Values }
+  | { words: string; values: Values }
+  | string;
+export type Values = Record<string, number | Message | Message[]>;
+"""
 
 
 def _union(words: tuple[str, ...]) -> str:
@@ -53,19 +67,54 @@ def _roles() -> Iterator[str]:
     yield "];\n"
 
 
-def _phrases() -> Iterator[str]:
-    yield "/** Sentences of the service in Chinese, written in src/gantryctl/service/protocol/chinese.py. */"
-    yield "export const PHRASES: Record<string, string> = {"
-    for english, chinese in phrases().items():
-        yield f"  {json.dumps(english)}: {json.dumps(chinese, ensure_ascii=False)},"
+def _with_formats(english: str, chinese: str) -> str:
+    """The Chinese template with the number formats of the English one."""
+    formats = {name: digits for _, name, digits, _ in Formatter().parse(english) if name and digits}
+    for name, digits in formats.items():
+        chinese = chinese.replace(f"{{{name}}}", f"{{{name}:{digits}}}")
+    return chinese
+
+
+def _codes() -> Iterator[str]:
+    yield "/** Chinese of every code: title, message, cause, what to do. English comes from the service. */"
+    yield "export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do', string>> = {"
+    for code, row in ALARMS.items():
+        texts = row.chinese._replace(message=_with_formats(row.english.message, row.chinese.message))
+        yield f"  '{code}': {json.dumps(texts._asdict(), ensure_ascii=False)},"
+    yield "};\n\n/** Chinese of the words that stand in messages. */"
+    yield "export const WORDS: Record<string, string> = {"
+    for words in Words:
+        yield f"  {words.name}: {json.dumps(_with_formats(words.english, words.chinese), ensure_ascii=False)},"
     yield "};\n"
+
+
+def _messages() -> Iterator[str]:
+    """Commands from the JSON schema of the messages; the link adds the keys of every message."""
+    yield "/** Commands with the keys that are theirs; the link adds type, seq, frame and epoch. */"
+    yield "export interface Commands {"
+    timeless = []
+    for schema in MESSAGES.json_schema()["$defs"].values():
+        keys = schema["properties"]
+        kind = keys["type"]["const"]
+        own = [f"{name}: {_ts(keys[name])}" for name in keys if name not in ("type", "seq", "frame", "epoch")]
+        yield f"  {kind}: {{ {'; '.join(own)} }};" if own else f"  {kind}: Record<string, never>;"
+        if "epoch" not in schema["required"]:
+            timeless.append(kind)
+    yield "}\n\n/** Never too late: sent without an epoch. */"
+    yield f"export const WITHOUT_EPOCH = new Set<keyof Commands>({json.dumps(timeless)});\n"
+
+
+def _ts(schema: dict[str, Any]) -> str:
+    if "enum" in schema:
+        return _union(tuple(schema["enum"]))
+    return "number" if schema["type"] == "integer" else str(schema["type"])
 
 
 def texts() -> dict[str, str]:
     """The files by name."""
     return {
-        "tables.ts": "\n".join([HEADER, *_tags(), *_roles()]),
-        "phrases.ts": "\n".join([HEADER, *_phrases()]),
+        "tables.ts": "\n".join([HEADER, _MESSAGE, *_tags(), *_roles(), *_messages()]),
+        "codes.ts": "\n".join([HEADER, *_codes()]),
     }
 
 

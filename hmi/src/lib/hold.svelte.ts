@@ -1,6 +1,8 @@
 // Hold-to-run: the axis moves while a key is held, and this page proves every 30 ms that it still is.
 import { link } from './link.svelte';
-import type { Direction } from './protocol';
+import type { Commands } from './tables';
+
+export type Direction = Commands['jog']['direction'];
 
 /** A press on data older than this is not sent: it would arrive too late to be meant. */
 const PRESS_AGE_MS = 200;

@@ -1,16 +1,8 @@
 // The one WebSocket: status in, commands out, and whether what is shown can still be believed.
 import { Lateness } from './age';
 import { History } from './history';
-import {
-  CLOSED,
-  WITHOUT_EPOCH,
-  type Commands,
-  type Reply,
-  type Session,
-  type Status,
-  type Welcome,
-} from './protocol';
-import type { Action, Tags } from './tables';
+import { CLOSED, type Reply, type Session, type Status, type Welcome } from './protocol';
+import { WITHOUT_EPOCH, type Action, type Commands, type Tags } from './tables';
 
 const TICK_MS = 50;
 /** Kept off the limit, so that stale data are shown stale within it. */
@@ -18,11 +10,7 @@ const MARGIN_MS = 100;
 const ALIVE_MS = 400;
 const NO_ANSWER_MS = 2000;
 
-export interface Note {
-  ok: boolean;
-  code: string;
-  text: string;
-}
+export type Note = Pick<Reply, 'ok' | 'code' | 'text' | 'values'>;
 
 export class Link {
   session = $state.raw<Session | null>(null);
@@ -83,7 +71,7 @@ export class Link {
   async send<K extends keyof Commands>(type: K, keys: Commands[K]): Promise<Reply> {
     const seq = this.#post(type, keys);
     const reply = seq === 0 ? noAnswer('off') : await this.#reply(seq);
-    this.note = { ok: reply.ok, code: reply.code, text: reply.text };
+    this.note = reply;
     return reply;
   }
 
@@ -199,7 +187,7 @@ export class Link {
 }
 
 function noAnswer(code: 'off' | 'silent'): Reply {
-  return { type: 'reply', seq: 0, ok: false, code: '', text: code, epoch: null, journal: 0 };
+  return { type: 'reply', seq: 0, ok: false, code: '', text: code, values: {}, epoch: null, journal: 0 };
 }
 
 export const link = new Link();

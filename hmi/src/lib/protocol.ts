@@ -1,5 +1,5 @@
 // Messages of the service: docs/reference/service.md is the contract.
-import type { Action, Role, Tags } from './tables';
+import type { Action, Role, Tags, Values } from './tables';
 
 export interface Session {
   user: string;
@@ -35,37 +35,10 @@ export interface Reply {
   ok: boolean;
   code: string;
   text: string;
+  values: Values;
   epoch: number | null;
   journal: number;
 }
-
-export type Direction = 'forward' | 'reverse';
-/** What takes two steps. */
-export type Arms = 'brake_test' | 'reset_locked';
-
-/** Commands with the keys that are theirs; the link adds type, seq, frame and epoch. */
-export interface Commands {
-  alive: Record<string, never>;
-  take: { over: boolean };
-  give: Record<string, never>;
-  power: { on: boolean };
-  mode: { mode: NonNullable<Tags['mode']> };
-  jog: { lease: string; direction: Direction };
-  renew: { lease: string };
-  release: { lease: string };
-  increment: { direction: Direction };
-  move: { target_deg: number };
-  halt: Record<string, never>;
-  stop: Record<string, never>;
-  quick_stop: Record<string, never>;
-  reset: Record<string, never>;
-  acknowledge: { id: number };
-  set: { tag: keyof Tags; value: number };
-  arm: { action: Arms };
-  brake_test: Record<string, never>;
-}
-
-export const WITHOUT_EPOCH = new Set<keyof Commands>(['alive', 'release', 'stop', 'quick_stop']);
 
 /** Close codes of the service. */
 export const CLOSED = { session: 4401, tooMany: 4429, tooSlow: 4408 } as const;

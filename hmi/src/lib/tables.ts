@@ -1,5 +1,13 @@
 // Written by tools/page_tables.py; do not edit, a test compares.
 
+/** A code or words with values, a reason against power, or a text that has none. */
+export type Message =
+  | { code: string; values: Values }
+  | { reason: string; values: Values }
+  | { words: string; values: Values }
+  | string;
+export type Values = Record<string, number | Message | Message[]>;
+
 export interface AlarmRow {
   /** number of the alarm since the controller started */
   id: number;
@@ -11,8 +19,12 @@ export interface AlarmRow {
   title: string;
   /** what was measured against which limit */
   measured: string;
+  /** what was measured, as values: the fields of the message of `code` */
+  values: Values;
   /** what gantryctl did about it */
   done: string;
+  /** the same as words and values */
+  steps: Message[];
   /** what to do */
   to_do: string;
   /** what it means */
@@ -184,6 +196,8 @@ export interface Tags {
   brake_test_available: boolean | null;
   /** Why it cannot be tested here; empty when it can. */
   brake_test_blocked: string | null;
+  /** The same as words and values. */
+  brake_test_blocked_messages: Message[] | null;
   /** Where the brake test is; idle when none is under way. */
   brake_test_phase: 'idle' | 'enabling' | 'plus_rising' | 'plus_held' | 'minus_rising' | 'minus_held' | 'relieving' | 'disabling' | null;
   /** Until the test under way ends; 0 when none is. [s] */
@@ -202,6 +216,8 @@ export interface Tags {
   brake_tests: number | null;
   /** The last test in one sentence, with what was measured. */
   brake_test_text: string | null;
+  /** The same as words and values, without the outcome; empty for a test of an earlier start. */
+  brake_test_messages: Message[] | null;
   /** Torque on the brake in the plus direction, mean while held; null when it was not held. [N m] */
   brake_test_plus_nm: number | null;
   /** The same in the minus direction. [N m] */
@@ -252,12 +268,16 @@ export interface Tags {
   version: string | null;
   /** Why power cannot be switched on; empty when it can. */
   blocked_by: string | null;
+  /** The same as codes and values (see below). */
+  blocked_by_messages: Message[] | null;
   /** Eccentric moment at the gantry, learned from the torque; null until learned. [N m] */
   eccentric_moment_nm: number | null;
   /** Where it would come to rest by itself; null until learned. [deg] */
   eccentric_angle_deg: number | null;
   /** The last command that the program refused, and why. */
   refusal_text: string | null;
+  /** The same as code and values. */
+  refusal_messages: Message[] | null;
   /** Active alarms, the first-out first (rows below). */
   alarms: AlarmRow[] | null;
   /** The last 50 alarms, newest first (rows below). */
@@ -292,3 +312,28 @@ export const RIGHTS: { action: Action; what: string; roles: Role[]; control: boo
   { action: 'journal', what: "export the journal", roles: ["physicist", "service", "admin"], control: false },
   { action: 'users', what: "users (on the command line)", roles: ["admin"], control: false },
 ];
+
+/** Commands with the keys that are theirs; the link adds type, seq, frame and epoch. */
+export interface Commands {
+  acknowledge: { id: number };
+  alive: Record<string, never>;
+  arm: { action: 'brake_test' | 'reset_locked' };
+  mode: { mode: 'none' | 'continuous' | 'incremental' };
+  give: Record<string, never>;
+  halt: Record<string, never>;
+  increment: { direction: 'forward' | 'reverse' };
+  jog: { lease: string; direction: 'forward' | 'reverse' };
+  move: { target_deg: number };
+  power: { on: boolean };
+  quick_stop: Record<string, never>;
+  release: { lease: string };
+  renew: { lease: string };
+  reset: Record<string, never>;
+  set: { tag: 'speed_setting_deg_s' | 'increment_deg' | 'override_percent' | 'acc_setting_deg_s2'; value: number };
+  brake_test: Record<string, never>;
+  stop: Record<string, never>;
+  take: { over: boolean };
+}
+
+/** Never too late: sent without an epoch. */
+export const WITHOUT_EPOCH = new Set<keyof Commands>(["alive", "quick_stop", "release", "stop"]);

@@ -10,33 +10,46 @@ from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
 from gantryctl.program import ALARMS
 from gantryctl.program.alarms.definition import Definition
+from gantryctl.program.alarms.log import messages_to_wire, to_wire
+from gantryctl.program.alarms.words import Words
 from support.browser import address
 from support.service_process import Page as Watcher
 from support.service_process import Service
 
-WORDS = {"name": "speed", "allowed": "within 0.6 and 6 deg/s", "side": "plus", "command": "closed"}
-MEASURED = {
-    "CTL-01": "7 deg/s",
-    "CTL-14": "the mode changes at standstill only",
-    "CTL-17": "",
-    "LIM-03": 12.5,
+INTERNATIONAL = {
+    "NMT",
+    "OPERATIONAL",
+    "CAN",
+    "UTC",
+    "OPC",
+    "Power",
+    "gantryctl",
+    "users",
+    "Content",
+    "Type",
+    "application",
+    "json",
 }
-INTERNATIONAL = {"NMT", "OPERATIONAL", "CAN", "UTC"}
-DONE = "Quick stop, at rest after 131 ms, torque off after 450 ms, gantry moved 0.03 deg to 12.34 deg"
+STEPS = (
+    Words.QUICK_STOP,
+    Words.AT_REST_AFTER(time_ms=131.0),
+    Words.MOVED_TO(way=0.03, position=12.34),
+)
 
 
 def row(number: int, definition: Definition) -> dict[str, object]:
     """An alarm with numbers in it, as the service sends it."""
-    values = {}
-    for _, name, digits, _ in Formatter().parse(definition.message):
-        if name:
-            values[name] = 12.5 if digits else WORDS.get(name, "Switched on")
-    if str(definition.code) in MEASURED:
-        values["measured"] = MEASURED[str(definition.code)]
+    english = definition.english
+    values: dict[str, object] = {
+        name: 12.5 if digits else Words.MODE_AT_REST
+        for _, name, digits, _ in Formatter().parse(english.message)
+        if name
+    }
     return {
-        "id": number, "code": str(definition.code), "severity": definition.severity.value, "title": definition.title,
-        "measured": definition.message.format(**values), "done": DONE, "to_do": definition.to_do,
-        "cause": definition.cause, "text": "", "at": "2026-11-20T10:11:12.000+00:00", "time_s": 1.5,
+        "id": number, "code": str(definition.code), "severity": definition.severity.value, "title": english.title,
+        "measured": english.message.format(**values), "values": to_wire(values), "done": "Quick stop",
+        "steps": messages_to_wire(*STEPS), "to_do": english.to_do,
+        "cause": english.cause, "text": "", "at": "2026-11-20T10:11:12.000+00:00", "time_s": 1.5,
         "pos_act_deg": 12.34, "active": True, "first_out": number == 1, "follows": "", "lock": definition.lock,
         "acknowledged_by": "",
     }  # fmt: skip
@@ -53,7 +66,7 @@ def in_chinese(context: BrowserContext, service: Service, area: str) -> Page:
 
 def english(text: str) -> list[str]:
     """Words that are left, but for names that are the same everywhere and keys of the machine file."""
-    without_keys = re.sub(r"\[\w+\]|\w+_\w+", "", text)
+    without_keys = re.sub(r"`[^`]*`|\[\w+\]|\w+_\w+|docs/\S+|\b\w+\.json\b", "", text)
     return [word for word in re.findall(r"[A-Za-z]{3,}", without_keys) if word not in INTERNATIONAL]
 
 

@@ -148,7 +148,7 @@ def test_no_reset_opens_an_encoder_that_lost_turns_also_when_a_scan_was_late() -
         desk.engine.overrun_stop = LATE
         desk.scans(3)
         assert desk.ask("reset") == "ENC-08"
-        assert desk.permit.blocked_by.startswith("ENC-08")
+        assert str(desk.permit.blocked_by).startswith("ENC-08")
         assert desk.ask("power", on=True) == "PWR-04"
 
 
@@ -158,12 +158,12 @@ def test_a_late_scan_is_acknowledged_by_a_reset_together_with_what_was_held_befo
     with opened() as desk:
         desk.engine.overrun_stop = LATE
         desk.scans(3)
-        assert desk.permit.blocked_by.startswith("ENC-09")
-        assert LATE in desk.permit.blocked_by
+        assert str(desk.permit.blocked_by).startswith("ENC-09")
+        assert LATE in str(desk.permit.blocked_by)
         assert desk.ask("take", over=False) == ""
         assert desk.ask("power", on=True) == "PWR-04"
         assert desk.ask("reset") == ""
-        assert desk.permit.blocked_by == ""
+        assert str(desk.permit.blocked_by) == ""
         assert desk.ask("power", on=True) == ""
 
 
@@ -175,7 +175,7 @@ def test_a_service_that_is_started_anew_asks_again(change: Callable[[Retained], 
     for _ in range(2):
         with opened() as desk:
             desk.scans(3)
-            assert desk.permit.blocked_by.startswith(code)
+            assert str(desk.permit.blocked_by).startswith(code)
             desk.controller._close(None)
     assert retained().rest_position_counts == before.rest_position_counts
 
@@ -189,7 +189,7 @@ def test_a_motion_while_off_that_was_acknowledged_is_forgotten() -> None:
         assert desk.ask("reset") == ""
         desk.controller._close(None)
     with opened() as desk:
-        assert desk.permit.blocked_by == ""
+        assert str(desk.permit.blocked_by) == ""
 
 
 # --- the brake ------------------------------------------------------------------------------------
@@ -281,7 +281,7 @@ def test_whatever_a_scan_raises_the_axis_comes_to_rest_and_it_is_remembered(rais
         assert any(text.startswith("SYS-09 STOP") and str(raised) in text for text in texts(desk.memory))
     assert retained().error_stop == "SYS-09"
     with opened() as desk:
-        assert "SYS-09 stopped the axis" in desk.permit.blocked_by
+        assert "SYS-09 stopped the axis" in str(desk.permit.blocked_by)
 
 
 def test_a_state_that_cannot_be_kept_is_said_by_the_scan(monkeypatch: pytest.MonkeyPatch) -> None:

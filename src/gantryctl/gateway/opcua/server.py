@@ -160,7 +160,7 @@ def _words(name: str) -> str:
 
 
 def _value(tag: Tag, value: Any) -> object:
-    if tag.kind == "rows":
+    if tag.kind in ("rows", "messages"):
         return json.dumps(value or [], ensure_ascii=False)
     if value is None:
         return {"float": math.nan, "int": 0, "bool": False}.get(tag.kind, "")

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.definition import Definition
+from gantryctl.program.alarms.reason import Reason
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.alarms.words import Said, Words
 
@@ -197,6 +198,11 @@ class AlarmLog:
         return None
 
 
+def messages_to_wire(*messages: object) -> list[object]:
+    """What a tag of kind `messages` shows: words, reasons, refusals, and texts that have no values."""
+    return [_wire(message) for message in messages]
+
+
 def to_wire(values: Mapping[str, object]) -> dict[str, object]:
     """Values as JSON: words, refusals and what they hold as a key with values, numbers and names as they are."""
     return {name: _wire(value) for name, value in values.items()}
@@ -206,10 +212,14 @@ def _wire(value: object) -> object:
     match value:
         case Refusal():
             return {"code": str(value.code), "values": to_wire(value.values)}
+        case Reason():
+            return {"reason": str(value.code), "values": to_wire(value.values)}
         case Said():
             return {"words": value.words.name, "values": to_wire(value.values)}
         case Words():
             return {"words": value.name, "values": {}}
+        case tuple():
+            return [_wire(each) for each in value]
         case float() if not math.isfinite(value):  # JSON has no nan
             return str(value)
         case int() | float():

@@ -40,6 +40,9 @@ class Reason(NamedTuple):
         row = ALARMS[self.code]
         return f"{self.code} · {row.english.message.format(**self.values)} · {row.english.to_do}"
 
+    def __str__(self) -> str:
+        return self.text
+
     @property
     def by_reset(self) -> bool:
         """A reset takes it away."""
@@ -49,3 +52,12 @@ class Reason(NamedTuple):
     def doubts_position(self) -> bool:
         """The angle of the gantry is in doubt: the encoder's reading, the configuration or the bus is not as left."""
         return str(self.values.get("stopped_by", self.code)).startswith(("ENC", "CFG"))
+
+
+class Reasons(tuple[Reason | str, ...]):
+    """Several reasons, the gravest first; an alarm of the engine is a text."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self))

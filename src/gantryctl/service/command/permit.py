@@ -6,7 +6,7 @@ from typing import Final
 
 from gantryctl.program import Axis
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.alarms.reason import ClearedBy, Reason, Reasons
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth
@@ -39,15 +39,15 @@ class Permit:
         return next((reason for reason in self.reasons if not reason.by_reset), None)
 
     @property
-    def held(self) -> str:
-        """The reasons that a reset clears, in words, or ""."""
-        texts = [reason.text for reason in self.reasons if reason.by_reset]
-        return "; ".join([*texts, self.late] if self.late else texts)
+    def held(self) -> Reasons:
+        """The reasons that a reset clears."""
+        found = [reason for reason in self.reasons if reason.by_reset]
+        return Reasons([*found, self.late] if self.late else found)
 
     @property
-    def blocked_by(self) -> str:
-        """Why power cannot be switched on, or ""."""
-        return self.lasting.text if self.lasting else self.held
+    def blocked_by(self) -> Reasons:
+        """Why power cannot be switched on; empty when it can."""
+        return Reasons([self.lasting]) if self.lasting else self.held
 
     @property
     def doubts_position(self) -> bool:

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 from gantryctl.image import Mode, OperatorCommand
 from gantryctl.machine import Machine
 from gantryctl.program import Code
+from gantryctl.program.alarms.reason import Reasons
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.command.arming import Armed, check_armed
 from gantryctl.service.protocol.limits import FRAMES_MAX, FRAMES_MAX_JOG
@@ -29,7 +30,7 @@ class Situation(NamedTuple):
         paused: a motion stands still at override 0.
         armed: the armed action. second_person: another user must execute it.
         journal_keeps: events find their place in the journal.
-        blocked_by: why power cannot be switched on, or "".
+        blocked_by: why power cannot be switched on; empty when it can.
         untestable: why the brake cannot be tested here, or None.
         reset_locked: a reset meets something that only the service role may reset.
     """
@@ -43,7 +44,7 @@ class Situation(NamedTuple):
     second_person: bool
     shutdown: bool
     journal_keeps: bool
-    blocked_by: str
+    blocked_by: Reasons
     untestable: Words | Said | None
     reset_locked: bool
 

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.program import Alarm, AlarmLog, Code
+from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.protocol.messages import Identity, MessageRefused
@@ -113,7 +114,9 @@ class AlarmView:
             "severity": definition.severity.value,
             "title": definition.english.title,
             "measured": alarm.measured,
+            "values": to_wire(alarm.values),
             "done": alarm.done,
+            "steps": messages_to_wire(*alarm.steps),
             "to_do": definition.english.to_do,
             "cause": definition.english.cause,
             "text": alarm.text,

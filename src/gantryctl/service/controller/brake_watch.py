@@ -10,6 +10,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import after_test, judge_due
 from gantryctl.operation.client import BrakeDue
 from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult
+from gantryctl.program.alarms.log import messages_to_wire
 from gantryctl.runtime import Retained
 from gantryctl.service.memory.events import EventLog
 from gantryctl.units import deg
@@ -86,11 +87,13 @@ class BrakeWatch:
         return {
             "brake_test_available": not self._untestable,
             "brake_test_blocked": str(self._untestable or ""),
+            "brake_test_blocked_messages": messages_to_wire(self._untestable) if self._untestable else [],
             "brake_test_level_nm": test.level_nm,
             "brake_test_limit_deg": _rounded(deg(test.moved_max_rad)),
             "brake_test_result": kept.brake_test_outcome or BrakeTestOutcome.NONE.name.lower(),
             "brake_tests": self._tests,
             "brake_test_text": kept.brake_test_text,
+            "brake_test_messages": messages_to_wire(test.last.words) if test.last else [],
             "brake_test_plus_nm": None if kept.brake_plus_nm is None else _rounded(kept.brake_plus_nm),
             "brake_test_minus_nm": None if kept.brake_minus_nm is None else _rounded(kept.brake_minus_nm),
             "brake_tested_at": kept.brake_tested_at,

@@ -9,6 +9,7 @@ from typing import Any, Final
 from gantryctl.image import Mode
 from gantryctl.machine import Machine, short_hash
 from gantryctl.program import GantryProgram
+from gantryctl.program.alarms.log import messages_to_wire
 from gantryctl.runtime import Engine
 from gantryctl.service.command.arming import Armed
 from gantryctl.service.command.operator import ServiceOperator
@@ -213,10 +214,12 @@ class Publisher:
             "increment_deg": _rounded(deg(levels.increment_rad)),
             "override_percent": _rounded(levels.override * 100.0),
             "acc_setting_deg_s2": _rounded(deg(axis.virtual.acc_setting_rad_s2)),
-            "blocked_by": operator.permit.blocked_by,
+            "blocked_by": str(operator.permit.blocked_by),
+            "blocked_by_messages": messages_to_wire(*operator.permit.blocked_by),
             "eccentric_moment_nm": _rounded(moment),
             "eccentric_angle_deg": _rounded(deg(angle)),
             "refusal_text": f"{axis.refusal.code} · {axis.refusal.text}" if axis.refusal else "",
+            "refusal_messages": messages_to_wire(axis.refusal) if axis.refusal else [],
         }
 
     def _constant(self) -> dict[str, Any]:

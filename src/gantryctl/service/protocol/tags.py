@@ -13,7 +13,7 @@ from gantryctl.program import AxisState, BrakeTestOutcome, BrakeTestPhase, Power
 from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.service.protocol.messages import ARMABLE
 
-Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows"]
+Kind: TypeAlias = Literal["float", "int", "bool", "enum", "text", "rows", "messages"]
 Rate: TypeAlias = Literal["20 Hz", "1 Hz", "on change"]
 
 
@@ -146,6 +146,7 @@ _ARMED: Final = (
 _BRAKE: Final = (
     _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
     _out("brake_test_blocked", "", "text", "on change", "Why it cannot be tested here; empty when it can."),
+    _out("brake_test_blocked_messages", "", "messages", "on change", "The same as words and values."),
     _out("brake_test_phase", "", "enum", "20 Hz", "Where the brake test is; idle when none is under way.",
          _labels(BrakeTestPhase)),
     _out("brake_test_left_s", "s", "float", "20 Hz", "Until the test under way ends; 0 when none is."),
@@ -158,6 +159,8 @@ _BRAKE: Final = (
          _labels(BrakeTestOutcome)),
     _out("brake_tests", "", "int", "on change", "Tests that have ended since the controller started."),
     _out("brake_test_text", "", "text", "on change", "The last test in one sentence, with what was measured."),
+    _out("brake_test_messages", "", "messages", "on change",
+         "The same as words and values, without the outcome; empty for a test of an earlier start."),
     _out("brake_test_plus_nm", "N m", "float", "on change",
          "Torque on the brake in the plus direction, mean while held; null when it was not held."),
     _out("brake_test_minus_nm", "N m", "float", "on change", "The same in the minus direction."),
@@ -193,10 +196,12 @@ _MACHINE: Final = (
     _out("config_hash", "", "text", "on change", "Short hash of the machine file in force."),
     _out("version", "", "text", "on change", "Version of gantryctl."),
     _out("blocked_by", "", "text", "on change", "Why power cannot be switched on; empty when it can."),
+    _out("blocked_by_messages", "", "messages", "on change", "The same as codes and values (see below)."),
     _out("eccentric_moment_nm", "N m", "float", "1 Hz",
          "Eccentric moment at the gantry, learned from the torque; null until learned."),
     _out("eccentric_angle_deg", "deg", "float", "1 Hz", "Where it would come to rest by itself; null until learned."),
     _out("refusal_text", "", "text", "on change", "The last command that the program refused, and why."),
+    _out("refusal_messages", "", "messages", "on change", "The same as code and values."),
     _out("alarms", "", "rows", "on change", "Active alarms, the first-out first (rows below)."),
     _out("alarm_history", "", "rows", "on change", "The last 50 alarms, newest first (rows below)."),
 )  # fmt: skip
@@ -211,7 +216,9 @@ ALARM_ROW: Final = {
     "severity": "INFO, WARNING, REFUSED or STOP",
     "title": "two or three words",
     "measured": "what was measured against which limit",
+    "values": "what was measured, as values: the fields of the message of `code`",
     "done": "what gantryctl did about it",
+    "steps": "the same as words and values",
     "to_do": "what to do",
     "cause": "what it means",
     "text": "the whole line",

@@ -1,0 +1,47 @@
+// What the service says, in the language of the page: its English text, or Chinese made of code and values.
+import { CODES, WORDS } from './codes';
+import { prefs, word } from './prefs.svelte';
+import type { AlarmRow, Message, Values } from './tables';
+
+/** Fields that hold a word of the service: the group that it is of. */
+const GROUPS: Record<string, string> = { role: 'role', action: 'action', mode: 'mode', wanted: 'mode' };
+
+/** The messages of one text, or that text where the page is English or a message is not known. */
+export function said(messages: Message[] | null | undefined, english: string | null | undefined): string {
+  if (prefs.language !== 'zh' || !messages?.length) return english ?? '';
+  const found = messages.map(inChinese);
+  return found.includes('') ? (english ?? '') : found.join('，');
+}
+
+/** Title, cause or what to do of a code. */
+export function ofCode(row: AlarmRow, part: 'title' | 'cause' | 'to_do'): string {
+  return (prefs.language === 'zh' && CODES[row.code]?.[part]) || row[part];
+}
+
+/** Chinese of one message; empty when the page does not know it. */
+function inChinese(message: Message): string {
+  if (typeof message === 'string') return message;
+  if ('words' in message) return filled(WORDS[message.words], message.values);
+  const code = 'code' in message ? message.code : message.reason;
+  const text = filled(CODES[code]?.message, message.values);
+  return 'code' in message || text === '' ? text : `${code} · ${text} · ${CODES[code]?.to_do}`;
+}
+
+/** `{limit:+.2f}` stands for a number with sign and decimals, `{name}` for whatever the value is. */
+function filled(template: string | undefined, values: Values): string {
+  return (template ?? '').replace(
+    /\{(\w+)(?::(\+?)(?:\.(\d+))?([fg]))?\}/g,
+    (_, name, sign, digits, kind) => {
+      const value = values[name as string] ?? '';
+      const group = GROUPS[name as string];
+      if (group && typeof value === 'string') return word(group, value);
+      if (Array.isArray(value)) return value.map(inChinese).join('；');
+      if (typeof value !== 'number') return inChinese(value);
+      const text =
+        kind === 'f'
+          ? value.toFixed(Number(digits))
+          : String(kind === 'g' ? Number(value.toPrecision(Number(digits ?? 6))) : value);
+      return sign && value >= 0 ? `+${text}` : text;
+    },
+  );
+}
