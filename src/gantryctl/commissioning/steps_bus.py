@@ -6,7 +6,7 @@ import json
 from typing import Final
 
 from gantryctl.commissioning.context import Context, failed, judged, passed
-from gantryctl.commissioning.hand import by_hand
+from gantryctl.commissioning.open_loop_axis import open_loop_axis
 from gantryctl.commissioning.results import StepResult
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
@@ -69,9 +69,9 @@ def defaults(c: Context) -> StepResult:
 def parameters(c: Context) -> StepResult:
     """Written, read back, kept."""
     try:
-        with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
-            kept = backup(hand.drive.node, None)
-            rows = hand.drive.opened.rows
+        with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+            kept = backup(axis.drive.node, None)
+            rows = axis.drive.opened.rows
     except CommandRefused as refused:
         return failed("parameters", str(refused), "set them with the drive maker's tool, then go on")
     file = c.folder / f"{c.machine.name}.drive.json"
@@ -85,9 +85,9 @@ def parameters(c: Context) -> StepResult:
 
 def process_data(c: Context) -> StepResult:
     """Telegrams against SDO reads, and their counters."""
-    with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
-        hand.run(_WATCH_S, DriveRequest.DISABLE)
-        counters, drive = hand.drive.health(), hand.drive
+    with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+        axis.run(_WATCH_S, DriveRequest.DISABLE)
+        counters, drive = axis.drive.health(), axis.drive
         pdo = drive.process.statusword, drive.process.counts
         raw = drive.node.sdo.number(0x6064)
         sdo = drive.node.sdo.number(0x6041), (-raw if drive.settings.inverted else raw)
@@ -109,17 +109,17 @@ def process_data(c: Context) -> StepResult:
 
 def sync(c: Context) -> StepResult:
     """From SYNC to its answers, and from a controlword to its statusword."""
-    with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
-        hand.run(_WATCH_S, DriveRequest.DISABLE)
-        answers = sorted(hand.drive.process.answer_times_s)
+    with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+        axis.run(_WATCH_S, DriveRequest.DISABLE)
+        answers = sorted(axis.drive.process.answer_times_s)
         dead = 0
-        while hand.feedback.state is DriveState.SWITCH_ON_DISABLED and dead < 100:
-            hand.scan(DriveRequest.ENABLE)
+        while axis.feedback.state is DriveState.SWITCH_ON_DISABLED and dead < 100:
+            axis.scan(DriveRequest.ENABLE)
             dead += 1
-        hand.run(0.02, DriveRequest.DISABLE)
+        axis.run(0.02, DriveRequest.DISABLE)
     p50 = answers[len(answers) // 2] * 1e3 if answers else 0.0
     p99 = answers[int(len(answers) * 0.99)] * 1e3 if answers else 0.0
-    period_ms = hand.period_s * 1e3
+    period_ms = axis.period_s * 1e3
     ok = dead <= 5 and p99 <= 0.75 * period_ms
     proof = (
         f"answers {p50:.2f} ms after SYNC (p50), {p99:.2f} ms (p99); a command shows {dead} scans later "

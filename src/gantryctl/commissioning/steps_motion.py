@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.commissioning.context import Context, judged, passed
-from gantryctl.commissioning.hand import by_hand
+from gantryctl.commissioning.open_loop_axis import open_loop_axis
 from gantryctl.commissioning.results import StepResult
 from gantryctl.commissioning.steps_power import reset
 from gantryctl.errors import AlarmStop
@@ -113,21 +113,21 @@ def _figures(name: str, measured: float, computed: float) -> dict[str, float]:
 
 
 def _measured_stop(c: Context, what: str, speed: float) -> float:
-    """Ramp up by hand, stop, and measure the motor-side way from the last command to rest."""
+    """Ramp up with the position loop open, stop, and measure the motor-side way from the last command to rest."""
     way = 2.0 * (speed * speed / (2.0 * _STOP_ACC) + 2.0 * abs(speed))
-    with by_hand(c.machine, c.store, way + 2.0) as hand:
-        hand.enable()
-        hand.ramp_to(speed, _STOP_ACC)
-        hand.run(0.5, speed_deg_s=speed)
-        begun = hand.angle_deg
+    with open_loop_axis(c.machine, c.store, way + 2.0) as axis:
+        axis.enable()
+        axis.ramp_to(speed, _STOP_ACC)
+        axis.run(0.5, speed_deg_s=speed)
+        begun = axis.angle_deg
         if what == "silence":
-            hand.fall_silent(process_data=True, heartbeat=True)
-            hand.wake()
-            if hand.feedback.state is DriveState.FAULT:
-                reset(hand)
+            axis.fall_silent(process_data=True, heartbeat=True)
+            axis.wake()
+            if axis.feedback.state is DriveState.FAULT:
+                reset(axis)
         else:
-            hand.run(abs(speed) / c.machine.virtual_axis.quick_dec_deg_s2 + 1.0, DriveRequest.QUICK_STOP)
-        return abs(hand.angle_deg - begun)
+            axis.run(abs(speed) / c.machine.virtual_axis.quick_dec_deg_s2 + 1.0, DriveRequest.QUICK_STOP)
+        return abs(axis.angle_deg - begun)
 
 
 def _jog_release(c: Context, speed: float) -> float:

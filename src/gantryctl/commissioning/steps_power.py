@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from gantryctl.commissioning.context import Context, judged
-from gantryctl.commissioning.hand import Hand, by_hand
+from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
 from gantryctl.commissioning.results import Outcome, StepResult
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
@@ -39,13 +39,13 @@ def silence(c: Context) -> StepResult:
     figures: dict[str, float] = {}
     wrong = []
     for what, limit_s in limits_s.items():
-        with by_hand(c.machine, c.store, _STAND_DEG) as hand:
-            hand.enable()
-            time_s = hand.fall_silent(process_data=what == "process data", heartbeat=what == "heartbeat")
-            seen = hand.wake()
-            moved = abs(hand.angle_deg)
-            reset(hand)
-        slack_s = 2.0 * hand.period_s + can.heartbeat_ms * 1e-3
+        with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+            axis.enable()
+            time_s = axis.fall_silent(process_data=what == "process data", heartbeat=what == "heartbeat")
+            seen = axis.wake()
+            moved = abs(axis.angle_deg)
+            reset(axis)
+        slack_s = 2.0 * axis.period_s + can.heartbeat_ms * 1e-3
         ok = seen.state in _OFF and not seen.brake_open and moved <= _SAG_DEG and time_s <= limit_s + slack_s
         figures |= {
             f"{what.replace(' ', '_')}_ms": 1e3 * time_s,
@@ -57,8 +57,8 @@ def silence(c: Context) -> StepResult:
             wrong.append(what)
     proof = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
     if not wrong:
-        with by_hand(c.machine, c.store, _STAND_DEG) as hand:
-            key, marker = hand.drive.opened.identity.key, hand.drive.leave_restart_marker()
+        with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+            key, marker = axis.drive.opened.identity.key, axis.drive.leave_restart_marker()
             store_silent_master_proof(silent_master_proof_path(c.store.directory, c.machine), key, marker)
         if marker is None:
             proof += "; this drive takes no marker: a restart between two runs is not noticed"
@@ -69,12 +69,12 @@ def silence(c: Context) -> StepResult:
     return judged(not wrong, "silence", proof, to_do, **figures)
 
 
-def reset(hand: Hand) -> None:
+def reset(axis: OpenLoopAxis) -> None:
     """Clear the fault that a proof has caused."""
-    for _ in range(round(1.0 / hand.period_s)):
-        if hand.scan(DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED:
+    for _ in range(round(1.0 / axis.period_s)):
+        if axis.scan(DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED:
             return
-    raise DeviceError(f"the drive's fault does not go away: {hand.feedback.error_code:04X}h")
+    raise DeviceError(f"the drive's fault does not go away: {axis.feedback.error_code:04X}h")
 
 
 def brake(c: Context) -> StepResult:
@@ -82,14 +82,14 @@ def brake(c: Context) -> StepResult:
     reason = untestable(c.machine)
     if reason:
         return StepResult("brake", Outcome.NOT_TESTABLE, str(reason), to_do="use the drive's own brake test")
-    with by_hand(c.machine, c.store, _STAND_DEG) as hand:
-        if not hand.drive.torque_preload:
+    with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+        if not axis.drive.torque_preload:
             return StepResult(
                 "brake", Outcome.NOT_TESTABLE, str(untestable(c.machine, torque_preload=False)),
                 to_do="use the drive's own brake test",
             )  # fmt: skip
-        result = _test_brake(c, hand)
-        hand.retained = after_test(hand.retained, result, hand.retained.power_ups, datetime.now(UTC))
+        result = _test_brake(c, axis)
+        axis.retained = after_test(axis.retained, result, axis.retained.power_ups, datetime.now(UTC))
     figures = {
         "torque_nm": c.machine.brake.test_torque_nm, "moved_deg": deg(result.moved_rad),
         "plus_nm": result.plus_nm, "minus_nm": result.minus_nm,
@@ -99,39 +99,39 @@ def brake(c: Context) -> StepResult:
     return judged(ok, "brake", result.text, "brake or torque scaling; call service", **figures)
 
 
-def _test_brake(c: Context, hand: Hand) -> BrakeTestResult:
+def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
     """Enabled behind the closed brake, tested, torque taken off, disabled."""
     m = c.machine
-    test = BrakeTest(m.brake.test_torque_nm, rad(m.brake.sag_max_deg), m.motor.torque_max_nm, hand.period_s)
-    hand.enable(brake=False)
-    test.prepare(hand.retained.holding_torque_nm or 0.0)
+    test = BrakeTest(m.brake.test_torque_nm, rad(m.brake.sag_max_deg), m.motor.torque_max_nm, axis.period_s)
+    axis.enable(brake=False)
+    test.prepare(axis.retained.holding_torque_nm or 0.0)
     test.begin()
-    seen, torque = hand.feedback, 0.0
+    seen, torque = axis.feedback, 0.0
     while test.running:
-        torque = test.scan(seen.torque_act_nm, rad(hand.angle_deg))
-        seen = hand.scan(DriveRequest.ENABLE, torque_nm=torque, brake=False)
-    hand.run(0.3, torque_nm=torque - seen.torque_act_nm, brake=False)
-    hand.run(0.2, DriveRequest.DISABLE, brake=False)
+        torque = test.scan(seen.torque_act_nm, rad(axis.angle_deg))
+        seen = axis.scan(DriveRequest.ENABLE, torque_nm=torque, brake=False)
+    axis.run(0.3, torque_nm=torque - seen.torque_act_nm, brake=False)
+    axis.run(0.2, DriveRequest.DISABLE, brake=False)
     return test.result
 
 
 def sign(c: Context) -> StepResult:
     """A half-sine pulse of speed: the way in position and in speed must be the one commanded."""
-    with by_hand(c.machine, c.store, _LEASH_DEG) as hand:
-        _lower_limits(c, hand)
-        hand.enable()
-        begun = hand.angle_deg
-        n = round(_PULSE_S / hand.period_s)
+    with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+        _lower_limits(c, axis)
+        axis.enable()
+        begun = axis.angle_deg
+        n = round(_PULSE_S / axis.period_s)
         peak = _PULSE_DEG / _PULSE_S * math.pi / 2.0
         way_by_speed = 0.0
         for k in range(n):
-            hand.scan(DriveRequest.ENABLE, peak * math.sin(math.pi * (k + 0.5) / n))
-            way_by_speed += hand.speed_deg_s * hand.period_s
-        for _ in range(round(0.5 / hand.period_s)):
-            hand.scan(DriveRequest.ENABLE)
-            way_by_speed += hand.speed_deg_s * hand.period_s
-        way = hand.angle_deg - begun
-        hand.disable()
+            axis.scan(DriveRequest.ENABLE, peak * math.sin(math.pi * (k + 0.5) / n))
+            way_by_speed += axis.speed_deg_s * axis.period_s
+        for _ in range(round(0.5 / axis.period_s)):
+            axis.scan(DriveRequest.ENABLE)
+            way_by_speed += axis.speed_deg_s * axis.period_s
+        way = axis.angle_deg - begun
+        axis.disable()
     ratio, ratio_speed = way / _PULSE_DEG, way_by_speed / _PULSE_DEG
     ok = abs(ratio - 1.0) <= _SIGN_TOLERANCE and abs(ratio_speed - 1.0) <= _SIGN_TOLERANCE
     proof = f"{_PULSE_DEG:g} deg commanded: {way:+.4f} deg by position, {way_by_speed:+.4f} deg by speed (motor side)"
@@ -139,11 +139,11 @@ def sign(c: Context) -> StepResult:
     return judged(ok, "sign", proof, to_do, ratio_position=ratio, ratio_speed=ratio_speed)
 
 
-def _lower_limits(c: Context, hand: Hand) -> None:
+def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
     """6072 and 6080 for the test move only, read back; the next start writes the full ones again."""
-    sdo = hand.drive.node.sdo
+    sdo = axis.drive.node.sdo
     torque = round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference)
-    speed = max(1, math.ceil(0.2 * hand.ratio / DEG_S_PER_R_MIN))
+    speed = max(1, math.ceil(0.2 * axis.ratio / DEG_S_PER_R_MIN))
     for index, value in ((0x6072, torque), (0x6080, speed)):
         if sdo.optional(index) is None:
             continue
@@ -155,16 +155,16 @@ def _lower_limits(c: Context, hand: Hand) -> None:
 def velocity(c: Context) -> StepResult:
     """A step to creep speed."""
     speed = c.machine.speed.creep_deg_s
-    with by_hand(c.machine, c.store, 2.0 * _STEP_S * speed) as hand:
-        hand.enable()
-        hand.ramp_to(speed, c.machine.virtual_axis.acc_deg_s2)
-        hand.run(1.0, speed_deg_s=speed)
-        begun = hand.angle_deg
-        seen = hand.run(_STEP_S, speed_deg_s=speed)
-        reached = (hand.angle_deg - begun) / _STEP_S
-        hand.ramp_to(0.0, c.machine.virtual_axis.acc_deg_s2)
-        hand.run(0.5)
-        hand.disable()
+    with open_loop_axis(c.machine, c.store, 2.0 * _STEP_S * speed) as axis:
+        axis.enable()
+        axis.ramp_to(speed, c.machine.virtual_axis.acc_deg_s2)
+        axis.run(1.0, speed_deg_s=speed)
+        begun = axis.angle_deg
+        seen = axis.run(_STEP_S, speed_deg_s=speed)
+        reached = (axis.angle_deg - begun) / _STEP_S
+        axis.ramp_to(0.0, c.machine.virtual_axis.acc_deg_s2)
+        axis.run(0.5)
+        axis.disable()
     torque = float(np.mean([f.torque_act_nm for f in seen]))
     ok = abs(reached / speed - 1.0) <= _STEP_TOLERANCE
     proof = f"{speed:g} deg/s commanded, {reached:.5f} deg/s over {_STEP_S:g} s, mean torque {torque:.1f} N m"

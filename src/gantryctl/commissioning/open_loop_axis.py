@@ -1,4 +1,4 @@
-"""A drive driven by hand, scan by scan, with no position loop: within a leash, and never without rest at the end."""
+"""A drive on a bus without a position loop, scan by scan: for the proofs that come before the loop may be closed."""
 
 from __future__ import annotations
 
@@ -23,18 +23,25 @@ _ENABLE_S: Final = 2.0
 _SILENT_S: Final = 1.5
 
 
-class Hand:
-    """One drive and the leash its gantry is on.
+class OpenLoopAxis:
+    """Commands to an open drive, switched off when the gantry moves too far.
 
     Args:
-        drive: open.
-        leash_deg: further than this from where it stood the axis is switched off.
+        feedback: what the drive showed when it was opened.
+        leash_deg: way from there at which the axis is switched off.
 
     Attributes:
-        retained: the controller's memory; kept at the end, with what a step has put into it.
+        retained: the controller's memory, kept at the end; a step may change it.
     """
 
-    def __init__(self, machine: Machine, drive: CanopenDrive, leash_deg: float, retained: Retained) -> None:
+    def __init__(
+        self,
+        machine: Machine,
+        drive: CanopenDrive,
+        feedback: DriveFeedback,
+        leash_deg: float,
+        retained: Retained,
+    ) -> None:
         self.retained = retained
         self.drive, self.period_s = drive, drive.settings.period_s
         self.ratio = machine.axis.ratio
@@ -42,8 +49,7 @@ class Hand:
         self._deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
         self._clock = RealClock(self.period_s) if machine.paced_by_clock else VirtualClock()
         self._deadline = 0
-        self.feedback = drive.read()
-        self.start_counts = self.feedback.pos_act_counts
+        self.feedback, self.start_counts = feedback, feedback.pos_act_counts
 
     @property
     def angle_deg(self) -> float:
@@ -58,7 +64,7 @@ class Hand:
     def scan(
         self, request: DriveRequest, speed_deg_s: float = 0.0, torque_nm: float = 0.0, brake: bool = True
     ) -> DriveFeedback:
-        """One command, and what shows at the next SYNC.
+        """Send one command and return the feedback of the next SYNC.
 
         Raises:
             AlarmStop: the leash is at its end, or something is wrong with the connection.
@@ -88,17 +94,17 @@ class Hand:
         torque_nm: float = 0.0,
         brake: bool = True,
     ) -> list[DriveFeedback]:
-        """The same command for a time."""
+        """Repeat a command for a time."""
         return [
             self.scan(request, speed_deg_s, torque_nm, brake)
             for _ in range(math.ceil(seconds / self.period_s - 1e-9))
         ]
 
     def enable(self, *, brake: bool = True) -> None:
-        """Up to Operation enabled, standing.
+        """Enable the drive, standing.
 
         Raises:
-            DeviceError: it does not get there.
+            DeviceError: it does not reach Operation enabled.
         """
         for _ in range(round(_ENABLE_S / self.period_s)):
             if self.scan(ENABLE, brake=brake).state is DriveState.OPERATION_ENABLED:
@@ -110,14 +116,14 @@ class Hand:
         )
 
     def ramp_to(self, speed_deg_s: float, acc_deg_s2: float) -> None:
-        """Speed up gently."""
+        """Change speed at a constant acceleration."""
         start = self.speed_deg_s
         n = max(1, math.ceil(abs(speed_deg_s - start) / acc_deg_s2 / self.period_s))
         for k in range(n):
             self.scan(ENABLE, start + (speed_deg_s - start) * (k + 1) / n)
 
     def disable(self) -> None:
-        """The brake first where that can be told, then the torque."""
+        """Close the brake, where the controller commands it, then take the torque off."""
         self.run(2 * self.period_s, brake=False)
         self.run(0.6, DriveRequest.DISABLE, brake=False)
 
@@ -145,15 +151,15 @@ class Hand:
         return reacted
 
     def wake(self) -> DriveFeedback:
-        """Speak again, asking for nothing; what the drive shows."""
+        """Send again, asking for nothing; the last feedback."""
         self.drive.resume()
         self._clock.start()
         return self.run(0.1, DriveRequest.DISABLE)[-1]
 
 
 @contextmanager
-def by_hand(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[Hand]:
-    """Open the drive, and leave it off, braked and with its rest position kept.
+def open_loop_axis(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[OpenLoopAxis]:
+    """Open the drive, and leave it off, braked and with its rest position retained.
 
     Raises:
         CommandRefused: its parameters forbid enabling.
@@ -161,21 +167,13 @@ def by_hand(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[H
     opened = open_machine(machine, store)
     drive = opened.drive
     assert isinstance(drive, CanopenDrive)
-    retained = opened.retained
-    hand: Hand | None = None
+    axis = OpenLoopAxis(machine, drive, opened.feedback, leash_deg, opened.retained)
     try:
         for reason in bus_reasons(machine, store, drive, commissioning=True):
             raise CommandRefused(reason.text)
-        hand = Hand(machine, drive, leash_deg, retained)
         with keeps_time() if machine.paced_by_clock else nullcontext():
-            yield hand
+            yield axis
     finally:
         drive.close()
-        identity = drive.identity()
-        counts = int(drive.read().pos_act_counts) % (identity.counts_per_turn * identity.turns)
-        keep_machine(
-            machine,
-            store,
-            drive,
-            replace(hand.retained if hand is not None else retained, rest_position_counts=counts),
-        )
+        counts = int(drive.read().pos_act_counts) % opened.scale.range_counts
+        keep_machine(machine, store, drive, replace(axis.retained, rest_position_counts=counts))
