@@ -60,6 +60,14 @@ class StateError(DeviceError):
 
 
 class AlarmStop(GantryctlError):
-    """The axis was stopped by an alarm; the message is the alarm's text."""
+    """The axis was stopped by an alarm; the message is the alarm's text.
+
+    Attributes:
+        code: of the alarm; "" where it has none.
+    """
 
     exit_code = 4
+
+    def __init__(self, text: str, code: str = "") -> None:
+        super().__init__(text)
+        self.code = code

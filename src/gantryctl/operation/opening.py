@@ -354,7 +354,7 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
     if end.alarm is None:
         return alarms, ""
     # an alarm of the engine: an exception in the program, or scans too late
-    code = str(end.alarm).partition(" ")[0]
+    code = end.alarm.code
     return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, axis.pos_act_rad)), code
 
 

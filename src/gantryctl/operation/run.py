@@ -152,7 +152,8 @@ class AxisRun:
             raise AlarmStop(
                 f"{Code.SYS_10} STOP · power-up did not end within {_POWER_S:g} s, "
                 f"the axis is {_words(self.axis.state)} · torque off, brake closed · "
-                "a custom program must switch power on when the operator wants it"
+                "a custom program must switch power on when the operator wants it",
+                Code.SYS_10,
             )
 
     def power_down(self) -> None:
@@ -264,10 +265,13 @@ class AxisRun:
         if first is None and late is None:
             blocking = self.axis.alarms.blocking()
             if blocking is not None and blocking.reaction is Reaction.HLT:
-                raise AlarmStop(blocking.text)
+                raise AlarmStop(blocking.text, blocking.code)
             return
         self._follow(lambda: self.axis.is_off, REST_S, watch=False)
-        raise AlarmStop(late or (first.text if first is not None else ""))
+        if late is not None:
+            raise late
+        assert first is not None
+        raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
 

@@ -66,7 +66,7 @@ class Engine:
         statistics: how well real time was kept; nothing is measured in virtual time.
         failure: what ended the program, or None.
         overrun_limits: when the policy acts; the caller may set others.
-        overrun_stop: text of the alarm when the overrun policy stopped the axis, or None.
+        overrun_stop: the alarm when the overrun policy stopped the axis, or None.
         recording_fault: why the recording ended early, or None.
     """
 
@@ -92,7 +92,7 @@ class Engine:
         self.output: OutputImage = SAFE_OUTPUT
         self.statistics = ScanStatistics(period_s)
         self.failure: BaseException | None = None
-        self.overrun_stop: str | None = None
+        self.overrun_stop: AlarmStop | None = None
         self.recording_fault: str | None = None
         self._active: Program = program
         self._record = recorder.record if recorder is not None else None
@@ -160,7 +160,7 @@ class Engine:
                 raise DeviceError(text) from failure
             if isinstance(failure, GantryctlError):
                 raise
-            raise AlarmStop(failure_text(failure, scan, time_s)) from failure
+            raise failure_alarm(failure, scan, time_s) from failure
 
     def _scan_until(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         clock, interrupt, scan = self.clock, self._interrupt, self._scan
@@ -240,11 +240,12 @@ class Engine:
         return None
 
 
-def failure_text(failure: Exception | SystemExit, scan: int, time_s: float) -> str:
+def failure_alarm(failure: Exception | SystemExit, scan: int, time_s: float) -> AlarmStop:
     """The alarm SYS-09 for something in a scan that should never raise, with the line it came from."""
     frames = traceback.extract_tb(failure.__traceback__)
     place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}"
-    return (
+    return AlarmStop(
         f"SYS-09 STOP · {type(failure).__name__} in scan {scan} (t = {time_s:.3f} s): {failure} ({place}) · "
-        "quick stop · correct the program or report this"
+        "quick stop · correct the program or report this",
+        "SYS-09",
     )

@@ -6,6 +6,8 @@ from collections import deque
 from enum import Enum
 from typing import Final, NamedTuple
 
+from gantryctl.errors import AlarmStop
+
 # Time over which overruns are counted, s.
 WINDOW_S: Final = 1.0
 
@@ -47,19 +49,24 @@ class RecentOverruns:
         """The scan of `time_s` ended after the next one was due."""
         self._times_s.append(time_s)
 
-    def reason_to_stop(self, time_s: float, late_s: float, limits: OverrunLimits) -> str | None:
+    def reason_to_stop(self, time_s: float, late_s: float, limits: OverrunLimits) -> AlarmStop | None:
         """The alarm for the scan of `time_s` that starts `late_s` too late, or None."""
         times_s = self._times_s
         while times_s and time_s - times_s[0] > WINDOW_S:
             times_s.popleft()
         if late_s > limits.frozen_s:
-            seen = f"SYS-03 STOP · controller frozen for {late_s:.3f} s"
+            code, seen = "SYS-03", f"controller frozen for {late_s:.3f} s"
         elif late_s > limits.late_s:
-            seen = f"SYS-02 STOP · scan {late_s * 1e3:.1f} ms late (limit {limits.late_s * 1e3:g} ms)"
+            code, seen = "SYS-02", f"scan {late_s * 1e3:.1f} ms late (limit {limits.late_s * 1e3:g} ms)"
         elif len(times_s) > limits.per_window:
-            seen = f"SYS-02 STOP · {len(times_s)} overruns within {WINDOW_S:g} s (limit {limits.per_window})"
+            code, seen = (
+                "SYS-02",
+                f"{len(times_s)} overruns within {WINDOW_S:g} s (limit {limits.per_window})",
+            )
         else:
             return None
-        return (
-            f"{seen} at t = {time_s:.3f} s · quick stop · find what kept the processor busy, then start again"
+        return AlarmStop(
+            f"{code} STOP · {seen} at t = {time_s:.3f} s · quick stop · find what kept the processor busy, then "
+            "start again",
+            code,
         )

@@ -190,14 +190,15 @@ def test_a_scan_too_late_gets_a_quick_stop_in_place_of_the_old_command(strict: B
     assert strict.program.images[21].operator.quick_stop
     alarm = strict.engine.overrun_stop
     assert alarm is not None
-    assert alarm.startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms) at t = 0.250 s")
+    assert alarm.code == "SYS-02"
+    assert str(alarm).startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms) at t = 0.250 s")
 
 
 def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:
     strict.work(20, 2.0)
     strict.engine.run_for(1.0)
     assert strict.engine.overrun_stop is not None
-    assert "SYS-03 STOP · controller frozen for 1.990 s" in strict.engine.overrun_stop
+    assert "SYS-03 STOP · controller frozen for 1.990 s" in str(strict.engine.overrun_stop)
     requests = [output.request for output in strict.drive.outputs]
     assert set(requests[:21]) == {DriveRequest.ENABLE}
     assert set(requests[21:]) == {DriveRequest.QUICK_STOP}  # for as long as the program wants to move
@@ -221,7 +222,7 @@ def test_more_than_five_overruns_in_a_second_stop(strict: Bench, overruns: int, 
     assert (strict.engine.overrun_stop is not None) is stopped
     if stopped:
         assert strict.engine.overrun_stop is not None
-        assert "SYS-02 STOP · 6 overruns within 1 s (limit 5)" in strict.engine.overrun_stop
+        assert "SYS-02 STOP · 6 overruns within 1 s (limit 5)" in str(strict.engine.overrun_stop)
 
 
 def test_overruns_far_apart_do_not_add_up(strict: Bench) -> None:

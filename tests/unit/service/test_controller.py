@@ -25,7 +25,7 @@ from gantryctl.units import deg
 
 MACHINE = default_machine()
 TURN_COUNTS = 2048 * MACHINE.encoder.counts_per_turn  # fine counts of a motor turn
-LATE = "SYS-03 STOP · the scan was 31 ms late"
+LATE = AlarmStop("SYS-03 STOP · the scan was 31 ms late", "SYS-03")
 ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
 SERVICE = Identity("c2", "serena", Role.SERVICE, "loopback")
 
@@ -159,7 +159,7 @@ def test_a_late_scan_is_acknowledged_by_a_reset_together_with_what_was_held_befo
         desk.engine.overrun_stop = LATE
         desk.scans(3)
         assert str(desk.permit.blocked_by).startswith("ENC-09")
-        assert LATE in str(desk.permit.blocked_by)
+        assert str(LATE) in str(desk.permit.blocked_by)
         assert desk.ask("take", over=False) == ""
         assert desk.ask("power", on=True) == "PWR-04"
         assert desk.ask("reset") == ""

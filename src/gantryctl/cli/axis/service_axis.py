@@ -257,7 +257,7 @@ class ServiceAxis:
     def _raise_alarm(self) -> None:
         first = next((row for row in self.tags["alarms"] if row["first_out"]), None)
         if first is not None:
-            raise AlarmStop(first["text"])
+            raise AlarmStop(first["text"], first["code"])
 
     def _arm(self, action: str) -> None:
         """Arm an action, or wait until somebody else has.
@@ -293,9 +293,11 @@ def brake_due(machine: Machine, tags: Tags) -> BrakeDue:
 
 
 def held_codes(tags: Tags) -> list[str]:
-    """Codes of what holds the axis."""
-    blocked = [tags["blocked_by"].partition(" ")[0]] if tags["blocked_by"] else []
-    return [row["code"] for row in tags["alarms"]] + blocked
+    """Codes of what holds the axis; of an earlier stop, that of its alarm."""
+    reasons = [row for row in tags["blocked_by_messages"] if isinstance(row, dict)]
+    return [row["code"] for row in tags["alarms"]] + [
+        row["values"].get("stopped_by", row["reason"]) for row in reasons
+    ]
 
 
 def _number(value: float | None) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from gantryctl.errors import AlarmStop
 from gantryctl.program import Axis
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason, Reasons
@@ -22,7 +23,7 @@ class Permit:
         reasons: of the opening, the gravest first.
 
     Attributes:
-        late: alarm of the engine that stopped the axis because scans came too late, or "".
+        late: alarm of the engine that stopped the axis because scans came too late, or None.
         resets: how many resets were asked for.
     """
 
@@ -30,7 +31,8 @@ class Permit:
         self, axis: Axis, journal: JournalHealth, events: EventLog, reasons: tuple[Reason, ...] = ()
     ) -> None:
         self._axis, self._journal, self._events = axis, journal, events
-        self.reasons, self.late = reasons, ""
+        self.reasons = reasons
+        self.late: AlarmStop | None = None
         self.resets = 0
 
     @property
@@ -42,7 +44,7 @@ class Permit:
     def held(self) -> Reasons:
         """The reasons that a reset clears."""
         found = [reason for reason in self.reasons if reason.by_reset]
-        return Reasons([*found, self.late] if self.late else found)
+        return Reasons([*found, str(self.late)] if self.late else found)
 
     @property
     def blocked_by(self) -> Reasons:
@@ -93,4 +95,4 @@ class Permit:
                 raise MessageRefused(Code.CTL_14, reason=words)
         if held:
             self._events.put("command", f"acknowledged: {held}", who)
-            self.reasons, self.late = (), ""
+            self.reasons, self.late = (), None

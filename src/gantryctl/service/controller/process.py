@@ -27,7 +27,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
-from gantryctl.runtime import failure_text
+from gantryctl.runtime import failure_alarm
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.permit import Permit
@@ -123,10 +123,9 @@ class Controller:
     def _stopped_by(self, raised: GantryctlError) -> AlarmStop:
         """Something raised in a scan, and the engine stops the axis: bring it to rest, whatever it was."""
         engine = self.engine
-        if isinstance(raised, AlarmStop):
-            failure = raised
-        else:
-            failure = AlarmStop(failure_text(raised, engine.scan, engine.time_s))
+        failure = (
+            raised if isinstance(raised, AlarmStop) else failure_alarm(raised, engine.scan, engine.time_s)
+        )
         self.events.put("alarm", str(failure))
         end_s = engine.time_s + _STOP_S
         for _ in range(_STOP_TRIES):
@@ -166,9 +165,9 @@ class Controller:
         if on is not self._powered:
             self._powered = on
             self._switched(on)
-        if engine.overrun_stop is not None and not permit.late:
+        if engine.overrun_stop is not None and permit.late is None:
             permit.late = engine.overrun_stop
-            self.events.put("alarm", engine.overrun_stop)
+            self.events.put("alarm", str(engine.overrun_stop))
         retainer.scan()
 
     def _after_reset(self) -> None:
