@@ -1,8 +1,7 @@
-"""The local socket: commands from this machine's command line, by whoever the operating system says it is.
+"""The local socket: commands from the command line of this machine.
 
-JSON lines, the messages of the WebSocket. The first line from the client is `{"watch": true}` or `{"watch": false}`:
-with status frames or without. A peer that runs as the service's own user or as root has the service role; anyone else
-of the group `gantry` is an operator. Without that group nobody else gets in.
+JSON lines with the messages of the WebSocket. The first line from the client is `{"watch": true}` or
+`{"watch": false}`: with status frames or without.
 """
 
 from __future__ import annotations
@@ -28,12 +27,13 @@ from gantryctl.service.protocol.roles import Role
 GROUP: Final = "gantry"
 _CREDENTIALS: Final = struct.Struct("3i")
 _CONNECTIONS: Final = 16
-_STUCK_S: Final = 5.0
+_SEND_S: Final = 5.0
 
 
 class PeerName:
-    """A path of any length as a socket address: through the directory's handle."""
+    """The address of the socket, through a handle of its directory."""
 
+    # A socket address takes 108 bytes; the path of a state directory may be longer.
     def __init__(self, directory: Path) -> None:
         self._handle = os.open(directory, os.O_PATH | os.O_DIRECTORY)
         self.address = f"/proc/self/fd/{self._handle}/{SERVICE_SOCKET}"
@@ -58,15 +58,17 @@ class LocalServer:
         self._server: asyncio.Server | None = None
 
     async def start(self) -> None:
-        """Listen; StateError when the socket cannot be made."""
+        """Listen; StateError if the socket cannot be made."""
         path = self._directory / SERVICE_SOCKET
         try:
-            path.unlink(missing_ok=True)  # the state directory is locked: nobody else serves it
+            # The state directory is locked by this service's controller: a socket that is there is a left-over.
+            path.unlink(missing_ok=True)
             made = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             with PeerName(self._directory) as address:
                 made.bind(address)
             path.chmod(0o600)
-            with contextlib.suppress(KeyError, PermissionError):  # no such group, or we are not in it
+            # 0660 for the group, 0600 where the system has no such group or this user is not in it.
+            with contextlib.suppress(KeyError, PermissionError):
                 os.chown(path, -1, grp.getgrnam(GROUP).gr_gid)
                 path.chmod(0o660)
         except OSError as fault:
@@ -88,13 +90,13 @@ class LocalServer:
         self._hub.events.put("login", f"{user} at the local socket", client.who)
         sender: asyncio.Task[None] | None = None
         try:
-            first = json.loads(await asyncio.wait_for(reader.readline(), _STUCK_S))
+            first = json.loads(await asyncio.wait_for(reader.readline(), _SEND_S))
             watch = isinstance(first, dict) and first.get("watch") is True
             sender = asyncio.create_task(self._send(client, writer, watch=watch))
             while line := await reader.readline():
                 client.take(line)
         except (TimeoutError, ConnectionError, ValueError, Flooded, asyncio.CancelledError):
-            pass  # the connection ends, one way or another
+            pass  # all of them end the connection
         finally:
             if sender is not None:
                 sender.cancel()
@@ -109,14 +111,15 @@ class LocalServer:
                 if watch or '"type":"status"' not in text[:20]:
                     writer.write(text.encode() + b"\n")
             try:
-                await asyncio.wait_for(writer.drain(), _STUCK_S)
+                await asyncio.wait_for(writer.drain(), _SEND_S)
             except (TimeoutError, ConnectionError):
                 writer.close()
                 return
 
 
 def peer(connection: socket.socket, own_uid: Callable[[], int] = os.getuid) -> tuple[str, Role]:
-    """Name and role of whoever is at the other end, as the system says."""
+    """Ask the system for name and role of the process at the other end."""
+    # The service's own user and root have the service role, everybody else who may open the socket is an operator.
     found = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     _, uid, _ = _CREDENTIALS.unpack(found)
     try:

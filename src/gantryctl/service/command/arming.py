@@ -32,6 +32,7 @@ class Arming:
         self.second_person = second_person
         self._armed: Armed | None = None
 
+    # Arming needs no control, for taking control would begin a new epoch and end it (decision 0014).
     def arm(self, action: Action, who: Identity, epoch: int, now_s: float) -> None:
         """Arm an action in place of the one before."""
         self._armed = Armed(action, who, epoch, now_s + ARMED_S)

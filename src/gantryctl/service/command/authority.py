@@ -1,4 +1,4 @@
-"""Who has control, and the epoch: one holder, no command of the past."""
+"""Control authority and epoch: one holder, and no command from before the last change."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gantryctl.service.protocol.messages import Identity
 
 
 class Authority:
-    """The one control authority.
+    """The control authority of one axis.
 
     Attributes:
         holder: who has control, or None.
@@ -27,16 +27,15 @@ class Authority:
         return self.holder is not None and self.holder.client == who.client
 
     def alive(self, who: Identity, now_s: float) -> None:
-        """A sign of life from a connection."""
+        """Count a command of a connection as its sign of life."""
         if self.holds(who):
             self._alive_s = now_s
 
     def take(self, who: Identity, over: bool, at_rest: bool, now_s: float) -> Refusal | None:
-        """Give control to `who`; None when done, else the reason.
-
-        The local console is always let in; the caller stops the axis first when it is moving.
-        """
+        """Give control to `who`; return the reason if that is refused."""
         held = self.holder
+        # Decision 0011: the local console comes first; the caller stops a moving axis before. Others take control over
+        # at standstill only, and never from the console.
         if held is not None and held.client != who.client and not who.local:
             if not over:
                 return refusal(Code.SEC_07, reason=Words.HAS_CONTROL(user=held.user))
@@ -50,7 +49,7 @@ class Authority:
         return None
 
     def give(self, client: str) -> bool:
-        """Control is free again; False when this client did not have it."""
+        """Free the control of a client; False if it had none."""
         if self.holder is None or self.holder.client != client:
             return False
         self.holder = None
@@ -58,9 +57,9 @@ class Authority:
         return True
 
     def silent(self, now_s: float) -> bool:
-        """Whether the holder has been silent for too long."""
+        """Whether the holder was silent for too long."""
         return self.holder is not None and now_s - self._alive_s > SILENCE_S
 
     def new_epoch(self) -> None:
-        """Everything sent before is of the past."""
+        """Begin another epoch: commands that were sent before are void."""
         self.epoch += 1

@@ -1,7 +1,4 @@
-"""Hold-to-run: a key is held as long as its lease is renewed in time, and not for ever: a page may be stuck.
-
-A lease that has ended is dead for ever.
-"""
+"""Hold-to-run: a key is held as long as its lease is renewed in time. A lease that has ended is never valid again."""
 
 from __future__ import annotations
 
@@ -11,19 +8,23 @@ from typing import Final
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.protocol.limits import HELD_S
 
+# Ended leases that are kept against a second use.
 _REMEMBERED: Final = 10_000
 
 
 class HoldToRun:
-    """The one lease that may live, and those that did.
+    """The lease of the held key, and the leases that have ended.
 
     Attributes:
         forward, reverse: the key levels for the program.
-        count: rises with every renewal: the program's own lease.
-        client: whose lease it is, or "".
+        count: rises with every renewal: the lease that the program itself watches, in scans.
+        client: the connection that holds the key, or "".
         ended: why the last lease has ended, in words.
-        too_long: it was because the key was held for too long.
+        too_long: the last lease has ended because the key was held for too long.
     """
+
+    # The lease is checked twice: here on CLOCK_MONOTONIC, and in scans by the program (decision 0011). Networks frozen
+    # for up to 200 ms stopped none of 30 jogs (docs/evidence/page_freezes.json); the default lease is 250 ms.
 
     def __init__(self, lease_s: float) -> None:
         self.lease_s = lease_s
@@ -38,18 +39,19 @@ class HoldToRun:
 
     @property
     def alive(self) -> bool:
-        """A key is held."""
+        """Whether a key is held."""
         return bool(self._lease)
 
     def left_s(self, now_s: float) -> float:
-        """What is left of the lease, s; 0 when none lives."""
+        """Time left of the lease, s; 0 without one."""
         return max(0.0, self._renewed_s + self.lease_s - now_s) if self._lease else 0.0
 
     def begin(self, lease: str, client: str, forward: bool, now_s: float) -> Words | None:
-        """A key is pressed; None, or why not."""
+        """Press a key; return why that is refused."""
         if lease in self._used:
             return Words.LEASE_USED
         self._remember(lease)
+        # Both keys mean stop.
         if self._lease:
             self.end()
             return Words.OTHER_KEY
@@ -60,7 +62,7 @@ class HoldToRun:
         return None
 
     def renew(self, lease: str, client: str, now_s: float) -> Said | None:
-        """The key is still held; None, or why it is not any more."""
+        """Renew the lease of the held key; return why that is refused."""
         self.check(now_s)
         if not self._lease or lease != self._lease or client != self.client:
             return Words.LEASE_DEAD(why=self.ended or Words.LEASE_ENDED)
@@ -69,7 +71,8 @@ class HoldToRun:
         return None
 
     def release(self, lease: str, client: str) -> bool:
-        """The key is let go; whether it was this one. A lease that never began is dead from now on too."""
+        """Let the key go; False if another key, or none, is held."""
+        # A release may overtake its press: a lease that never began is dead from now on, too.
         self._remember(lease)
         if lease == self._lease and client == self.client:
             self.end()
@@ -77,7 +80,7 @@ class HoldToRun:
         return False
 
     def check(self, now_s: float) -> bool:
-        """Once a scan: whether the lease has just run out."""
+        """End a lease that has just run out; True if it did. Called in every scan."""
         if not self._lease:
             return False
         if not now_s - self._renewed_s < self.lease_s:
@@ -90,7 +93,7 @@ class HoldToRun:
         return True
 
     def end(self) -> None:
-        """No key is held any more."""
+        """Release the key that is held."""
         self._lease = self.client = ""
         self.forward = self.reverse = False
 

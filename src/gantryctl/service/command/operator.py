@@ -15,19 +15,13 @@ from gantryctl.machine import Machine
 from gantryctl.program import Code, GantryProgram
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.power.phases import RISING
+from gantryctl.service.command import rules
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
 from gantryctl.service.command.inbox import Gone, Inbox, PendingCommand
 from gantryctl.service.command.lease import HoldToRun
 from gantryctl.service.command.permit import Permit
-from gantryctl.service.command.rules import (
-    Situation,
-    check_allowed,
-    check_fresh,
-    check_setting,
-    resets_locked,
-    setting_ranges,
-)
+from gantryctl.service.command.rules import Situation
 from gantryctl.service.memory.memory import Source
 from gantryctl.service.protocol.limits import FRAME_S, HELD_S, SILENCE_S
 from gantryctl.service.protocol.messages import ARMABLE, Identity, MessageRefused
@@ -71,7 +65,7 @@ class ServiceOperator:
     ) -> None:
         self.program, self._inbox, self.permit = program, inbox, permit
         self.events, self._acknowledge = inbox.events, acknowledge
-        self.ranges = setting_ranges(machine)
+        self.ranges = rules.setting_ranges(machine)
         self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
         self.hold = HoldToRun(machine.monitors.lease_ms * 1e-3)
         self.levels, self.shutdown = levels, False
@@ -101,6 +95,7 @@ class ServiceOperator:
         inbox.time_s = time_s
         holder = self.authority.holder
         inbox.receive(self.authority.epoch, "" if holder is None else holder.client)
+        # Ended connections and stops come before commands: none of them may wait behind a queue.
         while inbox.gone:
             self._end_connection(inbox.gone.popleft())
         self._watch(now_s)
@@ -130,6 +125,7 @@ class ServiceOperator:
             self._set(forward=False, reverse=False)
         reason = axis.refusal if axis.refusal_count > self._refusals else None
         if reason is None:
+            # A reset that was carried out ends the epoch: what was sent under the alarm was meant for another state.
             if kind == "reset":
                 self.authority.new_epoch()
             self._answer(acting, None)
@@ -159,13 +155,14 @@ class ServiceOperator:
         # Decision 0014: a brake test ends with its epoch. Its starter lost control, or a reset or stop came.
         if self._testing and not self._test_ended and self.authority.epoch != self._test_epoch:
             self.stop()
+        # After an alarm a held key must be pressed again, and power needs a new command.
         first_out = self.program.axis.alarms.first_out is not None
         if first_out:
             self.hold.end()
         if self.shutdown:
             self._shut_down()
         elif first_out and self.levels.power:
-            self._set(power=False)  # Power needs a new edge after an alarm
+            self._set(power=False)
 
     def _follow_keys(self) -> None:
         levels, hold = self.levels, self.hold
@@ -180,9 +177,10 @@ class ServiceOperator:
         now = self.situation(now_s)
         try:
             self._inbox.check_sequence(pending)
-            check_fresh(message, now)
+            rules.check_fresh(message, now)
+            # A stale command is no sign of life: after a freeze of the network they arrive in a burst.
             self.authority.alive(who, now_s)
-            check_allowed(message, who, now)
+            rules.check_allowed(message, who, now)
             done = self._do(pending, now, now_s)
         except MessageRefused as refused:
             self._answer(pending, refused)
@@ -261,13 +259,13 @@ class ServiceOperator:
                 self._test_epoch, self._test_ended = now.epoch, False
                 self._set(brake_test=True)
             case "reset":
-                self._reset(pending.who, service=resets_locked(pending.who, now))
+                self._reset(pending.who, service=rules.resets_locked(pending.who, now))
 
     def _change(self, values: dict[str, Any]) -> None:
         """Change one setting; its old value goes into the journal beside the new one."""
         tag, value = values["tag"], float(values["value"])
         values["before"] = round(self.setting(tag), 6)
-        check_setting(value, self.ranges[tag])
+        rules.check_setting(value, self.ranges[tag])
         match tag:
             case "speed_setting_deg_s":
                 self._set(speed_rad_s=rad(value))
@@ -376,6 +374,8 @@ class ServiceOperator:
         if quick:
             self._set(quick_stop=True)
             self._stop_scans = 1
+        # A brake test ends by a stop, a power-up by taking power back, a motion by a stop; an axis that an alarm is
+        # stopping already needs none.
         if self._testing and not quick:
             self._set(stop=True)
             self._stop_scans = 1

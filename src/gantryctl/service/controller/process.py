@@ -2,8 +2,8 @@
 
 `python -m gantryctl.service.controller HANDLE CONFIG HASH [--second-person]` runs it.
 
-It opens the machine (and so locks its state directory: two controllers are impossible), scans until it is told to end,
-brings the axis to rest, closes the brake, takes the torque off and keeps the state.
+It opens the machine, scans until it is told to end, brings the axis to rest, closes the brake, takes the torque off and
+keeps the state.
 """
 
 from __future__ import annotations
@@ -68,8 +68,9 @@ class Controller:
         program, retained = opened.program, opened.retained
         assert isinstance(program, GantryProgram)
         self.axis, self.notes = program.axis, opened.notes
+        # Commands in the rings were sent to a controller that is gone.
         for ring in memory.commands:
-            ring.clear()  # sent to a controller that is gone
+            ring.clear()
         self.events = EventLog(memory.events[Source.CONTROLLER])
         self.alarms = AlarmView(self.axis.alarms, self.events)
         self.brake = BrakeWatch(machine, self.axis, self.events, retained)
@@ -81,7 +82,7 @@ class Controller:
             self.permit,
             self.alarms.acknowledge,
             first_levels(machine, retained.speed_rad_s, retained.increment_rad),
-            # A random first epoch: commands of an earlier controller meet none of this one's (decision 0011).
+            # Epochs start from a random number, so that none of a previous start is met again (decision 0011).
             epoch=secrets.randbits(40),
             second_person=second_person,
         )
@@ -121,7 +122,7 @@ class Controller:
         return 0 if failure is None else AlarmStop.exit_code
 
     def _stopped_by(self, raised: GantryctlError) -> AlarmStop:
-        """Something raised in a scan, and the engine stops the axis: bring it to rest, whatever it was."""
+        """Bring the axis to rest after an error in a scan, whatever it was; the engine has begun the stop."""
         engine = self.engine
         failure = (
             raised if isinstance(raised, AlarmStop) else failure_alarm(raised, engine.scan, engine.time_s)
@@ -129,13 +130,14 @@ class Controller:
         self.events.put("alarm", str(failure))
         end_s = engine.time_s + _STOP_S
         for _ in range(_STOP_TRIES):
-            with contextlib.suppress(GantryctlError):  # a drive that was silent for a moment may answer again
+            # A drive that was silent for a moment may answer again.
+            with contextlib.suppress(GantryctlError):
                 engine.run_for(max(0.0, end_s - engine.time_s))
                 break
         return failure
 
     def end(self) -> None:
-        """Come to rest, brake closed, torque off, then leave `run`."""
+        """Let the axis come to rest, close the brake, take torque off, then leave `run`."""
         self.operator.shutdown = True
 
     def _after_scan(self, publisher: Publisher) -> bool:
@@ -248,6 +250,7 @@ def main(arguments: list[str]) -> int:
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
+    # The store locks the state directory: two controllers of one machine are impossible.
     with StateStore(machine) as store:
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):

@@ -1,4 +1,4 @@
-"""What the controller remembers over power-off: counted in the scan, written beside it."""
+"""Retained memory of a run: counted in the scan, written beside it."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from gantryctl.runtime import Engine, Retained
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.units import rad
 
+# Travel is counted in steps of at least this: the noise of an axis at rest adds up to none.
 _TRAVEL_STEP_RAD: Final = rad(0.001)
 _MOVING: Final = (AxisState.DISCRETE_MOTION, AxisState.CONTINUOUS_MOTION)
 
@@ -29,8 +30,8 @@ class Retainer:
         before: what is retained of the runs before.
 
     Attributes:
-        retained: what is remembered from before, with what has been acknowledged or tested since.
-        faults: what the disk did not take, for the scan to say: it is the only writer of events.
+        retained: of the runs before, with acknowledgements and tests since.
+        faults: failed writes, for the scan to report: it is the only writer of its event ring.
     """
 
     def __init__(
@@ -53,15 +54,15 @@ class Retainer:
 
     @property
     def power_ups(self) -> int:
-        """Of the machine, this run included."""
+        """Power-ups of the machine, this run included."""
         return self.retained.power_ups + self._power_ups
 
     def powered_up(self) -> None:
-        """Power was switched on."""
+        """Count a power-up."""
         self._power_ups += 1
 
     def scan(self) -> None:
-        """Count motions and way."""
+        """Count motions and travelled angle."""
         axis = self._axis
         moving = axis.state in _MOVING
         if moving is not self._moving:
@@ -71,22 +72,22 @@ class Retainer:
         if abs(pos - self._last_pos_rad) > _TRAVEL_STEP_RAD:
             self._way_rad += abs(pos - self._last_pos_rad)
             self._last_pos_rad = pos
-        elif self._last_pos_rad != self._last_pos_rad:
+        elif math.isnan(self._last_pos_rad):
             self._last_pos_rad = pos
 
     def start(self, why: str) -> None:
-        """Write the state, beside the scan: the disk may take its time."""
+        """Write the state in a thread: the scan does not wait for the disk."""
         if self._thread is None or not self._thread.is_alive():
             self._thread = threading.Thread(target=self._write, args=(self._state(why),))
             self._thread.start()
 
     def join(self) -> None:
-        """Until what was started is on the disk, or is not."""
+        """Wait for a write that was started."""
         if self._thread is not None:
             self._thread.join()
 
     def finish(self, failure: AlarmStop | None) -> None:
-        """Write the state at the end of the run, and wait for it."""
+        """Write the state at the end of the run."""
         self.join()
         result = "shut down" if failure is None else f"stopped by an alarm: {failure}"
         self._write(self._state(result, failure))
@@ -98,7 +99,7 @@ class Retainer:
             self.faults.append(str(fault))
 
     def _state(self, result: str, alarm: AlarmStop | None = None) -> Retained:
-        """What the controller remembers of this run so far."""
+        """Make the retained memory of this run so far."""
         end = RunEnd(result, alarm, self._power_ups, self._moves, self._engine.time_s)
         levels, kept = self._operator.levels, self.retained
         seen: ReadDrive = LastRead(self._engine) if self._machine.on_bus else self._drive
@@ -112,7 +113,8 @@ class Retainer:
             return record
         if not record.error_stop:
             record = replace(record, error_stop=kept.error_stop)
-        if not self._power_ups:  # nobody has said that the angle is right: the next start must ask again
+        # Without a power-up nobody has confirmed the angle: the next start must ask again.
+        if not self._power_ups:
             record = replace(
                 record,
                 rest_position_counts=kept.rest_position_counts,
@@ -122,13 +124,15 @@ class Retainer:
 
 
 class LastRead:
-    """What the last scan has read: a drive on a bus is read once a scan and no more."""
+    """The drive as the last scan has read it."""
+
+    # A drive on a bus is read once a scan and no more.
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
     def identity(self) -> DriveIdentity:
-        """Encoder."""
+        """Encoder of the drive."""
         return self._engine.drive.identity()
 
     def read(self) -> DriveFeedback:

@@ -1,10 +1,6 @@
-"""Expected torque and eccentric moment, learned from the motor's torque while the axis moves: for showing only.
+"""Torque model: expected torque and eccentric moment, learned from the motor's torque while the axis moves.
 
-The model is linear in what is learned, T = a sin(theta) + b cos(theta) + c sign(v) + d v + e acc, fitted by recursive
-least squares with forgetting. Nothing of the simulated plant is known here, and no command depends on it.
-
-A gear whose friction grows with the load makes the load look heavier where it is lifted and lighter where it is let
-down. Moving both ways over the same angles takes most of that out; some 5 to 10 % of the moment stay.
+T = a sin(theta) + b cos(theta) + c sign(v) + d v + e acc, fitted by recursive least squares with forgetting.
 """
 
 from __future__ import annotations
@@ -13,6 +9,9 @@ import math
 from operator import mul
 from typing import Final
 
+# For display only: no command depends on it, and it knows nothing of the simulated plant (decision 0011).
+# A gear whose friction grows with the load makes the load look heavier where it is lifted and lighter where it is let
+# down. Motion both ways over the same angles takes most of that out; some 5 to 10 % of the moment stay.
 _COUNT: Final = 5
 # Variance by which a weight may wander between two samples, in variances of one reading: at 20 Hz, what is 100 s old
 # counts by a third.
@@ -34,13 +33,11 @@ _ACC_RAD_S2: Final = 1e-3
 
 
 class TorqueModel:
-    """Learns five numbers; nan for everything until sine and cosine can be told from friction.
-
-    One way over less than a quarter turn does not tell them apart; there and back does.
+    """Five weights, learned in motion; results are nan until load and friction can be told apart.
 
     Args:
         ratio: motor turns per gantry turn.
-        torque_rated_nm: of the motor; what is small is judged by it.
+        torque_rated_nm: of the motor; weights are judged in shares of it.
     """
 
     def __init__(self, ratio: float, torque_rated_nm: float) -> None:
@@ -54,7 +51,7 @@ class TorqueModel:
         self.learned = False
 
     def add(self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float, torque_nm: float) -> None:
-        """One sample of angle, speed and acceleration at the gantry with the motor's torque; at rest it is left out."""
+        """Add a sample of angle, speed and acceleration at the gantry with the motor's torque; none at rest."""
         if not (
             abs(vel_rad_s) > _MOVING_RAD_S and math.isfinite(pos_rad + vel_rad_s + acc_rad_s2 + torque_nm)
         ):
@@ -74,21 +71,22 @@ class TorqueModel:
         self._reading_var += (error * error / scale - self._reading_var) / self._samples
         self._judge()
 
+    # One way over less than a quarter turn does not tell load from friction; there and back does.
     def _judge(self) -> None:
         deviation_nm = math.sqrt(self._reading_var * max(self._cov[0][0], self._cov[1][1]))
         self.learned = self._samples >= _SAMPLES_MIN and deviation_nm < self._known_nm
 
     def expected_nm(self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float) -> float:
-        """Motor torque expected now, N m; nan until learned."""
+        """Return the expected motor torque, N m; nan until learned."""
         if not self.learned:
             return math.nan
         moving = vel_rad_s if abs(vel_rad_s) > _MOVING_RAD_S else 0.0
         return sum(w * f for w, f in zip(self._weights, _features(pos_rad, moving, acc_rad_s2), strict=True))
 
     def eccentric(self) -> tuple[float, float]:
-        """Eccentric moment at the gantry, N m, and the angle where it would come to rest, rad; nan until learned.
+        """Return the eccentric moment at the gantry, N m, and its angle of rest, rad; nan until learned.
 
-        The angle of a moment that is too small to be seen is nan too.
+        The angle of a moment that is too small to be measured is nan, too.
         """
         if not self.learned:
             return math.nan, math.nan

