@@ -181,6 +181,7 @@ class Feedback:
 
     def _unchanged(self, vel_cmd_rad_s: float, age: int) -> None:
         """Count scans with the same reading: frozen, when they last while a speed is commanded (A2)."""
+        # At 0.1 deg/s the reference encoder counts 1333 in a millisecond; with 8192 increments a turn, 26 in ten.
         if age or not abs(vel_cmd_rad_s) > self._frozen_speed:
             self.unchanged_scans = 0
             return

@@ -53,6 +53,7 @@ class GantryProgram(AxisProgram):
         self._without_switch = speed.without_enabling_switch_rad_s
         self._lease_scans = axis.settings.scans(axis.settings.monitors.lease_s)
         self._last = OperatorCommand()
+        # Expired at the start: the first key needs a renewal.
         self._lease_age = self._lease_scans
         self._move_gate = self._keys_dead = self._remote = False
         self._speed = 0.0
@@ -98,6 +99,7 @@ class GantryProgram(AxisProgram):
             self.axis.quick_stop()
         if op.mode is not last.mode and op.mode is not self.mode:
             self._choose_mode(op)
+        # The gate keeps a move that was refused from its block while the level stays TRUE.
         if op.move and not last.move:
             self._move_gate = self._allowed(self._check_move(op))
         elif not op.move:

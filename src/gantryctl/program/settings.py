@@ -45,6 +45,7 @@ class SpeedSettings:
     # Ramps, short moves and override pass below the lowest setting; creep of service is a setting beside them.
     setting_min_rad_s: float
     setting_max_rad_s: float
+    # At least 5 % above the highest setting: the reserve of the position loop for corrections.
     command_clamp_rad_s: float
     overspeed_trip_rad_s: float
     creep_rad_s: float = 0.1 * _DEG

@@ -131,6 +131,7 @@ class VirtualAxis:
         self.stopping = True
 
     def _ends_earlier(self, other_end_rad: float) -> bool:
+        # The stop that ends nearer is the harder one, whatever its ramp.
         here = self.pos_ref_rad
         return abs(self.plan.pos_end - here) <= abs(other_end_rad - here)
 

@@ -174,6 +174,7 @@ class MotionCommands:
             command, self.waiting = self.waiting, None
             command.status = CommandStatus.ACTIVE
             self._begin(command, None)
+        # At override 0 the set-point rests, but the command goes on.
         if self._virtual.at_rest and not self._virtual.paused:
             if self.current is not None:
                 self._arrived(self.current)

@@ -34,6 +34,7 @@ class Jog(ExecuteBlock):
         if forward != self._forward or backward != self._backward:
             self._keys(forward, backward, velocity_rad_s)
             self._forward, self._backward = forward, backward
+        # A speed that changes while the key is held is taken on the way.
         elif self.busy and not self._released and velocity_rad_s != self._speed:
             self._change_speed(velocity_rad_s)
         self._show(forward or backward)
@@ -99,6 +100,7 @@ class Inch(ExecuteBlock):
         length = travel.pos_max_rad - travel.pos_min_rad
         if forward and backward:
             self._accepted(refusal(Code.CTL_14, reason=Words.BOTH_KEYS))
+        # Not queued: a key must not act later than it was pressed.
         elif axis.motion.current is not None:
             self._accepted(refusal(Code.CTL_14, reason=Words.INCREMENT_FROM_REST))
         # A whole increment or none: a shortened one would end at an unexpected angle.

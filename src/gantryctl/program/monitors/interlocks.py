@@ -56,6 +56,7 @@ class Interlocks:
         if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
             self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
         self._inputs = inputs
+        # No filter: a hard-wired input acts on the first scan.
         if not inputs.estop_ok:
             self._alarms.raise_(Code.INT_03, measured=deg(pos_rad))
         if powered and not inputs.mains_ready:

@@ -266,6 +266,7 @@ class BrakeTest:
 
     def _relieving(self, given_nm: float) -> None:
         """Ramp the torque back to the preload; the motor must follow."""
+        # Nothing that is wound up may reach the load when the torque is taken off.
         self._ramp_to(0.0)
         back = self.on_brake_nm == 0.0 and abs(given_nm) <= (1.0 - _SHARE) * self.level_nm
         if back or self._scans * self._period_s >= _RELIEVE_S:
@@ -284,6 +285,7 @@ class BrakeTest:
         missing = self.on_brake_nm - given_nm
         if math.isfinite(missing):
             wanted = self._correction + missing * min(1.0, self._period_s / _TIME_CONSTANT_S)
+            # Within twice the level, so that a brake that slips shows as torque that is not reached.
             most = 2.0 * self.level_nm
             self._correction = min(max(wanted, -most - self.on_brake_nm), most - self.on_brake_nm)
         torque = self._preload_nm + self.on_brake_nm + self._correction

@@ -154,6 +154,7 @@ class PowerSequence:
         self._parking = False
         if self.brake_test.under_way:
             self._stop_test(reaction)
+        # A stop is never made weaker: TORQUE OFF stays, and HOLD yields to TORQUE OFF alone.
         if self.phase is PowerPhase.TORQUE_OFF or (
             self.phase is PowerPhase.TORQUE_HOLD and reaction is not Reaction.TORQUE_OFF
         ):
@@ -266,6 +267,7 @@ class PowerSequence:
         self._drive_owns_brake = feedback.brake_open
         if self.brake_test.under_way:
             self._test_enabled()
+        # A drive that opened the brake owns it: its own sequence is accepted, and the sag is watched.
         elif feedback.brake_open:
             self.proof = Proof.NOT_POSSIBLE
             self._enter(PowerPhase.SAG_WATCH)
