@@ -22,7 +22,7 @@ using StateMap = std::map<std::string, double>;
 
 namespace {
 
-// Whole drive cycles in a time; a time that is none is refused by the machine file already.
+// Drive cycles in a time, to the nearest.
 int cycles(double time_s, double cycle_s) { return static_cast<int>(std::lround(time_s / cycle_s)); }
 
 Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, const std::string& scheme,
@@ -117,7 +117,7 @@ void set_state(Sim& sim, const StateMap& m) {
 
 void bind_params(nb::module_& m) {
   nb::class_<Plant1> plant(m, "PlantParams",
-                           "Parameters of the plant, SI, at the gantry unless motor is said.");
+                           "Parameters of the plant, SI, at the gantry unless the name says motor.");
   plant.def(nb::init<>()).def("copy", [](const Plant1& p) { return p; }, "An independent copy.");
 #define X(name, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
   GANTRY_PLANT_PARAMS(X)

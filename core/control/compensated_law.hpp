@@ -7,7 +7,7 @@
 
 namespace gantry {
 
-constexpr double kAnyAngleRad = 10.0;  // a reading beyond this is none
+constexpr double kAnyAngleRad = 10.0;  // a reading beyond this is not an angle of a gantry
 
 template <class T>
 struct CompensatedResult {
@@ -59,7 +59,7 @@ void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint& r,
   s.torque_zero_nm = feed_forward_torque(p, ratio, T(r.pos), T(r.acc));
 }
 
-// The load-side reading without the encoder's own errors; a reading that is none (NaN, or no angle of a
+// The load-side reading without the encoder's own errors; an invalid reading (NaN, or no angle of a
 // gantry) is replaced by dead reckoning from the last one, and the disagreement tells.
 template <class T>
 T load_side_reading(const CompensationParams<T>& p, const CompensationState<T>& s, T ring, T lead, T vel_ref,
@@ -69,7 +69,7 @@ T load_side_reading(const CompensationParams<T>& p, const CompensationState<T>& 
   return select(vabs(ring) < T(kAnyAngleRad), seen, reckoned);
 }
 
-// One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (0 if none is used).
+// One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (0 without one).
 // NaN of the motor side passes through to the command on purpose, as in position_law.
 template <class T>
 CompensatedResult<T> compensated_law(const PositionLawParams& law, const CompensationParams<T>& p,

@@ -9,7 +9,7 @@
 namespace gantry {
 namespace {
 
-// One second of constant jerk, two of constant speed, one of constant deceleration, then 0.25 rad/s for ever.
+// One second of constant jerk, two of constant speed, one of constant deceleration, then 0.25 rad/s.
 Segments plan() {
   const double vel = 0.5 + 0.5 * 1.5;
   const double pos_1 = 2.0 + 0.5 + 1.5 / 6.0, pos_3 = pos_1 + 2.0 * vel;

@@ -1,8 +1,8 @@
 """The exception tree. Exceptions live at the edges; inside the scan there are alarm values instead.
 
-GantryctlError                 everything this package raises on purpose
+GantryctlError                 every error that a user may see
 ├── CriterionNotMet            a run finished and its criterion failed               exit code 1
-├── UsageError                 a command or argument that makes no sense             exit code 2
+├── UsageError                 a command or argument that cannot be used             exit code 2
 │   ├── ConfigError            a machine file with wrong fields (all of them listed)  exit code 2
 │   └── CommandRefused         understood, but not possible in this state             exit code 2
 ├── DeviceError                drive, encoder, state directory or file trouble       exit code 3
@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 
+# Each class has an exit code of its own kind, so that a script tells a wrong command from a drive that fails.
 class GantryctlError(Exception):
     """Base of every error that a user may see; `exit_code` is what the command line returns."""
 
@@ -46,11 +47,11 @@ class ConfigError(UsageError):
 
 
 class CommandRefused(UsageError):
-    """A command that was understood and refused; nothing moved."""
+    """A command refused in the present state; nothing has moved."""
 
 
 class DeviceError(GantryctlError):
-    """A drive, an instrument or a file that does not do what it must."""
+    """A fault of a drive, an instrument, the state directory or a file."""
 
     exit_code = 3
 

@@ -179,7 +179,7 @@ def hold(angle_rad: float) -> _core.Segments:
 
 
 def ramp(start_rad: float, vel_rad_s: float) -> _core.Segments:
-    """Constant speed from the first instant on, for ever."""
+    """Constant speed from the first instant on, without end."""
     return _core.Segments(
         [0.0], [start_rad], [vel_rad_s], [0.0], [0.0], 1e6, start_rad + vel_rad_s * 1e6, 0.0
     )

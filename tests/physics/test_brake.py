@@ -45,7 +45,7 @@ def test_the_closed_brake_holds_the_load_when_the_drive_is_off(theta_deg: float)
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_brake_slips_at_its_torque(side: float) -> None:
-    """2 % below 400 N m it holds for ever, 2 % above it slips with the difference as acceleration."""
+    """2 % below 400 N m it holds, 2 % above it slips with the difference as acceleration."""
     p = bare("rigid")
     inertia = p.inertia_motor_kg_m2 + p.inertia_load_kg_m2 / p.ratio**2
     sim = simulator(p, "one_evaluation")

@@ -117,7 +117,7 @@ def test_the_step_response_crosses_twice_its_start_after_the_integral_time() -> 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_the_integral_stops_where_the_torque_limit_is_reached(side: float) -> None:
     """Closed form: with constant error e the PI reaches 385 N m in cycle n = (385/(Kvp e) - 1) Tvi/Ts; from then
-    on I stays at n e Ts/Tvi, for ever; when the error turns, the torque leaves the limit in that very cycle.
+    on I stays at n e Ts/Tvi; when the error turns, the torque leaves the limit in that very cycle.
     """
     error = side * 3.0
     sim = held_motor()

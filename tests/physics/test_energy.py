@@ -200,7 +200,7 @@ def test_a_gap_never_creates_energy() -> None:
 
 
 def test_a_gap_without_damping_keeps_the_energy() -> None:
-    """No damper, so no force that could pull: the bodies bounce for ever. Only the seam of the flanks, met in the
+    """No damper, so no force that could pull: the bodies bounce without end. Only the seam of the flanks, met in the
     middle of a step, costs RK4 its order.
     """
     p = bare("backlash")

@@ -180,7 +180,7 @@ def ramped(p: _core.PlantParams, top: float) -> float:
 
 
 def test_it_breaks_away_at_the_breakaway_torque() -> None:
-    """2 % below Fs it stands for ever, 2 % above it runs: the ramp is slow, 2 N m/s."""
+    """2 % below Fs it stands, 2 % above it runs: the ramp is slow, 2 N m/s."""
     p = rigid_motor(motor_micro_damping=1.0)
     assert abs(ramped(p, 0.98 * 6.5)) < 1e-6
     assert ramped(p, 1.02 * 6.5) > 0.1

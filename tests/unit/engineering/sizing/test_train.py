@@ -125,7 +125,7 @@ def test_a_treatment(train, sheet):
 
 
 def test_r_m_s_of_holding_alone(sheet, paper_motor):
-    """A treatment that stays where it is: the torque of the eccentric moment at 90 deg, for ever."""
+    """A treatment that stays where it is: the torque of the eccentric moment at 90 deg, all day."""
     duty_of = sheet.duty.model_copy(
         update={"stops_deg": (90.0,), "treatments": 1, "hours": 1.0, "hold_s": 3600.0}
     )
