@@ -28,6 +28,7 @@ class Step:
     required: bool = True
 
 
+# What moves nothing comes first, what turns the whole travel last: each step rests on those before it.
 STEPS: Final = (
     Step("identity", "Identity", "reads who the drive is and pins it", "", steps_bus.identity),
     Step("encoder", "Absolute reference", "checks the zero offset and the wrap margins before any limit is trusted", "",

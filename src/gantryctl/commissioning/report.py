@@ -37,6 +37,7 @@ def write_report(progress: Progress, folder: Path) -> Path:
 
 def _view(progress: Progress, before: Progress | None) -> dict[str, Any]:
     results = [progress.results.get(step.key) for step in STEPS]
+    # Steps that were never run are shown as well: a report without them would look complete.
     counts = Counter(_NOT_DONE if result is None else result.outcome.value for result in results)
     done = complete(progress.results)
     return {

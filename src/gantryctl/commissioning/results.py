@@ -56,6 +56,7 @@ class Progress:
     @property
     def hash(self) -> str:
         """Over everything but dates and durations: two equal commissionings have the same."""
+        # Dates and durations differ between two commissionings that showed the same.
         plain = {k: {**asdict(r), "seconds": 0, "at": ""} for k, r in self.results.items()}
         text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()

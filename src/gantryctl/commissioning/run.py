@@ -49,6 +49,7 @@ class Commissioning:
         self._say, self._confirm = say, confirm
         self._path = store.directory / "commissioning.json"
         kept = load_progress(self._path)
+        # A change of [axis], [control], [motor], [encoder], [brake], [drive] or [can] begins anew.
         fits = kept is not None and kept.proven_hash == proven_hash(machine)
         self.progress = kept if kept is not None and fits else Progress(machine.name, proven_hash(machine))
         self.resumed = bool(self.progress.results)
@@ -71,7 +72,9 @@ class Commissioning:
         """Pin the drive; another one than before begins from the start."""
         with read_only(self.machine, self.store) as machine:
             who = machine.drive.health()
-        assert who is not None  # a CAN machine is commissioned
+        # A CAN machine is commissioned.
+        assert who is not None
+        # Proofs belong to one drive: another one has shown nothing yet.
         if again or (self.progress.drive and self.progress.drive != who.drive_key):
             self.progress = Progress(self.machine.name, proven_hash(self.machine))
         self.progress = replace(self.progress, drive=who.drive_key, software=who.software)
@@ -84,6 +87,7 @@ class Commissioning:
         context = Context(self.machine, self.store, self.folder, self.progress.results, self._say)
         try:
             result = step.run(context)
+        # A step that stops the axis has failed; the run ends there and goes on with this step.
         except (AlarmStop, CommandRefused, DeviceError) as stopped:
             result = StepResult(
                 step.key, Outcome.FAILED, str(stopped), to_do="find the cause, then go on with this step"

@@ -22,11 +22,12 @@ from gantryctl.units import deg
 _SMALL_DEG: Final = 1.0
 _STOP_SPEEDS: Final = (1.0, 3.0)
 _STOP_ACC: Final = 1.0
+# The 60 ms of travel that permitted stopping angles allow for.
 _REACTION_S: Final = 0.06
 _TURN_SPEED: Final = 3.0
 _MARGIN_DEG: Final = 2.0
+# Over less than this a sine and a constant cannot be told apart well.
 _WHOLE_DEG: Final = 300.0
-"""Over less than this a sine and a constant cannot be told apart well."""
 
 
 class _Run(NamedTuple):
@@ -87,8 +88,10 @@ def stops(c: Context) -> StepResult:
     wrong = []
     direction = 1.0
     for speed in _STOP_SPEEDS:
+        # A silent controller stops the axis after the deadline of the process data, at full speed until then.
         for what, delay_s in (("quick stop", 0.0), ("silence", can.rpdo_deadline_ms * 1e-3)):
             measured = _measured_stop(c, what, direction * speed)
+            # Forward and back: the gantry ends near where it began.
             direction = -direction
             computed = speed * delay_s + rigid_stop(speed, virtual.quick_dec_deg_s2, math.inf)[0]
             figures |= _figures(f"{what} {speed:g} deg/s", measured, computed)
@@ -142,6 +145,7 @@ def _jog_release(c: Context, speed: float) -> float:
         session.close("commissioning")
     trace = recorder.trace()
     vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
+    # From the last scan at full speed, as the jog key is let go there.
     cruising = np.flatnonzero(vel >= np.max(vel) * (1.0 - 1e-9))
     return abs(deg(float(pos[-1] - pos[cruising[-1]])))
 
@@ -153,9 +157,12 @@ def slow_turn(c: Context) -> StepResult:
     trace = _move(c, (low, high, low, 0.0), speed).trace
     ratio = c.machine.axis.ratio
     vel = trace["vel_ref_rad_s"]
+    # Constant speed only: inertia has no part in it.
     steady = np.abs(vel) > np.max(np.abs(vel)) * (1.0 - 1e-6)
     angle, torque = trace["pos_act_rad"][steady], trace["torque_act_nm"][steady] * ratio
     direction = np.sign(vel[steady])
+    # Torque at the gantry over the angle: friction changes sign with the direction, the moment is sine and
+    # cosine.
     model = np.column_stack((direction, np.sin(angle), np.cos(angle), np.ones_like(angle)))
     (friction, sine, cosine, constant), *_ = np.linalg.lstsq(model, torque, rcond=None)
     rest = float(np.std(torque - model @ np.array((friction, sine, cosine, constant))))

@@ -21,7 +21,9 @@ from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
 from gantryctl.wiring.program import untestable
 
 _STAND_DEG: Final = 0.1
+# What the step announces: the gantry may sag by less than this when the brake closes.
 _SAG_DEG: Final = 0.05
+# Less than the leash of 0.05 deg, whichever way the motor turns.
 _PULSE_DEG: Final = 0.03
 _PULSE_S: Final = 1.5
 _LEASH_DEG: Final = 0.05
@@ -35,6 +37,7 @@ _OFF: Final = (DriveState.FAULT, DriveState.SWITCH_ON_DISABLED)
 def silence(c: Context) -> StepResult:
     """Two silences, each alone; the drive must switch itself off and brake."""
     can = c.machine.can
+    # Each alone: 1400:05 watches for commands, 1016 for the heartbeat, and either may be missing.
     limits_s = {"process data": can.rpdo_deadline_ms * 1e-3, "heartbeat": can.heartbeat_timeout_ms * 1e-3}
     figures: dict[str, float] = {}
     wrong = []
@@ -45,6 +48,7 @@ def silence(c: Context) -> StepResult:
             seen = axis.wake()
             moved = abs(axis.angle_deg)
             reset(axis)
+        # A command acts at the next SYNC and shows at the one after; the heartbeat has its own period.
         slack_s = 2.0 * axis.period_s + can.heartbeat_ms * 1e-3
         ok = seen.state in _OFF and not seen.brake_open and moved <= _SAG_DEG and time_s <= limit_s + slack_s
         figures |= {
@@ -122,6 +126,7 @@ def sign(c: Context) -> StepResult:
         axis.enable()
         begun = axis.angle_deg
         n = round(_PULSE_S / axis.period_s)
+        # A half sine has no jump of speed: its mean is 2/pi of its peak.
         peak = _PULSE_DEG / _PULSE_S * math.pi / 2.0
         way_by_speed = 0.0
         for k in range(n):
@@ -144,6 +149,7 @@ def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
     sdo = axis.drive.node.sdo
     torque = round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference)
     speed = max(1, math.ceil(0.2 * axis.ratio / DEG_S_PER_R_MIN))
+    # 6072 max torque, 6080 max motor speed: the drive itself holds the test move within limits.
     for index, value in ((0x6072, torque), (0x6080, speed)):
         if sdo.optional(index) is None:
             continue

@@ -10,8 +10,10 @@ from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 
+# Bands are proposed at twice what was measured, and refused below one and a half.
 _RESERVE: Final = 2.0
 _LEAST: Final = 1.5
+# The paper's table 1.
 _CRITERION_DEG: Final = 0.1
 
 

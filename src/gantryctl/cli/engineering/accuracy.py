@@ -91,8 +91,10 @@ def run_(
 
     machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
     if machine.on_bus:
-        with_speed = False  # figure 5 is a matter of the compiled loop, which has no bus
+        # Figure 5 comes from the compiled loop, which has no bus.
+        with_speed = False
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
+    # Before anything runs: a long test must not end at a folder that cannot be made.
     folder = directory(out or DEFAULT_OUT)
     if not as_json:
         click.echo(_announce(machine, procedure))
@@ -161,6 +163,7 @@ def _finish(report: AccuracyReport, out: Path, as_json: bool) -> int:
     else:
         click.echo(text_report(report))
         click.echo(f"\nreport: {page.resolve()}")
+    # No verdict is no failure: motor-side readings end with 0.
     return int(report.verdict.passed is False or report.speed_passed is False)
 
 
@@ -234,6 +237,7 @@ def _shipped(table: Path) -> Path:
     """A file, or the shipped example of that name."""
     from gantryctl.machine import default_machine_path
 
+    # The shipped tables can be named without knowing where the package lies.
     example = default_machine_path().parent / "examples" / table.name
     return example if not table.exists() and table.parent == Path() and example.is_file() else table
 

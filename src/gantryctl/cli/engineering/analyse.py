@@ -79,6 +79,7 @@ def analyse(
     from gantryctl.engineering.analysis.study import study
 
     machine = machine_of(config_file)
+    # A machine that is simulated rigid is analysed rigid.
     kind = PlantKind(plant) if plant else PlantKind.RIGID if machine.plant.switches.rigid else PlantKind.FULL
     result = study(machine, kind, Friction(friction))
     robust = robust_report(machine) if with_robust else None
@@ -115,6 +116,7 @@ def _measured(config_file: Path | None, angle_deg: float, torque_nm: float | Non
 
 
 def _plot(study: Study, with_damping: bool, measured: list[MeasuredResponse], folder: Path) -> list[Path]:
+    # matplotlib is imported for pictures only.
     from gantryctl.engineering.analysis import figures
 
     files = [*figures.frequency_plots(study, folder), figures.time_responses(study, folder)]

@@ -51,6 +51,7 @@ def compare(
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.errors import UsageError
 
+    # Before half a minute of runs, not after it.
     if plants == 1:
         raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
     folder = None if out is None else directory(out)
@@ -84,6 +85,7 @@ def _progress(plants: int) -> Callable[[int], None] | None:
 def _machine(name: Path) -> Machine:
     from gantryctl.machine import default_machine_path, load_machine
 
+    # The two machines that are shipped, for a first look without files.
     packaged = {"paper": "hust_gantry.toml", "improved": "hust_improved.toml"}
     if str(name) in packaged:
         return load_machine(default_machine_path().with_name(packaged[str(name)]))

@@ -56,6 +56,7 @@ def identify(
 
     machine = simulated_machine(config_file, "identify")
     path = out or _usual_place(machine, config_file)
+    # Before 17 minutes of axis time, not after them.
     version = _next_version(path, force)
     found = fit(machine, record(machine, LoadInstrument(instrument), seed))
     calibration = calibration_of(machine, found, datetime.date.today().isoformat(), version)
@@ -70,6 +71,7 @@ def identify(
 
 def _usual_place(machine: Machine, config_file: Path | None) -> Path:
     named = machine.control.compensation.calibration
+    # The controller reads the calibration beside the machine file, so it is written there.
     if named and config_file is not None:
         return config_file.parent / named
     return Path(f"{machine.name}.calibration.toml")

@@ -99,7 +99,8 @@ def _sheet(path: Path | None) -> Sheet:
 def _print_limits(machine: Machine, shown: Fit) -> int:
     from gantryctl.engineering.sizing.chain import as_tables, machine_values, sized_machine
 
-    sized_machine(machine, shown)  # refuses what does not fit
+    # Refuses what does not fit.
+    sized_machine(machine, shown)
     sheet, motor = shown.train.sheet, shown.motor
     click.echo(f"# requirement sheet {sheet.sheet.name}, motor {motor.name} ({motor.identity.source})")
     click.echo(as_tables(machine_values(sheet, motor)), nl=False)

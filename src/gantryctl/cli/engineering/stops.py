@@ -62,5 +62,6 @@ def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
     else:
         print_table(stops_text(rows))
         click.echo(stops_note(machine))
+    # Only the quick stop has a permitted angle; the other classes are shown.
     quick = [row.angle_with_reaction_deg for row in rows if row.stop.stop_class is StopClass.QUICK]
     return int(max(quick) > machine.axis.stopping_angle_max_deg)

@@ -94,7 +94,8 @@ def tune(
     machine = simulated_machine(config_file, "tune")
     criteria, conditions = _criteria(base_um), _conditions(sensitivity, damping_left)
     result = run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
-    proposed_machine(result)  # refused before anything is written
+    # Refused before anything is written.
+    proposed_machine(result)
     files = _write(result, directory(out or DEFAULT_OUT), config_file, plot)
     if as_json:
         print_json(tuning_data(result))

@@ -21,8 +21,8 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable, FloatArray, Layout
 
+# Approaches of every position in each direction that the standard asks for.
 MIN_RUNS = 5
-"""Approaches of every position in each direction that the standard asks for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +112,13 @@ def iso230_2(table: ErrorTable, min_runs: int = MIN_RUNS) -> IsoFigures:
     series = position_series(table)
     mean_up, mean_down = series.up_deg.mean(axis=1), series.down_deg.mean(axis=1)
     s_up, s_down = series.up_deg.std(axis=1, ddof=1), series.down_deg.std(axis=1, ddof=1)
+    # B_i of ISO 230-2:2014: what a reversal leaves at one position.
     reversal = mean_up - mean_down
+    # Widths are 2 s on either side (coverage factor k = 2), so one direction repeats within 4 s.
     r_up, r_down = 4.0 * s_up, 4.0 * s_down
+    # Both directions: the bands of 2 s and the reversal between them, never less than one direction alone.
     r_both = np.maximum(2.0 * s_up + 2.0 * s_down + np.abs(reversal), np.maximum(r_up, r_down))
+    # E and A range over the means of both directions together; M, below, over the mean of both.
     means = np.concatenate([mean_up, mean_down])
     stds = np.concatenate([s_up, s_down])
     columns = (mean_up, mean_down, s_up, s_down, reversal, r_up, r_down, r_both)
@@ -148,12 +152,14 @@ def position_series(table: ErrorTable) -> PositionSeries:
     up, down = [], []
     for base in table.bases_deg:
         ccw, cw = table.select([base], Direction.CCW), table.select([base], Direction.CW)
+        # A direction that was repeated more often is cut: B_i compares equal numbers of approaches.
         runs = min(len(ccw), len(cw))
         going_up, going_down = ccw[:runs], cw[:runs]
         if table.layout is Layout.RETURN:
             going_down = _return_deviations(going_up, cw[:runs], table.displacements_deg)
         up.append(going_up.T)
         down.append(going_down.T)
+    # The base that was measured least often decides: a column of the result is one run of every base.
     runs = min(block.shape[1] for block in up)
     shape = (len(table.bases_deg) * columns, runs)
     return PositionSeries(
@@ -174,6 +180,8 @@ def _return_deviations(ccw: FloatArray, cw: FloatArray, displacements_deg: tuple
     deviations = np.full_like(ccw, np.nan)
     for column, d in enumerate(displacements_deg):
         position = _index_of(displacements_deg, farthest - d)
+        # Displacements that are no mirror image of each other leave positions that only one direction
+        # reaches.
         if d > 0.0 and position is not None:
             deviations[:, position] = ccw[:, -1] - cw[:, column]
     return deviations

@@ -23,8 +23,8 @@ _LEADS: Final = (
     "compensations are on: the motor leaves the set-point on purpose, so the motor side of the speed test is not "
     "judged by the paper's limit; look at the load side"
 )
+# Gears taken through the test at once: enough for every processor, little memory.
 ENSEMBLE_CHUNK = 32
-"""Gears taken through the test at once: enough for every processor, little memory."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,7 @@ def accuracy_report(
     Raises:
         UsageError: a stop of the procedure lies outside the travel.
     """
+    # The compiled loop has no bus: a CAN machine is driven scan by scan.
     if job.on_engine or job.real_time or machine.on_bus:
         readings = run_on_engine(machine, job.procedure, real_time=job.real_time, progress=progress)
     else:
@@ -88,6 +89,7 @@ def accuracy_report(
         procedure=job.procedure,
         true=evaluate(job.procedure, readings.load_rad[0], radius_m) if seen.measures_load else None,
         a_measured=seen.a_measured,
+        # True, measured and floor are kept apart: noise alone has an A of its own.
         a_floor=seen.a_floor,
         radius_m=radius_m,
         sigma_m=seen.sigma_m,
@@ -113,6 +115,8 @@ def angle_errors_deg(procedure: Procedure, readings: Readings) -> tuple[float, .
 
 def phases_fitted(machine: Machine) -> bool:
     """Whether the gear-error phases are the set that was fitted to the paper's table."""
+    # 18 phases fitted to the 24 values of table 2 that are not zero: closeness to the paper shows the fit, it
+    # predicts nothing. What gears of this grade give is the ensemble.
     fitted = default_machine().plant.gear_error.phases_rad
     return machine.plant.switches.gear_error and machine.plant.gear_error.phases_rad == fitted
 
@@ -130,6 +134,8 @@ def ensemble_a(machine: Machine, job: AccuracyJob) -> GearEnsemble:
 
 def _gear(machine: Machine, seed: int) -> Machine:
     """Another gear; what compensates its errors is identified on it anew."""
+    # A map of another gear would compensate errors that are not there (decision 0010: only what was
+    # measured).
     gear = random_gear(machine, seed)
     if not machine.control.compensation.needs_calibration:
         return gear

@@ -18,8 +18,8 @@ from gantryctl.engineering.accuracy.procedure.procedures import (
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import ErrorTable, FloatArray
 
+# One draw of the noise says little about A; median and 5..95 % of this many do.
 DRAWS = 500
-"""One draw of the noise says little about A; median and 5..95 % of this many do."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +74,8 @@ def noise_floor(
     procedure: Procedure, radius_m: float, sigma_m: float, draws: int = DRAWS, seed: int = 0
 ) -> Distribution:
     """A of a perfect axis, seen through the noise."""
+    # Noise never averages out of A, which is made of standard deviations: an axis without any error has one.
+    # It is proportional to noise over radius.
     return Distribution.of(a_draws(procedure, procedure.targets_rad, radius_m, sigma_m, draws, seed))
 
 

@@ -8,8 +8,10 @@ from typing import Final
 
 from gantryctl.engineering.accuracy.table import ErrorTable, table_from_rows
 
+# The paper gives neither the radius of the chords nor the instrument.
 PAPER_NAME: Final = "Sun, Gong, Cai, DOI 10.19457/j.1001-2095.dqcd24023, table 2"
 
+# The six rows as printed, deg.
 PAPER_TABLE: Final[ErrorTable] = table_from_rows(
     [
         (90.0, "ccw", (0.0, -0.0002, 0.0005, 0.0020, 0.0012)),
@@ -21,15 +23,15 @@ PAPER_TABLE: Final[ErrorTable] = table_from_rows(
     ],
     (0.0, 5.0, 10.0, 15.0, 20.0),
 )
-"""The six rows as printed, deg."""
 
+# As printed. 3 S at 5 deg and X - 3 S at 20 deg differ in the last digit from what the printed rows give:
+# both within the rounding of the rows.
 PAPER_MEAN_DEG: Final = (0.0, 0.0000, 0.0004, 0.0014, 0.0003)
 PAPER_THREE_S_DEG: Final = (0.0, 0.0019, 0.0051, 0.0052, 0.0048)
 PAPER_UPPER_DEG: Final = 0.0066
 PAPER_LOWER_DEG: Final = -0.0047
+# Eq. (6) as printed. A figure to compare with, never a criterion: the simulator's gear phases are fitted to this
+# table.
 PAPER_A_DEG: Final = 0.0113
-"""Eq. (6) as printed. A figure to compare with, never a criterion: the simulator's gear phases are fitted to
-this table.
-"""
+# Angular positioning accuracy of the paper's table 1: the criterion.
 REQUIREMENT_DEG: Final = 0.1
-"""Angular positioning accuracy of the paper's table 1: the criterion."""

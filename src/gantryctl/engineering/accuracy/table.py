@@ -31,15 +31,12 @@ class Direction(Enum):
 class Layout(Enum):
     """Where the stops of a table's rows lie."""
 
+    # ccw rows at base + d, cw rows at base - d: no position is reached from both sides (procedures A, B, D).
     APART = "apart"
-    """ccw rows at base + d, cw rows at base - d: no position is reached from both sides (procedures A, B,
-    D).
-    """
+    # ccw rows at base + d, cw rows on the way back from the farthest of these stops (procedure C).
     RETURN = "return"
-    """ccw rows at base + d, cw rows on the way back from the farthest of these stops (procedure C)."""
+    # Every column is the error of the one step to it from the stop before (chords between adjacent stops).
     STEPS = "steps"
-    """Every column is the error of the one step to it from the stop before (chords between adjacent stops).
-    """
 
 
 class RowKey(NamedTuple):
@@ -75,6 +72,7 @@ class ErrorTable:
                 f"x {len(self.displacements_deg)} columns"
             )
         self._check(errors)
+        # Reports cache the statistics of their tables, so a table never changes.
         errors.setflags(write=False)
         object.__setattr__(self, "errors_deg", errors)
 
@@ -117,6 +115,7 @@ class ErrorTable:
     @property
     def runs(self) -> int:
         """Runs of the least measured series; ISO 230-2 asks for five."""
+        # A standard that asks for five approaches asks for five of every position.
         counts: dict[tuple[float, Direction], int] = {}
         for row in self.rows:
             counts[row[:2]] = counts.get(row[:2], 0) + 1

@@ -23,8 +23,8 @@ from gantryctl.errors import UsageError
 
 HEADER = "base_deg,direction,displacement_deg,error_deg"
 RIGHT_HEADER = f"{HEADER} (or chord_mm with a radius in place of error_deg; a column run is optional)"
+# Problems listed at once.
 MAX_PROBLEMS = 20
-"""Problems listed at once."""
 
 _KEYS = ("base_deg", "direction", "displacement_deg")
 _VALUES = ("error_deg", "chord_mm")
@@ -33,7 +33,9 @@ _DIRECTIONS = {
     **dict.fromkeys(("ccw", "counter-clockwise", "counterclockwise", "+"), Direction.CCW),
     **dict.fromkeys(("cw", "clockwise", "-"), Direction.CW),
 }
+# What lies beyond is a wrong unit or a wrong column, not a gantry.
 _LIMITS = {"base_deg": 360.0, "displacement_deg": 180.0, "error_deg": 180.0, "chord_mm": 1e6}
+# A file may say 0.0 with some digits of rounding behind it.
 _ZERO_CHORD_MM = 1e-9
 
 
@@ -62,6 +64,7 @@ def read_error_table(
         raw = path.read_bytes()
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
+    # Spreadsheets save their Unicode text as UTF-16, which begins with a byte order mark.
     encoding = "utf-16" if raw[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     try:
         text = raw.decode(encoding)
@@ -90,6 +93,7 @@ def format_error_table(table: ErrorTable) -> str:
         for displacement, error in zip(table.displacements_deg, errors, strict=True):
             writer.writerow(
                 [
+                    # 17 significant digits give every double back exactly (IEEE 754).
                     f"{row.base_deg:.17g}",
                     row.direction.value,
                     row.run,
@@ -127,6 +131,7 @@ class _Reader:
         if not lines:
             raise UsageError(f"{self.name}: empty; the header is {RIGHT_HEADER}")
         number, first = lines[0]
+        # Where the decimal sign is a comma, spreadsheets separate by semicolons.
         separator = max(",;\t", key=first.count)
         header = [cell.strip().lower() for cell in _split(first, separator)]
         wrong = [f"column {key} is missing" for key in _KEYS if key not in header]
@@ -174,6 +179,7 @@ class _Reader:
         return _Cell(line, RowKey(base, direction, run), displacement, error)
 
     def _number(self, line: int, column: str, value: str) -> float | None:
+        # A comma is a decimal comma only where no point stands: 1,234.5 is refused.
         text = value.replace(",", ".") if "." not in value else value
         if not _NUMBER.fullmatch(text) or not math.isfinite(float(text)):
             self.problem(
@@ -209,6 +215,7 @@ class _Reader:
             return None
         if self.radius_m is None or displacement == 0.0:
             return value if displacement else 0.0
+        # c = 2 R sin(angle/2), R in m and c in mm.
         diameter = 2000.0 * self.radius_m
         if not 0.0 < value <= diameter:
             self.problem(line, column, by_name[column], f"must be above 0 and at most 2 R = {diameter:g} mm")
@@ -255,6 +262,7 @@ def _lines(text: str) -> list[tuple[int, str]]:
     return [
         (number, line)
         for number, line in numbered
+        # `sep=;` is the line by which a spreadsheet is told its separator.
         if line.strip(" \t;,") and not line.lstrip().startswith("#") and not line.lower().startswith("sep=")
     ]
 
@@ -262,5 +270,6 @@ def _lines(text: str) -> list[tuple[int, str]]:
 def _split(line: str, separator: str) -> list[str]:
     try:
         return next(csv.reader([line], delimiter=separator))
-    except csv.Error:  # a cell longer than the reader allows: the caller names it
+    # A cell longer than the reader allows: the caller names it.
+    except csv.Error:
         return line.split(separator)

@@ -75,6 +75,7 @@ def _bode_curve(top: Axes, bottom: Axes, study: Study, cut: Cut, colour: str, la
     else:
         at = figures.crossover_rad_s / (2.0 * math.pi)
         there = figures.margin_deg - 180.0
+        # Unwrapped phase is known up to whole turns: the curve is moved to the margin that is stated.
         phase -= 360.0 * np.round((np.interp(at, hz, phase) - there) / 360.0)
         top.plot([at], [0.0], "o", color=colour, markersize=5)
         bottom.plot([at, at], [-180.0, there], color=colour, linewidth=2.4, alpha=0.6)
@@ -107,6 +108,7 @@ def nyquist(study: Study, folder: Path) -> Path:
                 left = -1.2 / figures.gain_down
                 axis.plot([-1.0 / figures.gain_down], [0.0], "s", color=RED, markersize=5)
             axis.set_title(words, fontweight="normal", fontsize=8.5)
+            # Conditional stability crosses the axis left of -1: the window reaches as far.
             axis.set(xlim=(left, 1.4), ylim=(-0.5 * (1.4 - left), 0.5 * (1.4 - left)), aspect="equal")
             axis.set_xlabel("real part of L")
         axes[0].set_ylabel("imaginary part of L")

@@ -131,6 +131,7 @@ def study(machine: Machine, kind: PlantKind, friction: Friction = Friction.NONE)
 def grid_of(loop: SampledLoop, cut: Cut | None = None) -> FloatArray:
     """Frequencies up to the Nyquist frequency of a cut (None: of the scan), dense around every mode."""
     s = loop.settings
+    # The scan's Nyquist frequency bounds what is held over a scan, the drive cycle's what is not.
     period = s.scan_s if cut in (None, Cut.SPEED_COMMAND) else s.cycle_s
     return frequency_grid(LOWEST_RAD_S, 0.999 * math.pi / period, swinging_poles(loop))
 
@@ -152,6 +153,7 @@ def cut_figures(loop: SampledLoop, cut: Cut) -> CutFigures:
             case Cut.SPEED_COMMAND:
                 return loop.stable(command_gain=factor)
             case Cut.SPEED_ERROR:
+                # The drive's loop alone: the position loop is open.
                 return loop.stable(torque_gain=factor, command_gain=0.0)
             case Cut.TORQUE:
                 return loop.stable(torque_gain=factor)

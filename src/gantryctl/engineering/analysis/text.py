@@ -26,12 +26,12 @@ EQUATION_5: Final = (
     "---- = ----------------------------------------------------------------------------",
     "r(s)   (Js/Kt) s^3 + Kvp s^2 + (Kvp/Tvi + Kvp Kpp) s + Kpp Kvp/Tvi       with Kt = 1",
 )
+# Position error and speed command are the same cut: only Kpp lies between them.
 _CUT_NAMES = {
     Cut.SPEED_COMMAND: "position error = speed command",
     Cut.SPEED_ERROR: "speed error, position loop open",
     Cut.TORQUE: "torque, both loops",
 }
-"""Position error and speed command are the same cut: only Kpp lies between them."""
 
 
 def study_name(study: Study) -> str:
@@ -64,6 +64,7 @@ def equation_5_numbers(loop: RigidLoop) -> tuple[str, str, str]:
 def sentences(study: Study) -> list[str]:
     """All of them, the most important first."""
     found = [_verdict(study)]
+    # Eq. (5) is rigid: beside a flexible plant its margins would be taken for those of the axis.
     if study.kind is PlantKind.RIGID:
         found += _paper(rigid_loop(study.machine), rigid_loop(study.machine, motor_only=True))
     found += _margins(study)
@@ -174,6 +175,7 @@ def _taken(mode: SwingMode) -> str:
 
 def _swing(study: Study) -> str:
     load = study.modes[0].closed
+    # A tenth, in time constants: ln 10.
     seconds = math.log(10.0) / (abs(load.zeta) * load.hz * _TWO_PI)
     top = study.closed_loop(SWINGING).peak
     fall = "fall to" if load.zeta > 0.0 else "grow from"
@@ -195,6 +197,7 @@ def _following(study: Study) -> str:
 
 
 def _coarse(study: Study) -> str:
+    # 8192 steps: 477 N m through the paper's Kvp at a drive cycle of 125 us.
     counts, s = study.machine.encoder.counts_per_turn, study.settings
     step = _TWO_PI / counts / s.cycle_s * s.kvp_nm_s_per_rad
     return (

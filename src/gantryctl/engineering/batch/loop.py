@@ -69,6 +69,8 @@ class ClosedLoop:
         """Standing still with the servo on, the encoder zeroed so that the load is where the set-point says."""
         sim.static_start(angle_rad, True)
         counts = sim.feedback(law.rad_per_count)[0]
+        # With compensations the motor leads the load, so the zero counts the lead in: following begins
+        # without a jump (decision 0010).
         motor_rad = angle_rad if compensation is None else angle_rad + compensation.lead(angle_rad)
         zero_counts = float(round(counts - law.ratio * motor_rad / law.rad_per_count))
         return cls(sim, law, zero_counts, compensation)
@@ -133,4 +135,5 @@ def run_legs(loops: Sequence[ClosedLoop], legs: Sequence[Leg], threads: int = 1)
 
 def scans(duration_s: float, period_s: float) -> int:
     """Whole scans in a time, rounded up; a rounding error of the division makes no scan."""
+    # 2.1/0.3 is 7.000000000000001 in doubles: rounding adds no scan.
     return max(1, math.ceil(duration_s / period_s - 1e-6))

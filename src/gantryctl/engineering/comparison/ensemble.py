@@ -28,13 +28,13 @@ _VARIED: Final = (
     "roller_friction.viscous_nm_s_per_rad", "motor_friction.coulomb_nm", "motor_friction.breakaway_nm",
     "base.inertia_kg_m2", "base.frequency_hz",
 )  # fmt: skip
+# These move with their partner: a stiffer reducer is stiffer in every slope.
 _TOGETHER: Final = {
     "roller_friction.breakaway_nm": "roller_friction.coulomb_nm",
     "motor_friction.breakaway_nm": "motor_friction.coulomb_nm",
     "transmission.reducer_stiffness_2_nm_per_rad": "transmission.reducer_stiffness_1_nm_per_rad",
     "transmission.reducer_stiffness_3_nm_per_rad": "transmission.reducer_stiffness_1_nm_per_rad",
 }
-"""These move with their partner: a stiffer reducer is stiffer in every slope."""
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -54,12 +54,14 @@ class PlantEnsemble:
     def quantiles(self, row: str) -> dict[str, tuple[float, float, float]]:
         """5, 50 and 95 % of every figure of a row."""
         values = np.array(self.rows[row])
+        # An improvement on one set of phases does not count; quantiles over plants do.
         low, middle, high = np.quantile(values, QUANTILES, axis=0)
         return {name: (float(low[k]), float(middle[k]), float(high[k])) for k, name in enumerate(KEY_FIGURES)}
 
 
 def random_plant(machine: Machine, seed: int) -> Machine:
     """Another gear of the same grade, and inertia, stiffness, friction, backlash and base within +-20 %."""
+    # Another stream than that of the phases: the same seed gives the same gear with and without other values.
     values, rng = effective_values(machine), np.random.default_rng([seed, 1])
     factor = {key: float(rng.uniform(1.0 - SPREAD, 1.0 + SPREAD)) for key in _VARIED}
     factor |= {key: factor[partner] for key, partner in _TOGETHER.items()}
@@ -110,6 +112,7 @@ def in_threads(
 
 def _one(paper: Machine, improved: Machine, seed: int) -> dict[str, KeyFigures]:
     own = random_plant(improved, seed)
+    # Each plant is identified anew: compensations know only what was measured (decision 0010).
     own = own.calibrated(calibrate(own, seed=seed))
     rows = {paper.name: measure_key_figures(random_plant(paper, seed), seed)}
     if improved.control.compensation.load_encoder.active:

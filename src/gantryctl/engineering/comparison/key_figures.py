@@ -62,6 +62,7 @@ class KeyFigures(NamedTuple):
     base_180_um: float
 
 
+# Meaning and unit of every figure.
 KEY_FIGURES: Final = {
     "a_true_a": ("A true, procedure A", "deg"),
     "a_true_b": ("A true, procedure B", "deg"),
@@ -78,7 +79,6 @@ KEY_FIGURES: Final = {
     "load_error_180_deg_s": ("speed error, load side, -90 to 90", "deg/s"),
     "base_180_um": ("base motion p-p, -90 to 90", "um"),
 }
-"""Meaning and unit of every figure."""
 
 
 def measure_key_figures(machine: Machine, seed: int = 0) -> KeyFigures:
@@ -131,7 +131,9 @@ def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> Mov
     base = (
         base_motion_rad(machine, column["pos_base_rad"], load) * machine.plant.gear_error.ring_radius_m * 1e6
     )
+    # The first mode is at 2 Hz: two seconds hold four of its periods.
     first, last = (end + round(t / period_s) for t in _RESIDUAL_S)
+    # Lost motion leaves the load beside the set-point: it settles to its own mean.
     final = float(np.mean(load[-round(1.0 / period_s) :]))
     outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
     motor = column["vel_motor_rad_s"] / machine.axis.ratio

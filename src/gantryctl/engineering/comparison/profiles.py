@@ -7,7 +7,8 @@ from typing import Final, NamedTuple
 from gantryctl.engineering.comparison.key_figures import MoveFigures, move_figures
 from gantryctl.machine import Machine, with_values
 
-_STEPS: Final = 12  # of the bisection: acceleration to 0.1 %
+# Of the bisection: acceleration to 0.1 %.
+_STEPS: Final = 12
 _HIGHEST_DEG_S2: Final = 3.0
 
 
@@ -36,6 +37,7 @@ def profiles_at_equal_base_motion(machine: Machine, base_um: float, swing_hz: fl
 
 def _acceleration(machine: Machine, profile: str, base_um: float, swing_hz: float) -> float:
     low, high = 0.1, _HIGHEST_DEG_S2
+    # Equal base motion, because a faster profile that shakes more is no better one.
     for _ in range(_STEPS):
         middle = (low * high) ** 0.5
         shaken = move_figures(_with_profile(machine, profile, middle, swing_hz), 0.0, 90.0).base_um
@@ -51,5 +53,6 @@ def _with_profile(machine: Machine, profile: str, acc_deg_s2: float, swing_hz: f
         "virtual_axis.jog_release_dec_deg_s2": max(acc_deg_s2, machine.virtual_axis.jog_release_dec_deg_s2),
     }
     if profile == "jerk_limited":
+        # A ramp of one period of the first mode leaves no swing behind.
         changes["virtual_axis.jerk_deg_s3"] = acc_deg_s2 * swing_hz
     return with_values(machine, changes)

@@ -10,6 +10,7 @@ from gantryctl.machine import Machine, diff_machines, with_values
 
 _AT: Final = "control.compensation."
 _ENCODER: Final = ("load_encoder.active", "load_encoder.own_errors", "damping.active")
+# One row per law of docs/explanation/compensation.md, in its order.
 _ALONE: Final = (
     ("torque of the eccentric moment", ("torque.eccentric",)),
     ("torque of the acceleration", ("torque.acceleration",)),
@@ -68,6 +69,7 @@ def variants(paper: Machine, improved: Machine) -> list[Variant]:
             continue
         changes = off | {_AT + key: True for key in keys}
         if name == "swing damping":
+            # Damping reads the encoder; its integral would hide what the damping does.
             changes[_AT + "load_encoder.integral_per_s"] = 0.01
         if name == "dead time":
             if compensation.latency_us == 0.0:

@@ -25,7 +25,8 @@ from gantryctl.units import rad
 
 _DATE_OF_NOBODY: Final = "1970-01-01"
 _SLOW_CYCLES: Final = (
-    400.0  # waves with fewer cycles per turn are seen in the slow turns, others in the creep
+    # Waves with fewer cycles per turn are seen in the slow turns, others in the creep.
+    400.0
 )
 
 

@@ -20,25 +20,29 @@ from gantryctl.wiring.simulator import fit_load_encoder, gantry_sim
 
 Floats = NDArray[np.float64]
 
+# Speed of the slow turns: friction is steady, and the tooth mesh passes below the first mode.
 TURN_DEG_S: Final = 1.0
-"""Speed of the slow turns: friction is steady, and the tooth mesh passes below the first mode."""
+# Speed of the creep: the waves of the reducer pass slowly enough for the load to follow.
 CREEP_DEG_S: Final = 0.1
-"""Speed of the creep: the waves of the reducer pass slowly enough for the load to follow."""
 CREEP_DEG: Final = 8.2
-_MARGIN_DEG: Final = 0.5  # of the travel, kept at both ends
-_JERK_TIME_S: Final = 0.5  # acceleration ramps of the runs
+# Of the travel, kept at both ends.
+_MARGIN_DEG: Final = 0.5
+# Acceleration ramps of the runs.
+_JERK_TIME_S: Final = 0.5
 _SETTLE_S: Final = 3.0
-_TRANSIENT_S: Final = 2.0  # after a change of the acceleration
-_BLOCK: Final = 40  # scans that are averaged to one sample
+# After a change of the acceleration.
+_TRANSIENT_S: Final = 2.0
+# Scans that are averaged to one sample.
+_BLOCK: Final = 40
 
 
 class LoadInstrument(Enum):
     """What watches the load."""
 
+    # A laser tracker sampling along: inertial, with the noise of [accuracy].
     TRACKER = "tracker"
-    """A laser tracker sampling along: inertial, with the noise of [accuracy]."""
+    # The encoder on the ring: blind to the rocking of the base, and with scale errors of its own.
     LOAD_ENCODER = "load-encoder"
-    """The encoder on the ring: blind to the rocking of the base, and with scale errors of its own."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,7 @@ class _Runner:
         """The steady stretches of a log: constant speed, or constant acceleration as well."""
         vel, acc = log["vel_ref_rad_s"], log["acc_ref_rad_s2"]
         steady = np.abs(np.diff(acc, prepend=acc[0])) < 1e-12
+        # The swing of the load dies out; what is left belongs to maps and wind-up.
         skip = round(_TRANSIENT_S / log.period_s)
         since = np.arange(len(vel)) - np.maximum.accumulate(np.where(steady, 0, np.arange(len(vel))))
         keep = steady & (since > skip) & (np.abs(vel) > rad(0.5 * CREEP_DEG_S))
@@ -125,8 +130,10 @@ class _Runner:
             return np.asarray(values[rows].mean(axis=1))
 
         ring = mean(log["pos_ring_rad"])
+        # A mean of 40 samples carries noise smaller by the square root of 40.
         seen = mean(log["pos_load_rad"]) + self.rng.normal(0.0, self.sigma_rad / _BLOCK**0.5, len(rows))
         return Samples(
+            # A reading is latency_us old: at constant speed it lags by speed times age.
             act_rad=mean(log["pos_act_rad"] + self.latency_s * log["vel_ref_rad_s"]),
             load_rad=seen if self.instrument is LoadInstrument.TRACKER else ring,
             ring_rad=ring,
@@ -149,11 +156,14 @@ def record(
     """
     axis, fast = machine.axis, machine.speed.setting_max_deg_s
     low, high = axis.pos_min_deg + _MARGIN_DEG, axis.pos_max_deg - _MARGIN_DEG
+    # Sixteen harmonics over less than half a turn cannot be told apart.
     if high - low < 180.0:
         raise UsageError(
             f"identification needs at least half a turn of travel, [axis] gives {high - low + 1.0:g} deg"
         )
     runner = _Runner(machine, instrument, seed)
+    # 17 minutes of axis time: slow turns for the maps, fast ones for inertia and wind-up, a creep for the
+    # waves of the reducer.
     runner.go(low, fast)
     turns = [runner.samples(runner.go(to, TURN_DEG_S), cruise_only=True) for to in (high, low)]
     moves = [runner.samples(runner.go(to, fast), cruise_only=False) for to in (high, low)]

@@ -39,6 +39,7 @@ class LoadEncoder:
             raise UsageError(f"load encoder: bits = {bits}: 1 to {MAX_BITS}")
         if not (math.isfinite(noise_rad) and noise_rad >= 0.0 and math.isfinite(scale_error_rad)):
             raise UsageError("load encoder: noise must be 0 or above, the scale error finite, rad")
+        # All of the load encoder is an estimate: docs/explanation/plant.md, Load-side encoder.
         self.step_rad = 2.0 * math.pi / 2.0**bits
         self.noise_rad = noise_rad
         self.scale_error_rad = scale_error_rad
@@ -57,4 +58,5 @@ class LoadEncoder:
         angle = samples_rad[1] if len(samples_rad) > 1 else samples_rad[0]
         noise = float(self._rng.normal(0.0, self.noise_rad)) if self.noise_rad > 0.0 else 0.0
         seen = angle + self._scale(angle) - self._zero_error_rad + noise
+        # Rounded last: noise and scale error lie before the counting.
         return self.step_rad * round(seen / self.step_rad)

@@ -25,6 +25,7 @@ _SMALLEST_DEG_S2: Final = 0.2
 def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) -> StopResult:
     """Each figure the worst over 1/10, 1/2 and the whole of the highest speed: friction helps a fast stop more."""
     top = machine.speed.setting_max_deg_s
+    # Friction helps a fast stop more than a slow one, so the highest speed is not always the worst.
     stops = [worst_stop(machine, StopClass.QUICK, k * top, quick_dec_deg_s2) for k in SPEED_PARTS]
     return worst_of(StopClass.QUICK, top, stops)
 
@@ -59,6 +60,7 @@ def find_quick_dec(machine: Machine) -> float:
     return low * RESOLUTION_DEG_S2
 
 
+# Every command that moves asks, and an answer takes twelve simulated stops.
 @functools.lru_cache(maxsize=16)
 def check_quick_stop(machine: Machine) -> StopResult:
     """Hold the machine file to what the full plant gives; returns the quick stop from the highest speed.
@@ -87,6 +89,7 @@ def check_quick_stop(machine: Machine) -> StopResult:
             f"{machine.reducer.torque_momentary_nm / 1e3:.1f} kN m; "
             "`gantryctl stops --find-quick` finds the largest possible value"
         )
+    # Rounded up to the hundredth: a limit is never met by rounding.
     angle = math.ceil((stop.angle_deg + speed * REACTION_S) * 100.0) / 100.0
     if angle > machine.axis.stopping_angle_max_deg:
         problems.append(

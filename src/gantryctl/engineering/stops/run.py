@@ -18,16 +18,19 @@ from gantryctl.units import deg, rad
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
 
+# Time from the cause of a stop to the beginning of the ramp that permitted angles allow for.
 REACTION_S: Final = 0.06
-"""Time from the cause of a stop to the beginning of the ramp that permitted angles allow for."""
+# Speeds that stops are judged at, as parts of the highest one.
 SPEED_PARTS: Final = (0.1, 0.5, 1.0)
-"""Speeds that stops are judged at, as parts of the highest one."""
-AT_REST_DEG_S: Final = 0.05  # motor side: below this the axis counts as standing
-_RAMP_UP_S: Final = 5.0  # acceleration to the test speed, gentle enough to leave the load calm
+# Motor side: below this the axis counts as standing.
+AT_REST_DEG_S: Final = 0.05
+# Acceleration to the test speed, gentle enough to leave the load calm.
+_RAMP_UP_S: Final = 5.0
 _CRUISE_S: Final = 1.0
 _OFF: Final = 0
 _QUICK_STOP: Final = 2
-_WATCH_S: Final = 2.0  # how long after rest the load and the base are watched
+# How long after rest the load and the base are watched.
+_WATCH_S: Final = 2.0
 _BRAKE_WATCH_S: Final = 7.0
 _USED: Final = (
     "pos_motor_rad", "vel_motor_rad_s", "pos_load_rad", "vel_load_rad_s", "pos_base_rad", "torque_act_nm",
@@ -101,6 +104,7 @@ def worst_stop(
     """The stops at +-90 deg in both directions, each figure the worst of the four."""
     runs = [
         run_stop(machine, stop_class, sign * speed_deg_s, at, quick_dec_deg_s2)
+        # The eccentric moment is largest at +-90 deg and helps or hinders by direction.
         for at in (90.0, -90.0)
         for sign in (1.0, -1.0)
     ]
@@ -128,6 +132,7 @@ def _cruising(
     if quick_dec_deg_s2 is not None:
         drive.quick_dec_rad_s2 = rad(quick_dec_deg_s2) * machine.axis.ratio
     speed = rad(speed_deg_s)
+    # Gentle, so that the stop is measured and not the start.
     acc = abs(speed) / _RAMP_UP_S
     limits = MotionLimits(abs(speed), acc, acc, acc / 0.5)
     ramp = plan_velocity(SetPoint(0.0, 0.0, 0.0), speed, limits)
@@ -172,6 +177,7 @@ def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: 
     shake = rocking * machine.plant.gear_error.ring_radius_m * 1e6
     energy = 0.0
     if stop_class is StopClass.BRAKE:
+        # Until then the brake is on its way: the motor coasts.
         slipping = log.time_s >= machine.brake.close_time_ms * 1e-3
         energy = machine.brake.torque_nm * float(np.sum(vel_motor[slipping])) * log.period_s * 1e-3
     return StopResult(

@@ -25,21 +25,27 @@ from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params
 
 Floats = NDArray[np.float64]
 
+# Where steps are made: away from the angles without eccentric moment, so that the gears stay on one flank.
 AT_DEG: Final = 75.0
-"""Where steps are made: away from the angles without eccentric moment, so that the gears stay on one flank."""
+# The paper's encoder has 8192 steps; the least averaging of the speed that such an encoder needs in this drive.
+# One of 8192 steps in a drive cycle is 477 N m through the paper's Kvp. The value was taken up after it was
+# seen to explain that Kvp (docs/explanation/tuning.md).
 AVERAGED_S: Final = 0.002
-"""The paper's encoder has 8192 steps; the least averaging of the speed that such an encoder needs in this drive."""
 _SPEED_MODE: Final = 1
 _CRAWL_RAD_S: Final = 5.0
 _STEP_RAD_S: Final = 1.0
+# A step that reaches the torque limit says nothing about the gains.
 _TORQUE_SHARE: Final = 0.4
 _SETTLE_S: Final = 4.0
 _BASELINE_S: Final = 0.1
 _SCOPE_S: Final = 0.06
 _WATCH_S: Final = 4.0
+# The load comes to rest beside the motor's angle: it is held against its own mean at rest. The last sample of
+# a load that still swings is an accident of its phase.
 _MEAN_S: Final = 2.0
 _MOVE_DEG: Final = 90.0
 _AFTER_S: Final = 6.0
+# The first mode is at 2 Hz: two seconds hold four of its periods.
 _RESIDUAL_S: Final = (0.2, 2.2)
 _ARRIVED_DEG: Final = 0.001
 
@@ -116,6 +122,7 @@ class Bench:
         """The drive without gains."""
         params = drive_params(self.machine)
         if self.speed_average_s:
+            # A first-order lag delays by its time constant, a mean over a time by half of it.
             params.speed_filter = math.exp(-params.cycle_s / (0.5 * self.speed_average_s))
         return params
 
@@ -124,6 +131,8 @@ class Bench:
         """Sum of small delays of the speed loop: difference, latency, computing, holding, current loop, averaging."""
         drive, plant = self.drive, plant_params(self.machine)
         current = 1.0 / plant.current_bandwidth_rad_s if plant.current_bandwidth_rad_s else 0.0
+        # Half a cycle for the difference, the computing time, half a cycle for holding. 0.58 ms with the
+        # drive of hust_gantry.toml, 1.58 ms as the paper's drive saw it.
         cycles = 0.5 + drive.delay_cycles + 0.5
         return cycles * drive.cycle_s + drive.latency_s + current + 0.5 * self.speed_average_s
 
@@ -153,6 +162,7 @@ class Bench:
         sim = _core.GantrySim(plant_params(self.machine), self._drive_with(gains), cycle)
         sim.static_start(rad(AT_DEG), True)
         size = min(_STEP_RAD_S, _TORQUE_SHARE * self.machine.motor.torque_rated_nm / gains.kvp_nm_s_per_rad)
+        # Turning slowly, so that friction does not change its sign with the step.
         ramp = round(0.5 * _SETTLE_S / cycle)
         before = [
             _speed_after(sim, _CRAWL_RAD_S * min(1.0, k / ramp)) for k in range(round(_SETTLE_S / cycle))
@@ -168,6 +178,7 @@ class Bench:
         """A step of the set-point while standing, without feed-forward, as large as the in-position window."""
         loop = self._standing(gains, AT_DEG, kvf=0.0)
         before = loop.rest(rad(AT_DEG), 1.0)
+        # 0.005 deg: 0.01 deg drove the configured drive into its torque limit (docs/explanation/tuning.md).
         size = rad(self.machine.monitors.in_position_window_deg)
         log = loop.rest(rad(AT_DEG) + size, _WATCH_S)
         motor = (log["pos_act_rad"] - before["pos_act_rad"][-1]) / size
@@ -192,6 +203,7 @@ class Bench:
         acc = rad(gains.acc_deg_s2)
         configured = motion_limits(self.machine)
         scale = acc / configured.acc_rad_s2
+        # Ramps keep their shape: jerk grows with the acceleration.
         return configured._replace(acc_rad_s2=acc, dec_rad_s2=acc, jerk_rad_s3=configured.jerk_rad_s3 * scale)
 
     def _drive_with(self, gains: Gains) -> _core.DriveParams:
@@ -210,6 +222,7 @@ class Bench:
         )
         sim = gantry_sim(self.machine, drive=self._drive_with(gains))
         loop = ClosedLoop.standing_at(sim, law, rad(angle_deg))
+        # Every trial begins with an axis that has calmed down.
         loop.run(hold(rad(angle_deg)), 2.0)
         return loop
 
@@ -234,6 +247,7 @@ def _judged(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
     rocking = base_motion_rad(machine, log["pos_base_rad"], log["pos_load_rad"])
     shake = 1e6 * machine.plant.gear_error.ring_radius_m * rocking
     residual = (after >= _RESIDUAL_S[0]) & (after <= _RESIDUAL_S[1])
+    # Half a second of cruise, far from both ramps.
     middle = np.abs(time - 0.5 * plan.duration) < 0.25
     return TrialMove(
         speed_overshoot=max(0.0, float(np.max(np.abs(motor))) / top - 1.0),

@@ -32,6 +32,7 @@ from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.wiring.simulator import drive_params
 
+# The corners first: 3 x 2 x 2 x 2 plants instead of 156 in every step of the search.
 _CORNERS: Final = Uncertainty(stiffness_steps=3, load_inertia=(0.8, 1.2))
 _LOWEST: Final = Gains(5.0, 0.002, 0.5, 1.0, 0.1)
 _HIGHEST: Final = Gains(500.0, 0.4, 50.0, 1.0, 0.1)
@@ -42,6 +43,8 @@ _STARTS: Final = 6
 Point = tuple[float, float, float]
 
 
+# They began as 2.0 and 1.0 without the cascade rule: margins were thin, then Kpp ran to the edge of the
+# search (docs/explanation/tuning.md).
 class Conditions(NamedTuple):
     """What must hold on every plant."""
 
@@ -51,8 +54,8 @@ class Conditions(NamedTuple):
     step_torque: float = 0.01
 
 
+# What is meant when nothing is said.
 STATED: Final = Conditions()
-"""What is meant when nothing is said."""
 
 
 class Designed(NamedTuple):
@@ -89,6 +92,7 @@ def by_margins(
         bad = [plant for plant in whole if search.excess(gains, [plant]) > 0.0]
         if not bad:
             return Designed(gains, len(search.plants), kvp_max)
+        # The plant that breaks a condition most joins the corners, until none does.
         search.plants.append(max(bad, key=lambda plant: search.excess(gains, [plant])))
     raise UsageError(
         "no gains found that hold on the whole uncertain set; ask for less sensitivity or damping"
@@ -100,6 +104,7 @@ def _encoder_limit(machine: Machine, conditions: Conditions) -> float | None:
     drive = drive_params(machine)
     if not drive.speed_count_rad:
         return None
+    # A drive whose speed is a difference of counts chatters by one step; interpolation lifts the limit.
     return conditions.step_torque * machine.motor.torque_rated_nm * drive.cycle_s / drive.speed_count_rad
 
 
@@ -153,6 +158,7 @@ class _Search:
         wanted = self.conditions
         settings = settings_with(self.machine, gains)
         fastest = gains.kvp_nm_s_per_rad / (wanted.cascade * self.inertia)
+        # The rule of thumb for cascades; with the paper's Kvp it gives Kpp = 10.2 /s, its own value.
         worst = gains.kpp_per_s / fastest - 1.0
         if worst > 0.0:
             return worst

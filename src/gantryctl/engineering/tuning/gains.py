@@ -40,11 +40,12 @@ class Gains:
         return Gains(*(_significant(value) for value in values))
 
 
+# What the paper ended with.
+# 450 deg/s2 at the motor shaft are 0.393 deg/s2 at the gantry.
 PAPER: Final = Gains(77.6959, 0.010, 10.0, 1.0, 450.0 / 1144.0)
-"""What the paper ended with."""
 
+# Where the procedure starts: soft, slow, no feed-forward.
 POOR: Final = Gains(10.0, 0.5, 1.0, 0.0, 0.05)
-"""Where the procedure starts: soft, slow, no feed-forward."""
 
 
 def configured(machine: Machine) -> Gains:
@@ -67,10 +68,12 @@ def machine_with(machine: Machine, gains: Gains) -> Machine:
     """
     changes = {
         "drive.speed_loop.kvp_nm_s_per_rad": gains.kvp_nm_s_per_rad,
+        # Seconds times 1e3 may end in a stray last bit: twelve digits keep the file readable.
         "drive.speed_loop.tvi_ms": _significant(gains.tvi_s * 1e3, 12),
         "control.kpp_per_s": gains.kpp_per_s,
         "control.kvf": gains.kvf,
     }
+    # A machine may slow down otherwise than it speeds up; only a tuned value sets both.
     if gains.acc_deg_s2 != machine.virtual_axis.acc_deg_s2:
         changes |= {"virtual_axis.acc_deg_s2": gains.acc_deg_s2, "virtual_axis.dec_deg_s2": gains.acc_deg_s2}
     return with_values(machine, changes)

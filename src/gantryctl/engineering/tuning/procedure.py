@@ -13,12 +13,15 @@ from gantryctl.engineering.tuning.bench import Bench
 from gantryctl.engineering.tuning.gains import POOR, Gains
 from gantryctl.errors import UsageError
 
+# A quarter up until the criterion breaks, then halved steps: the edge is known within 2 %.
 _GROWTH: Final = 1.25
 _RESOLUTION: Final = 1.02
 _MOST_TRIALS: Final = 60
 _KVF_STEPS: Final = 10
 
 
+# The paper's own criteria are words: while stable, just before vibration, just before the base shakes. The
+# third version of these limits is in force, each change made after seeing what the one before ended in.
 class Criteria(NamedTuple):
     """Where raising a value stops: our choices, settled with the paper's gains in sight (docs/explanation/tuning.md).
 
@@ -38,8 +41,8 @@ class Criteria(NamedTuple):
     base_um: float = 150.0
 
 
+# What is meant when nothing is said.
 QUARTERS: Final = Criteria()
-"""What is meant when nothing is said."""
 
 
 class Trial(NamedTuple):
@@ -74,8 +77,8 @@ class Tuned:
 
 
 PHASES: Final = ("Kvp", "Tvi", "Kpp", "Kvf", "acceleration")
+# What was measured, and a note when the trial counts as too much anyway.
 Outcome = tuple[float, str]
-"""What was measured, and a note when the trial counts as too much anyway."""
 
 
 def paper_procedure(bench: Bench, start: Gains = POOR, criteria: Criteria = QUARTERS) -> Tuned:
@@ -88,6 +91,7 @@ def paper_procedure(bench: Bench, start: Gains = POOR, criteria: Criteria = QUAR
     Raises:
         UsageError: the axis does not even bear the first value of a phase.
     """
+    # The paper's order: inner loop before outer, feedback before feed-forward, then the acceleration.
     kvp, tvi, kpp, acceleration = _raised_phases(bench, criteria)
     log: list[Trial] = []
     gains = replace(start, kvf=0.0)
@@ -124,6 +128,8 @@ def _raised_phases(bench: Bench, criteria: Criteria) -> tuple[_Phase, _Phase, _P
         step = bench.speed_step(gains)
         return 100.0 * step.overshoot, _limited(step.limited)
 
+    # The load, because the motor shows nothing: with the paper's gains the load overshoots a small step by a
+    # third, the motor by less than 1 %.
     def load(gains: Gains) -> Outcome:
         step = bench.position_step(gains)
         return 100.0 * step.load_overshoot, _limited(step.limited)
@@ -135,6 +141,7 @@ def _raised_phases(bench: Bench, criteria: Criteria) -> tuple[_Phase, _Phase, _P
         move = bench.move(gains)
         if move.reducer_nm > machine.reducer.torque_rated_nm:
             return move.base_um, f"reducer {move.reducer_nm / 1e3:.1f} kN m"
+        # The paper does not say how far its base moved: its 0.393 deg/s2 makes 165 um on this plant.
         return move.base_um, _limited(move.limited)
 
     return (
@@ -162,6 +169,7 @@ def _raised_phases(bench: Bench, criteria: Criteria) -> tuple[_Phase, _Phase, _P
 def _feed_forward(bench: Bench, gains: Gains, criteria: Criteria, log: list[Trial]) -> Gains:
     """In steps of 10 %; above 100 % the axis would run ahead of its set-point."""
     best, limit = 0.0, 100.0 * criteria.feed_forward_overshoot
+    # Above 100 % the axis would run ahead of its set-point.
     for k in range(_KVF_STEPS + 1):
         kvf = k / _KVF_STEPS
         move = bench.move(replace(gains, kvf=kvf))

@@ -49,9 +49,11 @@ def write_proposal(tuning: Tuning, path: Path, in_use: Path) -> list[Path]:
     """
     text = proposal_text(tuning)
     try:
+        # Gains belong to a person's decision: the file in use is never written.
         if path.exists() and path.samefile(in_use):
             raise UsageError(f"{path}: is the machine file in use; choose another --out")
         path.write_text(text, encoding="utf-8")
+        # A machine file names its calibration relative to itself; beside the proposal there is none yet.
         named = tuning.machine.control.compensation.calibration
         calibration = in_use.parent / named
         if not named or not calibration.is_file():

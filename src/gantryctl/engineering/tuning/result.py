@@ -14,8 +14,9 @@ from gantryctl.engineering.tuning.procedure import QUARTERS, Criteria, Tuned, pa
 from gantryctl.machine import Machine
 
 PAPER_METHOD, MARGINS_METHOD = "paper", "margins"
+# Difference to the paper's gains that counts as the same.
+# Reached by a procedure that was fitted with the paper's gains in sight; no independent confirmation.
 WITHIN: Final = 0.2
-"""Difference to the paper's gains that counts as the same."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,7 @@ def tune(
     def candidate(name: str, gains: Gains) -> Candidate:
         return Candidate(name, gains, bench.move(gains), judged(linear, gains, plants))
 
+    # The acceleration is the user's: the paper's gains are compared at the same one.
     present = configured(machine)
     paper = replace(PAPER, acc_deg_s2=present.acc_deg_s2)
     return Tuning(

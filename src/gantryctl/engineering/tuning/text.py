@@ -31,6 +31,7 @@ def _method(tuning: Tuning) -> list[str]:
         return [_end(tuning.tuned), *_against_paper(tuning), _CHOICES]
     designed = tuning.designed
     assert designed is not None
+    # Without interpolation one encoder step limits Kvp before any margin does.
     limit = "" if designed.kvp_max is None else f"; one encoder step permits Kvp up to {designed.kvp_max:.0f}"
     return [f"Found on {designed.corners} corner plants and confirmed on the whole uncertain set{limit}."]
 
@@ -58,6 +59,7 @@ def _why_inner(tuning: Tuning) -> str:
     bench, kvp = tuning.bench, PAPER.kvp_nm_s_per_rad
     delays, inertia = bench.small_delays_s, bench.fast_inertia_kg_m2
     rotor = tuning.machine.motor.inertia_kg_m2
+    # Amplitude optimum: Kvp = J/(2 x sum of the small delays) is where a rotor alone just does not vibrate.
     here, theirs = inertia / (2.0 * delays), rotor / (2.0 * kvp)
     return (
         "Kvp and Tvi depend on the drive: just no vibration means Kvp = J/(2 x sum of the small delays), here "

@@ -60,8 +60,11 @@ def measure(
 
 
 def _encoder(machine: Machine, kind: InstrumentKind, procedure: Procedure, seed: int) -> Instrument:
+    # Gear error, wind-up and lost motion lie behind this encoder: it shows how the loop works, not where the
+    # gantry is.
     if kind is InstrumentKind.MOTOR_SIDE:
         return MotorSide()
     ring = machine.plant.load_encoder
+    # Its scale error is zero where the run starts.
     rng = np.random.default_rng(seed)
     return LoadEncoder(ring.bits, ring.noise_rad, ring.scale_error_rad, rng, rad(procedure.start_deg))

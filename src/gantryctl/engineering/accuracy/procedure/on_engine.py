@@ -18,8 +18,8 @@ from gantryctl.operation.store import StateStore
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.trace.table import Trace
 
+# Called at every stop with its index and target, deg.
 Progress = Callable[[int, float], None]
-"""Called at every stop with its index and target, deg."""
 
 
 def run_on_engine(
@@ -75,6 +75,7 @@ def _reading(trace: Trace, machine: Machine) -> tuple[float, float, float, float
     ratio, vel_ref = machine.axis.ratio, trace["vel_ref_rad_s"]
     act = trace["pos_act_rad"][-last:]
     vel_motor = trace["vel_act_rad_s"]
+    # On a real machine nothing tells the load's angle: then all readings are of the motor side.
     load, base, vel_load = act, np.zeros_like(act), vel_motor
     if "pos_load_rad" in trace.columns:
         load, base, vel_load = (

@@ -24,32 +24,32 @@ from gantryctl.errors import UsageError
 
 PAPER_BASES_DEG = (90.0, 0.0, -90.0)
 PAPER_DISPLACEMENTS_DEG = (5.0, 10.0, 15.0, 20.0)
+# Procedures A and C come to a base from this far away.
 APPROACH_DEG = 10.0
-"""Procedures A and C come to a base from this far away."""
+# Procedure D comes to a base from this far below.
 SHORT_APPROACH_DEG = 5.0
-"""Procedure D comes to a base from this far below."""
 
 
 class StopRole(Enum):
     """What a stop is for."""
 
+    # Where the axis stands before the first move; held like every other stop, not measured.
     START = "start"
-    """Where the axis stands before the first move; held like every other stop, not measured."""
+    # Gives the base its direction of approach; not measured.
     APPROACH = "approach"
-    """Gives the base its direction of approach; not measured."""
+    # One end of the chords that follow.
     BASE = "base"
-    """One end of the chords that follow."""
+    # The other end: one value of the table.
     POINT = "point"
-    """The other end: one value of the table."""
 
 
 class Chord(Enum):
     """From where the chord of a point is measured."""
 
+    # From the base of its series: the error of the whole displacement.
     BASE = "base"
-    """From the base of its series: the error of the whole displacement."""
+    # From the stop before: the error of that one step, not added up.
     ADJACENT = "adjacent"
-    """From the stop before: the error of that one step, not added up."""
 
 
 @dataclass(frozen=True)
@@ -156,6 +156,7 @@ def chord_procedure(
 def _layout(name: str, chord: Chord) -> Layout:
     if chord is Chord.ADJACENT and name in ("A", "C"):
         return Layout.STEPS
+    # Only procedure C comes back over the same stops: its reversal is a real one.
     return Layout.RETURN if name == "C" else Layout.APART
 
 
@@ -165,6 +166,8 @@ def _reference(stop: ChordStop, before: Sequence[ChordStop], chord: Chord) -> in
         return None
     if chord is Chord.ADJACENT:
         return len(before) - 1
+    # The latest visit counts: procedures B and D come back to the base before every displacement. Targets are
+    # sums of the same decimals in another order, hence the tolerance.
     wanted = stop.target_deg - stop.direction.sign * stop.displacement_deg
     return next(k for k in reversed(range(len(before))) if abs(before[k].target_deg - wanted) < 1e-9)
 
@@ -173,6 +176,7 @@ def _staircase(base: float, displacements: tuple[float, ...]) -> Iterator[ChordS
     """Procedure A."""
     for direction in Direction:
         s = direction.sign
+        # From the side of the following moves: lost motion is taken up before the series starts.
         yield ChordStop(base - APPROACH_DEG * s, StopRole.APPROACH, base, direction)
         yield ChordStop(base, StopRole.BASE, base, direction)
         for d in displacements:
@@ -208,6 +212,8 @@ def _from_below(base: float, displacements: tuple[float, ...]) -> Iterator[Chord
             yield ChordStop(base + d * direction.sign, StopRole.POINT, base, direction, d)
 
 
+# The paper names bases and displacements but neither the order of the stops nor where a chord begins: four
+# readings of its text (docs/explanation/accuracy.md).
 _SERIES: dict[str, Callable[[float, tuple[float, ...]], Iterator[ChordStop]]] = {
     "A": _staircase,
     "B": _out_and_back,
@@ -264,6 +270,7 @@ def evaluate(
     readings = _readings(procedure, readings_rad)
     points = target_points(readings, radius_m)
     if sigma_m > 0.0:
+        # Both coordinates of every point, independently: what a tracker's data sheet states.
         points = points + np.random.default_rng(seed).normal(0.0, sigma_m, points.shape)
     return ErrorTable(
         procedure.rows,
@@ -285,6 +292,7 @@ def errors_from_points(procedure: Procedure, points_m: FloatArray, radius_m: flo
             continue
         chord = chord_between(points_m[..., index, :], points_m[..., stop.reference, :])
         row = row_of[RowKey(stop.base_deg, stop.direction, stop.run)]
+        # Positive: moved too far.
         error = np.degrees(chord_angle_rad(chord, radius_m)) - procedure.nominal_deg(stop)
         errors[..., row, column_of[stop.displacement_deg]] = error
     return errors

@@ -11,8 +11,8 @@ from gantryctl.engineering.accuracy.statistics import statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.report.data import plain
 
+# Changes when a name disappears or changes its meaning; further names may come.
 SCHEMA = "gantryctl.accuracy/1"
-"""Changes when a name disappears or changes its meaning; further names may come."""
 _IDENTITY = ("machine", "config_hash", "version", "seed", "created", "source", "measures_load")
 _ASKED = ("radius_m", "sigma_m", "dwell_s", "average_s", "vel_max_deg_s", "acc_deg_s2", "angle_errors_deg")
 _PROCEDURE = ("name", "bases_deg", "displacements_deg", "runs", "chord")

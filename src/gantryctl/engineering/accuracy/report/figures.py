@@ -31,8 +31,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 8.6
+# Points of one curve; longer ones keep the smallest and largest value of every bin.
 MAX_POINTS = 1500
-"""Points of one curve; longer ones keep the smallest and largest value of every bin."""
+# Directions differ by colour and by marker: the page is printed in grey, too.
 BLUE, ORANGE = "#1f5fa8", "#c8620a"
 COLOURS = {Direction.CCW: BLUE, Direction.CW: ORANGE}
 MARKERS = {Direction.CCW: "o", Direction.CW: "s"}
@@ -53,6 +54,7 @@ STYLE: Any = {
     "text.color": INK,
     "axes.labelcolor": INK,
     "legend.fontsize": 7.5,
+    # Letters as paths: the page is the same without the fonts of the machine that made it.
     "svg.fonttype": "path",
     "axes.unicode_minus": True,
     "figure.constrained_layout.w_pad": 0.08,
@@ -80,6 +82,7 @@ def svg(figure: Figure, name: str) -> str:
     import matplotlib as mpl
 
     out = io.StringIO()
+    # A salt of its own and no date: the same report gives the same page, byte for byte.
     with mpl.rc_context({**STYLE, "svg.hashsalt": name}):
         figure.savefig(out, format="svg", metadata={"Date": None, "Creator": None})
     text = out.getvalue()
@@ -91,6 +94,7 @@ def svg(figure: Figure, name: str) -> str:
 
 def _rounded(path: re.Match[str]) -> str:
     """Coordinates of a path to a hundredth of a point."""
+    # Finer than any print, and the page stays below a megabyte.
     return re.sub(r"(\.\d\d)\d+", r"\1", path[0])
 
 
@@ -268,6 +272,7 @@ def _thinned(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> tuple[Fl
     """At most `points` of a curve, keeping the smallest and the largest value of every bin in their order."""
     if len(x) <= points:
         return x, y
+    # Plain thinning would drop the peaks, and the peaks are what the speed test judges.
     bins = np.array_split(np.arange(len(x)), points // 2)
     keep = np.unique([index for part in bins for index in (part[y[part].argmin()], part[y[part].argmax()])])
     keep = np.union1d(keep, [0, len(x) - 1])

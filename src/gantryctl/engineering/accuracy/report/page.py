@@ -201,6 +201,7 @@ def _paper_printed(table: ErrorTable) -> str:
         return ""
     mean = ", ".join(f"{value:.4f}" for value in PAPER_MEAN_DEG[1:])
     three_s = ", ".join(f"{value:.4f}" for value in PAPER_THREE_S_DEG[1:])
+    # Shown beside the printed values, so that nobody looks for an error in the last digit.
     lower = signed(f"{PAPER_LOWER_DEG:.4f}")
     return (
         f"The paper's statistics are computed here from its six printed rows. It prints X = {mean}, "

@@ -23,8 +23,8 @@ from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_re
 
 FloatArray = NDArray[np.float64]
 
+# The paper's figure 5: speed error over the whole move, taken on the motor side.
 SPEED_ERROR_LIMIT_DEG_S = 0.01
-"""The paper's figure 5: speed error over the whole move, taken on the motor side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,9 +206,12 @@ class AccuracyReport:
             text = "the readings are motor side: the gear is outside of what the motor encoder sees"
             return AccuracyVerdict(None, {}, REQUIREMENT_DEG, text)
         figures = {
+            # A is a spread, the requirement is on the angle itself: the largest errors are compared as well.
             "A as measured": self.a_as_measured_deg,
             "largest chord error": self._largest_chord_error(),
         }
+        # A turn lost with the power off shifts all stops alike and changes no chord; only this figure shows
+        # it.
         if self.angle_errors_deg is not None:
             figures["largest angle error at a stop"] = max(abs(error) for error in self.angle_errors_deg)
         outside = {name: value for name, value in figures.items() if value > REQUIREMENT_DEG}
@@ -259,6 +262,7 @@ class AccuracyReport:
         found = [*self.notes, *self.statistics.warnings, *self.iso.warnings]
         if not self.measures_load:
             found.insert(0, "motor side: the readings do not contain gear error, wind-up or lost motion")
+        # From here on the instrument decides A more than the axis does.
         if self.a_floor is not None and self.a_floor.median_deg > 0.5 * self.a_as_measured_deg:
             found.append(
                 f"noise: the instrument alone gives A = {self.a_floor.median_deg:.4f} deg, more than half of "

@@ -12,8 +12,10 @@ from gantryctl.engineering.accuracy.report.report import AccuracyReport, SpeedRu
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 
+# The paper's table fits beside ours: twice four columns of errors.
 WIDTH = 100
 
+# Attribute of `IsoFigures`, symbol, name; in the order of the standard.
 ISO_NAMES = (
     ("reversal_deg", "B", "reversal"),
     ("mean_reversal_deg", "B mean", "mean reversal"),
@@ -28,7 +30,6 @@ ISO_NAMES = (
     ("accuracy_down_deg", "A down", "accuracy, cw"),
     ("accuracy_deg", "A (ISO)", "accuracy, both ways"),
 )
-"""Attribute of `IsoFigures`, symbol, name; in the order of the standard."""
 
 
 def angle_text(value_deg: float) -> str:

@@ -11,6 +11,7 @@ from gantryctl.engineering.analysis.models.linear import FloatArray
 from gantryctl.engineering.analysis.models.sampled import Input
 from gantryctl.errors import UsageError
 
+# Above this the torque accelerates the rotor alone, and grows with frequency at constant speed amplitude.
 _ROLL_OFF_HZ = 5.0
 
 
@@ -70,10 +71,12 @@ def multisine(
             f"{period_s:g} s) and {nyquist:g} Hz (half the scan rate)"
         )
     wanted = np.geomspace(low_hz, high_hz, count) * period_s
+    # Whole cycles in the period: no line leaks into another.
     lines = np.unique(np.round(wanted).astype(int))
     roll_off = _ROLL_OFF_HZ if where is Input.SPEED else math.inf
     weights = 1.0 / np.maximum(1.0, lines / period_s / roll_off)
     power = weights**2 / np.sum(weights**2)
+    # Schroeder's phases (IEEE Trans. Inf. Theory, 1970) keep the crest factor of the sum small.
     phases = -2.0 * math.pi * np.cumsum(np.cumsum(power) - power) * lines.size / 2.0
     return Excitation(
         where, period_s, tuple(lines.tolist()), tuple(weights.tolist()), tuple(phases.tolist()), 1.0

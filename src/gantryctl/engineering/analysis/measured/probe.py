@@ -25,6 +25,8 @@ from gantryctl.units import deg
 
 _ENABLE_S: Final = 5.0
 _CALM_S: Final = 3.0
+# Begins with a fiftieth and grows at most tenfold a trial: torque never jumps on an axis whose plant is not
+# known.
 _FIRST_SHARE: Final = 0.02
 _MOST_GROWTH: Final = 10.0
 _TRIALS: Final = 4
@@ -84,6 +86,7 @@ class Probe:
         self.law = law
         self.scan_s = scan_s
         self.limits = limits
+        # The law's zero is where the axis stands now: enabling makes no step.
         self._zero_counts = drive.read().pos_act_counts - law.ratio * angle_rad / law.rad_per_count
         self._plan = hold(angle_rad)
         self._scan = 0
@@ -153,6 +156,7 @@ class Probe:
             )
         else:
             return
+        # Stop first, explain afterwards: the axis moves under test.
         self.drive.write(OutputImage(DriveRequest.QUICK_STOP, brake_open=True))
         raise AlarmStop(
             f"frequency response stopped: {wrong}; the signal is off, the axis makes a quick stop"
@@ -180,6 +184,7 @@ def fitted(probe: Probe, excitation: Excitation, torque_nm: float) -> Excitation
     trial = replace(excitation, amplitude=_FIRST_SHARE / crest)
     for _ in range(_TRIALS):
         swing = float(np.ptp(probe.run(trial, scans)["torque_act_nm"])) / 2.0
+        # What the standing axis does by itself is not the answer to the signal.
         share = max(swing - quiet, 0.1 * swing, 1e-9)
         growth = min(torque_nm / share, _MOST_GROWTH)
         trial = replace(trial, amplitude=trial.amplitude * growth)
@@ -204,6 +209,7 @@ def measure(
     scans = round(excitation.period_s / probe.scan_s)
     probe.run(excitation, settle_periods * scans)
     record = probe.run(excitation, periods * scans)
+    # Hann: a line fills its bin and both neighbours, and takes drifts away.
     window = 1.0 - np.cos(2.0 * np.pi / (periods * scans) * np.arange(periods * scans))
     spectra = {
         name: np.fft.rfft(window * (values - values.mean())) * (2.0 / len(values))
@@ -233,6 +239,8 @@ def _scatter(spectrum: ComplexArray, bins: NDArray[np.int64], periods: int) -> F
     """R.m.s. of the free bins beside each line, relative to the line (Hann: a line fills its bin and both
     neighbours).
     """
+    # The bins between two lines carry no signal: what is there is noise, gear error and harmonics of
+    # friction.
     offsets = [k for k in range(-periods + 2, periods - 1) if abs(k) >= 2]
     beside = np.abs(spectrum[bins[:, None] + np.array(offsets)[None, :]])
     return np.asarray(np.sqrt(np.mean(beside**2, axis=1)) / np.abs(spectrum[bins]))

@@ -33,10 +33,11 @@ from gantryctl.wiring.simulator import sim_drive
 LOW_HZ: Final = 0.25
 HIGH_HZ: Final = 200.0
 LINES: Final = 70
+# Part of the rated torque at which a measurement stops by itself.
 TORQUE_LIMIT_SHARE: Final = 0.5
-"""Part of the rated torque at which a measurement stops by itself."""
+# Trials, settling and measuring take at most so long: ten periods of 16 s.
 _LONGEST_S: Final = 160.0
-"""Trials, settling and measuring take at most so long: ten periods of 16 s."""
+# A tenth of scatter is 0.8 dB, well below the 3 dB that count as another plant.
 _SCATTER_TRUSTED: Final = 0.1
 _OFF_DB: Final = 3.0
 _OFF_DEG: Final = 20.0
@@ -68,6 +69,7 @@ def conditions(machine: Machine, angle_deg: float = 75.0, torque_nm: float | Non
         angle_deg: where; away from the angles without eccentric moment, so that the gears stay on one flank.
         torque_nm: another larger torque.
     """
+    # 4 % of the reference motor's 257 N m begins to slide in the friction, a fifth of it holds.
     large = 0.04 * machine.motor.torque_rated_nm if torque_nm is None else torque_nm
     return [
         Condition("standing, small", large / 5.0, 0.0, angle_deg, Friction.HOLDING),
@@ -146,6 +148,7 @@ def simulated_probe(machine: Machine, angle_deg: float) -> Probe:
         motion=motion_limits(machine),
     )
     scan_s = machine.control.scan_period_ms * 1e-3
+    # Torque and travel stop a measurement on a real axis, so they do here.
     return Probe(sim_drive(machine, angle_deg), position_law(machine), scan_s, limits, rad(angle_deg))
 
 

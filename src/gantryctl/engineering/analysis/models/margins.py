@@ -12,10 +12,13 @@ from gantryctl.engineering.analysis.models.linear import MINUS_3_DB, ComplexArra
 
 Response: TypeAlias = Callable[[FloatArray], ComplexArray]
 
+# 24 halvings of a grid step of 0.9 % leave 6e-10.
 _BISECTIONS: Final = 24
 _GRID_PER_DECADE: Final = 250
+# Half-widths on either side of a mode, with eight points in each: a peak of 1.6 % damping is not missed.
 _HALF_WIDTHS: Final = 12.0
 _AROUND_MODE: Final = 193
+# A loop that bears a thousandfold gain has no limit that anybody would meet.
 _LARGEST_GAIN: Final = 1e3
 
 
@@ -77,6 +80,8 @@ def gain_limits(stable: Callable[[float], bool]) -> tuple[float | None, float | 
 
     Exact: asks whether the loop is stable, not where a frequency response crosses the axis.
     """
+    # Steps of 15 % before the bisection: the loop is conditionally stable, so both directions are searched
+    # from 1.
     return _limit(stable, 1.0 / 1.15), _limit(stable, 1.15)
 
 
@@ -95,6 +100,7 @@ def peak(magnitude: Callable[[FloatArray], FloatArray], grid: FloatArray) -> Pea
 
 def sensitivity_peak(loop: Response, grid: FloatArray) -> Peak:
     """Largest |1/(1 + L)|: 1 / the distance of the Nyquist curve from -1."""
+    # A peak of 2 means at least 6 dB of gain margin and 29 deg of phase margin.
     return peak(lambda w: 1.0 / np.abs(1.0 + loop(w)), grid)
 
 

@@ -20,8 +20,8 @@ from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArra
 from gantryctl.machine import Machine
 from gantryctl.wiring.simulator import plant_params
 
+# Stands for a current loop that follows at once: 1 us.
 IDEAL_BANDWIDTH_RAD_S: Final = 1e6
-"""Stands for a current loop that follows at once: 1 us."""
 
 MOTOR, LOAD, BASE = "motor", "load", "base"
 
@@ -175,6 +175,7 @@ def _with(p: _core.PlantParams, damping_ratio: float, variation: Variation) -> _
     p.inertia_motor_kg_m2 = (
         p.inertia_motor_kg_m2 if variation.motor_inertia_kg_m2 is None else variation.motor_inertia_kg_m2
     )
+    # S1: c = 2 zeta sqrt(K1 J), with the varied stiffness and inertia.
     zeta = damping_ratio if variation.damping_ratio is None else variation.damping_ratio
     p.damping_nm_s_per_rad = 2.0 * zeta * math.sqrt(p.stiffness_1_nm_per_rad * p.inertia_load_kg_m2)
     return p
@@ -182,6 +183,7 @@ def _with(p: _core.PlantParams, damping_ratio: float, variation: Variation) -> _
 
 def _gravity(p: _core.PlantParams, angle_rad: float) -> float:
     """Stiffness of the eccentric moment at an angle, -T_u cos(theta - theta_u0), N m/rad."""
+    # S5: T_u sin(theta - theta_u0), linearised.
     return -p.eccentric_moment_nm * math.cos(angle_rad - p.eccentric_angle_rad)
 
 
@@ -200,7 +202,9 @@ def _rigid(p: _core.PlantParams, friction: Friction, angle_rad: float) -> Mechan
 
 def _flexible(p: _core.PlantParams, friction: Friction, angle_rad: float, with_base: bool) -> Mechanics:
     """Every element acts along a direction in (motor, load, base): K and D are sums of k g g^T."""
+    # S3: D = thm/i - theta + phi; gear errors have no part in a small signal.
     twist = np.array([1.0 / p.ratio, -1.0, 1.0])
+    # S4: the rollers turn with w - phi'.
     roller = np.array([0.0, 1.0, -1.0])
     motor, load, base = np.eye(3)
     parts = [
@@ -257,7 +261,9 @@ def _hysteresis(p: _core.PlantParams, friction: Friction, angle_rad: float) -> f
         return 0.0
     load = -p.eccentric_moment_nm * math.sin(angle_rad - p.eccentric_angle_rad)
     if friction is Friction.SLIDING and p.roller_friction:
+        # The mesh drives the rollers as well while the axis turns.
         load += p.roller_coulomb_nm
+    # S3: while it holds, Th' = (h/z_h) D', a spring beside the transmission.
     return (p.hysteresis_torque_nm + p.hysteresis_load_ratio * abs(load)) / p.hysteresis_length_rad
 
 
@@ -270,6 +276,7 @@ def _element(
         case Friction.SLIDING:
             return 0.0, viscous
         case Friction.HOLDING:
+            # S4 before sliding: F = s0 z + s1 v + Fv v.
             return stiffness, micro_damping + viscous
 
 

@@ -10,8 +10,8 @@ import numpy as np
 from gantryctl.engineering.analysis.models.linear import ComplexArray
 from gantryctl.engineering.analysis.models.sampled import SampledLoop
 
+# By rising frequency: the load on transmission and base, and the base under it.
 NAMES = ("load mode", "base mode")
-"""By rising frequency: the load on transmission and base, and the base under it."""
 
 
 class Oscillation(NamedTuple):
@@ -44,6 +44,7 @@ def modes(loop: SampledLoop) -> list[SwingMode]:
     plant.
     """
     found = []
+    # 2.00 Hz with 1.6 % damping for the load of the reference machine, motor held.
     for name, pole in zip(NAMES, loop.plant.held_poles().tolist(), strict=False):
         found.append(SwingMode(name, Oscillation.of(pole), Oscillation.of(nearest(loop.poles, pole))))
     return found

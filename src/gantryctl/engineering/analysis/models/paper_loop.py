@@ -22,8 +22,8 @@ from gantryctl.engineering.analysis.models.two_mass import TwoMass, TwoMassLoop
 from gantryctl.machine import Machine
 
 SKETCH_STIFFNESS_NM_PER_RAD: Final = 5.0e8
+# The two-mass sketch of the gantry: one stiffness at the gantry, no base, no wave generator.
 SKETCH_DAMPING_RATIO: Final = 0.025
-"""The two-mass sketch of the gantry: one stiffness at the gantry, no base, no wave generator."""
 
 TORQUE_STEP_NM: Final = 10.0
 _STEP_S: Final = (0.005, 0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
@@ -39,6 +39,8 @@ def rigid_loop(machine: Machine, kvf: float | None = None, motor_only: bool = Fa
     sees).
     """
     rotor = machine.motor.inertia_kg_m2
+    # Js of eq. (5): load and rotor at the motor shaft, 1.898 kg m2 for the reference machine, no wave
+    # generator.
     reflected = machine.plant.load.inertia_kg_m2 / machine.axis.ratio**2
     loop, control = machine.drive.speed_loop, machine.control
     return RigidLoop(
@@ -65,6 +67,7 @@ def rigid_figures(machine: Machine) -> dict[str, Any]:
     """Every figure of the rigid loop; angles in deg, poles as [real, imaginary] in rad/s, times in s as
     keys.
     """
+    # tests/data/expected.json holds these figures under the same names, computed by another program.
     total, total0 = rigid_loop(machine, 1.0), rigid_loop(machine, 0.0)
     motor, motor0 = rigid_loop(machine, 1.0, motor_only=True), rigid_loop(machine, 0.0, motor_only=True)
     return {

@@ -8,6 +8,7 @@ import math
 def trapezoid_time_s(distance: float, vel_max: float, acc: float) -> float:
     """Duration of a trapezoid: d/V + V/a, or 2 sqrt(d/a) when the speed limit is not reached."""
     distance = abs(distance)
+    # Shorter moves turn from acceleration to deceleration below the speed limit: a triangle.
     if distance < vel_max**2 / acc:
         return 2.0 * math.sqrt(distance / acc)
     return distance / vel_max + vel_max / acc

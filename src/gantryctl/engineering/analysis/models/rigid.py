@@ -99,6 +99,8 @@ class RigidLoop:
     @property
     def velocity_zeta(self) -> float:
         """Damping ratio of the closed speed loop: sqrt(Kvp Tvi/Js)/2."""
+        # 0.32 with the paper's gains on load and rotor, 35 deg of phase margin; on the rotor alone 74 deg at
+        # 55 Hz: the drive was tuned on a load that it did not feel above a few Hz.
         return 0.5 * math.sqrt(self.kvp_nm_s_per_rad * self.tvi_s / self.js_kg_m2)
 
     @property
@@ -109,12 +111,15 @@ class RigidLoop:
     @property
     def kpp_max(self) -> float:
         """Routh: stable while Kpp/(1 + Kpp Tvi) < Kvp/Js, 1/s; inf when that always holds."""
+        # Routh on eq. (5): a1 a2 > a0 a3, that is Kvp (1/Tvi + Kpp) > Js Kpp/Tvi.
         limit = self.kvp_nm_s_per_rad / self.js_kg_m2
         return limit / (1.0 - limit * self.tvi_s) if limit * self.tvi_s < 1.0 else math.inf
 
     @property
     def gain_reduction_margin(self) -> float:
         """Factor on the torque gain below which the loop is unstable, as in torque saturation: 1/|L| < 1."""
+        # 0.22 with the paper's gains: two integrators in the controllers and one in the plant make the loop
+        # conditionally stable, so torque saturation can make it unstable.
         return float(self.torque_open.gain_margins()[0])
 
     @property
@@ -127,6 +132,7 @@ class RigidLoop:
     @property
     def step_overshoot_percent(self) -> float:
         """Overshoot of y for r = 1(t), %. With Kvf > 0 the step contains the impulse of dr/dt."""
+        # Rounding of the peak is no overshoot.
         _, peak = largest(self.position * integrator())
         return max(0.0, 100.0 * (peak - 1.0)) if peak > 1.0 + 1e-9 else 0.0
 

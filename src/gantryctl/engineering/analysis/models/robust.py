@@ -31,10 +31,10 @@ from gantryctl.machine import Machine
 
 _LOWEST_RAD_S: Final = 0.3
 _PER_DECADE: Final = 60
+# What the transmission may have, at the gantry.
 STIFFNESS_NM_PER_RAD: Final = (0.3e9, 1.2e9)
-"""What the transmission may have, at the gantry."""
+# Structural dampings for which bands of stiffness are given.
 DAMPINGS: Final = (0.005, 0.01, 0.025)
-"""Structural dampings for which bands of stiffness are given."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class Uncertainty:
     """
 
     stiffness_nm_per_rad: tuple[float, float] = STIFFNESS_NM_PER_RAD
+    # 13 stiffnesses, 2 dampings, 3 load and 2 motor inertias: 156 plants.
     stiffness_steps: int = 13
     damping_ratio: tuple[float, ...] = (0.01, 0.025)
     load_inertia: tuple[float, ...] = (0.8, 1.0, 1.2)
@@ -136,6 +137,7 @@ def uncertain_plants(
         kind: FULL with the rocking base, or TWO_MASS.
     """
     load = machine.plant.load.inertia_kg_m2
+    # The paper's Js leaves the wave generator out; the axis turns it all the same.
     motor = machine.motor.inertia_kg_m2 + machine.plant.motor.wave_generator_inertia_kg_m2
     combinations = itertools.product(
         uncertainty.stiffnesses(),
@@ -192,8 +194,8 @@ def margins_on(plant: UncertainPlant, settings: LoopSettings) -> Case:
     )
 
 
+# Bands of stiffness, N m/rad, in which a loop is unstable.
 Bands = Sequence[tuple[float, float]]
-"""Bands of stiffness, N m/rad, in which a loop is unstable."""
 
 
 def unstable_stiffness(damping: Callable[[float], float], low: float = 1e8, high: float = 4e9) -> Bands:
@@ -203,6 +205,8 @@ def unstable_stiffness(damping: Callable[[float], float], low: float = 1e8, high
         damping: stiffness to the smallest damping ratio of the closed loop.
         low, high: range searched.
     """
+    # Fine, because gains may fail in a band only: 0.63 to 1.6e9 N m/rad on the two-mass loop with 1 % damping
+    # and the paper's gains.
     grid = np.geomspace(low, high, 120)
     values = [damping(float(k)) for k in grid]
     bands: list[tuple[float, float]] = []
@@ -223,6 +227,7 @@ def sketch_damping(machine: Machine, damping_ratio: float) -> Callable[[float], 
     """Damping of the continuous two-mass sketch (rotor alone, no base) over the stiffness."""
 
     def damping(stiffness: float) -> float:
+        # The sketch of the paper's Js: without the wave generator, continuous, with ideal torque.
         return two_mass_loop(machine, stiffness, damping_ratio).load_mode_zeta
 
     return damping

@@ -94,6 +94,7 @@ class SampledLoop:
     def held(self) -> tuple[FloatArray, FloatArray]:
         """The plant over one drive cycle with the torque set-point held: Ad, Bd."""
         n = self.plant.size
+        # One exponential of [[A, B], [0, 0]] T gives the held plant exactly, input column and all.
         block = np.zeros((n + 1, n + 1))
         block[:n, :n], block[:n, n] = self.plant.a, self.plant.b
         step = expm(block * self.settings.cycle_s)
@@ -112,16 +113,20 @@ class SampledLoop:
         """
         s, n = self.settings, self.plant.size
         ad, bd = self.held
+        # The order of a drive cycle is that of plant equations S7.
         last, integral, set_point = n, n + 1, n + 2
         size = n + 3
         speed = np.zeros(size)
+        # S7.2: speed by backward difference over one cycle.
         speed[:n], speed[last] = self.encoder / s.cycle_s, -1.0 / s.cycle_s
         kvp = torque_gain * s.kvp_nm_s_per_rad
+        # S7.4: un = Kvp (e + I), without the clamp.
         wanted = -kvp * speed
         wanted[integral] += kvp
         f, command, torque = np.zeros((size, size)), np.zeros(size), np.zeros(size)
         f[:n, :n] = ad
         if s.delay_cycles:
+            # S7.5: the plant advances with the torque of the cycle before.
             f[:n, set_point] = bd
         else:
             f[:n] += np.outer(bd, wanted)
@@ -171,6 +176,7 @@ class SampledLoop:
 
     def _poles(self, matrix: FloatArray) -> ComplexArray:
         z = np.linalg.eigvals(matrix).astype(np.complex128)
+        # Dead time and deadbeat states: their logarithm would be noise.
         z = z[np.abs(z) > 1e-6]
         return np.sort_complex(np.log(z) / self.settings.scan_s)
 
@@ -179,6 +185,7 @@ class SampledLoop:
         count.
         """
         z = np.linalg.eigvals(self.closed(torque_gain, command_gain))
+        # With the position loop open the free angle is a pole at z = 1, to rounding.
         limit = 1.0 if command_gain else 1.0 + 1e-9
         return bool(np.max(np.abs(z)) < limit)
 
@@ -206,6 +213,8 @@ class SampledLoop:
         pi = s.kvp_nm_s_per_rad * (1.0 + s.cycle_s / s.tvi_s / (z - 1.0))
         feedback = (1.0 - 1.0 / z) / s.cycle_s
         if cut is Cut.TORQUE:
+            # The speed command is held over the scan: seen at the drive's rate it is a mean over the last
+            # cycles.
             held = sum((z**-k for k in range(s.cycles_per_scan)), np.zeros_like(z)) / s.cycles_per_scan
             feedback = feedback + s.kpp_per_s * held
         plant = self.angle_per_torque(w_rad_s) if angle is None else angle

@@ -75,6 +75,7 @@ class TwoMassLoop:
         plant, gains = self.plant, self.gains
         load = plant.load_polynomial
         reflected = plant.load_inertia_kg_m2 / plant.ratio**2
+        # Motor and load with the spring between them, the load's share reflected by 1/i^2.
         inertia = np.polyadd(plant.motor_inertia_kg_m2 * load, reflected * load[1:])
         pi = gains.kvp_nm_s_per_rad * np.array([1.0, 1.0 / gains.tvi_s])
         controller = np.polymul(pi, [1.0, gains.kpp_per_s])
@@ -88,6 +89,8 @@ class TwoMassLoop:
     @property
     def load_mode(self) -> complex:
         """The least damped oscillating pole (upper half plane): the load on its spring."""
+        # Seen from the load the motor is a damper with the sign of 1 - Kpp/(w^2 Tvi): below sqrt(Kpp/Tvi), 5
+        # Hz with the paper's gains, it feeds the swing.
         oscillating = [complex(pole) for pole in self.poles if pole.imag > 0.0]
         return min(oscillating, key=lambda pole: -pole.real / abs(pole))
 
