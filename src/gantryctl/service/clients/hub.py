@@ -20,18 +20,8 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot
-from gantryctl.service.protocol import limits
-from gantryctl.service.protocol.messages import (
-    FREE,
-    SILENT,
-    Identity,
-    MessageRefused,
-    action_of,
-    compact,
-    parse,
-    reply_to,
-    to_record,
-)
+from gantryctl.service.protocol import limits, messages
+from gantryctl.service.protocol.messages import SILENT, Identity, MessageRefused, compact
 from gantryctl.service.protocol.roles import Role, may, rights_of
 
 # The controller answers within a scan or two of 1 ms: replies are fetched as quickly while one is expected.
@@ -75,16 +65,16 @@ class Client:
             raise Flooded
         seq = 0
         try:
-            message = parse(text)
+            message = messages.parse(text)
             seq = message.seq
             # Stop, quick stop and release have buckets of their own: a flood of commands must not hold them up.
             limit = self._signs if message.kind in SILENT else self._commands
-            if limit.wait_s(message.kind if message.kind in FREE else "command") > 0.0:
+            if limit.wait_s(message.kind if message.kind in messages.FREE else "command") > 0.0:
                 if message.kind in SILENT:
                     return
                 raise MessageRefused(Code.SEC_06, reason=Words.TOO_MANY_COMMANDS(limit=limits.COMMANDS_PER_S))
-            if not may(self.who.role, action_of(message)):
-                reason = Words.ROLE_MAY_NOT(role=self.who.role, action=action_of(message))
+            if not may(self.who.role, messages.action_of(message)):
+                reason = Words.ROLE_MAY_NOT(role=self.who.role, action=messages.action_of(message))
                 raise MessageRefused(Code.SEC_01, reason=reason)
             raw: dict[str, Any] = {"type": message.kind, "seq": seq, "frame": message.frame, **message.values}
             if message.epoch is not None:
@@ -92,7 +82,7 @@ class Client:
             if not self._hub.send(self.who, raw):
                 raise MessageRefused(Code.SYS_11, reason=Words.NO_COMMANDS_NOW)
         except MessageRefused as refused:
-            self.answer(reply_to(seq or refused.seq, refused))
+            self.answer(messages.reply_to(seq or refused.seq, refused))
             return
         if message.kind not in SILENT:
             self.used_s = time.monotonic()
@@ -109,7 +99,7 @@ class Client:
     def overdue(self, now_s: float) -> None:
         """Answer in place of a silent controller."""
         for seq in [seq for seq, due_s in self._asked.items() if now_s > due_s]:
-            self.answer(reply_to(seq, MessageRefused(Code.SYS_11, reason=Words.NO_ANSWER)))
+            self.answer(messages.reply_to(seq, MessageRefused(Code.SYS_11, reason=Words.NO_ANSWER)))
 
     @property
     def waiting(self) -> bool:
@@ -196,7 +186,7 @@ class Hub:
 
     def send(self, who: Identity, message: dict[str, Any]) -> bool:
         """Hand a message to the controller; False when it takes none."""
-        return self._commands.put(to_record(who, message))
+        return self._commands.put(messages.to_record(who, message))
 
     def expect(self) -> None:
         """Fetch replies quickly: one is expected."""

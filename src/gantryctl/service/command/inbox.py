@@ -10,16 +10,8 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.events import EventLog, printable
 from gantryctl.service.memory.ring import Ring
-from gantryctl.service.protocol.messages import (
-    SILENT,
-    Identity,
-    Message,
-    MessageRefused,
-    checked,
-    compact,
-    from_record,
-    reply_to,
-)
+from gantryctl.service.protocol import messages
+from gantryctl.service.protocol.messages import SILENT, Identity, Message, MessageRefused, compact
 
 # Records taken from a ring in one scan: sorting them takes time too.
 _PER_SCAN: Final = 32
@@ -129,7 +121,7 @@ class Inbox:
 
     def _sort(self, source: int, record: bytes, epoch: int, holder: str) -> None:
         try:
-            who, raw = from_record(record)
+            who, raw = messages.from_record(record)
         except (ValueError, KeyError, TypeError):
             return
         # These two come from the gateway itself: no client can send them past `parse`.
@@ -138,7 +130,7 @@ class Inbox:
             self.gone.append(Gone(source, who.client, raw["type"] == "restart"))
             return
         try:
-            message = checked(raw)
+            message = messages.checked(raw)
         except MessageRefused as refused:
             self._reply(source, who, raw.get("seq"), refused, 0, epoch)
             return
@@ -196,7 +188,7 @@ class Inbox:
     def _reply(
         self, source: int, who: Identity, seq: Any, refused: MessageRefused | None, number: int, epoch: int
     ) -> None:
-        reply = reply_to(seq if isinstance(seq, int) else 0, refused, epoch=epoch, journal=number)
+        reply = messages.reply_to(seq if isinstance(seq, int) else 0, refused, epoch=epoch, journal=number)
         reply["text"] = printable(reply["text"], _TEXT_MAX)
         ring = self._replies[source]
         record = compact([who.client, reply]).encode()
