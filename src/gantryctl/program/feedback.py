@@ -13,8 +13,8 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
+# States in which the motor has torque.
 ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-"""States in which the motor has torque."""
 FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _NO_FLAG: Final = EncoderFlag.NONE
 _LOST: Final = LinkFlag.BUS_DOWN | LinkFlag.RESTARTED | LinkFlag.HEARTBEAT_LOST | LinkFlag.NOT_OPERATIONAL

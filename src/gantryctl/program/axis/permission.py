@@ -8,13 +8,13 @@ from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
-from gantryctl.program.feedback import Feedback
+from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import PowerSettings
 
 # UNKNOWN is a state of its own, and no permission.
-_NO_POWER: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE, DriveState.UNKNOWN)
+_NO_POWER: Final = (*FAULTS, DriveState.UNKNOWN)
 
 
 def why_no_torque(feedback: Feedback, alarms: AlarmLog, but: Code | None = None) -> Refusal | None:

@@ -9,20 +9,20 @@ from typing import Final, NamedTuple
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.units import deg
 
+# How long the brake must hold the test torque, each way.
 HELD_S: Final = 2.0
-"""How long the brake must hold the test torque, each way."""
+# From no torque to the test torque.
 _RISE_S: Final = 0.5
-"""From no torque to the test torque."""
+# After the ramp the motor must give the torque within this.
 _GIVE_S: Final = 1.0
-"""The motor must give the torque within this after the ramp."""
+# The torque is back at the preload within this, or is taken off as it is.
 _RELIEVE_S: Final = 1.5
-"""The torque is back at the preload within this, or is taken off as it is."""
+# Of the regulator that corrects the motor torque by what the motor reports.
 _TIME_CONSTANT_S: Final = 0.1
-"""Of the regulator that corrects the motor torque."""
-# Level and friction of the motor (6 N m here, it helps the brake) let pass what bears a little less than asked for: of
-# brakes from 0.5 to 400 N m tested with 70 N m the weakest that passed bore 65 (docs/evidence/brake_test.json).
+# Part of the test torque that the motor must give. With this, and the friction of the motor (6 N m on the reference
+# machine, it helps the brake), a brake passes that bears a little less than the level: of brakes from 0.5 to 400 N m
+# tested with 70 N m the weakest that passed bore 65 (docs/evidence/brake_test.json).
 _SHARE: Final = 0.95
-"""Part of the test torque that the motor must really give."""
 
 
 class BrakeTestPhase(IntEnum):
@@ -55,14 +55,15 @@ class BrakeTestPhase(IntEnum):
 
 
 class BrakeTestOutcome(IntEnum):
-    """How a brake test ended."""
+    """How a brake test ended.
+
+    NONE: no test yet, or under way. ABORTED: ended before it could show anything (stopped, an alarm, control lost).
+    """
 
     NONE = 0
-    """No test yet, or under way."""
     PASSED = 1
     FAILED = 2
     ABORTED = 3
-    """Ended before it could show anything: stopped, an alarm, control lost."""
 
 
 class BrakeTestResult(NamedTuple):

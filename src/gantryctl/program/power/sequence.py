@@ -9,15 +9,15 @@ from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words, drive_state_words
-from gantryctl.program.feedback import Feedback
+from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
 
+# Slower than this is at rest, on the motor side: after a stop the load swings on by up to 0.53 deg/s.
 REST_RAD_S: Final = rad(0.02)
-"""Slower than this is at rest, at the motor side."""
 _REST_S: Final = 0.050
 # The drive's quick-stop ramp is judged with 0.5 deg/s to spare for 50 ms, after the 60 ms in which a drive reacts.
 _ENVELOPE_RAD_S: Final = rad(0.5)
@@ -30,14 +30,12 @@ _BLIND_STOP_S: Final = 1.5
 _UNLOAD_STEPS: Final = 3
 
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
-_ENABLED: Final = (_OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 _ABLE: Final = (
-    *_ENABLED,
+    *ENABLED,
     DriveState.SWITCH_ON_DISABLED,
     DriveState.READY_TO_SWITCH_ON,
     DriveState.SWITCHED_ON,
 )
-_FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _ON: Final = PowerPhase.ON
 _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
 
@@ -201,7 +199,7 @@ class PowerSequence:
                 self._lost()
             return
         self._count += self._feedback.periods
-        if phase in TORQUE_ON and self._feedback.state not in _ENABLED:
+        if phase in TORQUE_ON and self._feedback.state not in ENABLED:
             self._lost()
             return
         match phase:
@@ -355,7 +353,7 @@ class PowerSequence:
             self._unloaded = True
 
     def _disabling(self) -> None:
-        if self._feedback.state not in _ENABLED:
+        if self._feedback.state not in ENABLED:
             self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
         elif self._count > self._power_up_scans:
             self._stuck(DriveState.SWITCH_ON_DISABLED)
@@ -402,7 +400,7 @@ class PowerSequence:
 
     def _torque_hold(self) -> None:
         """Give the preload back, at zero speed, once the drive is enabled."""
-        if self._feedback.state in _ENABLED:
+        if self._feedback.state in ENABLED:
             self.torque_ff_nm = self.holding.preload_nm
         elif self._count > self._power_up_scans:
             self._stuck(_OPERATION_ENABLED, Reaction.TORQUE_OFF)
@@ -485,7 +483,7 @@ class PowerSequence:
 
     def _lost(self) -> None:
         """Raise DRV-04: the drive is not enabled where it must be. Its own fault is DRV-01, from the interlocks."""
-        if self._feedback.state not in _FAULTS:
+        if self._feedback.state not in FAULTS:
             self._alarms.raise_(Code.DRV_04, measured=drive_state_words(self._feedback.state))
 
     def _stuck(self, wanted: DriveState, reaction: Reaction | None = None) -> None:
