@@ -1,4 +1,4 @@
-"""The machine file: a typed, immutable description of one gantry, strictly checked.
+"""Machine file: a typed, immutable description of one gantry, strictly checked.
 
 `load_machine` reads a file, `with_values` varies a machine, `derived` computes what follows from it.
 Only `plant` is the simulated world; nothing that controls may read it.

@@ -1,4 +1,4 @@
-"""What follows from a machine file with a rigid body and the name plates: the figures people check by hand.
+"""Figures that follow from a machine file with a rigid body and the name plates: what people check by hand.
 
 Stops on the full plant, with compliance and brake, are `gantryctl stops`.
 """
@@ -12,7 +12,7 @@ from gantryctl.units import DEG_S_PER_R_MIN, deg, rad, rad_s_from_r_min
 
 
 class Derived(NamedTuple):
-    """One derived figure."""
+    """Derived figure."""
 
     name: str
     value: float

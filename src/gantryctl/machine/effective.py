@@ -1,4 +1,4 @@
-"""What is in force: effective values with their origin, the hash over them, differences, the JSON schema."""
+"""Values in force: with their origin, the hash over them, differences, the JSON schema."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SHORT_HASH: Final = 12
 
 
 class Difference(NamedTuple):
-    """One key whose effective values differ between two machines."""
+    """Key whose effective values differ between two machines."""
 
     path: str
     first: Value
@@ -38,17 +38,17 @@ def short_hash(machine: Machine) -> str:
 
 
 def origins(machine: Machine) -> dict[str, Origin]:
-    """By dotted path: was the value given in the file, or is it the default?"""
+    """Origin of every value by dotted path: given in the file, or the default."""
     return {path: "file" if _given(machine, path) else "default" for path in field_specs()}
 
 
 def effective_values(machine: Machine) -> dict[str, Value]:
-    """Every value in force by dotted path, in the order of the schema."""
+    """Values in force by dotted path, in the order of the schema."""
     return {path: value_at(machine, path) for path in field_specs()}
 
 
 def diff_machines(first: Machine, second: Machine) -> list[Difference]:
-    """The keys whose effective values differ, in the order of the schema."""
+    """Keys whose effective values differ, in the order of the schema."""
     found = []
     for path, spec in field_specs().items():
         a, b = value_at(first, path), value_at(second, path)
@@ -78,7 +78,7 @@ def _given(machine: Machine, path: str) -> bool:
 
 
 def _canonical(value: Value) -> Value:
-    """-0.0 equals 0.0, so both must give the same text."""
+    """Value with one form: -0.0 equals 0.0, so both must give the same text."""
     if isinstance(value, tuple):
         return tuple(item + 0.0 for item in value)
     return value + 0.0 if isinstance(value, float) else value

@@ -1,4 +1,4 @@
-"""Which machine a calibration was measured on: a hash of the parts that make a machine another one."""
+"""Identity of a machine: a hash of the parts that make it another one; a calibration carries it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gantryctl.machine.tables.model import Machine
 
 
 def identity_hash(machine: Machine) -> str:
-    """What makes a machine another one: ratios, motor, reducer, encoder; not gains, limits or [plant]."""
+    """Hash of ratios, motor, reducer and encoder; not of gains, limits or [plant]."""
     # Gains, limits and [plant] may change without a new calibration; what was measured hangs on these parts.
     ratios = {"reducer_ratio": machine.axis.reducer_ratio, "ring_ratio": machine.axis.ring_ratio}
     tables = {

@@ -1,4 +1,4 @@
-"""From a machine file to a `Machine`, or to the list of everything that is wrong with it."""
+"""Loading of a machine file: a `Machine`, or the list of all its problems."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def load_table(model: type[TableT], path: Path | str) -> TableT:
 
 
 def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
-    """The same machine with other values by dotted path, `{"axis.ring_ratio": 12.0}`, checked like a file.
+    """Vary a machine by dotted path, `{"axis.ring_ratio": 12.0}`, checked like a file.
 
     Raises:
         ConfigError: one line per problem, all of them.
@@ -97,7 +97,7 @@ def check(data: Data, name: str) -> Machine:
 
 
 def configs_folder() -> Path:
-    """Where the files delivered with the program lie: package data, or `configs/` of a working tree."""
+    """Folder of the files delivered with the program: package data, or `configs/` of a working tree."""
     packaged = Path(str(resources.files("gantryctl").joinpath("configs")))
     if packaged.is_dir():
         return packaged
@@ -105,13 +105,13 @@ def configs_folder() -> Path:
 
 
 def default_machine_path() -> Path:
-    """Where the reference machine's file lies."""
+    """Path of the reference machine's file."""
     return configs_folder() / DEFAULT_FILE
 
 
 @functools.cache
 def default_machine() -> Machine:
-    """The reference machine, the gantry of the source paper."""
+    """Reference machine, the gantry of the source paper."""
     return load_machine(default_machine_path())
 
 
@@ -131,7 +131,7 @@ def _null(_: object) -> None:
 
 
 def _without(error: ValidationError, data: Data) -> Machine:
-    """The machine without what was refused: defaults stand in, so that other rules can be checked."""
+    """Machine without what was refused: defaults stand in, so that other rules can be checked."""
     data = json.loads(_as_json(data))  # a deep copy
     for problem in error.errors(include_url=False, include_input=False):
         _delete(data, [str(part) for part in problem["loc"] if isinstance(part, str)])

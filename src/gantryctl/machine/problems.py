@@ -1,4 +1,4 @@
-"""What is wrong with a machine file: lines, `FILE: [table] key = value: allowed 0.1..20 deg; hint`."""
+"""Problems of a machine file as lines, `FILE: [table] key = value: allowed 0.1..20 deg; hint`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _FACTORS: Final = {
 
 
 def show_value(value: object, longest: int | None = 60) -> str:
-    """A value as it would stand in the file, in one line of at most `longest` characters (None: in full)."""
+    """Write a value as it would stand in the file, in one line of at most `longest` characters (None: in full)."""
     most = longest or sys.maxsize
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -67,7 +67,7 @@ def show_value(value: object, longest: int | None = 60) -> str:
 def describe(
     errors: Sequence[Mapping[str, Any]], data: Data, name: str, root: type[Table] = Machine
 ) -> tuple[list[str], set[str]]:
-    """Turn pydantic's errors into lines; also answer the dotted paths that cannot be used.
+    """Turn pydantic's errors into lines; give the dotted paths that cannot be used as well.
 
     Args:
         errors: what pydantic found. data: the file as it was read. name: of the file.
@@ -115,7 +115,7 @@ def _place(where: Location, root: type[Table]) -> str:
 
 
 def _found(where: Location, data: Data) -> object:
-    """What the file says at a location; the deepest value there is."""
+    """Value of the file at a location; the deepest there is."""
     value: Any = data
     for part in where:
         try:
@@ -149,7 +149,7 @@ def unknown_path(path: str) -> str:
 
 
 def _similar(where: Location, data: Data, root: type[Table]) -> str:
-    """Ask "; did you mean ...?" for an unknown key or table, or say nothing."""
+    """Hint "; did you mean ...?" for an unknown key or table, or ""."""
     table, key = ".".join(str(part) for part in where[:-1]), str(where[-1])
     if isinstance(_found(where, data), dict):
         whole = f"{table}.{key}" if table else key
@@ -207,7 +207,7 @@ def _unit_hint(spec: FieldSpec, value: object, data: Data) -> str:
 
 
 def _float(value: object) -> float | None:
-    """A finite number as a float, else None; a whole number may be too large for one."""
+    """Finite number as a float, else None; a whole number may be too large for one."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
     try:

@@ -1,4 +1,4 @@
-"""Bytes of a machine file to plain data; whatever the bytes are, the answer is data or one `ConfigError`."""
+"""Reading of a machine file: bytes to plain data; whatever the bytes are, the result is data or one `ConfigError`."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _MEANING: Final = {
 
 
 def printable(text: object, longest: int = 80) -> str:
-    """Text that is safe in one line of a terminal or a log: nothing unprintable, at most `longest` long."""
+    """Make text safe for one line of a terminal or a log: nothing unprintable, at most `longest` long."""
     short = str(text)
     if len(short) > longest:
         short = short[: longest - 3] + "..."
@@ -125,7 +125,7 @@ def _deeper_than(data: Data, depth: int) -> bool:
 
 
 def _inside(value: object) -> list[object]:
-    """The tables and arrays directly inside a table or an array."""
+    """Tables and arrays directly inside a table or an array."""
     if isinstance(value, dict):
         items = list(value.values())
     elif isinstance(value, list):

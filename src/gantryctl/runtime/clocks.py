@@ -18,22 +18,22 @@ _LATE_LEAST_S: Final = 0.001
 
 
 class VirtualClock:
-    """Never waits and is never late; the engine leaves it out."""
+    """Virtual time: no waiting, no lateness; the engine leaves it out."""
 
     def start(self) -> None:
-        """Nothing to start."""
+        """Do nothing."""
 
     def wait_for(self, deadline: int) -> ScanStart:
-        """Returns at once, on time."""
+        """Return at once, on time."""
         return ScanStart(deadline, 0.0)
 
     def elapsed_s(self) -> float:
-        """No time passes inside a scan."""
+        """Return 0: no time passes inside a scan."""
         return 0.0
 
 
 class RealClock:
-    """Deadline k is at `base + k x period` of the monotonic clock: a late scan does not shift the next.
+    """Absolute deadlines: number k at `base + k x period` of the monotonic clock; a late scan does not shift the next.
 
     A deadline that was missed by more than a quarter of a period (and 1 ms) is skipped, and so are all others until
     the next that can be met: never a burst, and every scan is near its own time.
@@ -58,7 +58,7 @@ class RealClock:
         self._scan_start_s = 0.0
 
     def start(self) -> None:
-        """Call the next scan on time whenever it comes: the first one, or one after an intended pause."""
+        """Count time from the next scan on: the first one, or one after an intended pause."""
         self._base_s = None
 
     def wait_for(self, deadline: int) -> ScanStart:
@@ -87,5 +87,5 @@ class RealClock:
         return now_s - at_s
 
     def elapsed_s(self) -> float:
-        """Since the present scan really started, s."""
+        """Time since the present scan really started, s."""
         return self._now() - self._scan_start_s

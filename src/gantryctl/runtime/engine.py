@@ -43,7 +43,7 @@ NOTHING_READ: Final = InputImage(
 
 
 def trace_columns(program: Program, truth: Truth | None = None) -> tuple[str, ...]:
-    """The columns of the rows that an engine with this program and truth records."""
+    """Columns of the rows that an engine with this program and truth records."""
     return (TIME_COLUMN, *program.trace_columns, *(truth.truth_columns if truth is not None else ()))
 
 
@@ -119,7 +119,7 @@ class Engine:
         return self._run(self.scan + self._scans(timeout_s), condition)
 
     def between_scans(self, work: Callable[[], None]) -> None:
-        """Do something that takes its time, with power off: the scan after it is on time whenever it comes."""
+        """Do work that takes longer than a scan, with power off: the scan after it is on time whenever it comes."""
         try:
             work()
         finally:

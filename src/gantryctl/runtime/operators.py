@@ -14,7 +14,7 @@ _TOLERANCE_S = 1e-9
 
 
 class FixedOperator:
-    """Gives what the caller put into `command`, from the next scan on.
+    """Operator that gives what the caller put into `command`, from the next scan on.
 
     Hold-to-run still needs a new `lease` every 250 ms: the holder renews it, not this class.
     """
@@ -27,7 +27,7 @@ class FixedOperator:
 
 
 class ScriptedOperator:
-    """Commands by time, each valid until the next one; before the first, nothing is wanted."""
+    """Commands by time, each valid until the next one; no demand before the first."""
 
     def __init__(self, script: Sequence[tuple[float, OperatorCommand]]) -> None:
         times = [time_s for time_s, _ in script]

@@ -1,4 +1,4 @@
-"""Overruns: what counts as too many, and what is done about it."""
+"""Overruns: how many are too many, and the reaction to them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ WINDOW_S: Final = 1.0
 
 
 class OverrunPolicy(Enum):
-    """What late scans mean. Missed deadlines are always skipped and counted."""
+    """Meaning of late scans. Missed deadlines are always skipped and counted."""
 
     CONTINUE = "continue"
     """The plant waits for a late scan, so nothing was missed: the scan numbers go on one by one. For a
@@ -27,7 +27,7 @@ class OverrunPolicy(Enum):
 
 
 class OverrunLimits(NamedTuple):
-    """When `OverrunPolicy.QUICK_STOP` acts."""
+    """Limits at which `OverrunPolicy.QUICK_STOP` acts."""
 
     # A stall below the limit costs next to nothing: with the controller held for 9 and 20 ms over UDP at 250 Hz the
     # following error was 0.006 and 0.007 deg, as in a run without a stall (docs/evidence/can_stall.json).
@@ -40,13 +40,13 @@ class OverrunLimits(NamedTuple):
 
 
 class RecentOverruns:
-    """The overruns of the last second, and whether they are a reason to stop."""
+    """Overruns of the last second; a reason to stop when there are too many."""
 
     def __init__(self) -> None:
         self._times_s: deque[float] = deque()
 
     def add(self, time_s: float) -> None:
-        """The scan of `time_s` ended after the next one was due."""
+        """Count the scan of `time_s`: it ended after the next one was due."""
         self._times_s.append(time_s)
 
     def reason_to_stop(self, time_s: float, late_s: float, limits: OverrunLimits) -> AlarmStop | None:

@@ -1,4 +1,4 @@
-"""A process that keeps time: garbage collection off, and ahead of ordinary processes where the system allows it."""
+"""Timing of a process: garbage collection off, real-time priority where the system allows it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PRIORITY: Final = 20
 
 @contextmanager
 def keeps_time() -> Iterator[bool]:
-    """For as long as scans are paced by the clock; says whether the system gave a real-time priority.
+    """Keep time while scans are paced by the clock; yield whether the system gave a real-time priority.
 
     What was made so far is taken out of the garbage collector's sight. Without the right to a real-time priority the
     process goes on as an ordinary one.

@@ -34,7 +34,7 @@ FLUSH_ROWS: Final = 1000
 
 
 class MemoryRecorder:
-    """Keeps the recording in memory, eight bytes a value; `trace()` at any time."""
+    """Recording in memory, eight bytes a value; `trace()` at any time."""
 
     def __init__(self, columns: Sequence[str], metadata: Metadata | None = None) -> None:
         self.columns = validate_columns(columns)
@@ -51,14 +51,14 @@ class MemoryRecorder:
         self._bytes.clear()
 
     def close(self) -> None:
-        """Nothing to finish."""
+        """Do nothing: there is no file to finish."""
 
     def rows(self) -> Floats:
-        """A copy of the rows so far, shape (rows, columns)."""
+        """Copy the rows so far, shape (rows, columns)."""
         return np.frombuffer(bytes(self._bytes)).reshape(-1, len(self.columns))
 
     def trace(self) -> Trace:
-        """A copy of the recording so far."""
+        """Copy the recording so far."""
         return Trace.from_rows(self.columns, self.rows(), self.metadata)
 
 
@@ -113,11 +113,11 @@ class ArrowRecorder:
 
     @classmethod
     def finish(cls, live: Path) -> None:
-        """Close a live file that was left; DeviceError when it cannot be read or its closed file not be written."""
+        """Close the live file of a run that was killed; DeviceError when that is not possible."""
         cls(live, *head_of(live), resume=True).close()
 
     def _open(self, resume: bool) -> Any:
-        """The live file, ready for the next block."""
+        """Open the live file for the next block."""
         import pyarrow as pa
 
         begun, self.resumed_s = whole_part(self.live_path) if resume else (0, -math.inf)

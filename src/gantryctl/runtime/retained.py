@@ -1,4 +1,4 @@
-"""The record that survives power-off, and its form as plain JSON values."""
+"""Record that survives power-off, and its form as plain JSON values."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class AlarmEntry:
 
 @dataclass(frozen=True)
 class Retained:
-    """Everything the controller must know after a power-off. None or "" where nothing is known yet.
+    """Memory of the controller over a power-off. None or "" where a value is not known yet.
 
     Attributes:
         machine, config_hash: whose memory this is. speed_rad_s, increment_rad: the operator's settings, at
@@ -97,7 +97,7 @@ _ADDED: Final = {
 
 
 def to_json_values(record: Retained) -> dict[str, object]:
-    """The record as JSON values.
+    """Turn the record into JSON values.
 
     Raises:
         StateError: a value that is not finite or not of its type; nothing of it may be stored.
@@ -109,7 +109,7 @@ def to_json_values(record: Retained) -> dict[str, object]:
 
 
 def from_json_values(values: Mapping[str, object]) -> Retained:
-    """The record from JSON values; StateError when a field is missing, unknown or of another type."""
+    """Read the record from JSON values; StateError when a field is missing, unknown or of another type."""
     values = {**_ADDED, **values}
     alarms = values.get("alarms")
     if not isinstance(alarms, list) or not all(isinstance(alarm, dict) for alarm in alarms):
@@ -122,7 +122,7 @@ def from_json_values(values: Mapping[str, object]) -> Retained:
 
 
 def _check(kind: type[Retained] | type[AlarmEntry], values: Mapping[str, object]) -> None:
-    """Exactly the fields of `kind`, each of its type, numbers finite."""
+    """Refuse all but exactly the fields of `kind`, each of its type, numbers finite."""
     hints = get_type_hints(kind)
     if set(hints) != set(values):
         raise StateError(f"missing or unknown: {', '.join(sorted(set(hints) ^ set(values)))}")

@@ -16,24 +16,24 @@ FORMAT: Final = "gantryctl retained memory, version 1"
 
 
 class _Damaged(StateError):
-    """A copy that was torn or changed: the other one counts. Every other StateError is not to be bridged."""
+    """Torn or changed copy: the other one counts. No other StateError may be bridged."""
 
 
 class _Copy(NamedTuple):
-    """One copy as read: its sequence number and record."""
+    """Copy as read."""
 
     sequence: int
     record: Retained
 
 
 def encode(record: Retained, sequence: int) -> bytes:
-    """A copy as it stands in the file: JSON in one fixed form, so that every changed bit shows."""
+    """Copy as it stands in the file: JSON in one fixed form, so that every changed bit shows."""
     body = {"format": FORMAT, "sequence": sequence, "record": to_json_values(record)}
     return _text({"crc32": _crc(body), **body})
 
 
 def decode(data: bytes) -> tuple[int, Retained]:
-    """Sequence number and record of a copy; StateError says what is wrong with it."""
+    """Sequence number and record of a copy; StateError for one that cannot be used."""
     try:
         values = json.loads(data)
     except (ValueError, RecursionError) as fault:
@@ -61,7 +61,7 @@ def _crc(body: object) -> str:
 
 
 class RetainedMemory:
-    """The record of one state directory. Hold a `StateLock` on the directory while using it.
+    """Retained memory of one state directory. Hold a `StateLock` on the directory while using it.
 
     Attributes:
         notes: what `load()` found wrong but could bridge, in words; empty when all was well.
@@ -72,7 +72,7 @@ class RetainedMemory:
         self.notes: tuple[str, ...] = ()
 
     def load(self) -> Retained | None:
-        """The newest valid copy, or None when nothing was ever stored.
+        """Read the newest valid copy; None when there is no copy yet.
 
         Raises:
             StateError: there are copies, but none is valid.
@@ -95,7 +95,7 @@ class RetainedMemory:
         write_whole(self.directory / older, encode(record, sequence), make_folder=True)
 
     def _copies(self) -> dict[str, _Copy]:
-        """The valid copies by file name; fills `notes`."""
+        """Read the valid copies by file name, and fill `notes`."""
         copies: dict[str, _Copy] = {}
         notes = []
         missing = []

@@ -1,4 +1,4 @@
-"""How well the scans kept their time, and what that means in degrees."""
+"""Timing of the scans, and what lateness means in degrees."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Histogram:
             self.worst_s, self.worst_scan = value_s, scan
 
     def quantile_s(self, part: float) -> float:
-        """The time that `part` of the values do not exceed, rounded up to the edge of its bin; 0 if none."""
+        """Time that `part` of the values do not exceed, rounded up to the edge of its bin; 0 without a value."""
         rank = part * self.count
         seen = 0
         for edge_s, count in zip([*_EDGES_S, math.inf], self.counts, strict=True):
@@ -45,7 +45,7 @@ class Histogram:
         return 0.0
 
     def since(self, counts: Sequence[int]) -> Histogram:
-        """Only what was added after its `counts` were these; the worst is that of all."""
+        """Values added after its `counts` were these; the worst is that of all."""
         found = Histogram()
         found.counts = [now - before for now, before in zip(self.counts, counts, strict=True)]
         found.count = sum(found.counts)
@@ -98,7 +98,7 @@ class ScanStatistics:
         return overrun
 
     def report(self, speed_deg_s: float) -> str:
-        """The figures in words; at `speed_deg_s` of the gantry a late scan acts that much angle too late."""
+        """Figures in words; at `speed_deg_s` of the gantry a late scan acts that much angle too late."""
         if not self.lateness.count:
             return "virtual time: no scan is ever late"
         lines = [f"{self.lateness.count} scans of {self.period_s * 1e3:g} ms in real time"]
@@ -121,7 +121,6 @@ class ScanStatistics:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, object]:
-        """For JSON."""
         return {
             "period_s": self.period_s,
             "overruns": self.overruns,

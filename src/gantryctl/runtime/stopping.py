@@ -1,4 +1,4 @@
-"""What the engine does on its own when the program has failed: bring the axis to rest and hold it."""
+"""Stop of an axis whose program has failed: rest, brake, torque off."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BRAKE_TIME_S: Final = 0.3
 
 
 def quick_stop_output(brake_open: bool) -> OutputImage:
-    """The drive's own ramp to zero; the brake stays as it was.
+    """Ask for the drive's own ramp to zero; the brake stays as it was.
 
     A brake that closes on a turning gantry loads the reducer more than the ramp does.
     """
@@ -25,7 +25,7 @@ def quick_stop_output(brake_open: bool) -> OutputImage:
 
 
 class StopProgram:
-    """Takes the place of a failed program: quick stop, then brake, then torque off; its trace row is NaN.
+    """Program in place of a failed one: quick stop, then brake, then torque off; its trace row is NaN.
 
     It reads only the motor speed, and does not trust it for longer than `RAMP_TIME_S`.
     """

@@ -1,1 +1,1 @@
-"""What a recording is: column names, `Trace`, reading and exporting."""
+"""Recordings: column names, `Trace`, reading and exporting."""

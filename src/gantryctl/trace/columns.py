@@ -57,7 +57,7 @@ _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 class Unit(NamedTuple):
-    """A unit as the end of a column name and as people write it."""
+    """Unit as the end of a column name and as people write it."""
 
     suffix: str
     symbol: str
@@ -67,14 +67,14 @@ PLAIN: Final = Unit("", "")
 
 
 def unit_of(name: str) -> Unit:
-    """The unit of a column, from the end of its name; degrees too, as exported files have them."""
+    """Unit of a column, from the end of its name; degrees too, as exported files have them."""
     symbols = SI_UNITS | DEGREE_UNITS
     suffix = name_ending(name, symbols)
     return Unit(suffix, symbols[suffix]) if suffix else PLAIN
 
 
 def in_degrees(name: str) -> str:
-    """The name of the same quantity in degrees; unchanged where the unit is not an angle's."""
+    """Name of the same quantity in degrees; unchanged where the unit is not an angle's."""
     suffix = unit_of(name).suffix
     if suffix.startswith("rad"):
         return name.removesuffix(suffix) + suffix.replace("rad", "deg")
@@ -82,12 +82,12 @@ def in_degrees(name: str) -> str:
 
 
 def degree_factor(name: str) -> float:
-    """By what the values of a column are multiplied when it is shown in degrees."""
+    """Factor from the values of a column to degrees; 1 where the unit is not an angle's."""
     return deg(1.0) if in_degrees(name) != name else 1.0
 
 
 def validate_columns(columns: Sequence[str]) -> tuple[str, ...]:
-    """The columns of a new recording.
+    """Check the columns of a new recording.
 
     Raises:
         UsageError: a wrong, repeated or missing name, all of them named.

@@ -49,7 +49,7 @@ _STYLE: Final[dict[Any, Any]] = {
 
 
 class Line(NamedTuple):
-    """One curve."""
+    """Curve of a diagram."""
 
     label: str
     values: Floats
@@ -58,28 +58,20 @@ class Line(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One diagram over time."""
+    """Diagram over time."""
 
     title: str
     axis_label: str
     lines: Sequence[Line]
 
 
-class _Side(NamedTuple):
-    """How one side of the gear is drawn."""
-
-    role: str
-    label: str
-    colour: str
-    width: float
-
-
-_SET_POINT: Final = _Side("ref", "set-point", "#c0c0c0", 4.0)
-_SIDES: Final = (_Side("load", "load side", _ORANGE, 0.9), _Side("act", "motor side", _BLUE, 1.1))
+# Role in the column's name, label, colour and width; the set-point is a broad band behind what follows it.
+_SIDES: Final = (("load", "load side", _ORANGE, 0.9), ("act", "motor side", _BLUE, 1.1))
+_FOLLOWED: Final = (("ref", "set-point", "#c0c0c0", 4.0), *_SIDES)
 
 
 def overview(trace: Trace) -> list[Panel]:
-    """Angle, speed, their errors, and torque: of these, what the trace has."""
+    """Diagrams of angle, speed, their errors and torque: of these, what the trace has."""
     torque = [Line("motor", trace["torque_act_nm"], _BLUE)] if "torque_act_nm" in trace else []
     panels = [
         Panel("Angle", "angle in deg", _followed(trace, "pos_{}_rad")),
@@ -92,27 +84,27 @@ def overview(trace: Trace) -> list[Panel]:
 
 
 def _followed(trace: Trace, pattern: str) -> list[Line]:
-    """The set-point and what followed it, all of it at the gantry, in degrees."""
+    """Curves of the set-point and of what followed it, at the gantry, in degrees."""
     return [
-        Line(side.label, deg(1.0) * trace[pattern.format(side.role)], side.colour, side.width)
-        for side in (_SET_POINT, *_SIDES)
-        if pattern.format(side.role) in trace
+        Line(label, deg(1.0) * trace[column], colour, width)
+        for role, label, colour, width in _FOLLOWED
+        if (column := pattern.format(role)) in trace
     ]
 
 
 def _errors(trace: Trace, pattern: str, scale: float) -> list[Line]:
     """Set-point minus each side; `scale` 1e3 for thousandths of a degree."""
-    if (set_point := pattern.format(_SET_POINT.role)) not in trace:
+    if (set_point := pattern.format("ref")) not in trace:
         return []
     return [
-        Line(side.label, deg(scale) * (trace[set_point] - trace[column]), side.colour, side.width)
-        for side in _SIDES
-        if (column := pattern.format(side.role)) in trace
+        Line(label, deg(scale) * (trace[set_point] - trace[column]), colour, width)
+        for role, label, colour, width in _SIDES
+        if (column := pattern.format(role)) in trace
     ]
 
 
 def chosen(trace: Trace, columns: Sequence[str]) -> list[Panel]:
-    """One diagram per unit, with the columns asked for."""
+    """Diagrams of the columns asked for, one per unit."""
     units: dict[str, list[str]] = {}
     for name in columns:
         trace[name]  # UsageError with all names when it is not there
@@ -130,7 +122,7 @@ def chosen(trace: Trace, columns: Sequence[str]) -> list[Panel]:
 
 
 def draw(trace: Trace, panels: Sequence[Panel], title: str) -> Figure:
-    """The diagrams below each other over one time axis."""
+    """Draw the diagrams below each other over one time axis."""
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -210,7 +202,7 @@ def save(figure: Figure, path: Path, trace: Trace, title: str) -> None:
 
 
 def _page(svg: str, trace: Trace, title: str) -> str:
-    """One page with the figure and what the recording says of itself."""
+    """HTML page with the figure and the metadata of the recording."""
     rows = "".join(
         f"<tr><th>{html.escape(str(key))}</th><td>{html.escape(str(value))}</td></tr>"
         for key, value in trace.metadata.items()

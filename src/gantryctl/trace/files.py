@@ -1,4 +1,4 @@
-"""How a recording is stored: an Arrow stream while it grows, Parquet when it is closed, CSV for others.
+"""Files of a recording: an Arrow stream while it grows, Parquet when it is closed, CSV for others.
 
 pyarrow is imported where it is used: it costs a third of a second.
 """
@@ -34,7 +34,7 @@ _ROWS_WITHOUT_PERIOD: Final = 30_000
 
 
 def arrow_schema(columns: Sequence[str], metadata: Metadata) -> Any:
-    """The Arrow schema of a recording: every column float64, the metadata as JSON."""
+    """Arrow schema of a recording: every column float64, the metadata as JSON."""
     import pyarrow as pa
 
     text = json.dumps(dict(metadata), allow_nan=False)
@@ -43,14 +43,14 @@ def arrow_schema(columns: Sequence[str], metadata: Metadata) -> Any:
 
 
 def record_batch(schema: Any, rows: Floats) -> Any:
-    """Rows of shape (rows, columns) as an Arrow record batch."""
+    """Turn rows of shape (rows, columns) into an Arrow record batch."""
     import pyarrow as pa
 
     return pa.record_batch([pa.array(column) for column in np.ascontiguousarray(rows.T)], schema=schema)
 
 
 def whole_part(path: Path) -> tuple[int, float]:
-    """Where the last whole block of a live file ends, and the time of its last row, s.
+    """End of the last whole block of a live file, and the time of its last row, s.
 
     (0, -inf) when there is no such file or not even its head is whole.
     """

@@ -19,7 +19,7 @@ _STREAM_MAGIC: Final = b"\xff\xff\xff\xff"
 
 
 def read_trace(path: str | Path, columns: Sequence[str] | None = None) -> Trace:
-    """Read a recording, `*.parquet` or `*.arrows`; what it is shows in the file, not in its name.
+    """Read a recording, `*.parquet` or `*.arrows`: its first bytes tell which, not its name.
 
     Of a stream that was never closed, all whole blocks are read and `Trace.complete` is False.
 

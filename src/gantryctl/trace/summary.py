@@ -1,4 +1,4 @@
-"""The figures that say at a glance what is in a trace."""
+"""Summary of a trace: extremes and root mean square of every column."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class ColumnSummary(NamedTuple):
 
 
 def summarize(trace: Trace) -> list[ColumnSummary]:
-    """One summary per column, in their order; None where there is no finite value."""
+    """Summarise every column, in their order; None where there is no finite value."""
     return [_summary(name, trace[name]) for name in trace.columns]
 
 

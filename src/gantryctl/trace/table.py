@@ -37,7 +37,7 @@ class TraceHash:
         self._digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
 
     def hexdigest(self) -> str:
-        """The hash of everything so far."""
+        """Hash of all rows so far."""
         return self._digest.hexdigest()
 
 
@@ -63,7 +63,7 @@ class Trace:
 
     @classmethod
     def from_rows(cls, columns: Sequence[str], rows: Floats, metadata: Metadata | None = None) -> Trace:
-        """From an array of shape (rows, columns)."""
+        """Make a trace of an array of shape (rows, columns)."""
         return cls(dict(zip(columns, np.ascontiguousarray(rows.T), strict=True)), metadata)
 
     def __getitem__(self, name: str) -> Floats:
@@ -90,11 +90,11 @@ class Trace:
 
     @property
     def duration_s(self) -> float:
-        """From the first row to the last, s."""
+        """Time from the first row to the last, s."""
         return float(self.time_s[-1] - self.time_s[0]) if len(self) else 0.0
 
     def gaps(self) -> list[tuple[float, float]]:
-        """Where rows are missing: times of the rows before and after, s. Needs `period_s` in the metadata."""
+        """Gaps in the recording: times of the rows before and after, s. Needs `period_s` in the metadata."""
         period_s = self.metadata.get("period_s")
         if not isinstance(period_s, int | float) or len(self) < 2:
             return []
@@ -104,13 +104,13 @@ class Trace:
         return [(float(time_s[k]), float(time_s[k + 1])) for k in before]
 
     def slice(self, start_s: float, end_s: float) -> Trace:
-        """The rows with `start_s <= time_s <= end_s`."""
+        """Take the rows with `start_s <= time_s <= end_s`."""
         kept = (self.time_s >= start_s) & (self.time_s <= end_s)
         data = {name: values[kept] for name, values in self._data.items()}
         return Trace(data, self.metadata, complete=self.complete)
 
     def in_degrees(self) -> Trace:
-        """The same with every angle in degrees, column names included: for people and for export."""
+        """Convert every angle to degrees, column names included: for people and for export."""
         data = {in_degrees(name): values * degree_factor(name) for name, values in self._data.items()}
         return Trace(data, self.metadata, complete=self.complete)
 

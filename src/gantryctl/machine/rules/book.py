@@ -26,7 +26,7 @@ Check: TypeAlias = Callable[[Any], Broken]
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class Rule:
-    """One condition on the keys `paths`; `check` answers what is wrong in words, or None."""
+    """Condition on the keys `paths`; `check` gives what is wrong, or None."""
 
     paths: tuple[str, ...]
     check: Check
@@ -60,7 +60,7 @@ def rule(*paths: str) -> Callable[[Check], Check]:
 
 
 def violations(machine: object, rules: Iterable[Rule] = REGISTERED) -> list[tuple[Rule, Limit | str]]:
-    """The rules that a machine breaks, with what is wrong."""
+    """Rules that a machine breaks, with what is wrong."""
     return [(each, wrong) for each in rules if (wrong := each.check(machine)) is not None]
 
 

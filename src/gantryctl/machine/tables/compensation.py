@@ -116,7 +116,7 @@ class CompensationTable(Table):
 
     @property
     def needs_calibration(self) -> bool:
-        """Whether something that is on lives on identified values."""
+        """Whether a compensation that is on uses identified values."""
         torque, windup, encoder = self.torque, self.windup, self.load_encoder
         return (
             torque.eccentric

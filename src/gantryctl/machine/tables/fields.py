@@ -1,4 +1,4 @@
-"""How a field of the machine file is declared: bounds, unit, meaning and where its default comes from."""
+"""Declaration of a field of the machine file: bounds, unit, meaning and source of its default."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UNITS: Final = {
 
 
 def unit_of(key: str, info: FieldInfo) -> str:
-    """The unit of a field: what its declaration says, else what its name ends with; "-" for a pure number."""
+    """Unit of a field: of its declaration, else of the end of its name; "-" for a pure number."""
     notes = info.json_schema_extra
     given = str(notes.get(UNIT, "")) if isinstance(notes, dict) else ""
     return given or UNITS.get(name_ending(f"_{key}", UNITS), "-")
@@ -38,7 +38,7 @@ def _add_units(schema: dict[str, Any], model: type[BaseModel]) -> None:
 
 
 class Table(BaseModel):
-    """One table of the machine file: immutable, without unknown keys, without NaN or infinity."""
+    """Table of the machine file: immutable, without unknown keys, without NaN or infinity."""
 
     model_config = ConfigDict(
         frozen=True,

@@ -1,4 +1,4 @@
-"""The whole machine file as one immutable object."""
+"""Machine file as one immutable object."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RULES_LATER: Final = "rules_later"
 
 
 class Machine(Table):
-    """A complete machine; equal files give equal objects.
+    """Complete machine; equal files give equal objects.
 
     Made by `load_machine`, `parse_machine` and `with_values`, which answer with a line per problem. A machine
     built in any other way obeys the same rules, except by `model_copy(update=...)`, which checks nothing.
@@ -75,7 +75,7 @@ class Machine(Table):
         return not self.plant_is_local and not self.can.stepped
 
     def calibrated(self, calibration: Calibration | None) -> Machine:
-        """The same machine with other identified values."""
+        """Replace the identified values."""
         copy = self.model_copy()
         copy._calibration = calibration
         return copy
