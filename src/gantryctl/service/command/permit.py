@@ -17,7 +17,7 @@ _OF_THE_BUS: Final = frozenset({Code.CFG_CAN_01, Code.CFG_CAN_02, Code.CFG_CAN_0
 
 
 class Permit:
-    """What stands against power in this run.
+    """The reasons against power in this run.
 
     Args:
         reasons: of the opening, the gravest first.
@@ -53,17 +53,17 @@ class Permit:
 
     @property
     def doubts_position(self) -> bool:
-        """The angle of the gantry is in doubt."""
+        """Whether the angle of the gantry is in doubt."""
         return any(reason.doubts_position for reason in self.reasons)
 
     @property
     def keeps_events(self) -> bool:
-        """Events of new motion find their place."""
+        """Whether events of new motion find their place."""
         return self._journal.keeps and self._events.room
 
     @property
     def reset_locked(self) -> bool:
-        """A reset meets something that only the service role may reset."""
+        """Whether a reset meets something that only the service role may reset."""
         return (
             self._journal.locked
             or any(reason.cleared_by is ClearedBy.SERVICE for reason in self.reasons)
@@ -74,8 +74,8 @@ class Permit:
     def judge_bus(self, found: tuple[Reason, ...]) -> None:
         """Replace the reasons of the bus by those found after a drive was set up again."""
         kept = [reason for reason in self.reasons if reason.code not in _OF_THE_BUS]
-        lasting = [reason for reason in kept if not reason.by_reset]
-        self.reasons = (*lasting, *found, *(reason for reason in kept if reason.by_reset))
+        # The gravest first: what no reset clears stands before the rest, the encoder before the bus.
+        self.reasons = tuple(sorted([*kept, *found], key=lambda reason: reason.by_reset))
 
     def reset(self, who: Identity, *, service: bool) -> None:
         """Clear what a reset acknowledges beside the program's alarms.

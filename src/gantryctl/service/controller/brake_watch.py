@@ -1,4 +1,4 @@
-"""The brake test of a machine in service: what is retained of it, when it is due, what the tags say."""
+"""The brake test of a machine in service: retained results, due date, tags."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.alarms.log import messages_to_wire
 from gantryctl.runtime import Retained
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.snapshot import rounded
 from gantryctl.units import deg
 
-# How often it is looked whether the test has become due.
+# A test becomes due by date too: the calendar is not the program's (decision 0014), so it is asked every minute.
 JUDGE_S: Final = 60.0
 
 
 class BrakeWatch:
-    """Watches the program's brake tests.
+    """Brake tests of the program, written into memory, journal and tags.
 
     Attributes:
         due: when the next one is due.
@@ -38,7 +39,7 @@ class BrakeWatch:
         self.judge(retained, retained.power_ups)
 
     def judge(self, retained: Retained, power_ups: int) -> None:
-        """Whether the test is due, by date and power-ups."""
+        """Judge by date and power-ups whether the test is due."""
         self._retained = retained
         before = self.due.overdue
         self.due = judge_due(self._machine, self._axis, retained, power_ups)
@@ -47,7 +48,7 @@ class BrakeWatch:
         self.changed += 1
 
     def scan(self, retained: Retained, power_ups: int, time_s: float) -> Retained:
-        """After a scan; the memory, changed when a test has ended."""
+        """Follow the tests after a scan; return the memory, changed after the end of a test."""
         test = self._axis.brake_test
         if test.count != self._tests and (result := test.last) is not None:
             self._tests = test.count
@@ -60,12 +61,12 @@ class BrakeWatch:
         return retained
 
     def _write(self, result: BrakeTestResult) -> None:
-        """Into the journal."""
+        """Write a result into the journal."""
         values: dict[str, Any] = {
             "level_nm": self._axis.brake_test.level_nm,
-            "plus_nm": _rounded(result.plus_nm),
-            "minus_nm": _rounded(result.minus_nm),
-            "moved_deg": _rounded(deg(result.moved_rad)),
+            "plus_nm": rounded(result.plus_nm),
+            "minus_nm": rounded(result.minus_nm),
+            "moved_deg": rounded(deg(result.moved_rad)),
             "due_at": self.due.at,
         }
         text = f"brake test {result.outcome.name.lower()}: {result.text}; {self.due.words}"
@@ -82,26 +83,22 @@ class BrakeWatch:
         }
 
     def slow(self) -> dict[str, Any]:
-        """Those that are sent on change. The last test may be one of an earlier start."""
+        """The tags that are sent on change. The last test may be one of an earlier start."""
         test, kept = self._axis.brake_test, self._retained
         return {
             "brake_test_available": not self._untestable,
             "brake_test_blocked": str(self._untestable or ""),
             "brake_test_blocked_messages": messages_to_wire(self._untestable) if self._untestable else [],
             "brake_test_level_nm": test.level_nm,
-            "brake_test_limit_deg": _rounded(deg(test.moved_max_rad)),
+            "brake_test_limit_deg": rounded(deg(test.moved_max_rad)),
             "brake_test_result": kept.brake_test_outcome or BrakeTestOutcome.NONE.name.lower(),
             "brake_tests": self._tests,
             "brake_test_text": kept.brake_test_text,
             "brake_test_messages": messages_to_wire(test.last.words) if test.last else [],
-            "brake_test_plus_nm": None if kept.brake_plus_nm is None else _rounded(kept.brake_plus_nm),
-            "brake_test_minus_nm": None if kept.brake_minus_nm is None else _rounded(kept.brake_minus_nm),
+            "brake_test_plus_nm": None if kept.brake_plus_nm is None else rounded(kept.brake_plus_nm),
+            "brake_test_minus_nm": None if kept.brake_minus_nm is None else rounded(kept.brake_minus_nm),
             "brake_tested_at": kept.brake_tested_at,
             "brake_test_due_at": self.due.at,
             "brake_test_cycles_left": self.due.power_ups_left,
             "brake_test_overdue": self.due.overdue,
         }
-
-
-def _rounded(value: float) -> float | None:
-    return round(value, 6) + 0.0 if math.isfinite(value) else None

@@ -1,4 +1,4 @@
-"""What the controller shows: the values of all tags, computed after a scan."""
+"""Status of the controller: the values of all tags, computed after a scan."""
 
 from __future__ import annotations
 
@@ -17,23 +17,22 @@ from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.controller.brake_watch import BrakeWatch
 from gantryctl.service.controller.torque_model import TorqueModel
 from gantryctl.service.memory.memory import SharedMemory, Word
-from gantryctl.service.memory.snapshot import publish_fast, publish_json
+from gantryctl.service.memory.snapshot import publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
 from gantryctl.units import deg
 
 FAST_S: Final = 0.010
 SLOW_S: Final = 1.0
-# Over so long the usual lateness and run time are shown.
+# Window of the statistics: long enough for a quantile of 99 %, short enough to show what has just happened.
 RECENT_S: Final = 10.0
-_DIGITS: Final = 6
 
 
 class Publisher:
-    """Publishes after every scan what is due.
+    """Publishes the tags that are due after a scan.
 
     Args:
-        real_time: whether the system granted scheduling and memory.
+        real_time: the system granted scheduling and memory.
     """
 
     def __init__(
@@ -65,7 +64,7 @@ class Publisher:
         self._scan = self._scan_before = engine.scan
 
     def scan(self) -> None:
-        """After a scan: fast tags every 10 ms, the rest every 50 ms when it changed, statistics every second."""
+        """Publish fast tags every 10 ms, changed ones with every frame, statistics every second."""
         self._scan_before, self._scan = self._scan, self._engine.scan
         self._alarms.scan()
         if self._due(self._fast_scans):
@@ -73,12 +72,14 @@ class Publisher:
         if self._due(self._frame_scans):
             self._learn()
             self._publish_slow(self._due(self._slow_scans))
+        # Alarm rows a scan later than the other tags: no scan carries both.
         elif self._due(self._frame_scans, 1) and self._alarms.changed:
             self._alarms.changed = False
             publish_json(self._memory.alarms, self._alarms.rows())
 
     def _due(self, scans: int, offset: int = 0) -> bool:
-        """Every so many scans, also where their numbers leave some out."""
+        """Whether so many scans have passed."""
+        # Scan numbers jump where deadlines were missed, so a remainder would miss its turn.
         return (self._scan - offset) // scans != (self._scan_before - offset) // scans
 
     def _learn(self) -> None:
@@ -89,8 +90,8 @@ class Publisher:
             )
 
     def _expected_nm(self) -> float:
-        """With the power off the brake holds the load: then nothing is expected of the motor."""
         axis, virtual = self._axis, self._axis.virtual
+        # With the power off the brake holds the load: nothing is expected of the motor.
         if not virtual.following:
             return math.nan
         return self._model.expected_nm(axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2)
@@ -110,7 +111,7 @@ class Publisher:
             publish_json(self._memory.slow, self.slow())
 
     def fast(self) -> dict[str, float]:
-        """The 20 Hz tags as numbers; nan where nothing is known."""
+        """The 20 Hz tags as numbers; nan for unknown ones."""
         return {**self._moving(), **self._switched(), **self._counted(), **self._brake.fast()}
 
     def _moving(self) -> dict[str, float]:
@@ -210,14 +211,14 @@ class Publisher:
             "second_person": operator.arming.second_person,
             "reset_locked": operator.permit.reset_locked,
             "mode": Mode(self._program.mode).name.lower(),
-            "speed_setting_deg_s": _rounded(deg(levels.speed_rad_s)),
-            "increment_deg": _rounded(deg(levels.increment_rad)),
-            "override_percent": _rounded(levels.override * 100.0),
-            "acc_setting_deg_s2": _rounded(deg(axis.virtual.acc_setting_rad_s2)),
+            "speed_setting_deg_s": rounded(deg(levels.speed_rad_s)),
+            "increment_deg": rounded(deg(levels.increment_rad)),
+            "override_percent": rounded(levels.override * 100.0),
+            "acc_setting_deg_s2": rounded(deg(axis.virtual.acc_setting_rad_s2)),
             "blocked_by": str(operator.permit.blocked_by),
             "blocked_by_messages": messages_to_wire(*operator.permit.blocked_by),
-            "eccentric_moment_nm": _rounded(moment),
-            "eccentric_angle_deg": _rounded(deg(angle)),
+            "eccentric_moment_nm": rounded(moment),
+            "eccentric_angle_deg": rounded(deg(angle)),
             "refusal_text": f"{axis.refusal.code} · {axis.refusal.text}" if axis.refusal else "",
             "refusal_messages": messages_to_wire(axis.refusal) if axis.refusal else [],
         }
@@ -234,8 +235,8 @@ class Publisher:
             "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,
             "speed_max_deg_s": speed.high,
-            "speed_cap_deg_s": _rounded(deg(cap_rad_s)),
-            "acc_min_deg_s2": _rounded(acc.low),
+            "speed_cap_deg_s": rounded(deg(cap_rad_s)),
+            "acc_min_deg_s2": rounded(acc.low),
             "acc_max_deg_s2": acc.high,
             "increment_max_deg": ranges["increment_deg"].high,
             "pos_min_deg": axis.pos_min_deg,
@@ -248,7 +249,7 @@ class Publisher:
         }
 
     def _timing(self) -> dict[str, Any]:
-        """Counts and the latest scan since the start, the rest over `RECENT_S`."""
+        """Scan statistics: counts and the latest scan since the start, the rest over `RECENT_S`."""
         found, top = self._engine.statistics, self._machine.speed.setting_max_deg_s
         late = found.lateness
         before = self._before[0] if self._before else ([0] * len(late.counts), [0] * len(late.counts))
@@ -256,20 +257,16 @@ class Publisher:
         self._before.append((list(late.counts), list(found.run_time.counts)))
         p99_s = recent.quantile_s(0.99)
         return {
-            "scan_period_ms": _rounded(found.period_s * 1e3),
-            "scan_lateness_p50_us": _rounded(recent.quantile_s(0.5) * 1e6),
-            "scan_lateness_p99_us": _rounded(p99_s * 1e6),
-            "scan_lateness_max_us": _rounded(late.worst_s * 1e6),
-            "scan_lateness_p99_deg": _rounded(p99_s * top),
-            "scan_lateness_max_deg": _rounded(late.worst_s * top),
-            "scan_run_p50_us": _rounded(run.quantile_s(0.5) * 1e6),
-            "scan_run_p99_us": _rounded(run.quantile_s(0.99) * 1e6),
+            "scan_period_ms": rounded(found.period_s * 1e3),
+            "scan_lateness_p50_us": rounded(recent.quantile_s(0.5) * 1e6),
+            "scan_lateness_p99_us": rounded(p99_s * 1e6),
+            "scan_lateness_max_us": rounded(late.worst_s * 1e6),
+            "scan_lateness_p99_deg": rounded(p99_s * top),
+            "scan_lateness_max_deg": rounded(late.worst_s * top),
+            "scan_run_p50_us": rounded(run.quantile_s(0.5) * 1e6),
+            "scan_run_p99_us": rounded(run.quantile_s(0.99) * 1e6),
             "scan_overruns": found.overruns,
             "scan_skipped": found.skipped,
             "trace_rows_lost": self._recorder.lost,
             "events_lost": self._operator.events.lost,
         }
-
-
-def _rounded(value: float) -> float | None:
-    return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None

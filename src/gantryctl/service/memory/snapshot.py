@@ -82,4 +82,10 @@ def decode(name: str, number: float) -> Any:
         case "int":
             return int(number)
         case _:
-            return round(number, _DIGITS) + 0.0
+            return rounded(number)
+
+
+def rounded(value: float) -> float | None:
+    """Round a number for its tag; None for one that is not finite."""
+    # Plus zero: no minus zero on the wire.
+    return round(value, _DIGITS) + 0.0 if math.isfinite(value) else None

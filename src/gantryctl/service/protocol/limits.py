@@ -13,17 +13,18 @@ from typing import Final
 # Longest message, bytes.
 MESSAGE_MAX: Final = 16 * 1024
 
-# Period of the status frames: commands are as old as the frame that their sender saw.
+# Period of the status frames. Age is counted in frames: no clock of a browser is trusted, and what waited in a frozen
+# network is old by itself (decision 0011).
 FRAME_S: Final = 0.050
+# Oldest status frame that a command may name, in frames behind; a held key needs a fresher view.
 FRAMES_MAX: Final = 10
-# Oldest status frame that a command may name, in frames behind: less for a key that is being held.
 FRAMES_MAX_JOG: Final = 6
 # Older snapshots are stale: no client shows them as the present state.
 STALE_S: Final = 0.5
 
 # Period in which a client renews its lease.
 RENEW_S: Final = 0.030
-# Longest time that a key may be held: a page that hangs may go on renewing.
+# Longest time that a key may be held (CTL-21): a page that hangs may go on renewing.
 HELD_S: Final = 30.0
 # A holder of control that is silent for longer loses it.
 SILENCE_S: Final = 2.0

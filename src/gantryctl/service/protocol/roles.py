@@ -1,4 +1,4 @@
-"""Who may do what: the one table. Deny is the default."""
+"""Rights of the roles in one table; deny is the default."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 
 class Role(StrEnum):
-    """Roles of users; each does what the table says and nothing more."""
+    """Roles of users."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"
@@ -17,7 +17,7 @@ class Role(StrEnum):
 
 
 class Action(StrEnum):
-    """Everything that can be asked of the service."""
+    """Everything that a client can ask of the service."""
 
     VIEW = "view"
     STOP = "stop"
