@@ -1,4 +1,4 @@
-"""Logging in and out, and who may ask: shared by REST and WebSocket."""
+"""Login and permission, for REST and WebSocket alike."""
 
 from __future__ import annotations
 
@@ -32,7 +32,8 @@ class Access:
         self.settings, self.hub = settings, hub
         self.users = Users(settings.root)
         self.sessions, self.locks = Sessions(self.users), LockOut()
-        self._checking = asyncio.Semaphore(1)  # a check takes 64 MB and 0.1 s of a processor
+        # scrypt with n = 2^15 takes 32 MB and 0.1 s of a processor: one check at a time (decision 0011).
+        self._checking = asyncio.Semaphore(1)
 
     def session(self, connection: HTTPConnection) -> Session | None:
         """The session of a request."""
@@ -57,6 +58,7 @@ class Access:
 
     def _refuse_post(self, headers: Headers) -> Response | None:
         origin = headers.get("origin")
+        # A form of another site sends the cookie too, but never this Origin; scripts send none.
         if origin is not None and origin.lower() not in self.settings.origins:
             return error(403, refusal(Code.SEC_04, reason=Words.FOREIGN_PAGE))
         if headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
@@ -64,14 +66,15 @@ class Access:
         return None
 
     def place(self, connection: HTTPConnection) -> str:
-        """Whether a browser runs on this machine."""
+        """`loopback` for a browser on this machine, else `remote`."""
         return "loopback" if is_loopback(address_of(connection.scope)) else "remote"
 
     async def log_in(self, request: Request, name: str, password: str) -> Response:
         """Check name and password; a cookie, or why not."""
         address, account = address_of(request.scope), name[:64]
         pair = (account, neighbourhood(address))
-        async with self._checking:  # what waited here has been guessed after the failures before it
+        async with self._checking:
+            # Judged inside: an attempt that waited here comes after the failures before it.
             wait_s = self.locks.wait_s(*pair)
             if wait_s > 0.0:
                 locked = refusal(Code.SEC_01, reason=Words.LOCKED_OUT)
@@ -82,6 +85,7 @@ class Access:
                 return error(503, refusal(Code.SEC_01, reason=Words.NO_USERS))
             count = 0 if user is not None else self.locks.failed(*pair)
         if user is None:
+            # A journal that a stranger can fill is no journal: repeated failures are thinned out.
             if worth_writing(count):
                 who = Identity("", account, Role.VIEWER, self.place(request))
                 self.hub.events.put(
@@ -93,6 +97,7 @@ class Access:
         who = Identity("", user.name, user.role, self.place(request))
         self.hub.events.put("login", "logged in", who, address=address)
         answer = JSONResponse(person(session))
+        # No script reads the cookie, and no other site sends it.
         answer.set_cookie(
             COOKIE, session.token, max_age=round(WHOLE_S), path="/", httponly=True,
             secure=self.settings.secure, samesite="strict",
@@ -117,5 +122,5 @@ class Access:
 
 
 def person(session: Session) -> dict[str, object]:
-    """Who is logged in, and what the role may do."""
+    """User, role and permitted actions of a session."""
     return {"user": session.user, "role": str(session.role), "may": rights_of(session.role)}

@@ -42,11 +42,13 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
         for task in tasks:
             task.add_done_callback(_end_with)
         yield
+        # A lease must not outlive the gateway that renews it.
         for client in hub.clients():
             hub.leave(client)
         for task in tasks:
             task.cancel()
 
+    # Not `shown.answer` itself: Starlette would take a thread for every file.
     async def file(request: Request) -> Response:
         return shown.answer(request)
 
@@ -66,14 +68,15 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
 
 
 def _end_with(task: asyncio.Task[None]) -> None:
-    """A gateway that shows old pictures is worse than none: the supervisor starts it again."""
+    """End the process with a failed task."""
+    # A gateway that shows old states is worse than no gateway: the supervisor starts it again.
     if not task.cancelled():
         logging.getLogger("uvicorn.error").error("the gateway ends: %r", task.exception())
         os.kill(os.getpid(), signal.SIGTERM)
 
 
 async def _beat(memory: SharedMemory) -> None:
-    """A sign of life twice a second."""
+    """Give a sign of life twice a second."""
     while True:
         memory.words[Word.GATEWAY_NS] = time.monotonic_ns()
         await asyncio.sleep(0.5)

@@ -1,4 +1,4 @@
-"""Where connections come in: counted for each address before anything is done for them, TLS with a time limit."""
+"""Accepts connections: counted by address before anything is spent on them, TLS with a time limit."""
 
 from __future__ import annotations
 
@@ -21,42 +21,43 @@ from gantryctl.gateway.settings import (
 )
 
 WAITING: Final = 4 * CONNECTIONS
-"""Connections of all addresses that are no WebSockets."""
+"""HTTP connections of all addresses together."""
 _PAUSE_S: Final = 0.2
-"""After a connection that could not be taken: no handles, no memory."""
+"""Pause after a failed accept: no handles, no memory."""
 _QUIET_S: Final = 60.0
-"""Between two lines in the log about that."""
+"""Time between two lines in the log about that."""
 _LOG: Final = logging.getLogger("uvicorn.error")
 
 
 class Places:
-    """Places for connections, so many for each address."""
+    """Places for connections, limited for each address and in all."""
 
-    def __init__(self) -> None:
+    def __init__(self, most_in_all: int = WAITING) -> None:
         self._taken: Counter[str] = Counter()
+        self._most_in_all = most_in_all
 
     def take(self, address: str) -> Place | None:
         """A place, or None when there is none for this address."""
         key = neighbourhood(address)
         most = CONNECTIONS if is_loopback(address) else CONNECTIONS_REMOTE
-        if self._taken[key] >= most or self._taken.total() >= WAITING:
+        if self._taken[key] >= most or self._taken.total() >= self._most_in_all:
             return None
         self._taken[key] += 1
         return Place(self._taken, key)
 
 
 class Place:
-    """One connection's place, given back once.
+    """Place of one connection, given back once.
 
     Attributes:
-        mine: it was not given back yet.
+        mine: not given back yet.
     """
 
     def __init__(self, taken: Counter[str], key: str) -> None:
         self._taken, self._key, self.mine = taken, key, True
 
     def leave(self) -> None:
-        """Somebody else may have it."""
+        """Give the place back."""
         if self.mine:
             self.mine = False
             self._taken[self._key] -= 1
@@ -65,7 +66,7 @@ class Place:
 
 
 class Door(uvicorn.Server):
-    """uvicorn with its own way of taking connections: its `http_protocol_class` is called with `place` too."""
+    """uvicorn with another way of accepting connections: its `http_protocol_class` is called with `place` too."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
@@ -74,6 +75,7 @@ class Door(uvicorn.Server):
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start the application, then take connections."""
+        # uvicorn would accept and start TLS without any limit by address.
         await super().startup(sockets=[])
         for listener in sockets or []:
             listener.setblocking(False)
@@ -95,9 +97,10 @@ class Door(uvicorn.Server):
         while True:
             try:
                 connection, peer = await loop.sock_accept(listener)
-            except ConnectionError:
-                continue  # it has gone while it waited
+            except ConnectionError:  # the client has left the queue of the kernel
+                continue
             except (OSError, MemoryError) as fault:
+                # Without handles every attempt fails at once: pause, and no line in the log for each.
                 if time.monotonic() - said_s >= _QUIET_S:
                     said_s = time.monotonic()
                     _LOG.warning("no connection can be taken: %s", fault)
@@ -108,7 +111,8 @@ class Door(uvicorn.Server):
                 connection.close()
             else:
                 self._keep(self._greet(connection, place))
-            await asyncio.sleep(0)  # a storm of connections leaves room for the others
+            # A storm of connections must leave the loop to those that are open.
+            await asyncio.sleep(0)
 
     async def _greet(self, connection: socket.socket, place: Place) -> None:
         """TLS, then HTTP; a connection that does not get so far is closed."""

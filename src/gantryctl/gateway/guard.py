@@ -1,4 +1,4 @@
-"""What every request passes first: host, rate, size; and the headers that every answer carries."""
+"""The first checks of every request: host, rate, size; and the headers of every answer."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.protocol.limits import RateLimiter
 
+# Only files of this page run, and no other page may frame it (docs/explanation/security.md).
 CSP: Final = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "font-src 'self'; manifest-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -60,12 +61,14 @@ class Guard:
 
     def _refuse(self, scope: Scope) -> Response | None:
         headers = dict(scope["headers"])
+        # A name that is not ours is DNS rebinding: another page reaching this address by its own name.
         if headers.get(b"host", b"").decode("latin-1").lower() not in self._hosts:
             return error(403, refusal(Code.SEC_04, reason=Words.FOREIGN_HOST))
         wait_s = self._limit.wait_s(neighbourhood(address_of(scope)))
         if wait_s > 0.0:
             busy = refusal(Code.SEC_06, reason=Words.TOO_MANY_REQUESTS)
             return error(429, busy, retry_after=str(math.ceil(wait_s)))
+        # Nine digits: int() of a longer text costs time before it is refused.
         length = headers.get(b"content-length", b"0")
         if not length.isdigit() or len(length) > 9 or int(length) > BODY_MAX:
             return error(413, refusal(Code.SEC_05, reason=Words.BODY_TOO_LONG(limit=BODY_MAX)))
@@ -75,8 +78,7 @@ class Guard:
         async def sending(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
-                for name, value in _HEADERS.items():
-                    headers[name] = value
+                headers.update(_HEADERS)
                 if self._settings.secure:
                     headers["strict-transport-security"] = "max-age=31536000"
                 if "cache-control" not in headers:
@@ -87,7 +89,7 @@ class Guard:
 
 
 def _limited(receive: Receive) -> Receive:
-    """Bodies without a length are cut off as well."""
+    """Cut off a body that is too long though it announced no length."""
     taken = 0
 
     async def receiving() -> Message:
@@ -104,6 +106,7 @@ def _limited(receive: Receive) -> Receive:
 
 async def deny(scope: Scope, receive: Receive, send: Send, response: Response) -> None:
     """Refuse a WebSocket before it opens, with an HTTP status."""
+    # The ASGI extension is optional: a server without it can only close.
     if "websocket.http.response" not in scope.get("extensions", {}):
         await send({"type": "websocket.close", "code": 1008})
         return
@@ -115,6 +118,6 @@ async def deny(scope: Scope, receive: Receive, send: Send, response: Response) -
 
 
 def address_of(scope: Scope) -> str:
-    """Address of whoever asks."""
+    """Address of the other end."""
     client: Any = scope.get("client")
     return str(client[0]) if client else ""

@@ -9,36 +9,31 @@ from typing import Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gantryctl.gateway.access import Access
+from gantryctl.gateway.door import Places
 from gantryctl.gateway.guard import address_of, deny, error
 from gantryctl.gateway.sessions import Session
-from gantryctl.gateway.settings import (
-    CONNECTIONS,
-    CONNECTIONS_OF_USER,
-    CONNECTIONS_REMOTE,
-    is_loopback,
-    neighbourhood,
-)
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_OF_USER
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Client, Flooded, Hub
-from gantryctl.service.protocol.messages import Identity
 
 SESSION_ENDED, TOO_SLOW, TOO_MANY, NOT_UNDERSTOOD = 4401, 4408, 4429, 1008
 _STUCK_S: Final = 5.0
-"""A connection that takes nothing for so long is closed."""
+"""Time limit for sending; the connection is closed after it."""
 
 
 class Live:
-    """The endpoint."""
+    """The WebSocket endpoint."""
 
     def __init__(self, access: Access, hub: Hub) -> None:
         self._access, self._hub = access, hub
-        self._of_address: dict[str, int] = {}
+        self._places = Places(CONNECTIONS)
 
     async def serve(self, socket: WebSocket) -> None:
         """One connection from its handshake to its end."""
         session = self._access.session(socket)
+        # Browsers send cookies with WebSockets of any page: without this another site could drive the gantry.
         origin = socket.headers.get("origin", "").lower()
         if origin not in self._access.settings.origins:
             await _deny(socket, 403, Code.SEC_04, Words.FOREIGN_PAGE)
@@ -46,29 +41,23 @@ class Live:
         if session is None:
             await _deny(socket, 401, Code.SEC_01, Words.LOG_IN_FIRST)
             return
-        most = CONNECTIONS if is_loopback(address_of(socket.scope)) else CONNECTIONS_REMOTE
-        address = neighbourhood(address_of(socket.scope))
         own = sum(client.who.user == session.user for client in self._hub.clients())
-        many = self._of_address.get(address, 0) >= most or len(self._hub) >= CONNECTIONS
-        if many or own >= CONNECTIONS_OF_USER:
+        # 8 of one remote address, 64 of loopback, 16 of one user: a flood leaves room for the others.
+        place = self._places.take(address_of(socket.scope)) if own < CONNECTIONS_OF_USER else None
+        if place is None:
             await _deny(socket, 429, Code.SEC_06, Words.TOO_MANY_CONNECTIONS)
             return
-        self._of_address[address] = self._of_address.get(address, 0) + 1
         try:
             await socket.accept()
             await self._run(socket, session)
         finally:
-            self._of_address[address] -= 1
-            if not self._of_address[address]:
-                del self._of_address[address]
+            place.leave()
 
     async def _run(self, socket: WebSocket, session: Session) -> None:
         client = self._hub.connect(session.user, session.role, self._access.place(socket))
         self._log(client, "connected")
-        tasks = [
-            asyncio.create_task(self._receive(socket, client)),
-            asyncio.create_task(self._send(socket, client, session)),
-        ]
+        both_ways = (self._receive(socket, client), self._send(socket, client, session))
+        tasks = [asyncio.create_task(way) for way in both_ways]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             code = next((task.result() for task in done if task.exception() is None), None)
@@ -77,6 +66,7 @@ class Live:
             for task in tasks:
                 task.cancel()
             self._log(client, "disconnected")
+        # The other end may be gone already, or take nothing more.
         if code is not None:
             with contextlib.suppress(RuntimeError, asyncio.TimeoutError, WebSocketDisconnect, OSError):
                 await asyncio.wait_for(socket.close(code), 1.0)
@@ -88,7 +78,7 @@ class Live:
             if message["type"] != "websocket.receive":
                 return None
             text = message.get("text")
-            if text is None:
+            if text is None:  # binary
                 return NOT_UNDERSTOOD
             try:
                 client.take(text)
@@ -103,6 +93,7 @@ class Live:
             session.used_s = max(session.used_s, client.used_s)
             if not self._access.sessions.lives(session):
                 return SESSION_ENDED
+            # A slow reader loses frames, never a reply: `outgoing` gives the newest frame only.
             for text in client.outgoing():
                 try:
                     await asyncio.wait_for(socket.send_text(text), _STUCK_S)
@@ -112,8 +103,7 @@ class Live:
                     return None
 
     def _log(self, client: Client, text: str) -> None:
-        who: Identity = client.who
-        self._hub.events.put("login", text, who)
+        self._hub.events.put("login", text, client.who)
 
 
 async def _deny(socket: WebSocket, status: int, code: Code, reason: Words) -> None:

@@ -1,4 +1,7 @@
-"""The REST routes: looking and downloading. Nothing moves over REST."""
+"""The REST routes, all of them to read; nothing moves over REST.
+
+Hold-to-run needs a connection whose end is noticed, and a POST has none (decision 0011).
+"""
 
 from __future__ import annotations
 
@@ -26,6 +29,7 @@ from gantryctl.service.protocol.roles import Action
 from gantryctl.service.protocol.tags import TAGS
 from gantryctl.service.recorder.journal import read_journal
 
+# Lines of one answer; a client asks again from the last number.
 JOURNAL_MAX: Final = 10_000
 _JOURNAL_QUERY: Final = (("from", "0"), ("limit", "1000"))
 Handler = Callable[[Request], Awaitable[Response]]
@@ -95,6 +99,7 @@ class Rest:
         if found is None:
             return error(404, refusal(Code.SEC_12))
         name, size, content = found
+        # Reading is journaled too (docs/explanation/security.md).
         self._log(request, f"recording {name} was read")
         headers = {"content-length": str(size), "content-disposition": f'attachment; filename="{name}"'}
         return StreamingResponse(content, 200, headers, media_type="application/vnd.apache.parquet")

@@ -27,6 +27,7 @@ class RouteEntry(NamedTuple):
 
 
 API: Final = "/api/v1"
+# One table: the routes of the application and their OpenAPI description are both made of it.
 _LOG_IN: Final = {401: "not logged in", 403: "the role may not do it", 429: "too many requests"}
 ROUTES: Final = (
     RouteEntry(

@@ -17,7 +17,7 @@ from gantryctl.gateway.settings import HEADER_S, Settings
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 
 HANDLES: Final = 4096
-"""Open files: places, WebSockets, files, and some."""
+"""Open files: connections, WebSockets, recordings, and a reserve."""
 
 
 class PatientProtocol(H11Protocol):
@@ -45,12 +45,12 @@ class PatientProtocol(H11Protocol):
         super().data_received(data)
 
     def handle_events(self) -> None:
-        """Whatever has come: is the request whole now?"""
+        """Stop the time limit when the request is whole."""
         super().handle_events()
         self._watch()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """From here on it is a WebSocket."""
+        """Hand over to the WebSocket, which has limits of its own."""
         self._rest()
         self._place.leave()
         super().handle_websocket_upgrade(event)
@@ -62,7 +62,7 @@ class PatientProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def _watch(self) -> None:
-        """The time runs while something is missing, and not for a WebSocket."""
+        # A client that sends a byte a minute would hold its place for hours (slow loris).
         missing = self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
         if not missing or not self._place.mine or self.transport.is_closing():
             self._rest()
@@ -76,24 +76,26 @@ class PatientProtocol(H11Protocol):
 
 
 class QuietWebSocket(WebSocketsSansIOProtocol):
-    """A WebSocket that may be refused with an HTTP status without a line in the log for each."""
+    """A WebSocket that is refused with an HTTP status, without a line in the log for each."""
 
     async def send(self, message: Any) -> None:
-        """Refused with a whole answer: the handshake is complete."""
+        """Mark the handshake as complete after a refusal."""
+        # uvicorn would log "ASGI callable returned without completing handshake" as an error for each refusal.
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
 
 
 def run_server(app: Any, settings: Settings) -> None:
-    """Serve on the listening socket that the supervisor has made, until told to end."""
+    """Serve on the listening socket of the supervisor until the end signal."""
+    # The supervisor keeps the socket: a gateway that restarts misses no connection (decision 0011).
     raise_handles()
     listener = socket.socket(fileno=settings.listener)
     asyncio.run(make_server(app, settings).serve(sockets=[listener]))
 
 
 def raise_handles() -> None:
-    """As many open files as the system allows, if that is enough for all places."""
+    """Raise the limit of open files to what all connections need, as far as the system allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = HANDLES if hard == resource.RLIM_INFINITY else min(HANDLES, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
@@ -101,7 +103,7 @@ def raise_handles() -> None:
 
 
 def make_server(app: Any, settings: Settings) -> Door:
-    """The server with all its limits."""
+    """Configure the server with all its limits."""
     config = uvicorn.Config(
         app,
         http=PatientProtocol,
@@ -109,6 +111,7 @@ def make_server(app: Any, settings: Settings) -> Door:
         ws_max_size=MESSAGE_MAX,
         ws_ping_interval=5.0,
         ws_ping_timeout=5.0,
+        # Frames are small and many; compression would cost a processor that the scan needs.
         ws_per_message_deflate=False,
         limit_concurrency=WAITING,
         timeout_keep_alive=5,

@@ -1,4 +1,4 @@
-"""Sessions and lock-out: who is logged in, and who has tried too often."""
+"""Sessions, and the lock-out after wrong passwords."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from gantryctl.errors import StateError
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import User, Users
 
+# Idle time, whole time and waits are those of the table in docs/explanation/security.md.
 IDLE_S: Final = 15 * 60.0
 WHOLE_S: Final = 8 * 3600.0
 FAILURES: Final = 5
 LOCK_MAX_S: Final = 15 * 60.0
 _WRITTEN: Final = 5
+# Bounds of memory: logins and guesses from many addresses must not fill it.
 _SESSIONS: Final = 256
 _REMEMBERED: Final = 10_000
 
@@ -39,10 +41,11 @@ class Session:
 
 
 class Sessions:
-    """Sessions in memory: a restart of the gateway ends them all."""
+    """Sessions in memory."""
 
     def __init__(self, users: Users, now: Callable[[], float] = time.monotonic) -> None:
         self._users, self._now = users, now
+        # Not on disk: a restart of the gateway ends them all, and no file can leak a token (decision 0011).
         self._sessions: OrderedDict[str, Session] = OrderedDict()
         self._known: dict[str, User] = {}
         self._stamp: tuple[int, int] | None = None
@@ -59,12 +62,10 @@ class Sessions:
     def find(self, token: str | None) -> Session | None:
         """The living session of a cookie, or None."""
         session = self._sessions.get(token or "")
-        if session is None or not self.lives(session):
-            return None
-        return session
+        return session if session is not None and self.lives(session) else None
 
     def lives(self, session: Session) -> bool:
-        """Whether a session still counts: in time, not closed, user and role unchanged."""
+        """Whether a session is in time and not closed, its user and role unchanged."""
         now_s = self._now()
         user = self._user(session.user)
         alive = (
@@ -79,7 +80,7 @@ class Sessions:
         return alive
 
     def use(self, session: Session) -> None:
-        """Its user has asked for something."""
+        """Restart the idle time."""
         session.used_s = self._now()
 
     def close(self, session: Session) -> None:
@@ -87,7 +88,8 @@ class Sessions:
         self._sessions.pop(session.token, None)
 
     def _user(self, name: str) -> User | None:
-        """The user as the file says now; the file is read when it has changed. A damaged one knows nobody."""
+        """The user in the file, which is read when it has changed; a damaged one has no users."""
+        # The inode too: a file that is renamed into place may keep the time of the one before.
         try:
             found = self._users.path.stat()
             stamp = (found.st_mtime_ns, found.st_ino)
@@ -103,7 +105,10 @@ class Sessions:
 
 
 class LockOut:
-    """After five failures, each further one doubles the wait of that account from that address; nobody else waits."""
+    """Lock-out by account and address: after five failures each further one doubles the wait.
+
+    An account is not locked for other addresses: a stranger must not be able to lock an operator out.
+    """
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
         self._now = now
@@ -117,7 +122,7 @@ class LockOut:
         return max(0.0, at_s + min(LOCK_MAX_S, 2.0 ** (count - FAILURES)) - self._now())
 
     def failed(self, account: str, address: str) -> int:
-        """A wrong password; how many there were."""
+        """Count a wrong password; return the number of them."""
         count = self._failures.pop((account, address), (0, 0.0))[0] + 1
         self._failures[account, address] = (count, self._now())
         if len(self._failures) > _REMEMBERED:
@@ -125,7 +130,7 @@ class LockOut:
         return count
 
     def passed(self, account: str, address: str) -> None:
-        """A right one."""
+        """Forget the failures after a right password."""
         self._failures.pop((account, address), None)
 
 

@@ -1,4 +1,4 @@
-"""What the gateway is told when it is started, and what follows from it: addresses, limits."""
+"""Settings of the gateway process, and limits by address."""
 
 from __future__ import annotations
 
@@ -7,21 +7,22 @@ import json
 from pathlib import Path
 from typing import Final, NamedTuple
 
+# Floods: see the table in docs/explanation/security.md. Loopback is everybody on this machine and may have all.
 BODY_MAX: Final = 64 * 1024
 """Bytes of a request body."""
 CONNECTIONS: Final = 64
 CONNECTIONS_REMOTE: Final = 8
-"""Connections of one address; loopback is everybody on this machine and may have all."""
+"""Connections of one address."""
 CONNECTIONS_OF_USER: Final = 16
-"""WebSockets of one user, from wherever: nobody's flood is larger."""
+"""WebSockets of one user, from all addresses together."""
 REQUESTS_PER_S: Final = 10.0
 REQUESTS_RESERVE: Final = 40.0
 HEADER_S: Final = 5.0
-"""A connection that sends no whole request for so long is closed."""
+"""Time limit for a whole request; the connection is closed after it."""
 
 
 class Settings(NamedTuple):
-    """Everything the gateway needs to know.
+    """Arguments of the process.
 
     Attributes:
         listener: handle of the listening socket, made by the supervisor and kept over restarts.
@@ -53,17 +54,18 @@ class Settings(NamedTuple):
 
     @property
     def hosts(self) -> frozenset[str]:
-        """What `Host` may say."""
+        """Accepted values of `Host`."""
         names = {_bracketed(self.host), *self.names}
         if is_loopback(self.host):
             names |= {"127.0.0.1", "localhost", "[::1]"}
+        # Browsers leave the default port out of Host and Origin.
         default = 443 if self.secure else 80
         plain = names if self.port == default else set()
         return frozenset({f"{name}:{self.port}".lower() for name in names} | {name.lower() for name in plain})
 
     @property
     def origins(self) -> frozenset[str]:
-        """What `Origin` may say."""
+        """Accepted values of `Origin`."""
         scheme = "https" if self.secure else "http"
         return frozenset(f"{scheme}://{host}" for host in self.hosts)
 
@@ -77,7 +79,8 @@ def is_loopback(host: str) -> bool:
 
 
 def neighbourhood(address: str) -> str:
-    """What limits count: an IPv4 address; of IPv6 the network of 64 bits, which one customer has to himself."""
+    """The key of limits by address: an IPv4 address, or an IPv6 network of 64 bits."""
+    # One customer has a /64 at least (RFC 6177): limits by single IPv6 address would stop nobody.
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

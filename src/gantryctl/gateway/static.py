@@ -26,12 +26,13 @@ class _File(NamedTuple):
 
 
 class Page:
-    """Every file below a folder, by its path in the address."""
+    """Every file of a folder, by its path in the address."""
 
     def __init__(self, folder: Path = FOLDER) -> None:
         self._files = {
             "/" + path.relative_to(folder).as_posix(): _load(path)
             for path in (sorted(folder.rglob("*")) if folder.is_dir() else ())
+            # A link in the folder could show any file of the machine.
             if path.is_file() and not path.is_symlink()
         }
         if "/index.html" in self._files:
@@ -45,13 +46,13 @@ class Page:
             if path == "/":
                 return PlainTextResponse(_NOT_BUILT, 503)
             return PlainTextResponse("not found\n", 404)
+        # Vite puts a hash of the content into the names below /assets: such a file never changes.
         lasting = "max-age=31536000, immutable" if path.startswith("/assets/") else "no-cache"
         headers = {"etag": found.tag, "cache-control": lasting, "vary": "accept-encoding"}
         if request.headers.get("if-none-match") == found.tag:
             return Response(status_code=304, headers=headers)
-        packed = "gzip" in request.headers.get("accept-encoding", "") and len(found.packed) < len(
-            found.content
-        )
+        smaller = len(found.packed) < len(found.content)
+        packed = smaller and "gzip" in request.headers.get("accept-encoding", "")
         if packed:
             headers["content-encoding"] = "gzip"
         return Response(found.packed if packed else found.content, 200, headers, media_type=found.kind)
@@ -61,6 +62,5 @@ def _load(path: Path) -> _File:
     content = path.read_bytes()
     kind = {".js": "text/javascript", ".webmanifest": "application/manifest+json"}.get(path.suffix)
     kind = kind or mimetypes.guess_type(path.name)[0] or "application/octet-stream"
-    return _File(
-        content, gzip.compress(content, 9, mtime=0), kind, f'"{hashlib.sha256(content).hexdigest()[:32]}"'
-    )
+    tag = f'"{hashlib.sha256(content).hexdigest()[:32]}"'
+    return _File(content, gzip.compress(content, 9, mtime=0), kind, tag)

@@ -21,6 +21,7 @@ class Traces:
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
+        # New with every start: an id tells nothing about a name, and cannot be guessed.
         self._key = secrets.token_bytes(16)
 
     def rows(self) -> list[dict[str, Any]]:
@@ -32,13 +33,15 @@ class Traces:
         return sorted(found, key=lambda row: row["modified"], reverse=True)[:_LISTED]
 
     def open(self, wanted: str) -> tuple[str, int, Iterator[bytes]] | None:
-        """Name, size and content of a recording; None for every id that is none."""
+        """Name, size and content of a recording; None for an unknown id."""
         for name, _, _ in self._files():
+            # In constant time: the time of a miss must not tell how much of an id was right.
             if hmac.compare_digest(self._id(name).encode(), wanted.encode(errors="replace")):
                 return self._read(name)
         return None
 
     def _read(self, name: str) -> tuple[str, int, Iterator[bytes]] | None:
+        # Opened below the folder without following links: nothing outside can be swapped in between.
         try:
             folder = os.open(self._directory, os.O_RDONLY | os.O_DIRECTORY)
             try:
@@ -56,15 +59,12 @@ class Traces:
     def _files(self) -> list[tuple[str, int, float]]:
         try:
             with os.scandir(self._directory) as entries:
-                return [
-                    (
-                        entry.name,
-                        entry.stat(follow_symlinks=False).st_size,
-                        entry.stat(follow_symlinks=False).st_mtime,
-                    )
+                files = [
+                    (entry.name, entry.stat(follow_symlinks=False))
                     for entry in entries
                     if entry.name.endswith(".parquet") and entry.is_file(follow_symlinks=False)
                 ]
+            return [(name, found.st_size, found.st_mtime) for name, found in files]
         except OSError:
             return []
 

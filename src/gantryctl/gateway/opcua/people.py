@@ -1,4 +1,4 @@
-"""Who may look over OPC UA: the users of the service, for as long as they are what they were at login."""
+"""Login over OPC UA: the users of the service, until password or role change."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from gantryctl.service.supervisor import users
 
 
 @dataclass
-class Looker(User):  # type: ignore[misc]
-    """A user with what he was at login."""
+class Reader(User):  # type: ignore[misc]
+    """A user as it was at login."""
 
     known: users.User | None = None
 
 
 class People(UserManager):  # type: ignore[misc]
-    """The users of the service, with the same lock-out; everybody may look."""
+    """The users of the service, with the same lock-out; every role may read."""
 
     def __init__(self, known: users.Users, events: EventLog) -> None:
         self._users, self._events, self._locks = known, events, LockOut()
 
     def get_user(
         self, iserver: Any, username: str | None = None, password: str | None = None, certificate: Any = None
-    ) -> Looker | None:
-        """The user of a session, or None. OPC UA knows no address here: the lock-out is by account."""
+    ) -> Reader | None:
+        """The user of a session, or None."""
+        # asyncua hands over no address here, so the lock-out is by account alone.
         name = username or ""
         if not name or password is None or self._locks.wait_s(name[:64], "opcua") > 0.0:
             return None
@@ -49,10 +50,11 @@ class People(UserManager):  # type: ignore[misc]
             return None
         self._locks.passed(name[:64], "opcua")
         self._events.put("login", "OPC UA session", Identity("", found.name, found.role, "opcua"))
-        return Looker(UserRole.User, found.name, found)
+        return Reader(UserRole.User, found.name, found)
 
     async def end_sessions(self, server: Server) -> None:
         """End the sessions of users who are gone, or have another password or role."""
+        # A users file that cannot be read lets nobody in, and keeps nobody in.
         try:
             now = self._users.all()
         except StateError:
@@ -60,9 +62,10 @@ class People(UserManager):  # type: ignore[misc]
         for client in list(server.bserver.clients):
             session = client.processor.session
             user = session.user if session is not None and session.is_activated() else None
-            if not isinstance(user, Looker) or user.known is None or now.get(user.known.name) == user.known:
+            if not isinstance(user, Reader) or user.known is None or now.get(user.known.name) == user.known:
                 continue
             who = Identity("", user.known.name, user.known.role, "opcua")
             self._events.put("login", "OPC UA session ended: the user has changed", who)
+            # With the subscriptions; closing the transport alone would leave the session to a reconnect.
             await session.close_session(True)
             client.transport.close()

@@ -1,8 +1,8 @@
-"""OPC UA for looking only, in a process of its own: `gantryctl serve --opcua HOST:PORT`; needs the extra `[opcua]`.
+"""Read-only OPC UA server, a separate process: `gantryctl serve --opcua HOST:PORT`; needs the extra `[opcua]`.
 
 Signed and encrypted policies only, user name and password only, client certificates from a trust list only. There are
-no methods and no writable variables, and every service that could change something is refused. It sees the shared
-memory and sends no commands.
+no methods and no writable variables, and every service that could change something is refused. It reads the shared
+memory and has no command ring.
 """
 
 from __future__ import annotations
@@ -27,15 +27,17 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.memory.snapshot import Snapshot
 from gantryctl.service.protocol.limits import STALE_S
-from gantryctl.service.protocol.tags import TAGS, Tag
+from gantryctl.service.protocol.tags import BY_NAME, TAGS, Tag
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.supervisor.users import Users
 
 NAMESPACE: Final = "urn:gantryctl:axis"
 APPLICATION: Final = "urn:gantryctl:server"
+# For trends of supervisory systems; the page has frames of 50 ms.
 PERIOD_S: Final = 0.2
 TRUST_TURNS: Final = 10
-"""Trust list and users are looked at every so many periods."""
+"""Periods between two readings of trust list and users."""
+# No policy without encryption, and none with SHA-1 (Basic128Rsa15, Basic256: deprecated since OPC UA 1.04).
 POLICIES: Final = (
     ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt,
     ua.SecurityPolicyType.Aes128Sha256RsaOaep_SignAndEncrypt,
@@ -48,6 +50,7 @@ _FORBIDDEN: Final = (
     ua.ObjectIds.UnregisterNodesRequest_Encoding_DefaultBinary,
 )
 _TYPES: Final = {"float": ua.VariantType.Double, "int": ua.VariantType.Int64, "bool": ua.VariantType.Boolean}
+_UNKNOWN: Final = {ua.VariantType.Double: math.nan, ua.VariantType.Int64: 0, ua.VariantType.Boolean: False}
 _NUMBERS: Final = (
     ("ReadActualPosition", "Position", "pos_act_deg"),
     ("ReadActualVelocity", "Velocity", "vel_act_deg_s"),
@@ -68,14 +71,14 @@ class Settings(NamedTuple):
     directory: str
 
 
-class LookOnly(PermissionRuleset):  # type: ignore[misc]
+class ReadOnly(PermissionRuleset):  # type: ignore[misc]
     """Services that change nothing."""
 
     def __init__(self) -> None:
         self._allowed = {ua.NodeId(number) for number in USER_TYPES if number not in _FORBIDDEN}
 
     def check_validity(self, user: User, action_type: ua.NodeId, body: object) -> bool:
-        """Whether this user may ask for this service."""
+        """Allow a logged-in user the services that change nothing."""
         return user.role is UserRole.User and action_type in self._allowed
 
 
@@ -98,36 +101,23 @@ class AddressSpace:
             await self._add(
                 status, space, _words(state.name), ua.VariantType.Boolean, f"Axis state {state.name}."
             )
-        for block, output, tag in _NUMBERS:
+        for block, output, name in _NUMBERS:
             made = await axis.add_object(space, block)
-            meaning = next(each for each in TAGS if each.name == tag)
-            await self._add(
-                made,
-                space,
-                output,
-                ua.VariantType.Double,
-                f"{meaning.meaning} {meaning.unit}",
-                f"{block}.{output}",
-            )
+            meaning = f"{BY_NAME[name].meaning} {BY_NAME[name].unit}"
+            await self._add(made, space, output, ua.VariantType.Double, meaning, f"{block}.{output}")
         error = await axis.add_object(space, "ReadAxisError")
         await self._add(error, space, "AxisErrorID", ua.VariantType.String, "Code of the first-out alarm.")
         await self._add(error, space, "Text", ua.VariantType.String, "The whole line of it.")
         tags = await axis.add_object(space, "Tags")
-        for tag_ in TAGS:
-            kind = _TYPES.get(tag_.kind, ua.VariantType.String)
-            await self._add(
-                tags, space, tag_.name, kind, f"{tag_.meaning} {tag_.unit}".strip(), f"Tags.{tag_.name}"
-            )
+        for tag in TAGS:
+            kind = _TYPES.get(tag.kind, ua.VariantType.String)
+            meaning = f"{tag.meaning} {tag.unit}".strip()
+            await self._add(tags, space, tag.name, kind, meaning, f"Tags.{tag.name}")
 
     async def _add(
         self, parent: Any, space: int, name: str, kind: ua.VariantType, meaning: str, key: str = ""
     ) -> None:
-        start: Any = {
-            ua.VariantType.Double: math.nan,
-            ua.VariantType.Int64: 0,
-            ua.VariantType.Boolean: False,
-        }.get(kind, "")
-        key = key or name
+        start, key = _UNKNOWN.get(kind, ""), key or name
         node_id = ua.NodeId(key if "." in key else f"Axis.{key}", space)
         node = await parent.add_variable(node_id, ua.QualifiedName(name, space), start, kind)
         await node.write_attribute(
@@ -141,13 +131,13 @@ class AddressSpace:
         state = tags.get("axis_state")
         values |= {_words(each.name): each.name.lower() == state for each in AxisState}
         for block, output, name in _NUMBERS:
-            values[f"{block}.{output}"] = _value(
-                next(tag for tag in TAGS if tag.name == name), tags.get(name)
-            )
+            values[f"{block}.{output}"] = values[f"Tags.{name}"]
+        # PLCopen MC_ReadAxisError: the error that stopped the axis, not those that followed.
         first = next((row for row in tags.get("alarms", []) if row["first_out"]), None)
         values["AxisErrorID"], values["Text"] = (first["code"], first["text"]) if first else ("", "")
         status = ua.StatusCodes.Good if fresh else ua.StatusCodes.BadNoCommunication
         for key, value in values.items():
+            # Only changes: every write goes through asyncua's subscriptions.
             if fresh is not self._fresh or self._shown.get(key) != value:
                 data = ua.DataValue(ua.Variant(value, self._kinds[key]), ua.StatusCode(status))
                 await self._nodes[key].write_value(data)
@@ -163,14 +153,14 @@ def _value(tag: Tag, value: Any) -> object:
     if tag.kind in ("rows", "messages"):
         return json.dumps(value or [], ensure_ascii=False)
     if value is None:
-        return {"float": math.nan, "int": 0, "bool": False}.get(tag.kind, "")
+        return _UNKNOWN.get(_TYPES.get(tag.kind, ua.VariantType.String), "")
     return float(value) if tag.kind == "float" else value
 
 
 async def make_server(settings: Settings, events: EventLog) -> tuple[Server, AddressSpace, TrustList]:
-    """A server that is ready to be started.
+    """Prepare a server.
 
-    Its certificate is made once; the private key is for its owner only. Clients whose certificate is not in
+    Its certificate is made once; the private key is readable by its owner only. Clients whose certificate is not in
     `opcua/trusted/` (DER) are refused.
     """
     folder = Path(settings.directory) / "opcua"
@@ -182,6 +172,7 @@ async def make_server(settings: Settings, events: EventLog) -> tuple[Server, Add
         "gantryctl contributors",
         APPLICATION,
     )
+    # asyncua makes a user named "admin" an administrator unless this is off.
     server.iserver.allow_remote_admin = False
     server.iserver.max_connections, server.iserver.max_subscriptions = 32, 64
     server.iserver.max_pending_activation_seconds = 5.0
@@ -189,8 +180,9 @@ async def make_server(settings: Settings, events: EventLog) -> tuple[Server, Add
     await server.init()
     await server.set_application_uri(APPLICATION)
     server.set_endpoint(f"opc.tcp://{settings.host}:{settings.port}/gantryctl")
-    server.set_security_policy(list(POLICIES), permission_ruleset=LookOnly())
+    server.set_security_policy(list(POLICIES), permission_ruleset=ReadOnly())
     server.set_identity_tokens([ua.UserNameIdentityToken])
+    # asyncua writes the private key with the umask of the process.
     before = os.umask(0o077)
     try:
         uses = [ExtendedKeyUsageOID.CLIENT_AUTH, ExtendedKeyUsageOID.SERVER_AUTH]
@@ -229,6 +221,7 @@ def main(arguments: list[str]) -> int:
     """Entry point of the process."""
     memory = SharedMemory(int(arguments[1]))
     die_with_parent()
+    # Its start costs seconds of a processor and its clients may keep it busy (decision 0011).
     os.nice(5)
     asyncio.run(serve(Settings(**json.loads(arguments[0])), memory))
     return 0

@@ -13,10 +13,10 @@ OWN: Final = "own.der"
 
 
 class TrustList:
-    """`trusted/` and `revoked/` of a folder, DER or PEM. An empty list is not allowed: ourselves, which is nobody.
+    """`trusted/` and `revoked/` of a folder, DER or PEM. An empty list gets our own certificate.
 
     Attributes:
-        store: what a validator looks into.
+        store: the certificates that a validator compares with.
     """
 
     def __init__(self, folder: Path, events: EventLog) -> None:
@@ -29,6 +29,7 @@ class TrustList:
 
     def never_empty(self, certificate: Path) -> None:
         """Put our own certificate there when there is none."""
+        # cryptography refuses an empty certificate store; nobody else has our private key.
         trusted = self._folders[0]
         if not any(trusted.iterdir()):
             (trusted / OWN).write_bytes(certificate.read_bytes())
