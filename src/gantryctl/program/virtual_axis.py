@@ -10,7 +10,7 @@ from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move, plan_stop,
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.settings import AxisSettings, RampSettings
+from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
 # Rounding of a plan that ends exactly at the limit: less than one fine count at the gantry, 1.3e-9 rad.
@@ -31,20 +31,21 @@ class VirtualAxis:
         at_rest: the plan has ended (True while not following).
         paused: stopped by override 0; the motion goes on when it is raised.
         changed: a new plan was taken in this scan.
+        ramps: of the motions that begin from now on.
         plans: every plan with its start scan, if `keep_plans`.
     """
 
     __slots__ = (
-        "_duration", "_period_s", "_pos_max", "_pos_min", "_ramps", "_sample", "_speed", "_target",
+        "_duration", "_period_s", "_pos_max", "_pos_min", "_sample", "_speed", "_target",
         "acc_ref_rad_s2", "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan",
-        "plans", "pos_ref_rad", "start_scan", "stopping", "vel_ref_rad_s",
+        "plans", "pos_ref_rad", "ramps", "start_scan", "stopping", "vel_ref_rad_s",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, *, keep_plans: bool = False) -> None:
         self._period_s = settings.period_s
         self._pos_min = settings.travel.pos_min_rad
         self._pos_max = settings.travel.pos_max_rad
-        self._ramps = settings.ramps
+        self.ramps = settings.ramps
         self._speed = settings.speed.setting_max_rad_s
         self._target = 0.0
         self.override = 1.0
@@ -77,20 +78,31 @@ class VirtualAxis:
         self.at_rest = True
         self.paused = self.stopping = False
 
-    def move_to(self, target_rad: float, speed_rad_s: float, scan: int) -> Refusal | None:
-        """Plan a motion to `target_rad` with `speed_rad_s` times override; None when it was taken."""
-        plan = self._planned(target_rad, speed_rad_s)
-        if isinstance(plan, Refusal):
-            return plan
-        self._target, self._speed = target_rad, speed_rad_s
-        self.paused = self.override < OVERRIDE_MIN
-        self._take(plan, scan)
-        return None
+    def move_to(
+        self, target_rad: float, speed_rad_s: float, scan: int, *, take: bool = True
+    ) -> Refusal | None:
+        """Plan a motion to `target_rad` with `speed_rad_s` times override; None when there is a plan.
 
-    def check(self, target_rad: float, speed_rad_s: float) -> Refusal | None:
-        """Whether `move_to` would take it; nothing changes."""
-        plan = self._planned(target_rad, speed_rad_s)
-        return plan if isinstance(plan, Refusal) else None
+        Args:
+            take: False only judges, and nothing changes.
+        """
+        start, rests = self._set_point(), self.override < OVERRIDE_MIN
+        try:
+            # Override 0 is a plan to rest; the target is kept, and planned anew when the override is raised.
+            if rests:
+                plan = plan_stop(start, self.ramps.normal(speed_rad_s))
+            else:
+                plan = plan_move(start, target_rad, self.ramps.normal(speed_rad_s * self.override))
+        except CommandRefused as error:
+            return refusal(Code.CTL_17, reason=str(error))
+        if not self._within_travel(plan):
+            low, high = plan.extremes()
+            reached = high if high > self._pos_max else low
+            return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=deg(reached)))
+        if take:
+            self._target, self._speed, self.paused = target_rad, speed_rad_s, rests
+            self._take(plan, scan)
+        return None
 
     def change_speed(self, speed_rad_s: float, scan: int) -> Refusal | None:
         """Change the speed of the motion under way, same target."""
@@ -105,15 +117,6 @@ class VirtualAxis:
         if refused is not None:
             self.override = before
         return refused
-
-    @property
-    def acc_setting_rad_s2(self) -> float:
-        """Acceleration of the motions that begin now."""
-        return self._ramps.acc_rad_s2
-
-    def use_ramps(self, ramps: RampSettings) -> None:
-        """Change the ramps of the motions that begin from now on."""
-        self._ramps = ramps
 
     def stop(self, limits: MotionLimits, scan: int) -> None:
         """Come to rest with `limits`; a stop under way that ends no later is kept: no stop is made weaker."""
@@ -130,27 +133,14 @@ class VirtualAxis:
             self._take(plan, scan)
         self.stopping = True
 
+    def stopping_angle_rad(self, limits: MotionLimits) -> float:
+        """Angle that the set-point would still travel in a stop with `limits`."""
+        return abs(stop_point(self._set_point(), limits) - self.pos_ref_rad)
+
     def _ends_earlier(self, other_end_rad: float) -> bool:
         # The stop that ends nearer is the harder one, whatever its ramp.
         here = self.pos_ref_rad
         return abs(self.plan.pos_end - here) <= abs(other_end_rad - here)
-
-    def _planned(self, target_rad: float, speed_rad_s: float) -> Segments | Refusal:
-        start = self._set_point()
-        speed = speed_rad_s * self.override
-        try:
-            # Override 0 is a plan to rest; the target is kept, and planned anew when the override is raised.
-            if self.override < OVERRIDE_MIN:
-                plan = plan_stop(start, self._ramps.normal(speed_rad_s))
-            else:
-                plan = plan_move(start, target_rad, self._ramps.normal(speed))
-        except CommandRefused as error:
-            return refusal(Code.CTL_17, reason=str(error))
-        if not self._within_travel(plan):
-            low, high = plan.extremes()
-            reached = high if high > self._pos_max else low
-            return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=deg(reached)))
-        return plan
 
     def _within_travel(self, plan: Segments) -> bool:
         """Whether the plan stays inside the travel, or, started outside, never goes further out."""

@@ -8,7 +8,6 @@ from typing import Final
 
 from gantryctl._core import PositionLaw
 from gantryctl.image import InputImage, OutputImage
-from gantryctl.motion import SetPoint, stop_point
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -300,7 +299,7 @@ class Axis:
             return refusal(Code.CTL_14, reason=Words.ACCELERATION_AT_REST)
         # Deceleration keeps its ratio to acceleration, as in the machine file.
         dec = ramps.dec_rad_s2 * acc_rad_s2 / ramps.acc_rad_s2
-        self.virtual.use_ramps(replace(ramps, acc_rad_s2=acc_rad_s2, dec_rad_s2=dec))
+        self.virtual.ramps = replace(ramps, acc_rad_s2=acc_rad_s2, dec_rad_s2=dec)
         return None
 
     def set_position(self, position_rad: float) -> Refusal | None:
@@ -445,10 +444,9 @@ class Axis:
 
     def stopping_angle_rad(self) -> float:
         """Angle that the set-point would still travel if a hold-to-run key were released now."""
-        virtual = self.virtual
-        start = SetPoint(virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2)
-        limits = self.settings.ramps.jog_release(self.settings.speed.setting_max_rad_s)
-        return abs(stop_point(start, limits) - start.pos_rad)
+        return self.virtual.stopping_angle_rad(
+            self.settings.ramps.jog_release(self.settings.speed.setting_max_rad_s)
+        )
 
     def trace_row(self) -> tuple[float, ...]:
         """This scan in the order of `trace_columns`."""

@@ -196,11 +196,9 @@ class MotionCommands:
             command.refusal = self._alarms.note(Code.LIM_01, measured=deg(self._virtual.pos_ref_rad))
 
     def _begin(self, command: MotionCommand, refused: Refusal | None) -> MotionCommand:
-        refused, parked = refused or self._check(command), self._power.parked
-        if refused is None and parked:
-            refused = self._virtual.check(command.target_rad, command.speed_rad_s)
-        elif refused is None:
-            refused = self._virtual.move_to(command.target_rad, command.speed_rad_s, self.scan)
+        target_rad, speed_rad_s, parked = command.target_rad, command.speed_rad_s, self._power.parked
+        refused = refused or self._check(command)
+        refused = refused or self._virtual.move_to(target_rad, speed_rad_s, self.scan, take=not parked)
         if refused is not None:
             return command.fail(refused)
         self.take(None if parked else command)

@@ -284,7 +284,7 @@ class ServiceOperator:
             "speed_setting_deg_s": deg(self.levels.speed_rad_s),
             "increment_deg": deg(self.levels.increment_rad),
             "override_percent": self.levels.override * 100.0,
-            "acc_setting_deg_s2": deg(self.program.axis.virtual.acc_setting_rad_s2),
+            "acc_setting_deg_s2": deg(self.program.axis.virtual.ramps.acc_rad_s2),
         }[tag]
 
     def _power(self, on: bool) -> bool:

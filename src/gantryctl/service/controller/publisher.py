@@ -103,7 +103,7 @@ class Publisher:
         levels = operator.levels
         shown = (
             operator.authority.holder, self._program.mode, levels.speed_rad_s, levels.increment_rad,
-            levels.override, self._axis.virtual.acc_setting_rad_s2, operator.permit.blocked_by,
+            levels.override, self._axis.virtual.ramps.acc_rad_s2, operator.permit.blocked_by,
             self._axis.refusal_count, self._armed(), operator.permit.reset_locked, self._brake.changed,
         )  # fmt: skip
         if due or shown != self._shown:
@@ -214,7 +214,7 @@ class Publisher:
             "speed_setting_deg_s": rounded(deg(levels.speed_rad_s)),
             "increment_deg": rounded(deg(levels.increment_rad)),
             "override_percent": rounded(levels.override * 100.0),
-            "acc_setting_deg_s2": rounded(deg(axis.virtual.acc_setting_rad_s2)),
+            "acc_setting_deg_s2": rounded(deg(axis.virtual.ramps.acc_rad_s2)),
             "blocked_by": str(operator.permit.blocked_by),
             "blocked_by_messages": messages_to_wire(*operator.permit.blocked_by),
             "eccentric_moment_nm": rounded(moment),
