@@ -35,12 +35,7 @@ class Retainer:
     """
 
     def __init__(
-        self,
-        machine: Machine,
-        store: StateStore,
-        engine: Engine,
-        operator: ServiceOperator,
-        before: Retained,
+        self, machine: Machine, store: StateStore, engine: Engine, operator: ServiceOperator, before: Retained
     ) -> None:
         self._machine, self._store = machine, store
         self._engine, self._drive = engine, engine.drive
