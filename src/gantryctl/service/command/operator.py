@@ -79,7 +79,7 @@ class ServiceOperator:
 
     @property
     def at_rest(self) -> bool:
-        """No motion under way or waiting."""
+        """Whether no motion is under way or waiting."""
         return self.program.axis.at_rest
 
     @property
@@ -90,7 +90,7 @@ class ServiceOperator:
     # --- one scan ---------------------------------------------------------------------------------
 
     def poll(self, time_s: float) -> OperatorCommand:
-        """The levels of this scan."""
+        """Take commands, then return the levels of this scan."""
         now_s, inbox = self.now(), self._inbox
         inbox.time_s = time_s
         holder = self.authority.holder
@@ -191,7 +191,7 @@ class ServiceOperator:
             self._acting = pending
 
     def situation(self, now_s: float) -> Situation:
-        """What the rules must know of this moment."""
+        """Describe this moment to the rules."""
         axis, authority, permit = self.program.axis, self.authority, self.permit
         return Situation(
             frame=self.frame,

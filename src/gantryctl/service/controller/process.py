@@ -1,4 +1,4 @@
-"""The controller process: the scan, alone.
+"""The controller process: the scan and nothing that could hold it up.
 
 `python -m gantryctl.service.controller HANDLE CONFIG HASH [--second-person]` runs it.
 
@@ -249,7 +249,7 @@ def main(arguments: list[str]) -> int:
     memory = SharedMemory(handle)
     machine = load_machine(config)
     if config_hash(machine) != wanted:
-        raise ConfigError([f"{config}: has changed since the service was started; start the service anew"])
+        raise ConfigError([f"{config}: has changed since the service was started; start the service again"])
     # The store locks the state directory: two controllers of one machine are impossible.
     with StateStore(machine) as store:
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)

@@ -74,7 +74,7 @@ class JournalState(IntEnum):
 
 
 class JournalHealth:
-    """The recorder's word on the journal, for the scan.
+    """Health of the journal as the recorder reports it.
 
     Args:
         words: numbers by `Word`.
@@ -85,13 +85,13 @@ class JournalHealth:
 
     @property
     def keeps(self) -> bool:
-        """Events reach the disk: the recorder is alive and the journal takes them."""
+        """Whether events reach the disk: the recorder is alive and the journal takes them."""
         alive = time.monotonic_ns() - self._words[Word.RECORDER_NS] < RECORDER_S * 1e9
         return alive and self._words[Word.JOURNAL_STATE] <= JournalState.SLOW
 
     @property
     def locked(self) -> bool:
-        """The journal before was damaged, and service has not acknowledged it."""
+        """Whether the journal before was damaged, and service has not acknowledged it."""
         return bool(self._words[Word.JOURNAL_STATE] == JournalState.LOCKED)
 
 

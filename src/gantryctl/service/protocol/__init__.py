@@ -1,1 +1,1 @@
-"""What travels between service and clients: messages, tags, roles."""
+"""Protocol between service and clients: messages, tags, roles, limits."""

@@ -97,13 +97,13 @@ class Timed(Untimed):
 
 
 class Alive(Untimed):
-    """Sign of life of whoever has control, at least twice a second: a silent holder loses control. No reply."""
+    """Sign of life of the holder of control, at least twice a second: a silent holder loses control. No reply."""
 
     type: Literal["alive"]
 
 
 class Take(Timed):
-    """Take control authority; `over` takes it from somebody else, at standstill only."""
+    """Take control authority; `over` takes it from another holder, at standstill only."""
 
     type: Literal["take"]
     over: bool
@@ -311,7 +311,7 @@ def checked(found: object) -> Message:
 
 
 def _first_wrong(fault: ValidationError) -> str:
-    """The key that a refusal names: keys that are missing or unknown come first."""
+    """Find the key that a refusal names: missing and unknown keys come first."""
     errors = fault.errors(include_url=False, include_context=False, include_input=False)
     return str(min(errors, key=lambda each: each["type"] not in ("missing", "extra_forbidden"))["loc"][-1])
 

@@ -51,7 +51,7 @@ _ADMIN: Final = frozenset({Role.ADMIN})
 
 
 class Right(NamedTuple):
-    """Who may do an action, and what it is; with `control` only whoever has the control authority."""
+    """Roles that may do an action, and what it is; `control` restricts it to the holder of control."""
 
     roles: frozenset[Role]
     words: str
@@ -85,11 +85,11 @@ RIGHTS: Final[dict[Action, Right]] = {
 
 
 def may(role: Role, action: Action) -> bool:
-    """Whether the table allows it."""
+    """Whether a role may do an action."""
     right = RIGHTS.get(action)
     return right is not None and role in right.roles
 
 
 def rights_of(role: Role) -> list[str]:
-    """Everything that a role may do."""
+    """List the actions of a role."""
     return [str(action) for action in RIGHTS if may(role, action)]

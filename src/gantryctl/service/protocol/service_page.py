@@ -76,13 +76,13 @@ that was sent before is carried out after.
 1. Press: make a random lease, send `jog`. 2. Every $renew_ms ms send `renew` with that lease, a new `seq`, and the newest
 `frame` and `epoch`. 3. Send `release` on pointerup, pointercancel, lostpointercapture, blur, visibilitychange, pagehide and key up, and
 stop renewing. The lease is `lease_ms` long, checked in the scan. A lease that ended once (released, late, stopped, refused,
-disconnected) is dead for ever: to go on, the person presses again. `lease_left_ms` shows what is left. No key is held for longer
+disconnected) is never valid again: to go on, the person presses again. `lease_left_ms` shows what is left. No key is held for longer
 than $held_s s (CTL-21): a page that is stuck may go on renewing.
 
 ### Enabling switch
 
 Above `speed_cap_deg_s` keys and increments need the enabling switch, and moves too when they were begun from a remote screen or
-a remote screen has control. It is looked at when they begin and in every scan: let go, the axis stops on the jog-release ramp
+a remote screen has control. It is checked when they begin and in every scan: let go, the axis stops on the jog-release ramp
 (INT-05), power stays on. The speed setting counts, not the override.
 
 ### Arm, then execute
@@ -96,7 +96,7 @@ With `gantryctl serve --second-person` the one who executes must be another user
 true): the first arms from any connection, without control; the second has control already, because taking it would begin a new
 epoch, and executes.
 
-A brake test that is under way ends with its epoch too: by `stop` or `quick_stop` from anybody, and when whoever began it loses
+A brake test that is under way ends with its epoch too: by `stop` or `quick_stop` from anybody, and when the user who began it loses
 control or the connection. The torque is taken back, the drive is disabled, the brake has stayed closed.
 
 ### Codes of the service
@@ -128,7 +128,7 @@ with a cookie) and `Content-Type: application/json`.
 | `GET /api/v1/health` | anyone | 200 `{"controller": "ok" or "silent"}` |
 
 The rate limit is 10 requests a second and address, with a reserve of 40 (429 with `Retry-After`). A session ends after 15 min without a message
-of its user, after 8 h, at logout, when the role changes, and when the gateway starts anew. Five wrong passwords lock the pair of account and address for 1 s, then 2, 4
+of its user, after 8 h, at logout, when the role changes, and when the gateway starts again. Five wrong passwords lock the pair of account and address for 1 s, then 2, 4
 ... 15 min.
 
 Headers: `Content-Security-Policy: default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;
@@ -142,7 +142,7 @@ The address is `http://127.0.0.1:8650` unless `--listen` says otherwise; another
 
 
 def reference_page() -> str:
-    """The whole page."""
+    """Write the page."""
     socket = _SOCKET.substitute(_NUMBERS, messages=_messages(), codes=_codes())
     rows = _table(("key", "meaning"), ((f"`{key}`", words) for key, words in ALARM_ROW.items()))
     alarms = f"### Rows of `alarms` and `alarm_history`\n\n{rows}"

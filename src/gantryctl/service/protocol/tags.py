@@ -1,4 +1,4 @@
-"""The one table of tags: page, REST, OPC UA and local socket show these names and no others.
+"""Table of tags: page, REST, OPC UA and local socket show these names and no others.
 
 A tag that says `both` is set by a command; its role is the lowest one that may set it. All others are read only.
 """
@@ -21,9 +21,9 @@ class Tag(NamedTuple):
     """One value that the service shows.
 
     Attributes:
-        unit: "" where there is none.
+        unit: "" for a tag without one.
         direction: `out` is shown only, `both` can be set by a command too.
-        rate: how often it is computed anew; `on change` is sent once and then when it changes.
+        rate: of its computation; `on change` is sent once and then when it changes.
         role: who may read it, or set it where the direction is `both`.
         labels: the words of an enum, in the order of their numbers.
     """
@@ -70,8 +70,8 @@ _MOTION: Final = (
     _out("torque_expected_nm", "N m", "float", "20 Hz",
          "Motor torque expected from the motion so far (learned); null until learned."),
     _out("overload", "", "float", "20 Hz", "Part of the drive's overload budget used, 0..1."),
-    _out("target_deg", "deg", "float", "20 Hz", "Where the present set-point plan ends."),
-    _out("time_left_s", "s", "float", "20 Hz", "Until the set-point plan ends; 0 at rest."),
+    _out("target_deg", "deg", "float", "20 Hz", "End of the present set-point plan."),
+    _out("time_left_s", "s", "float", "20 Hz", "Time until the set-point plan ends; 0 at rest."),
     _out("stopping_angle_deg", "deg", "float", "20 Hz", "Way to rest if the key were released or Stop pressed now."),
     _out("quick_stop_angle_deg", "deg", "float", "20 Hz", "Way to rest with a quick stop now: rigid, no reaction."),
     _out("travel_left_minus_deg", "deg", "float", "20 Hz", "Cable left in the minus direction."),
@@ -81,20 +81,20 @@ _MOTION: Final = (
 _STATE: Final = (
     _out("axis_state", "", "enum", "20 Hz", "PLCopen axis state.", _labels(AxisState)),
     _out("drive_state", "", "enum", "20 Hz", "CiA 402 state of the drive.", _labels(DriveState)),
-    _out("power_phase", "", "enum", "20 Hz", "Where the power sequence is.", _labels(PowerPhase)),
+    _out("power_phase", "", "enum", "20 Hz", "Phase of the power sequence.", _labels(PowerPhase)),
     _out("power", "", "bool", "20 Hz", "Power is on: the axis follows commands."),
     _out("brake_open", "", "bool", "20 Hz", "Brake feedback contact."),
     _out("brake_open_cmd", "", "bool", "20 Hz", "Brake release command."),
     _out("at_rest", "", "bool", "20 Hz", "The set-point is at rest and no motion waits."),
     _out("in_position", "", "bool", "20 Hz", "At rest within the window for the dwell time."),
     _out("torque_limited", "", "bool", "20 Hz", "The drive is at its torque limit."),
-    _out("position_valid", "", "bool", "20 Hz", "The encoder can be believed."),
+    _out("position_valid", "", "bool", "20 Hz", "The encoder's angle is valid."),
     _out("estop_ok", "", "bool", "20 Hz", "Emergency-stop chain closed."),
     _out("enabling_switch", "", "bool", "20 Hz", "Enabling switch pressed; see `speed_cap_deg_s`."),
     _out("limit_minus_ok", "", "bool", "20 Hz", "Limit switch minus not reached."),
     _out("limit_plus_ok", "", "bool", "20 Hz", "Limit switch plus not reached."),
     _out("mains_ready", "", "bool", "20 Hz", "Mains ready."),
-    _out("lease_left_ms", "ms", "float", "20 Hz", "What is left of the hold-to-run lease; 0 when none lives."),
+    _out("lease_left_ms", "ms", "float", "20 Hz", "Time left of the hold-to-run lease; 0 without one."),
     _out("alarm_count", "", "int", "20 Hz", "Active alarms."),
     _out("refusal_count", "", "int", "20 Hz", "Commands refused by the program since the start."),
 )  # fmt: skip
@@ -123,7 +123,7 @@ _HEALTH: Final = (
 )  # fmt: skip
 
 _AUTHORITY: Final = (
-    _out("authority_user", "", "text", "on change", "Who has control; empty when nobody."),
+    _out("authority_user", "", "text", "on change", "Holder of control; empty without one."),
     _out("authority_client", "", "text", "on change", "Client id of the holder; `welcome.client` is your own."),
     _out("authority_local", "", "bool", "on change", "The holder sits at the local console."),
     _set("mode", "", "enum", "operator", "Motion mode; changes at standstill only.", _labels(Mode)),
@@ -134,10 +134,10 @@ _AUTHORITY: Final = (
 )  # fmt: skip
 
 _ARMED: Final = (
-    _out("armed_action", "", "enum", "on change", "What is armed: the next step executes it.", ("none", *ARMABLE)),
-    _out("armed_by", "", "text", "on change", "Who armed it; empty when nothing is armed."),
-    _out("armed_client", "", "text", "on change", "Client id of whoever armed it."),
-    _out("armed_left_s", "s", "float", "20 Hz", "How long it stays armed; 0 when nothing is."),
+    _out("armed_action", "", "enum", "on change", "The armed action: the next step executes it.", ("none", *ARMABLE)),
+    _out("armed_by", "", "text", "on change", "User who armed it; empty with nothing armed."),
+    _out("armed_client", "", "text", "on change", "Client id of the user who armed it."),
+    _out("armed_left_s", "s", "float", "20 Hz", "Time until the arming ends; 0 with nothing armed."),
     _out("second_person", "", "bool", "on change", "Another user than the one who armed must execute."),
     _out("reset_locked", "", "bool", "on change",
          "A reset now meets something locked: it needs the service role, and `arm` first."),
@@ -147,9 +147,9 @@ _BRAKE: Final = (
     _out("brake_test_available", "", "bool", "on change", "This machine can test its brake."),
     _out("brake_test_blocked", "", "text", "on change", "Why it cannot be tested here; empty when it can."),
     _out("brake_test_blocked_messages", "", "messages", "on change", "The same as words and values."),
-    _out("brake_test_phase", "", "enum", "20 Hz", "Where the brake test is; idle when none is under way.",
+    _out("brake_test_phase", "", "enum", "20 Hz", "Phase of the brake test; idle without one.",
          _labels(BrakeTestPhase)),
-    _out("brake_test_left_s", "s", "float", "20 Hz", "Until the test under way ends; 0 when none is."),
+    _out("brake_test_left_s", "s", "float", "20 Hz", "Time until the test under way ends; 0 without one."),
     _out("brake_test_torque_nm", "N m", "float", "20 Hz",
          "Torque that the test puts on the brake now; the motor's own is `torque_act_nm`."),
     _out("brake_test_moved_deg", "deg", "float", "20 Hz", "Farthest way during the test under way or the last one."),
@@ -186,7 +186,7 @@ _LIMITS: Final = (
     _out("limit_switch_deg", "deg", "float", "on change", "Limit switches stand at +- this."),
     _out("mechanical_stop_deg", "deg", "float", "on change", "Mechanical stops stand at +- this."),
     _out("following_error_trip_deg", "deg", "float", "20 Hz", "Following error that stops the axis, at this speed."),
-    _out("torque_rated_nm", "N m", "float", "on change", "Motor torque for ever."),
+    _out("torque_rated_nm", "N m", "float", "on change", "Rated motor torque."),
     _out("torque_max_nm", "N m", "float", "on change", "Motor torque limit."),
 )  # fmt: skip
 

@@ -173,7 +173,7 @@ def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: b
     """Read rows by number, in a process other than the writer's.
 
     Raises:
-        DeviceError: there is none, or it cannot be read.
+        DeviceError: the journal is missing or cannot be read.
     """
     order = "DESC" if newest else "ASC"
     query = f"SELECT * FROM events WHERE seq > ? ORDER BY seq {order} LIMIT ?"
@@ -202,7 +202,7 @@ def verify(directory: Path, anchors: Sequence[Anchor] = (), newest: int = 0) -> 
         newest: check only so many, for a quick start; 0 for all.
 
     Raises:
-        DeviceError: there is none.
+        DeviceError: there is no journal.
     """
     try:
         with _reading(directory) as rows:
@@ -244,7 +244,7 @@ def _verified(rows: _Rows, anchors: dict[int, Anchor], newest: int) -> Verdict:
 
 
 def _end(rows: _Rows, anchors: dict[int, Anchor], count: int, last: str) -> str:
-    """What is wrong with the end, or ""."""
+    """Check the end; return what is wrong with it, or ""."""
     head = next(iter(rows("SELECT seq, hash FROM head", ())), None)
     if head != (count, last):
         return f"the end is missing: {count} rows, {head[0] if head else 'none'} were written"

@@ -1,4 +1,4 @@
-"""The file of the journal: its tables, its chain, and whether it is whole."""
+"""The file of the journal: tables, hash chain, damage."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FIELDS: Final = (
 )  # fmt: skip
 START: Final = "0" * 64
 _RIGHTS: Final = 0o640
-# Rows whose chain is looked at when a journal is opened; `verify` looks at all.
+# Rows whose chain is checked when a journal is opened; `verify` checks all.
 _TAIL: Final = 10_000
 # `head` is the last event, `base` the last one that was taken out because of its age or the size.
 _SCHEMA: Final = """
@@ -45,7 +45,7 @@ INSERT OR IGNORE INTO base VALUES (1, 0, '{start}');
 
 
 class Damaged(DeviceError):
-    """The file is no journal any more: cut, edited or of another kind."""
+    """The file is cut, edited or of another kind."""
 
 
 # Errors that say nothing about the file's content.

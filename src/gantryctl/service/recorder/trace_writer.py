@@ -1,4 +1,4 @@
-"""Trace rows from their ring into files: one recording for every time that power is on."""
+"""Trace rows from their ring into files: one recording for each power-up."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class TraceWriter:
             return 0
 
     def _path(self) -> Path:
-        """Of the recording under way, without its ending."""
+        """Path of the recording under way, without its ending."""
         milliseconds = f"{self._number % 1000:03.0f}"
         stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(self._number / 1000.0)) + milliseconds
         return self._directory / f"service-{stamp}"

@@ -55,7 +55,7 @@ class Supervisor:
         config: the machine file that the controller loads. directory: the machine's state directory.
         gateway: command line of the gateway without the handle, or None for a service without a page.
         listener: handle of its listening socket. opcua: command line of the OPC UA server, or None.
-        say: gets one line for whoever started the service.
+        say: prints one line on the terminal of the service.
         options: the rest.
     """
 

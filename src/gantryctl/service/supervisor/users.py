@@ -47,7 +47,7 @@ class User(NamedTuple):
 
 
 class Users:
-    """The users of a state root; read anew whenever it is asked.
+    """The users of a state root; read from the file with every question.
 
     Args:
         root: directory of the file.
@@ -102,7 +102,7 @@ class Users:
         """Return the user if the password is right."""
         # An unknown name takes the same time: guesses learn nothing about names.
         user = self.all().get(name)
-        against = user or _NOBODY
+        against = user or _UNKNOWN
         right = hmac.compare_digest(_key(password, against), bytes.fromhex(against.key))
         return user if right and user is not None else None
 
@@ -143,7 +143,7 @@ def _known(users: dict[str, User], name: str) -> User:
     return users[name]
 
 
-_NOBODY: Final = User("", Role.VIEWER, "00" * 16, "00" * 32, _N, _R, _P, "")
+_UNKNOWN: Final = User("", Role.VIEWER, "00" * 16, "00" * 32, _N, _R, _P, "")
 
 
 class UserWatch:
