@@ -78,9 +78,9 @@ export interface Tags {
   torque_expected_nm: number | null;
   /** Part of the drive's overload budget used, 0..1. */
   overload: number | null;
-  /** Where the present set-point plan ends. [deg] */
+  /** End of the present set-point plan. [deg] */
   target_deg: number | null;
-  /** Until the set-point plan ends; 0 at rest. [s] */
+  /** Time until the set-point plan ends; 0 at rest. [s] */
   time_left_s: number | null;
   /** Way to rest if the key were released or Stop pressed now. [deg] */
   stopping_angle_deg: number | null;
@@ -94,7 +94,7 @@ export interface Tags {
   axis_state: 'disabled' | 'standstill' | 'homing' | 'discrete_motion' | 'continuous_motion' | 'synchronized_motion' | 'stopping' | 'error_stop' | null;
   /** CiA 402 state of the drive. */
   drive_state: 'unknown' | 'not_ready_to_switch_on' | 'switch_on_disabled' | 'ready_to_switch_on' | 'switched_on' | 'operation_enabled' | 'quick_stop_active' | 'fault_reaction_active' | 'fault' | null;
-  /** Where the power sequence is. */
+  /** Phase of the power sequence. */
   power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'torque_hold' | 'testing' | null;
   /** Power is on: the axis follows commands. */
   power: boolean | null;
@@ -108,7 +108,7 @@ export interface Tags {
   in_position: boolean | null;
   /** The drive is at its torque limit. */
   torque_limited: boolean | null;
-  /** The encoder can be believed. */
+  /** The encoder's angle is valid. */
   position_valid: boolean | null;
   /** Emergency-stop chain closed. */
   estop_ok: boolean | null;
@@ -120,7 +120,7 @@ export interface Tags {
   limit_plus_ok: boolean | null;
   /** Mains ready. */
   mains_ready: boolean | null;
-  /** What is left of the hold-to-run lease; 0 when none lives. [ms] */
+  /** Time left of the hold-to-run lease; 0 without one. [ms] */
   lease_left_ms: number | null;
   /** Active alarms. */
   alarm_count: number | null;
@@ -164,7 +164,7 @@ export interface Tags {
   trace_rows_lost: number | null;
   /** Events of the controller that found no place in the event ring. */
   events_lost: number | null;
-  /** Who has control; empty when nobody. */
+  /** Holder of control; empty without one. */
   authority_user: string | null;
   /** Client id of the holder; `welcome.client` is your own. */
   authority_client: string | null;
@@ -180,13 +180,13 @@ export interface Tags {
   override_percent: number | null;
   /** Acceleration and deceleration of normal motion. [deg/s2] */
   acc_setting_deg_s2: number | null;
-  /** What is armed: the next step executes it. */
+  /** The armed action: the next step executes it. */
   armed_action: 'none' | 'brake_test' | 'reset_locked' | null;
-  /** Who armed it; empty when nothing is armed. */
+  /** User who armed it; empty with nothing armed. */
   armed_by: string | null;
-  /** Client id of whoever armed it. */
+  /** Client id of the user who armed it. */
   armed_client: string | null;
-  /** How long it stays armed; 0 when nothing is. [s] */
+  /** Time until the arming ends; 0 with nothing armed. [s] */
   armed_left_s: number | null;
   /** Another user than the one who armed must execute. */
   second_person: boolean | null;
@@ -198,9 +198,9 @@ export interface Tags {
   brake_test_blocked: string | null;
   /** The same as words and values. */
   brake_test_blocked_messages: Message[] | null;
-  /** Where the brake test is; idle when none is under way. */
+  /** Phase of the brake test; idle without one. */
   brake_test_phase: 'idle' | 'enabling' | 'plus_rising' | 'plus_held' | 'minus_rising' | 'minus_held' | 'relieving' | 'disabling' | null;
-  /** Until the test under way ends; 0 when none is. [s] */
+  /** Time until the test under way ends; 0 without one. [s] */
   brake_test_left_s: number | null;
   /** Torque that the test puts on the brake now; the motor's own is `torque_act_nm`. [N m] */
   brake_test_torque_nm: number | null;
@@ -254,7 +254,7 @@ export interface Tags {
   mechanical_stop_deg: number | null;
   /** Following error that stops the axis, at this speed. [deg] */
   following_error_trip_deg: number | null;
-  /** Motor torque for ever. [N m] */
+  /** Rated motor torque. [N m] */
   torque_rated_nm: number | null;
   /** Motor torque limit. [N m] */
   torque_max_nm: number | null;
