@@ -1,4 +1,4 @@
-"""What a step has at hand."""
+"""Context of a commissioning step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gantryctl.operation.store import StateStore
 
 @dataclass(frozen=True)
 class Context:
-    """One commissioning under way.
+    """Commissioning in progress.
 
     Attributes:
         folder: for files that steps write.
@@ -29,15 +29,15 @@ class Context:
 
 
 def passed(key: str, proof: str, **figures: float) -> StepResult:
-    """A step that has shown what it had to."""
+    """Result of a proof that succeeded."""
     return StepResult(key, Outcome.PASSED, proof, figures)
 
 
 def failed(key: str, proof: str, to_do: str, **figures: float) -> StepResult:
-    """A step that has shown the contrary."""
+    """Result of a proof that failed."""
     return StepResult(key, Outcome.FAILED, proof, figures, to_do)
 
 
 def judged(ok: bool, key: str, proof: str, to_do: str, **figures: float) -> StepResult:
-    """Passed or failed."""
+    """Result by the outcome of a proof."""
     return passed(key, proof, **figures) if ok else failed(key, proof, to_do, **figures)

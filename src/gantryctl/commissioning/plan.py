@@ -1,4 +1,4 @@
-"""The steps of commissioning in their order: what each does and what could move."""
+"""The steps of commissioning in their order, each with what it does and what could move."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a step has shown, and the file that lets an interrupted commissioning go on."""
+"""Results of the steps, and the file by which an interrupted commissioning resumes."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gantryctl.files import write_whole
 
 
 class Outcome(StrEnum):
-    """How a step ended."""
+    """Outcome of a step."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -25,10 +25,10 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class StepResult:
-    """One step.
+    """Result of one step.
 
     Attributes:
-        proof: what was seen, in a sentence.
+        proof: the observation, in a sentence.
         figures: numbers by name with their unit, for the report.
         to_do: what a person has to do, "" for nothing.
         seconds: how long it took.
@@ -55,19 +55,19 @@ class Progress:
 
     @property
     def hash(self) -> str:
-        """Over everything but dates and durations: two equal commissionings have the same."""
+        """Hash over everything but dates and durations: two equal commissionings have the same."""
         # Dates and durations differ between two commissionings that showed the same.
         plain = {k: {**asdict(r), "seconds": 0, "at": ""} for k, r in self.results.items()}
         text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values."""
+        """Plain values for JSON."""
         return {**asdict(self), "hash": self.hash}
 
 
 def load_progress(path: Path) -> Progress | None:
-    """What an earlier run has left; None when there is nothing.
+    """Load the results of an earlier run; None without one.
 
     Raises:
         StateError: the file is damaged.
@@ -85,5 +85,5 @@ def load_progress(path: Path) -> Progress | None:
 
 
 def store_progress(path: Path, progress: Progress) -> None:
-    """Keep it, whole or not at all."""
+    """Store the results, whole or not at all."""
     write_whole(path, json.dumps(progress.as_dict(), indent=1, allow_nan=False) + "\n")

@@ -1,4 +1,4 @@
-"""Runs the steps one by one, keeps what they have shown, and writes the record at the end."""
+"""Run of the commissioning: steps one by one, their results stored, the record at the end."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gantryctl.operation.store import StateStore, now_text
 
 
 class Commissioning:
-    """One machine; resumes where an earlier run in the same configuration has ended.
+    """Commissioning of one machine; resumes where an earlier run in the same configuration ended.
 
     Args:
         store: locked by the caller.
@@ -55,7 +55,7 @@ class Commissioning:
         self.resumed = bool(self.progress.results)
 
     def left(self, only: str | None = None) -> tuple[Step, ...]:
-        """Steps to be done.
+        """Steps that are left.
 
         Raises:
             UsageError: there is no such step.
@@ -80,7 +80,7 @@ class Commissioning:
         self.progress = replace(self.progress, drive=who.drive_key, software=who.software)
 
     def do(self, step: Step) -> StepResult | None:
-        """One step; None when the person did not want it."""
+        """Run one step; None when the person declined it."""
         if step.moves and not self._confirm(step):
             return None
         begun = time.monotonic()

@@ -24,7 +24,7 @@ _LEASH_DEG: Final = 0.02
 
 
 def identity(c: Context) -> StepResult:
-    """Who is it, and is it the drive of the last commissioning?"""
+    """Read the identity of the drive and compare it with the last commissioning."""
     with read_only(c.machine, c.store) as machine:
         name, health = machine.drive.identity().name, machine.drive.health()
     # A CAN machine is commissioned.
@@ -37,7 +37,7 @@ def identity(c: Context) -> StepResult:
 
 
 def encoder(c: Context) -> StepResult:
-    """Zero offset, wrap, rest position."""
+    """Check zero offset, wrap margins and rest position."""
     with read_only(c.machine, c.store) as machine:
         retained, reading = machine.retained, machine.reading
     reason = why_not_referenced(reading)
@@ -55,7 +55,7 @@ def encoder(c: Context) -> StepResult:
 
 
 def defaults(c: Context) -> StepResult:
-    """The drive as it comes."""
+    """Compare the drive's parameters with what they must be, before anything is written."""
     link = can_link(c.machine)
     try:
         rows = ReadOnlyDrive(link, canopen_settings(c.machine)).rows
@@ -69,7 +69,7 @@ def defaults(c: Context) -> StepResult:
 
 
 def parameters(c: Context) -> StepResult:
-    """Written, read back, kept."""
+    """Write the parameters, read them back, keep a backup."""
     try:
         with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
             kept = backup(axis.drive.node, None)
@@ -86,7 +86,7 @@ def parameters(c: Context) -> StepResult:
 
 
 def process_data(c: Context) -> StepResult:
-    """Telegrams against SDO reads, and their counters."""
+    """Compare telegrams with SDO reads, and count missed and late ones."""
     with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
         axis.run(_WATCH_S, DriveRequest.DISABLE)
         counters, drive = axis.drive.health(), axis.drive
@@ -113,7 +113,7 @@ def process_data(c: Context) -> StepResult:
 
 
 def sync(c: Context) -> StepResult:
-    """From SYNC to its answers, and from a controlword to its statusword."""
+    """Measure the time from SYNC to its answers, and the scans from controlword to statusword."""
     with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
         axis.run(_WATCH_S, DriveRequest.DISABLE)
         answers = sorted(axis.drive.process.answer_times_s)

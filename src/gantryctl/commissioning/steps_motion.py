@@ -37,7 +37,7 @@ class _Run(NamedTuple):
 
 
 def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> _Run:
-    """A session of its own: power up, every target, power down."""
+    """Power up, move to every target, power down."""
     session = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
@@ -57,7 +57,7 @@ def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool =
 
 
 def loop(c: Context) -> StepResult:
-    """A degree there and back, the position loop closed."""
+    """Move a degree there and back with the position loop closed."""
     speed = c.machine.speed.setting_min_deg_s
     run = _move(c, (_SMALL_DEG, 0.0), speed, by=True)
     error = deg(float(np.max(np.abs(run.trace["pos_err_rad"]))))
@@ -82,7 +82,7 @@ def _rest_error_deg(trace: Trace) -> float:
 
 
 def stops(c: Context) -> StepResult:
-    """Quick stop and silence from two speeds, jog release from one: measured against computed."""
+    """Measure quick stop and silence from two speeds and jog release from one, against the computed angles."""
     virtual, can = c.machine.virtual_axis, c.machine.can
     figures: dict[str, float] = {}
     wrong = []
@@ -134,7 +134,7 @@ def _measured_stop(c: Context, what: str, speed: float) -> float:
 
 
 def _jog_release(c: Context, speed: float) -> float:
-    """From the end of constant speed to rest, in the set-point's own trace."""
+    """Measure a jog release: from the end of constant speed to rest."""
     session = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
     recorder = session.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
@@ -151,7 +151,7 @@ def _jog_release(c: Context, speed: float) -> float:
 
 
 def slow_turn(c: Context) -> StepResult:
-    """Torque over the angle, both ways: what changes sign with the direction is friction, the rest is the moment."""
+    """Fit friction and eccentric moment to the torque over the angle, both ways."""
     low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
     speed = min(_TURN_SPEED, c.machine.speed.setting_max_deg_s)
     trace = _move(c, (low, high, low, 0.0), speed).trace

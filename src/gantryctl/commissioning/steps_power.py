@@ -35,7 +35,7 @@ _OFF: Final = (DriveState.FAULT, DriveState.SWITCH_ON_DISABLED)
 
 
 def silence(c: Context) -> StepResult:
-    """Two silences, each alone; the drive must switch itself off and brake."""
+    """Stop commands, then the heartbeat, each alone; the drive must switch itself off and brake."""
     can = c.machine.can
     # Each alone: 1400:05 watches for commands, 1016 for the heartbeat, and either may be missing.
     limits_s = {"process data": can.rpdo_deadline_ms * 1e-3, "heartbeat": can.heartbeat_timeout_ms * 1e-3}
@@ -82,7 +82,7 @@ def reset(axis: OpenLoopAxis) -> None:
 
 
 def brake(c: Context) -> StepResult:
-    """The brake test of operation, where the controller can keep the brake closed. It is the machine's first one."""
+    """Run the brake test of operation where the controller can keep the brake closed: the machine's first one."""
     reason = untestable(c.machine)
     if reason:
         return StepResult("brake", Outcome.NOT_TESTABLE, str(reason), to_do="use the drive's own brake test")
@@ -104,7 +104,7 @@ def brake(c: Context) -> StepResult:
 
 
 def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
-    """Enabled behind the closed brake, tested, torque taken off, disabled."""
+    """Enable behind the closed brake, test it, take the torque off, disable."""
     m = c.machine
     test = BrakeTest(m.brake.test_torque_nm, rad(m.brake.sag_max_deg), m.motor.torque_max_nm, axis.period_s)
     axis.enable(brake=False)
@@ -120,7 +120,7 @@ def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
 
 
 def sign(c: Context) -> StepResult:
-    """A half-sine pulse of speed: the way in position and in speed must be the one commanded."""
+    """Command a half-sine pulse of speed: position and speed must show the commanded way."""
     with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
         _lower_limits(c, axis)
         axis.enable()
@@ -145,7 +145,7 @@ def sign(c: Context) -> StepResult:
 
 
 def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
-    """6072 and 6080 for the test move only, read back; the next start writes the full ones again."""
+    """Lower 6072 and 6080 for the test move only, and read them back; the next start writes the full ones again."""
     sdo = axis.drive.node.sdo
     torque = round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference)
     speed = max(1, math.ceil(0.2 * axis.ratio / DEG_S_PER_R_MIN))
@@ -159,7 +159,7 @@ def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
 
 
 def velocity(c: Context) -> StepResult:
-    """A step to creep speed."""
+    """Turn at creep speed and measure it."""
     speed = c.machine.speed.creep_deg_s
     with open_loop_axis(c.machine, c.store, 2.0 * _STEP_S * speed) as axis:
         axis.enable()

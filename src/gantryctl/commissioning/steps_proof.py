@@ -1,4 +1,4 @@
-"""The last steps: bands from data, and the accuracy test."""
+"""Last steps: bands from data, and the accuracy test."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CRITERION_DEG: Final = 0.1
 
 
 def bands(c: Context) -> StepResult:
-    """Twice what was measured, beside what the machine file says."""
+    """Propose bands of twice the measured errors, beside those of the machine file."""
     if not {"loop", "turn"} <= set(c.results):
         return failed("bands", "nothing to propose from", "run the steps loop and turn first")
     rest = c.results["loop"].figures["rest_error_deg"]
@@ -38,7 +38,7 @@ def bands(c: Context) -> StepResult:
 
 
 def accuracy(c: Context) -> StepResult:
-    """By the simulated tracker where the truth is known; on a real machine the instrument is the operator's."""
+    """Run the chord test where the truth is known; a real machine needs the operator's instrument."""
     if not c.machine.plant_is_local:
         proof = "needs an instrument at the load"
         to_do = "gantryctl accuracy report --measured FILE, with the readings of a tracker"

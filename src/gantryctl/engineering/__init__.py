@@ -1,1 +1,1 @@
-"""What studies a gantry: sizing, analysis, tuning, identification, accuracy. Nothing that runs one imports it."""
+"""Engineering of a gantry: sizing, analysis, tuning, identification, accuracy. Nothing that runs one imports it."""

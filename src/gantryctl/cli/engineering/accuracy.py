@@ -32,7 +32,7 @@ DEFAULT_OUT = Path("accuracy_report")
 
 @click.group()
 def accuracy() -> None:
-    """The paper's chord test: run it, report it, or evaluate anybody's table."""
+    """The paper's chord test: run it, report it, or evaluate a table."""
 
 
 @accuracy.command("run")
@@ -213,7 +213,7 @@ def report(
 @click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
 @json_option
 def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
-    """Statistics of anybody's table (CSV: base_deg, direction, displacement_deg, error_deg or chord_mm).
+    """Statistics of an error table (CSV: base_deg, direction, displacement_deg, error_deg or chord_mm).
 
     TABLE may also be the name of a shipped example: paper_table2.csv.
     """

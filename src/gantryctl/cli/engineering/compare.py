@@ -76,7 +76,7 @@ def compare(
 
 
 def _progress(plants: int) -> Callable[[int], None] | None:
-    """Says on a terminal how far the ensemble is: it may take hours."""
+    """Progress of the ensemble on a terminal: it may take hours."""
     if not sys.stderr.isatty():
         return None
     return lambda done: click.echo(f"plant {done} of {plants}", err=True) if done % 10 == 0 else None

@@ -1,4 +1,4 @@
-"""`gantryctl identify`: what this machine is like, measured, into its calibration file."""
+"""`gantryctl identify`: measures a machine and writes its calibration file."""
 
 from __future__ import annotations
 

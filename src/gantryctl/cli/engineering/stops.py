@@ -1,4 +1,4 @@
-"""`gantryctl stops`: what every stop costs, on the full plant."""
+"""`gantryctl stops`: every stop class on the full plant."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--find-quick", is_flag=True, help="Find the largest quick-stop deceleration instead.")
 @json_option
 def stops(config_file: Path | None, speeds: tuple[float, ...], find_quick: bool, as_json: bool) -> int:
-    """What every stop costs: normal ramp, jog release, quick stop, torque off + brake.
+    """Show what every stop costs: normal ramp, jog release, quick stop, torque off + brake.
 
     Exit code 1 when a stop class is worse than the machine file permits.
     """

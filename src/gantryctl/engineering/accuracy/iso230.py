@@ -94,7 +94,7 @@ class IsoFigures:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader of the figures must know."""
+        """Limits of the figures for the reader."""
         if self.not_computable is not None or self.same_positions:
             return ()
         return (

@@ -29,14 +29,14 @@ ENSEMBLE_CHUNK = 32
 
 @dataclass(frozen=True)
 class AccuracyJob:
-    """What was asked.
+    """Order for one accuracy test.
 
     Attributes:
         seed: of the tracker's noise; random gears take `seed + 1`, `seed + 2`, ...
         ensemble: number of random gears of the same grade; 0 for none.
         with_speed_test: run figure 5 as well.
         threads: for the ensemble; None = all processors.
-        instrument: what measures.
+        instrument: the measuring instrument.
         on_engine: drive the chord test scan by scan with the PLC program instead of the compiled loop.
         real_time: on the engine, paced by the clock.
     """
@@ -58,7 +58,7 @@ class AccuracyJob:
 def accuracy_report(
     machine: Machine, job: AccuracyJob, version: str, created: str = "", progress: Progress | None = None
 ) -> AccuracyReport:
-    """Run the job and put everything together.
+    """Run the tests of a job and make its report.
 
     Args:
         progress: called at every stop of a run on the engine.
@@ -114,7 +114,7 @@ def angle_errors_deg(procedure: Procedure, readings: Readings) -> tuple[float, .
 
 
 def phases_fitted(machine: Machine) -> bool:
-    """Whether the gear-error phases are the set that was fitted to the paper's table."""
+    """True for the gear-error phases that were fitted to the paper's table."""
     # 18 phases fitted to the 24 values of table 2 that are not zero: closeness to the paper shows the fit, it
     # predicts nothing. What gears of this grade give is the ensemble.
     fitted = default_machine().plant.gear_error.phases_rad
@@ -133,7 +133,7 @@ def ensemble_a(machine: Machine, job: AccuracyJob) -> GearEnsemble:
 
 
 def _gear(machine: Machine, seed: int) -> Machine:
-    """Another gear; what compensates its errors is identified on it anew."""
+    """Machine with another gear, and with a calibration identified on that gear."""
     # A map of another gear would compensate errors that are not there (decision 0010: only what was
     # measured).
     gear = random_gear(machine, seed)

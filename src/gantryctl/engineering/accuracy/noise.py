@@ -1,6 +1,4 @@
-"""What the instrument's noise does to A: many noise draws over the same readings, and the floor of noise
-alone.
-"""
+"""Effect of the instrument's noise on A: many draws over the same readings, and the floor of the noise alone."""
 
 from __future__ import annotations
 
@@ -82,9 +80,7 @@ def noise_floor(
 def chord_result(
     procedure: Procedure, readings_rad: ArrayLike, radius_m: float, sigma_m: float, seed: int = 0
 ) -> ChordResult:
-    """Everything one chord test says, with noise off and on; `readings_rad` are the true mean angles of the
-    dwells.
-    """
+    """Tables and distributions of one chord test; `readings_rad` are the true mean angles of the dwells."""
     return ChordResult(
         true=evaluate(procedure, readings_rad, radius_m),
         measured=evaluate(procedure, readings_rad, radius_m, sigma_m, seed),

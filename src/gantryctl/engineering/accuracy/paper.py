@@ -1,6 +1,4 @@
-"""What the source paper printed in its table 2 and around it. Constants for comparison; nothing is computed
-here.
-"""
+"""Figures printed in the source paper, its table 2 above all: constants for comparison."""
 
 from __future__ import annotations
 

@@ -73,7 +73,7 @@ class TableStatistics:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader of A must know, one sentence each."""
+        """Limits of A for the reader, one sentence each."""
         found = []
         if self.reversal_pooled:
             found.append(

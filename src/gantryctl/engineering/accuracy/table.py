@@ -1,4 +1,4 @@
-"""The error table of a chord test: what was measured, before any statistics."""
+"""The error table of a chord test, before any statistics."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Direction(Enum):
 
 
 class Layout(Enum):
-    """Where the stops of a table's rows lie."""
+    """Positions of the stops behind the rows of a table."""
 
     # ccw rows at base + d, cw rows at base - d: no position is reached from both sides (procedures A, B, D).
     APART = "apart"

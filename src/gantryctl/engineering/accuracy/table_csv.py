@@ -1,4 +1,4 @@
-"""Error tables as CSV: anybody's in, ours out.
+"""Error tables as CSV: reading those of any instrument, writing ours.
 
 Columns, in any order: `base_deg`, `direction` (ccw | cw), `displacement_deg`, `error_deg`, and `run` where a
 series was repeated. `chord_mm` may stand in place of `error_deg` when the radius of the target circle is
@@ -105,7 +105,7 @@ def format_error_table(table: ErrorTable) -> str:
 
 
 class _Reader:
-    """Collects problems while reading, so that all of them are told at once."""
+    """Reader that collects problems, so that one message lists all of them."""
 
     def __init__(self, name: str, radius_m: float | None, layout: Layout) -> None:
         self.name = name

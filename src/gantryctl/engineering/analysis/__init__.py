@@ -1,4 +1,4 @@
-"""Models and traces to numbers.
+"""Linear analysis of the loop: models, measured responses, margins.
 
 linear      rational transfer functions: poles, margins, bandwidth, responses
 rigid       the paper's loops, eqs. (4) and (5), on a rigid axis

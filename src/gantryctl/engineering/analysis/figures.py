@@ -173,7 +173,7 @@ def _mark_modes(study: Study, *axes: Axes) -> None:
 
 
 def time_responses(study: Study, folder: Path) -> Path:
-    """Step of angle, speed and acceleration: what is left of them at motor and load, eq. (5) beside a rigid plant."""
+    """Errors at motor and load behind a step of angle, speed and acceleration, with eq. (5) beside a rigid plant."""
     path = folder / "responses.png"
     machine = study.machine
     sizes = {

@@ -1,4 +1,4 @@
-"""Everything about one loop on one plant: margins at each cut, closed loops, poles, modes."""
+"""Study of one loop on one plant: margins at each cut, closed loops, poles, modes."""
 
 from __future__ import annotations
 

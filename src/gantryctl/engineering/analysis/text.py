@@ -1,4 +1,4 @@
-"""What a study, a worst case and a measurement say: sentences and tables of text."""
+"""Studies, worst cases and measurements as sentences and tables of text."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ Floats = NDArray[np.float64]
 
 
 class Log:
-    """What a run recorded, one array per column of `_core.LOG_COLUMNS`; row k is the state at t = k x period."""
+    """Record of a run, one array per column of `_core.LOG_COLUMNS`; row k is the state at t = k x period."""
 
     def __init__(self, values: Floats, period_s: float) -> None:
         self._values = values
@@ -105,7 +105,7 @@ class Leg(NamedTuple):
 
 
 class LegStatistics(NamedTuple):
-    """What is kept of one leg, per plant: arrays of shape (plants,). Errors are against the set-point."""
+    """Figures of one leg, per plant: arrays of shape (plants,). Errors are against the set-point."""
 
     mean_pos_load_rad: Floats
     mean_pos_ring_rad: Floats

@@ -44,7 +44,7 @@ class MoveFigures(NamedTuple):
 
 
 class KeyFigures(NamedTuple):
-    """What a row of the comparison shows; angles in deg."""
+    """Figures in one row of the comparison; angles in deg."""
 
     a_true_a: float
     a_true_b: float

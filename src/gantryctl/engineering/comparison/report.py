@@ -1,4 +1,4 @@
-"""Everything a comparison says, as numbers."""
+"""The comparison of two machines."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def tables(report: CompareReport) -> list[TextTable]:
 
 
 def notes(report: CompareReport) -> list[str]:
-    """What a reader must know."""
+    """Limits of the figures for the reader."""
     return [
         "A by eq. (6), deg. Seen: median of 500 draws of the tracker's noise, which alone gives 0.0024 (A).",
         "Speed errors are the largest of a move from 0 to 90 deg. With wind-up and maps compensated the motor leaves "

@@ -1,4 +1,4 @@
-"""What is compared: the paper's loop, the other machine's profile alone, each compensation alone, all together."""
+"""Rows of the comparison: the paper's loop, the other profile alone, each compensation alone, all together."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Variant:
 
 
 def check_same_plant(first: Machine, second: Machine) -> None:
-    """Refuse two machines that are not one and the same.
+    """Refuse two machines with different plants.
 
     Raises:
         UsageError: a key of [plant], [motor], [axis] ... differs; only what controls may differ.

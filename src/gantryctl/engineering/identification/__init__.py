@@ -1,4 +1,4 @@
-"""What one machine is like, measured: slow turns, fast moves and a creep, and the numbers fitted to them.
+"""Identification of one machine: slow turns, fast moves, a creep, and the numbers fitted to them.
 
 The controller's compensations live on these numbers and on nothing else. The runs use the public position loop
 with all compensations off; the truth of a simulated plant is read only to say how wrong the numbers are.

@@ -32,7 +32,7 @@ _SLOW_CYCLES: Final = (
 
 @dataclass(frozen=True)
 class CalibrationFit:
-    """What was found, with how well it fits.
+    """Identified numbers, and how well they fit.
 
     Attributes:
         residual_deg: rms of the slow turns after the fit.

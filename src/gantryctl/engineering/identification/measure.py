@@ -37,7 +37,7 @@ _BLOCK: Final = 40
 
 
 class LoadInstrument(Enum):
-    """What watches the load."""
+    """Instruments at the load."""
 
     # A laser tracker sampling along: inertial, with the noise of [accuracy].
     TRACKER = "tracker"
@@ -69,7 +69,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class MotionRecording:
-    """Everything that was recorded.
+    """Recorded motion of one identification.
 
     Attributes:
         turns: slow turns, forward and back. moves: fast moves, steady stretches. creep: a slow crawl.

@@ -1,4 +1,4 @@
-"""How wrong the identified numbers are, beside the truth of a simulated plant. No controller reads this."""
+"""Identified numbers beside the truth of a simulated plant. No controller reads this."""
 
 from __future__ import annotations
 

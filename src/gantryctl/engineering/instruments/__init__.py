@@ -1,4 +1,4 @@
-"""What measures the angle of the gantry from outside the control loop.
+"""Instruments that measure the angle of the gantry from outside the control loop.
 
 A dwell at one stop is described by its mean angles, rad: first the load in space (what a tracker sees),
 then, where known, the ring against its base (what an encoder on the ring sees), then the motor at the gantry

@@ -1,4 +1,4 @@
-"""What every stop class costs on the full plant: angle, time, torque, reducer, base, brake.
+"""Stops on the full plant: angle, time, torque, reducer, base, brake of every stop class.
 
 `stop_table` measures, `check_quick_stop` holds the machine file to it, `find_quick_dec` finds the largest quick-stop
 deceleration that the machine can give.

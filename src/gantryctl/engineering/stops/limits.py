@@ -1,4 +1,4 @@
-"""What the machine can give: the quick stop against motor overload, reducer and permitted stopping angle."""
+"""Limits of the quick stop: motor overload, reducer, permitted stopping angle."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def find_quick_dec(machine: Machine) -> float:
 # Every command that moves asks, and an answer takes twelve simulated stops.
 @functools.lru_cache(maxsize=16)
 def check_quick_stop(machine: Machine) -> StopResult:
-    """Hold the machine file to what the full plant gives; returns the quick stop from the highest speed.
+    """Check the machine file's quick stop on the full plant; returns the stop from the highest speed.
 
     A machine that has been checked is not simulated again.
 

@@ -1,4 +1,4 @@
-"""One stop on the full plant: cruise at a speed, stop at an angle, watch until the load has calmed down."""
+"""Stops on the full plant: cruise at a speed, stop at an angle, watch until the load is calm."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def worst_of(stop_class: StopClass, speed_deg_s: float, stops: Sequence[StopResu
 
 
 def within_ratings(machine: Machine, stop: StopResult) -> bool:
-    """Whether a stop stays below the torque limit of the drive and the momentary torque of the reducer."""
+    """True when a stop stays below the torque limit of the drive and the momentary torque of the reducer."""
     return not stop.torque_limited and stop.torque_reducer_nm <= machine.reducer.torque_momentary_nm
 
 
@@ -196,7 +196,7 @@ def _evaluate(machine: Machine, stop_class: StopClass, speed_deg_s: float, log: 
 
 
 class StopRow(NamedTuple):
-    """A stop and what it means.
+    """A stop, its angle with reaction, and whether to inspect the machine.
 
     Attributes:
         angle_with_reaction_deg: stopping angle with 60 ms of travel before it.

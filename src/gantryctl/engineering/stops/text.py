@@ -37,7 +37,7 @@ def _row(row: StopRow) -> dict[str, str]:
 
 
 def stops_note(machine: Machine) -> str:
-    """What the columns mean, and what is permitted."""
+    """Meaning of the columns, and the permitted values."""
     return _NOTE.format(
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,
         reaction=REACTION_S * 1e3,

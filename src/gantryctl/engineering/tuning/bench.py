@@ -1,4 +1,4 @@
-"""Experiments on the simulated axis: what a commissioning engineer does with a drive's scope and a level on the gantry.
+"""Experiments on the simulated axis: those of a commissioning engineer with a drive's scope and a level on the gantry.
 
 Every trial starts from a new, quiet axis. Nothing of [plant] is looked at but what can be seen on a real gantry: motor
 angle and speed, torque, and with instruments on gantry and base their movement.
@@ -153,7 +153,7 @@ class Bench:
 
     @property
     def fast_inertia_kg_m2(self) -> float:
-        """What the drive turns above the frequencies of the load: rotor and reducer input."""
+        """Inertia that the drive turns above the frequencies of the load: rotor and reducer input."""
         return plant_params(self.machine).inertia_motor_kg_m2
 
     def speed_step(self, gains: Gains) -> SpeedStep:
@@ -265,7 +265,7 @@ def _judged(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
 
 
 def _settled(load: Floats, after_s: Floats) -> float:
-    """When the load stays within 0.001 deg of its mean over the last second."""
+    """Time until the load stays within 0.001 deg of its mean over the last second."""
     there = float(np.mean(load[after_s > after_s[-1] - 1.0]))
     outside = np.nonzero((np.abs(load - there) > rad(_ARRIVED_DEG)) & (after_s > 0.0))[0]
     return float(after_s[outside[-1]]) if len(outside) else 0.0

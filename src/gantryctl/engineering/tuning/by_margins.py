@@ -46,7 +46,7 @@ Point = tuple[float, float, float]
 # They began as 2.0 and 1.0 without the cascade rule: margins were thin, then Kpp ran to the edge of the
 # search (docs/explanation/tuning.md).
 class Conditions(NamedTuple):
-    """What must hold on every plant."""
+    """Demands on every plant."""
 
     sensitivity: float = 1.7
     damping_left: float = 0.8
@@ -154,7 +154,7 @@ class _Search:
         return replace(self.base, kvp_nm_s_per_rad=kvp, tvi_s=tvi, kpp_per_s=kpp)
 
     def excess(self, gains: Gains, plants: Sequence[UncertainPlant] | None = None) -> float:
-        """How far the worst condition is missed; at or below 0 all hold."""
+        """Miss of the worst condition; at or below 0 all hold."""
         wanted = self.conditions
         settings = settings_with(self.machine, gains)
         fastest = gains.kvp_nm_s_per_rad / (wanted.cascade * self.inertia)

@@ -1,4 +1,4 @@
-"""The gains that are tuned."""
+"""Gains under tuning: both loops, and the acceleration."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Gains:
         return self.kvp_nm_s_per_rad * self.kpp_per_s / self.tvi_s
 
     def rounded(self) -> Gains:
-        """With the digits that a machine file needs."""
+        """Gains with the digits that a machine file needs."""
         values = (self.kvp_nm_s_per_rad, self.tvi_s, self.kpp_per_s, self.kvf, self.acc_deg_s2)
         return Gains(*(_significant(value) for value in values))
 
@@ -49,7 +49,7 @@ POOR: Final = Gains(10.0, 0.5, 1.0, 0.0, 0.05)
 
 
 def configured(machine: Machine) -> Gains:
-    """What a machine file has."""
+    """Gains of a machine file."""
     loop, control = machine.drive.speed_loop, machine.control
     return Gains(
         loop.kvp_nm_s_per_rad,

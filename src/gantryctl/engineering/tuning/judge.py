@@ -48,7 +48,7 @@ class GainsVerdict:
 
 
 def judged(machine: Machine, gains: Gains, plants: Sequence[UncertainPlant] | None = None) -> GainsVerdict:
-    """Hold gains against the uncertain plant.
+    """Judge gains on the uncertain plant.
 
     Args:
         machine: base, current loop and timing are taken as they are.

@@ -23,7 +23,7 @@ _KVF_STEPS: Final = 10
 # The paper's own criteria are words: while stable, just before vibration, just before the base shakes. The
 # third version of these limits is in force, each change made after seeing what the one before ended in.
 class Criteria(NamedTuple):
-    """Where raising a value stops: our choices, settled with the paper's gains in sight (docs/explanation/tuning.md).
+    """Stop criteria: our choices, settled with the paper's gains in sight (docs/explanation/tuning.md).
 
     Attributes:
         speed_overshoot: of the motor speed behind a step, while the integral is slow: exp(-pi) = 4.3 % belongs to a
@@ -65,7 +65,7 @@ class Trial(NamedTuple):
 
 @dataclass(frozen=True)
 class Tuned:
-    """Where a procedure started, where it ended, and every trial on the way."""
+    """Start and end of a procedure, and every trial between them."""
 
     start: Gains
     gains: Gains
@@ -135,7 +135,7 @@ def _raised_phases(bench: Bench, criteria: Criteria) -> tuple[_Phase, _Phase, _P
         return 100.0 * step.load_overshoot, _limited(step.limited)
 
     def base(gains: Gains) -> Outcome:
-        """Until the base moves as much as it may, or torque limit, reducer or the other ramps are reached."""
+        """Raise until the base moves as much as it may, or torque limit, reducer or the other ramps are reached."""
         if gains.acc_deg_s2 > most:
             return 0.0, f"above the jog-release ramp of {most:g} deg/s2"
         move = bench.move(gains)

@@ -21,7 +21,7 @@ WITHIN: Final = 0.2
 
 @dataclass(frozen=True)
 class Candidate:
-    """One set of gains and everything that is known of it."""
+    """One set of gains with its move and its verdict."""
 
     name: str
     gains: Gains
@@ -50,7 +50,7 @@ class Tuning:
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Those worth showing: the paper's gains once, when they are configured already."""
+        """Candidates to show: the paper's gains once, when they are configured already."""
         if replace(self.configured.gains, acc_deg_s2=0.0) == replace(PAPER, acc_deg_s2=0.0):
             return (self.configured, self.proposal)
         return (self.configured, self.proposal, self.paper)

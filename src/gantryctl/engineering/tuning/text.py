@@ -1,4 +1,4 @@
-"""What a tuning found: sentences, and tables of text; where it is not the paper's, why, with what was measured."""
+"""A tuning as sentences and tables of text, with the reasons where it differs from the paper's."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def _why_kpp(tuning: Tuning) -> str:
 
 
 def verdict_sentences(name: str, verdict: GainsVerdict) -> list[str]:
-    """What the verdict says."""
+    """Sentences on one set of gains."""
     margins = verdict.margins
     count, wrong = len(margins.cases), len(margins.unstable)
     where = "stable on all" if not wrong else f"UNSTABLE on {wrong}"

@@ -1,1 +1,1 @@
-"""Chord procedures as stop points, and running them on the batch or on the scan engine."""
+"""Chord procedures as stop points, and their drivers on the batch and on the scan engine."""

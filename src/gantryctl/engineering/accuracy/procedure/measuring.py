@@ -1,4 +1,4 @@
-"""What an instrument makes of the angles of a run: the simulated tracker, an encoder on the ring, the motor side."""
+"""Simulated instruments: tracker, encoder on the ring, motor side."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gantryctl.units import rad
 
 
 class InstrumentKind(Enum):
-    """What measures."""
+    """Measuring instruments."""
 
     TRACKER = "tracker"
     LOAD_ENCODER = "load-encoder"
@@ -27,7 +27,7 @@ class InstrumentKind(Enum):
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """A run as an instrument saw it.
+    """Error table of a run through one instrument.
 
     Attributes:
         sigma_m: its noise per coordinate, None for an angle encoder.
@@ -45,7 +45,7 @@ class MeasuredRun:
 def measure(
     machine: Machine, kind: InstrumentKind, procedure: Procedure, readings: Readings, seed: int
 ) -> MeasuredRun:
-    """The first plant of `readings` through an instrument with noise drawn from `seed`."""
+    """Measure the first plant of `readings`, with noise drawn from `seed`."""
     radius_m = machine.accuracy.chord_radius_m
     if kind is InstrumentKind.TRACKER:
         sigma_m = machine.accuracy.tracker_noise_um * 1e-6

@@ -1,4 +1,4 @@
-"""Drives a chord test on the simulator with the compiled loop: one reading per stop, many plants at once."""
+"""Driver of a chord test on the compiled loop: one reading per stop, many plants at once."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ PHASES: Final = 18
 
 @dataclass(frozen=True)
 class Readings:
-    """What a run measured, before any instrument. Arrays have shape (plants, stops), rad or deg/s.
+    """True angles of a run, before any instrument. Arrays have shape (plants, stops), rad or deg/s.
 
     Attributes:
         load_rad: mean inertial angle of the load over the last part of each dwell: what a tracker sees.
@@ -133,6 +133,6 @@ def run_procedure(
 
 
 def lose_turns(loop: ClosedLoop, turns: int) -> None:
-    """The multiturn part of the encoder goes wrong, as with the power off (for tests that must fail)."""
+    """Falsify the multiturn part of the encoder, as a turn with the power off would (for tests that must fail)."""
     # It shifts all stops alike and changes no chord: only the largest angle error of a report shows it.
     loop.sim.count_offset += turns * round(2.0 * np.pi / loop.law.rad_per_count)

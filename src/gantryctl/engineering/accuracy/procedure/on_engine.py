@@ -1,4 +1,4 @@
-"""Drives a chord test scan by scan, with the PLC program and its monitors, as on a real drive.
+"""Driver of a chord test on the scan engine, with the PLC program and its monitors, as on a real drive.
 
 Slower than `run_procedure` and with the same readings; in real time it takes as long as the machine would.
 """

@@ -1,4 +1,4 @@
-"""The chord test as data: which stops, in which order, and from which earlier stop every chord is measured.
+"""The chord test as data: stops, their order, and the earlier stop from which every chord is measured.
 
 Nothing here knows how the axis is moved. A driver visits `Procedure.stops` in one continuous run, takes one
 reading per stop (the mean angle over the last part of the dwell) and hands all readings to `evaluate`.
@@ -31,7 +31,7 @@ SHORT_APPROACH_DEG = 5.0
 
 
 class StopRole(Enum):
-    """What a stop is for."""
+    """Purpose of a stop."""
 
     # Where the axis stands before the first move; held like every other stop, not measured.
     START = "start"
@@ -44,7 +44,7 @@ class StopRole(Enum):
 
 
 class Chord(Enum):
-    """From where the chord of a point is measured."""
+    """Origin of a point's chord."""
 
     # From the base of its series: the error of the whole displacement.
     BASE = "base"
@@ -54,7 +54,7 @@ class Chord(Enum):
 
 @dataclass(frozen=True)
 class ChordStop:
-    """One place where the axis stands still and is read.
+    """One standstill of the axis with a reading.
 
     Attributes:
         target_deg: where to go.
@@ -93,7 +93,7 @@ class Procedure:
 
     @property
     def start_deg(self) -> float:
-        """Where the axis must stand before the run begins."""
+        """Angle before the run begins."""
         return self.stops[0].target_deg
 
     @property

@@ -65,7 +65,7 @@ P = ParamSpec("P")
 
 
 def styled(make: Callable[P, Figure]) -> Callable[P, Figure]:
-    """A figure made under the report's matplotlib settings, whatever the caller's are."""
+    """Decorate the maker of a figure: it works under the report's matplotlib settings, whatever the caller's are."""
 
     @wraps(make)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:

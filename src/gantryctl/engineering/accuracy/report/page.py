@@ -45,9 +45,7 @@ def render_html(report: AccuracyReport) -> str:
 
 
 def write_report(report: AccuracyReport, folder: str | Path) -> Path:
-    """Write report.html, report.json and the measured table as table.csv into a folder; the path of the
-    page.
-    """
+    """Write report.html, report.json and the measured table as table.csv; returns the path of the page."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / "report.html"
@@ -58,7 +56,7 @@ def write_report(report: AccuracyReport, folder: str | Path) -> Path:
 
 
 def _view(report: AccuracyReport) -> dict[str, Any]:
-    """What the template sees: words and numbers, no logic."""
+    """View for the template: words and numbers, no logic."""
     iso, passed = report.iso, report.verdict.passed
     word = "NO VERDICT" if passed is None else "PASS" if passed else "FAIL"
     paper_rms = statistics(PAPER_TABLE).rms_deg
@@ -196,7 +194,7 @@ def _statistics_view(ours: TableStatistics, beside: bool) -> list[tuple[str, lis
 
 
 def _paper_printed(table: ErrorTable) -> str:
-    """Where the paper's printed statistics differ from those of its own rows."""
+    """Note on the paper's printed statistics, which differ from those of its rows."""
     if table.displacements_deg != PAPER_TABLE.displacements_deg:
         return ""
     mean = ", ".join(f"{value:.4f}" for value in PAPER_MEAN_DEG[1:])
@@ -211,7 +209,7 @@ def _paper_printed(table: ErrorTable) -> str:
 
 
 def _figures(report: AccuracyReport) -> dict[str, str]:
-    """The SVGs by name; what there is no data for is left out."""
+    """The SVGs by name; figures without data are left out."""
     made = {
         "errors": figures.svg(figures.chord_errors(report.table), "errors"),
         "bands": figures.svg(figures.bands(report.table), "bands"),

@@ -1,4 +1,4 @@
-"""The accuracy report as data: what was asked, what was measured, and what follows from it.
+"""The accuracy report as data: order, measured tables, and the figures that follow from them.
 
 `AccuracyReport` holds the inputs; every figure in it is computed from them on demand, by the same functions
 everywhere. `text` prints it, `report_json` and `html` write it.
@@ -74,7 +74,7 @@ class SpeedRun:
 
     @property
     def reached(self) -> bool:
-        """The speed asked was reached (to 0.1 %)."""
+        """True when the speed was reached (to 0.1 %)."""
         return self.reached_deg_s >= 0.999 * self.speed_deg_s
 
     @property
@@ -119,7 +119,7 @@ class AccuracyVerdict:
 
 @dataclass(frozen=True, eq=False)
 class AccuracyReport:
-    """Everything an accuracy report is made of. Angles in deg.
+    """Inputs of an accuracy report, and every figure that follows from them. Angles in deg.
 
     Attributes:
         machine, config_hash, version, seed: what was run; `created` is a date for the page, or empty.
@@ -171,7 +171,7 @@ class AccuracyReport:
 
     @property
     def table(self) -> ErrorTable:
-        """The table that is shown first: the true one where it is known, else the measured one."""
+        """The true table where it is known, else the measured one."""
         return self.measured if self.true is None else self.true
 
     @cached_property
@@ -229,7 +229,7 @@ class AccuracyReport:
 
     @property
     def comparison(self) -> str:
-        """Our A beside the paper's, and what that is worth; never a criterion."""
+        """Our A beside the paper's, and the worth of the comparison; never a criterion."""
         ours = f"A = {self.statistics.a_deg:.4f} deg beside the paper's {PAPER_A_DEG:.4f} deg"
         if self.table == PAPER_TABLE:
             return f"{ours}: this is the paper's own table"
@@ -243,7 +243,7 @@ class AccuracyReport:
 
     @property
     def speed_note(self) -> str:
-        """Why chord test and speed test are two tests."""
+        """Reason for two tests: the moves of the chord test are too short for full speed."""
         if self.vel_max_deg_s is None or self.acc_deg_s2 is None:
             return ""
         vel, acc = self.vel_max_deg_s, self.acc_deg_s2
@@ -258,7 +258,7 @@ class AccuracyReport:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader must know before using a figure."""
+        """Limits of the figures for the reader."""
         found = [*self.notes, *self.statistics.warnings, *self.iso.warnings]
         if not self.measures_load:
             found.insert(0, "motor side: the readings do not contain gear error, wind-up or lost motion")

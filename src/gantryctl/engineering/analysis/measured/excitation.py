@@ -17,7 +17,7 @@ _ROLL_OFF_HZ = 5.0
 
 @dataclass(frozen=True)
 class Excitation:
-    """What is added to speed command or torque: amplitude x sum of weight_k sin(2 pi line_k t/period + phase_k).
+    """Signal added to speed command or torque: amplitude x sum of weight_k sin(2 pi line_k t/period + phase_k).
 
     Attributes:
         where: speed command (rad/s at the motor) or torque feed-forward (N m).

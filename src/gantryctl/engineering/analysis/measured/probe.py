@@ -37,7 +37,7 @@ Record = dict[str, FloatArray]
 
 @dataclass(frozen=True)
 class ProbeLimits:
-    """What stops a measurement at once.
+    """Limits that stop a measurement at once.
 
     Attributes:
         torque_nm: largest motor torque, absolute. pos_min_rad, pos_max_rad: gantry angle.
@@ -51,7 +51,7 @@ class ProbeLimits:
 
 
 class FrequencyResponse(NamedTuple):
-    """What was measured, one value per line.
+    """Measured frequency response, one value per line.
 
     Attributes:
         hz: frequencies.
@@ -71,7 +71,7 @@ class FrequencyResponse(NamedTuple):
 
 
 class Probe:
-    """Runs an axis scan by scan with a signal added; the same for a simulated drive and one on a bus.
+    """An axis that runs scan by scan with a signal added; the same for a simulated drive and one on a bus.
 
     Args:
         drive: the axis; torque off at the beginning.
@@ -92,7 +92,7 @@ class Probe:
         self._scan = 0
 
     def enable(self) -> None:
-        """Torque on, brake open, standing where it stands; then calm.
+        """Switch on, open the brake, hold the present angle until the axis is calm.
 
         Raises:
             AlarmStop: the drive does not come up within 5 s.
@@ -111,7 +111,7 @@ class Probe:
         self.run(None, round(_CALM_S / self.scan_s))
 
     def turn(self, vel_rad_s: float) -> None:
-        """Go on with a constant speed at the gantry, or come to rest; then calm."""
+        """Turn at a constant speed, or come to rest, until the axis is calm."""
         start = SetPoint(*self._plan.sample(self._scan * self.scan_s))
         motion = self.limits.motion
         self._plan = plan_velocity(start, vel_rad_s, motion) if vel_rad_s else plan_stop(start, motion)
@@ -164,7 +164,7 @@ class Probe:
 
 
 def fitted(probe: Probe, excitation: Excitation, torque_nm: float) -> Excitation:
-    """The signal with the amplitude at which the motor torque swings by +-`torque_nm`.
+    """Fit the amplitude of a signal, so that the motor torque swings by +-`torque_nm`.
 
     Begins with a fiftieth of what moves an inertia that is not there and grows at most tenfold a trial, so the torque
     never jumps; a period each.

@@ -45,7 +45,7 @@ _OFF_DEG: Final = 20.0
 
 @dataclass(frozen=True)
 class Condition:
-    """How an axis is measured.
+    """Conditions of one measurement.
 
     Attributes:
         torque_nm: half the swing of the motor torque that the signal makes.
@@ -125,7 +125,7 @@ class MeasuredResponse:
 
 
 def model_ratios(machine: Machine, friction: Friction, angle_deg: float, hz: FloatArray) -> Ratios:
-    """What the linear model reports at these frequencies, sampled as the drive reports it."""
+    """Ratios of the linear model at these frequencies, sampled as the drive reports them."""
     plant = mechanics(machine, _kind(machine), friction, angle_rad=rad(angle_deg))
     reply = SampledLoop(plant, loop_settings(machine)).injected(Input.SPEED, 2.0 * math.pi * hz)
     return Ratios(
@@ -169,7 +169,7 @@ def measure_simulated(machine: Machine, condition: Condition) -> MeasuredRespons
 
 
 def starts_at_deg(machine: Machine, condition: Condition) -> float:
-    """Where a measurement starts, so that the condition's angle is the middle of its way.
+    """Start of a measurement whose middle is the condition's angle.
 
     Raises:
         UsageError: the way does not fit into the travel.

@@ -1,4 +1,4 @@
-"""Rational transfer functions with real coefficients, by polynomials alone: no scipy, no symbolic algebra.
+"""Rational transfer functions with real coefficients, by polynomials alone.
 
 Crossovers and resonance peaks are roots of polynomials in w^2, so they are exact; time responses are inverse
 Laplace transforms by the matrix exponential of a companion form, which takes multiple poles (ramps,

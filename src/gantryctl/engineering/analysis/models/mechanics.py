@@ -27,7 +27,7 @@ MOTOR, LOAD, BASE = "motor", "load", "base"
 
 
 class PlantKind(Enum):
-    """Which bodies move by themselves."""
+    """Bodies that move by themselves."""
 
     RIGID = "rigid"
     TWO_MASS = "two-mass"
@@ -125,7 +125,7 @@ class Mechanics:
 
 @dataclass(frozen=True)
 class Variation:
-    """What the uncertain parts of the gantry may be; None takes the machine's own value.
+    """Values of the uncertain parts of the gantry; None takes the machine's own.
 
     Attributes:
         stiffness_nm_per_rad: transmission, at the gantry. damping_ratio: of the load on it, motor held, base

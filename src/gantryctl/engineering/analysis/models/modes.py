@@ -1,4 +1,4 @@
-"""Swinging modes: of the mechanics with the motor held, and what becomes of them in the closed loop."""
+"""Swinging modes, with the motor held and in the closed loop."""
 
 from __future__ import annotations
 

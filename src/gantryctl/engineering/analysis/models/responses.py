@@ -13,7 +13,7 @@ from gantryctl.engineering.analysis.models.sampled import SampledLoop
 
 
 class Reference(Enum):
-    """What the set-point does at t = 0."""
+    """Course of the set-point from t = 0."""
 
     STEP = "step of the angle"
     RAMP = "step of the speed"

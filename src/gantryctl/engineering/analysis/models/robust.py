@@ -1,4 +1,4 @@
-"""Worst case over what is not known of the gantry: stiffness, damping, inertias. For tuning, and to judge gains.
+"""Worst case over the uncertain stiffness, damping and inertias of the gantry.
 
 The full linear plant without friction, the loop as it runs. Every case is computed, nothing is
 interpolated; the stiffness is a fine grid because gains may be unstable in a band of it only.
@@ -62,7 +62,7 @@ DEFAULT: Final = Uncertainty()
 
 
 class Case(NamedTuple):
-    """One plant and what the loop does on it.
+    """One plant and the loop's figures on it.
 
     Attributes:
         zeta: smallest damping ratio of any swinging pole; negative = unstable. hz: its frequency.
@@ -118,7 +118,7 @@ class RobustMargins:
 
 @dataclass(frozen=True)
 class UncertainPlant:
-    """One plant of the set, with what does not depend on the gains computed once."""
+    """One plant of the set, with its response that does not depend on the gains."""
 
     variation: Variation
     plant: Mechanics
@@ -164,7 +164,7 @@ def robust_margins(
     settings: LoopSettings | None = None,
     plants: Sequence[UncertainPlant] | None = None,
 ) -> RobustMargins:
-    """What the loop does on every plant of the uncertain set.
+    """Figures of the loop on every plant of the uncertain set.
 
     Args:
         machine: see `uncertain_plants`.

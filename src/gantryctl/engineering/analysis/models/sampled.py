@@ -66,7 +66,7 @@ def loop_settings(machine: Machine) -> LoopSettings:
 
 
 class Cut(Enum):
-    """Where the loop is opened."""
+    """Places where the loop is opened."""
 
     SPEED_COMMAND = "speed command"
     SPEED_ERROR = "speed error"
@@ -74,7 +74,7 @@ class Cut(Enum):
 
 
 class Input(Enum):
-    """Where a signal is added to the closed loop, at the motor: rad/s or N m."""
+    """Places where a signal is added to the closed loop, at the motor: rad/s or N m."""
 
     SPEED = "speed command"
     TORQUE = "torque feed-forward"
@@ -181,9 +181,7 @@ class SampledLoop:
         return np.sort_complex(np.log(z) / self.settings.scan_s)
 
     def stable(self, torque_gain: float = 1.0, command_gain: float = 1.0) -> bool:
-        """Whether the closed loop settles; with a command gain of 0 the free angle (pole at 0) does not
-        count.
-        """
+        """True when the closed loop settles; with a command gain of 0 the free angle (pole at 0) does not count."""
         z = np.linalg.eigvals(self.closed(torque_gain, command_gain))
         # With the position loop open the free angle is a pole at z = 1, to rounding.
         limit = 1.0 if command_gain else 1.0 + 1e-9
@@ -221,7 +219,7 @@ class SampledLoop:
         return np.asarray(pi * z**-s.delay_cycles * plant * feedback)
 
     def injected(self, where: Input, w_rad_s: FloatArray) -> Mapping[str, ComplexArray]:
-        """What a drive reports in the closed loop per unit of a signal added to command or torque.
+        """Reports of the drive in the closed loop per unit of a signal added to command or torque.
 
         Returns:
             pos_act_rad, vel_act_rad_s (mean over the last scan), torque_act_nm, vel_law_rad_s (output of the
