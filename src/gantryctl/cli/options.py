@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
@@ -15,6 +15,9 @@ import click
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
+
+
+Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 class NamedPath(click.Path):
@@ -72,6 +75,18 @@ class FiniteFloat(click.ParamType[float]):
 
 
 FINITE = FiniteFloat()
+
+
+def choice_option(name: str, choices: Sequence[str], help: str, default: str | None = None) -> Option:
+    """An option with a few words as values; the first is the default unless another one is given."""
+    return click.option(
+        name, type=click.Choice(choices), default=default or choices[0], show_default=True, help=help
+    )
+
+
+def number_option(names: Sequence[str], default: float, help: str) -> Option:
+    """An option with a finite number as value, and a default that the help shows."""
+    return click.option(*names, type=FINITE, default=default, show_default=True, help=help)
 
 
 class SignedCommand(click.Command):

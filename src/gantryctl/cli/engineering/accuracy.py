@@ -10,6 +10,7 @@ import click
 from gantryctl.cli.options import (
     FINITE,
     PATH,
+    choice_option,
     config_option,
     directory,
     fresh_option,
@@ -47,12 +48,10 @@ def accuracy() -> None:
 @click.option("--noise-um", type=FINITE, help="Tracker noise per coordinate; [accuracy] tracker_noise_um.")
 @click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="Figure 5 as well.")
 @click.option("--threads", type=click.IntRange(1, 256), help="For the ensemble; no effect on the result.")
-@click.option(
+@choice_option(
     "--instrument",
-    type=click.Choice(["tracker", "load-encoder", "motor-side"]),
-    default="tracker",
-    show_default=True,
-    help="What measures; motor-side readings get no accuracy verdict.",
+    ("tracker", "load-encoder", "motor-side"),
+    "What measures; motor-side readings get no accuracy verdict.",
 )
 @click.option(
     "--on-engine", is_flag=True, help="Scan by scan with the PLC program instead of the compiled loop."

@@ -9,10 +9,12 @@ import click
 
 from gantryctl.cli.options import (
     FINITE,
+    choice_option,
     config_option,
     directory,
     json_option,
     machine_of,
+    number_option,
     out_option,
     print_json,
     simulated_machine,
@@ -35,12 +37,10 @@ DEFAULT_OUT = Path("analysis")
     type=click.Choice(["rigid", "two-mass", "full"]),
     help="Which bodies move by themselves; full, with the rocking base, unless [plant.switches] rigid = true.",
 )
-@click.option(
+@choice_option(
     "--friction",
-    type=click.Choice(["none", "sliding", "holding"]),
-    default="none",
-    show_default=True,
-    help="Small-signal friction: absent, while turning, while standing.",
+    ("none", "sliding", "holding"),
+    "Small-signal friction: absent, while turning, while standing.",
 )
 @click.option(
     "--robust", "with_robust", is_flag=True, help="Worst case over stiffness, damping and inertias."
@@ -48,9 +48,7 @@ DEFAULT_OUT = Path("analysis")
 @click.option(
     "--measure", "with_measured", is_flag=True, help="Measure frequency responses on the simulated axis."
 )
-@click.option(
-    "--at", "angle_deg", type=FINITE, default=75.0, show_default=True, help="Where to measure, deg."
-)
+@number_option(("--at", "angle_deg"), 75.0, "Where to measure, deg.")
 @click.option(
     "--torque", "torque_nm", type=FINITE, help="Test torque, N m; 4 % of the rated torque when not given."
 )

@@ -10,6 +10,7 @@ import click
 
 from gantryctl.cli.options import (
     PATH,
+    choice_option,
     config_option,
     json_option,
     print_json,
@@ -26,13 +27,7 @@ if TYPE_CHECKING:
 
 @click.command()
 @config_option
-@click.option(
-    "--instrument",
-    type=click.Choice(["tracker", "load-encoder"]),
-    default="tracker",
-    show_default=True,
-    help="What watches the load.",
-)
+@choice_option("--instrument", ("tracker", "load-encoder"), "What watches the load.")
 @click.option(
     "--out",
     "out",

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.options import (
-    FINITE,
+    choice_option,
     config_option,
     directory,
     json_option,
+    number_option,
     out_option,
     print_json,
     simulated_machine,
@@ -30,41 +31,24 @@ PROPOSAL = "proposal.toml"
 
 @click.command()
 @config_option
-@click.option(
+@choice_option(
     "--method",
-    type=click.Choice(["paper", "margins"]),
-    default="paper",
-    show_default=True,
-    help="Trials on the simulated axis in the paper's order, or margins over the uncertain plant.",
+    ("paper", "margins"),
+    "Trials on the simulated axis in the paper's order, or margins over the uncertain plant.",
 )
-@click.option(
-    "--plant",
-    type=click.Choice(["machine", "paper-drive"]),
-    default="machine",
-    show_default=True,
-    help="The axis of the machine file, or as the paper's drive saw it.",
+@choice_option(
+    "--plant", ("machine", "paper-drive"), "The axis of the machine file, or as the paper's drive saw it."
 )
-@click.option(
-    "--base-limit",
-    "base_um",
-    type=FINITE,
-    default=150.0,
-    show_default=True,
-    help="Base motion at which raising the acceleration stops, um p-p (method paper).",
+@number_option(
+    ("--base-limit", "base_um"),
+    150.0,
+    "Base motion at which raising the acceleration stops, um p-p (method paper).",
 )
-@click.option(
-    "--sensitivity",
-    type=FINITE,
-    default=1.7,
-    show_default=True,
-    help="Largest sensitivity peak (method margins).",
-)
-@click.option(
-    "--damping-left",
-    type=FINITE,
-    default=0.8,
-    show_default=True,
-    help="Part of its own damping that the loop leaves the load at least (method margins).",
+@number_option(("--sensitivity",), 1.7, "Largest sensitivity peak (method margins).")
+@number_option(
+    ("--damping-left",),
+    0.8,
+    "Part of its own damping that the loop leaves the load at least (method margins).",
 )
 @click.option("--log", "with_log", is_flag=True, help="Print every trial.")
 @click.option("--plot", is_flag=True, help="Write pictures to --out.")

@@ -14,7 +14,7 @@ def comparison_data(report: CompareReport) -> dict[str, Any]:
     return {
         "paper": report.paper,
         "improved": report.improved,
-        "figures": {name: {"meaning": what, "unit": unit} for name, (what, unit) in KEY_FIGURES.items()},
+        "figures": {name: {"meaning": f.meaning, "unit": f.unit} for name, f in KEY_FIGURES.items()},
         "rows": {name: row._asdict() for name, row in report.rows},
         "identified": [row._asdict() for row in report.identified],
         "profiles_at_equal_base_motion": [

@@ -62,22 +62,34 @@ class KeyFigures(NamedTuple):
     base_180_um: float
 
 
-# Meaning and unit of every figure.
+class KeyFigure(NamedTuple):
+    """How a figure is shown.
+
+    Attributes:
+        head: above its column in the table of the rows; "" for a figure of the ensemble alone.
+    """
+
+    meaning: str
+    unit: str
+    head: str
+    digits: int = 4
+
+
 KEY_FIGURES: Final = {
-    "a_true_a": ("A true, procedure A", "deg"),
-    "a_true_b": ("A true, procedure B", "deg"),
-    "a_measured_a": (f"A as measured, procedure A, median of {DRAWS}", "deg"),
-    "a_measured_b": (f"A as measured, procedure B, median of {DRAWS}", "deg"),
-    "load_error_deg_s": ("speed error, load side, 0 to 90", "deg/s"),
-    "motor_error_deg_s": ("speed error, motor side, 0 to 90", "deg/s"),
-    "time_90_s": ("0 to 90 deg", "s"),
-    "time_180_s": ("-90 to 90 deg", "s"),
-    "base_um": ("base motion p-p, 0 to 90", "um"),
-    "residual_um": ("residual base motion, 0 to 90", "um"),
-    "settling_s": ("settled to 0.001 deg, 0 to 90", "s"),
-    "reducer_knm": ("reducer torque, 0 to 90", "kN m"),
-    "load_error_180_deg_s": ("speed error, load side, -90 to 90", "deg/s"),
-    "base_180_um": ("base motion p-p, -90 to 90", "um"),
+    "a_true_a": KeyFigure("A true, procedure A", "deg", "A true\nproc. A"),
+    "a_true_b": KeyFigure("A true, procedure B", "deg", "A true\nproc. B"),
+    "a_measured_a": KeyFigure(f"A as measured, procedure A, median of {DRAWS}", "deg", "A seen\nproc. A"),
+    "a_measured_b": KeyFigure(f"A as measured, procedure B, median of {DRAWS}", "deg", "A seen\nproc. B"),
+    "load_error_deg_s": KeyFigure("speed error, load side, 0 to 90", "deg/s", "load\ndeg/s"),
+    "motor_error_deg_s": KeyFigure("speed error, motor side, 0 to 90", "deg/s", "motor\ndeg/s"),
+    "time_90_s": KeyFigure("0 to 90 deg", "s", "90 deg\ns", 2),
+    "time_180_s": KeyFigure("-90 to 90 deg", "s", "180 deg\ns", 2),
+    "base_um": KeyFigure("base motion p-p, 0 to 90", "um", "base\num p-p", 0),
+    "residual_um": KeyFigure("residual base motion, 0 to 90", "um", "after\num", 1),
+    "settling_s": KeyFigure("settled to 0.001 deg, 0 to 90", "s", "settled\ns", 2),
+    "reducer_knm": KeyFigure("reducer torque, 0 to 90", "kN m", "reducer\nkN m", 2),
+    "load_error_180_deg_s": KeyFigure("speed error, load side, -90 to 90", "deg/s", ""),
+    "base_180_um": KeyFigure("base motion p-p, -90 to 90", "um", "", 0),
 }
 
 

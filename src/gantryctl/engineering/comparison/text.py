@@ -2,23 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
 from gantryctl.engineering.comparison.report import CompareReport
 from gantryctl.engineering.identification.text import truth_table
 from gantryctl.engineering.report.text import TextTable
-
-_HEADS: Final = {
-    "a_true_a": "A true\nproc. A", "a_true_b": "A true\nproc. B", "a_measured_a": "A seen\nproc. A",
-    "a_measured_b": "A seen\nproc. B", "load_error_deg_s": "load\ndeg/s", "motor_error_deg_s": "motor\ndeg/s",
-    "time_90_s": "90 deg\ns", "time_180_s": "180 deg\ns", "base_um": "base\num p-p", "residual_um": "after\num",
-    "settling_s": "settled\ns", "reducer_knm": "reducer\nkN m",
-}  # fmt: skip
-_DIGITS: Final = {
-    "time_90_s": 2, "time_180_s": 2, "base_um": 0, "residual_um": 1, "settling_s": 2, "reducer_knm": 2,
-    "base_180_um": 0,
-}  # fmt: skip
 
 
 def tables(report: CompareReport) -> list[TextTable]:
@@ -47,37 +34,37 @@ def notes(report: CompareReport) -> list[str]:
     ]
 
 
-def _text(name: str, value: float) -> str:
-    return f"{value:.{_DIGITS.get(name, 4)}f}"
-
-
 def _rows(report: CompareReport) -> TextTable:
-    rows = tuple((name, *(_text(key, getattr(row, key)) for key in _HEADS)) for name, row in report.rows)
-    return TextTable(f"{report.paper} against {report.improved}", ("", *_HEADS.values()), rows)
+    shown = {name: figure for name, figure in KEY_FIGURES.items() if figure.head}
+    rows = tuple(
+        (row_name, *(f"{getattr(row, name):.{figure.digits}f}" for name, figure in shown.items()))
+        for row_name, row in report.rows
+    )
+    heads = ("", *(figure.head for figure in shown.values()))
+    return TextTable(f"{report.paper} against {report.improved}", heads, rows)
 
 
 def _profiles(report: CompareReport) -> TextTable:
-    rows = tuple(
-        (
-            row.name,
-            f"{row.acc_deg_s2:.3f}",
-            f"{row.move.time_s:.2f}",
-            f"{row.move.base_um:.0f}",
-            f"{row.move.residual_um:.1f}",
-            f"{row.move.load_error_deg_s:.4f}",
-        )
+    rows = [
+        {
+            "": row.name,
+            "acceleration\ndeg/s2": f"{row.acc_deg_s2:.3f}",
+            "90 deg\ns": f"{row.move.time_s:.2f}",
+            "base\num p-p": f"{row.move.base_um:.0f}",
+            "after\num": f"{row.move.residual_um:.1f}",
+            "load\ndeg/s": f"{row.move.load_error_deg_s:.4f}",
+        }
         for row in report.profiles
-    )
-    heads = ("", "acceleration\ndeg/s2", "90 deg\ns", "base\num p-p", "after\num", "load\ndeg/s")
-    return TextTable(f"Profiles at the base motion of {report.paper}, no compensation", heads, rows)
+    ]
+    return TextTable.of(f"Profiles at the base motion of {report.paper}, no compensation", rows)
 
 
 def _quantiles(report: CompareReport, name: str) -> TextTable:
     assert report.ensemble is not None
     quantiles = report.ensemble.quantiles(name)
     rows = tuple(
-        (what, unit, *(_text(key, value) for value in quantiles[key]))
-        for key, (what, unit) in KEY_FIGURES.items()
+        (figure.meaning, figure.unit, *(f"{value:.{figure.digits}f}" for value in quantiles[key]))
+        for key, figure in KEY_FIGURES.items()
     )
     title = f"{name} on {len(report.ensemble.seeds)} random gears and plants"
     return TextTable(title, ("", "", "5 %", "median", "95 %"), rows)
