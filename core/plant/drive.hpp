@@ -53,12 +53,12 @@ struct DriveParams {
 template <class T>
 struct Drive {
   DriveParams<T> p;
-  T cycle_inverse = T(0.0);      // 1/Ts
-  T integral_step = T(0.0);      // Ts/Tvi
-  T speed_fresh = T(1.0);        // 1 - speed_filter
-  T rated_inverse = T(0.0);      // 1/T_rated
-  T budget = T(0.0);             // I2t account at which the limit falls, s
-  T torque_continuous = T(0.0);  // the limit then
+  T cycle_inverse = T(0.0);         // 1/Ts
+  T integral_step = T(0.0);         // Ts/Tvi
+  T speed_fresh = T(1.0);           // 1 - speed_filter
+  T rated_inverse = T(0.0);         // 1/T_rated
+  T budget_s = T(0.0);              // I2t account at which the limit falls
+  T torque_continuous_nm = T(0.0);  // the limit then
 
   Drive() : Drive(DriveParams<T>()) {}
   explicit Drive(const DriveParams<T>& params) : p(params) {
@@ -67,8 +67,8 @@ struct Drive {
     speed_fresh = T(1.0) - p.speed_filter;
     rated_inverse = T(1.0) / p.torque_rated_nm;
     const T ratio = p.torque_max_nm * rated_inverse;
-    budget = (ratio * ratio - T(1.0)) * p.overload_time_s;
-    torque_continuous = select(p.torque_max_nm < p.torque_rated_nm, p.torque_max_nm, p.torque_rated_nm);
+    budget_s = (ratio * ratio - T(1.0)) * p.overload_time_s;
+    torque_continuous_nm = select(p.torque_max_nm < p.torque_rated_nm, p.torque_max_nm, p.torque_rated_nm);
   }
 };
 
@@ -82,8 +82,8 @@ struct DriveState {
 template <class T>
 struct DriveCommand {
   DriveMode mode = DriveMode::kOff;
-  T vel_cmd = T(0.0);    // rad/s at the motor
-  T torque_ff = T(0.0);  // N m, added to the output of the speed loop
+  T vel_cmd_rad_s = T(0.0);  // at the motor
+  T torque_ff_nm = T(0.0);   // added to the output of the speed loop
 };
 
 // Position as the encoder gives it: `latency_s` old and in whole counts (0: ideal).
@@ -109,8 +109,8 @@ GANTRY_INLINE T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_mo
 template <class T>
 GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
   const T load = s.torque_set * drive.rated_inverse;
-  s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget);
-  return select(s.overload < drive.budget, drive.p.torque_max_nm, drive.torque_continuous);
+  s.overload = clamp(s.overload + (load * load - T(1.0)) * drive.p.cycle_s, T(0.0), drive.budget_s);
+  return select(s.overload < drive.budget_s, drive.p.torque_max_nm, drive.torque_continuous_nm);
 }
 
 // One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
@@ -127,13 +127,13 @@ GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& comman
     return T(0.0);
   }
   if (command.mode == DriveMode::kSpeed) {
-    s.ramp = clamp(command.vel_cmd, -p.vel_max_rad_s, p.vel_max_rad_s);
+    s.ramp = clamp(command.vel_cmd_rad_s, -p.vel_max_rad_s, p.vel_max_rad_s);
   } else {
     const T step = p.quick_dec_rad_s2 * p.cycle_s;
     s.ramp = select(vabs(s.ramp) > step, s.ramp - sign(s.ramp) * step, T(0.0));
   }
   const T error = s.ramp - vel;
-  const T wanted = p.kvp_nm_s_per_rad * error + (p.kvp_nm_s_per_rad * s.integral + command.torque_ff);
+  const T wanted = p.kvp_nm_s_per_rad * error + (p.kvp_nm_s_per_rad * s.integral + command.torque_ff_nm);
   const T given = clamp(wanted, -limit, limit);
   const auto free = either(given == wanted, (wanted - given) * error < T(0.0));
   s.integral = select(free, s.integral + error * drive.integral_step, s.integral);

@@ -115,8 +115,8 @@ class GantrySim {
 
   // Used part of the I2t budget, 0..1.
   T overload() const {
-    const auto has_budget = drive_.budget > T(0.0);
-    return select(has_budget, s.overload / select(has_budget, drive_.budget, T(1.0)), T(0.0));
+    const auto has_budget = drive_.budget_s > T(0.0);
+    return select(has_budget, s.overload / select(has_budget, drive_.budget_s, T(1.0)), T(0.0));
   }
 
   // The load-side encoder in this scan, rad; 0 without one. For one plant, not for a pack.

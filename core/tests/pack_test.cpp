@@ -106,8 +106,8 @@ void expect_pack_equals_scalars(const std::vector<PlantParams<double>>& plants, 
     for (int k = 0; k < N; ++k) {
       const DriveCommand<double> c = command_of(scan, k);
       commands.mode = c.mode;
-      commands.vel_cmd.lane[k] = c.vel_cmd;
-      commands.torque_ff.lane[k] = c.torque_ff;
+      commands.vel_cmd_rad_s.lane[k] = c.vel_cmd_rad_s;
+      commands.torque_ff_nm.lane[k] = c.torque_ff_nm;
       ones[static_cast<std::size_t>(k)].scan(c, brake_open_at(scan));
     }
     pack.scan(commands, brake_open_at(scan));
