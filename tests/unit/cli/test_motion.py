@@ -128,7 +128,8 @@ def test_a_jog_runs_while_the_key_is_held(key: str, sign: float) -> None:
     assert sign * angle() > 1.0
 
 
-# --- how a run may end ------------------------------------------------------------------------------------------------
+# --- how a run may end
+# ------------------------------------------------------------------------------------------------
 
 
 def test_not_in_position_is_exit_code_1(tmp_path: Path) -> None:
@@ -200,7 +201,8 @@ def test_a_damaged_state_is_told_and_nothing_moves(state: Path, file: str) -> No
         assert cli("move", "1").code == 3
 
 
-# --- stops by whoever runs it -----------------------------------------------------------------------------------------
+# --- stops by whoever runs it
+# -----------------------------------------------------------------------------------------
 
 
 def interrupted(monkeypatch: pytest.MonkeyPatch, times: int, at_deg: float) -> None:
@@ -241,7 +243,8 @@ def test_after_the_run_ctrl_c_is_python_s_again() -> None:
     assert signal.getsignal(signal.SIGINT) is before
 
 
-# --- programs of one's own --------------------------------------------------------------------------------------------
+# --- programs of one's own
+# --------------------------------------------------------------------------------------------
 
 PROGRAMS = """
 import sys
@@ -322,7 +325,8 @@ def test_a_program_that_fails_is_an_alarm(programs: str, name: str, code: str) -
     assert "nan" not in cli("move", "2", "--program", f"{programs}:{name}").out
 
 
-# --- determinism ------------------------------------------------------------------------------------------------------
+# --- determinism
+# ------------------------------------------------------------------------------------------------------
 
 
 def trace_of(*arguments: object) -> str:

@@ -112,7 +112,8 @@ def test_the_override_counts_in_the_speed_asked_for() -> None:
     session.close("done")
 
 
-# --- jog --------------------------------------------------------------------------------------------------------------
+# --- jog
+# --------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("forward", [True, False])
@@ -142,7 +143,8 @@ def test_a_jog_ends_at_the_end_of_the_travel_and_does_not_wait_there() -> None:
     session.close("done")
 
 
-# --- stops ------------------------------------------------------------------------------------------------------------
+# --- stops
+# ------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("machine", [SIM, IDEAL], ids=["sim", "ideal"])
@@ -237,7 +239,8 @@ def test_whatever_ends_the_run_the_axis_is_left_at_rest_and_remembered(at_s: flo
     assert status.condition == "power off, brake closed"
 
 
-# --- alarms and memory ------------------------------------------------------------------------------------------------
+# --- alarms and memory
+# ------------------------------------------------------------------------------------------------
 
 
 def alarm_by_estop(store: StateStore) -> AxisRun:

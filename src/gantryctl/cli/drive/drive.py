@@ -91,10 +91,10 @@ def diff(config_file: Path | None, as_json: bool) -> int:
 
     Exit code 1 when one of them differs. Before it enables, the controller writes them itself.
     """
-    from gantryctl.drives.canopen.setup.opening import look
+    from gantryctl.drives.canopen.setup.opening import read_only_check
 
     with _node(config_file) as (node, settings, _):
-        _, rows = look(node, settings)
+        _, rows = read_only_check(node, settings)
     if as_json:
         print_json([{**row._asdict(), "verdict": row.verdict.value} for row in rows])
     else:

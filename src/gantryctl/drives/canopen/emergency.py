@@ -1,13 +1,13 @@
-"""Emergency messages in words: what the drive says, and what to do. Bounded, whatever a drive sends."""
+"""Emergency messages (EMCY) in words: cause and what to do; bounded, whatever a drive sends."""
 
 from __future__ import annotations
 
 from collections import deque
 from typing import Final, NamedTuple
 
+# Messages kept; a flood is counted, not stored. Logs of a library grew without bound.
 HISTORY: Final = 64
-"""Messages kept; a flood is counted, not stored."""
-
+# Error codes of CiA 301 and, from 2310 to FF00 but for the class 8xxx, of CiA 402.
 _EXACT: Final = {
     0x8110: ("CAN overrun: the drive lost telegrams", "Lower the bus load."),
     0x8120: ("CAN error passive in the drive", "Check cable, terminators and bit rate."),
@@ -28,7 +28,7 @@ _EXACT: Final = {
     0x6310: ("stored parameters of the drive are lost", "Restore the drive's parameters from a backup."),
     0x7305: ("motor encoder", "Check encoder cable and plug; call service."),
     0x8611: ("following error in the drive", "The drive does not reach its set-point."),
-    0xFF00: ("a fault of the maker's own", "Read the drive's display."),
+    0xFF00: ("a manufacturer-specific fault", "Read the drive's display."),
 }
 _CLASSES: Final = {
     0x1: "general error", 0x2: "current", 0x3: "voltage", 0x4: "temperature", 0x5: "drive hardware",
@@ -47,12 +47,12 @@ class Emergency(NamedTuple):
 
     @property
     def text(self) -> str:
-        """In words, with the code as the drive's manual has it."""
+        """Words for people, with the code for the drive's manual."""
         return emergency_text(self.code)
 
 
 def emergency_text(code: int) -> str:
-    """What an error code of CiA 301 or CiA 402 means and what to do."""
+    """Meaning of an error code of CiA 301 or CiA 402 and what to do."""
     if code == 0:
         return "EMCY 0000: no error any more"
     what, do = _EXACT.get(
@@ -62,11 +62,11 @@ def emergency_text(code: int) -> str:
 
 
 class EmergencyLog:
-    """The last messages, and how many there were.
+    """Latest emergency messages and their number.
 
     Attributes:
-        code: the last code that was not "no error any more"; 0 after that one.
-        count: messages ever.
+        code: of the last message; 0 after "error reset".
+        count: messages since the start.
     """
 
     def __init__(self) -> None:
@@ -75,7 +75,7 @@ class EmergencyLog:
         self.count = 0
 
     def take(self, data: bytes, scan: int) -> None:
-        """One frame; drives send them shorter than 8 bytes too. Fewer than two bytes say nothing."""
+        """Take one frame; some drives send fewer than the eight bytes of CiA 301, two carry the code."""
         if len(data) < 2:
             return
         self.count += 1

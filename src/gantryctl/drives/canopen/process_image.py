@@ -1,4 +1,4 @@
-"""The process data of one drive: bytes to quantities and back, with the counters of every telegram."""
+"""Process image of one drive: bytes of the telegrams to quantities and back."""
 
 from __future__ import annotations
 
@@ -16,10 +16,11 @@ from gantryctl.image import DigitalInputs
 
 _ALL_GOOD: Final = DigitalInputs()
 _TIMES_KEPT: Final = 5000
+# A position whose telegram is missing goes on with its last speed for this time: an old reading in the position loop
+# is a step of the speed command (decision 0012). After that the program stops the axis (CAN-07).
 _CARRIED_S: Final = 0.030
-"""So long a position whose telegram is missing goes on with its speed; the program stops the axis then (CAN-07)."""
+# 60FE, bit 0 (CiA 402): set the brake.
 _BRAKE_CLOSED: Final = 1
-"""60FE bit 0: set the brake."""
 
 
 # 6064 is a 32-bit number; some drives wrap it at their multiturn range instead (CiA 402 leaves it open).
@@ -27,7 +28,7 @@ SPAN_32: Final = 1 << 32
 
 
 class Unwrap:
-    """Turns a wrapping reading into one that goes on.
+    """Turn a wrapping position into a continuous one.
 
     The first reading is put into `0..range - 1`, which is all that an absolute encoder knows. From then on the
     smallest step that explains the next reading counts: over the 32-bit wrap, over the multiturn wrap, or over both.
@@ -60,19 +61,19 @@ class Unwrap:
 
 
 class ProcessImage:
-    """What goes over the bus every scan.
+    """Telegrams of every scan and the quantities in them.
 
     Args:
         node: takes and sends frames.
         settings: range of the encoder, bits of the inputs.
         units: conversions.
-        mapping: what is in which telegram.
-        before: that of an earlier set-up of this drive: the position goes on from where it was.
+        mapping: objects of each telegram.
+        before: process image of an earlier set-up of this drive: the position goes on from where it was.
 
     Attributes:
         watches: one per TPDO.
-        answer_times_s: from SYNC to the last of its answers, of the last scans that had them all.
-        counts: unwrapped position in increments, of the gantry's direction, as the last telegram had it.
+        answer_times_s: from SYNC to the last of its answers, of the latest scans with all answers.
+        counts: continuous position of the last telegram in increments, in the gantry's direction.
     """
 
     def __init__(
@@ -85,6 +86,8 @@ class ProcessImage:
     ) -> None:
         self._node, self._units, self._bits = node, units, settings.inputs
         self._period_s = settings.period_s
+        # Pre-defined connection set of CiA 301: RPDO n at 200h + n * 100h, TPDO n at 180h + n * 100h, plus the node
+        # id.
         self._identifiers = [0x200 + 0x100 * pdo.number + settings.node for pdo in mapping.rpdos]
         self._rpdos = mapping.rpdos
         self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
@@ -126,21 +129,21 @@ class ProcessImage:
             self.counts = self._unwrap(self._units.sign * raw[m.POSITION])
 
     def forget(self) -> None:
-        """No telegram counts any more until the next one; the position goes on from where it was."""
+        """Invalidate all telegrams until the next ones; the position goes on from where it was."""
         for watch in self.watches:
             watch.data, watch.age, watch.waiting = None, 0, False
 
     # --- the cycle ---------------------------------------------------------------------------------------------
 
     def begin(self, periods: int) -> None:
-        """SYNC goes out, so many periods after the one before."""
+        """SYNC goes out, `periods` after the one before."""
         self._counts_before = self.counts if self.complete else None
         for watch in self.watches:
             watch.begin(periods)
         self._span_s = self.watches[0].age * self._period_s
 
     def collect(self, answer_s: float) -> None:
-        """Wait for the answers to SYNC, but not longer than a time; what else comes is taken as well."""
+        """Wait for the answers to SYNC, at most `answer_s`; dispatch every other frame meanwhile."""
         link = self._node.link
         end = link.now_s() + answer_s
         self._in_time = True
@@ -161,7 +164,7 @@ class ProcessImage:
             self._vel_rad_s = step / self._span_s * self._units.rad_per_increment
 
     def send(self, word: int, vel_rad_s: float, torque_nm: float, brake_released: bool) -> None:
-        """The RPDOs."""
+        """Send the RPDOs."""
         values = {
             m.CONTROLWORD: word,
             m.TARGET_VELOCITY: self._units.velocity(vel_rad_s),
@@ -179,17 +182,17 @@ class ProcessImage:
 
     @property
     def complete(self) -> bool:
-        """Every TPDO has come at least once."""
+        """Every TPDO has been received at least once."""
         return all(watch.data is not None for watch in self.watches)
 
     @property
     def age(self) -> int:
-        """Of the oldest telegram, in scans."""
+        """Age of the oldest telegram, in scans."""
         return max(watch.age for watch in self.watches)
 
     @property
     def position(self) -> int:
-        """6064 unwrapped, at this scan's SYNC: an old reading would look like a following error."""
+        """6064, continuous, extrapolated to this scan's SYNC."""
         late_s = min(self.watches[0].age * self._period_s, _CARRIED_S)
         if late_s == 0.0:
             return self.counts
@@ -240,7 +243,7 @@ class ProcessImage:
 
 
 def _fields(pdo: Pdo) -> tuple[tuple[Signal, int, int], ...]:
-    """Signal, first byte, byte behind the last."""
+    """Each signal with its first byte and the byte behind its last."""
     found, at = [], 0
     for signal in pdo.signals:
         found.append((signal, at, at + signal.bits // 8))

@@ -1,4 +1,4 @@
-"""Units on the bus: increments, units of speed, per mille of torque. The only place of the master that converts."""
+"""Units on the bus: increments, velocity units, per mille of torque; the master converts nowhere else."""
 
 from __future__ import annotations
 
@@ -32,13 +32,15 @@ class BusUnits:
         self.sign = -1 if settings.inverted else 1
         self.velocity_size = per_rad_s
         """Units of 60FF per rad/s, without the sign."""
+        # CiA 402: per mille of the rated torque. Some drives mean 0.1 % of standstill torque or of rated current
+        # instead.
         self.torque_unit_nm = torque_rated_nm * settings.torque_reference / 1000.0
         self.rad_s_per_unit = sign / per_rad_s
         self.nm_per_unit = sign * self.torque_unit_nm
         self.rad_per_increment = _TWO_PI / settings.increments_per_turn
 
     def velocity(self, rad_s: float) -> int:
-        """60FF; what is no number becomes 0, what is too large the largest."""
+        """60FF; 0 for a value that is not finite, limited to 32 bits."""
         return _whole(rad_s / self.rad_s_per_unit, _I32)
 
     def torque(self, nm: float) -> int:
@@ -46,7 +48,7 @@ class BusUnits:
         return _whole(nm / self.nm_per_unit, _I16)
 
     def unsigned_velocity(self, rad_s: float) -> int:
-        """6085 and its kin: at least 1."""
+        """6085: at least 1."""
         return max(1, _whole(abs(rad_s) * self.velocity_size, (1 << 32) - 1))
 
 

@@ -41,9 +41,7 @@ class Reader:
         self.saw_values = False
         self._source = source
         self._count = 0
-        self._sections = sections
-        self._notes = notes
-        self._own_node = own_node
+        self._sections, self._notes, self._own_node = sections, notes, own_node
         self._subs: dict[int, dict[int, Section]] = {}
         for name, section in sections.items():
             found = _SUB.fullmatch(name)

@@ -23,8 +23,7 @@ class EdsError(UsageError):
     """
 
     def __init__(self, source: str, line: int, problem: str) -> None:
-        self.source = source
-        self.line = line
+        self.source, self.line = source, line
         super().__init__(f"{source}:{line}: {problem}" if line else f"{source}: {problem}")
 
 

@@ -127,8 +127,7 @@ class DriveLoop:
     def __init__(
         self, node: DriveNode, link: FrameSender, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self.node = node
-        self.link = link
+        self.node, self.link = node, link
         self.lock = threading.RLock()
         """Held while the node works; the side channel takes it too."""
         self.lost_us = 0

@@ -1,4 +1,4 @@
-"""One process at a time talks to a drive on a bus, whatever its machine file and its state directory are called."""
+"""Lock of a drive on a bus: one process at a time, whatever its machine file and state directory are called."""
 
 from __future__ import annotations
 
@@ -9,18 +9,14 @@ from typing import Final
 
 from gantryctl.errors import DeviceError
 
-_PEER: Final = struct.Struct("3i")
-"""Process, user and group of a socket's other end."""
+_PEER: Final = struct.Struct("3i")  # process, user and group of the other end (SO_PEERCRED)
 
 
 class DriveLock:
-    """Held from the beginning; the system frees it when the process ends, however it ends.
-
-    A name in the abstract namespace of Unix sockets: it belongs to the network namespace, as CAN interfaces and UDP
-    groups do, and neither a private /tmp nor a link in it leads astray. Linux only; elsewhere nothing is held.
+    """Lock held from construction; the system releases it when the process ends, however it ends. Linux only.
 
     Args:
-        where: the drive in words that are the same for everybody: interface, channel, node.
+        where: interface, channel and node of the drive, the same words for every process.
 
     Raises:
         DeviceError: another process holds it.
@@ -30,6 +26,8 @@ class DriveLock:
         self._socket: socket.socket | None = None
         if sys.platform != "linux":
             return
+        # A name in the abstract namespace of Unix sockets: it belongs to the network namespace, as CAN interfaces and
+        # UDP groups do, and neither a private /tmp nor a link in it leads astray.
         name = f"\0gantryctl drive {where}"
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
@@ -43,14 +41,14 @@ class DriveLock:
             ) from None
 
     def release(self) -> None:
-        """Others may have the drive; may be called twice."""
+        """Release the drive; may be called twice."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
 
 def _holder(name: str) -> str:
-    """Number of the process behind a name."""
+    """Process that holds a name."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
         asking.settimeout(1.0)
         try:

@@ -1,4 +1,4 @@
-"""A node as its master sees it: NMT state, heartbeat, boot-ups, emergency messages, SDO."""
+"""Remote node on the bus: NMT, heartbeat, boot-up, emergency messages, SDO, and the flags of its connection."""
 
 from __future__ import annotations
 
@@ -21,8 +21,9 @@ _BOOT_S: Final = 3.0
 _LISTEN_S: Final = 0.02
 
 
+# NMT of CiA 301 stands here and again in the virtual drive: two readings of the text share no mistake (decision 0008).
 class NmtCommand(IntEnum):
-    """What a master says on identifier 0."""
+    """Command specifiers of the NMT message, identifier 0."""
 
     START = 0x01
     STOP = 0x02
@@ -32,7 +33,7 @@ class NmtCommand(IntEnum):
 
 
 class NmtState(IntEnum):
-    """What a heartbeat says."""
+    """NMT state in a heartbeat."""
 
     BOOT_UP = 0x00
     STOPPED = 0x04
@@ -41,7 +42,7 @@ class NmtState(IntEnum):
 
 
 class NodeIdentity(NamedTuple):
-    """Objects 1000, 1008 to 100A and 1018: what is pinned when commissioning."""
+    """Objects 1000, 1008 to 100A and 1018, recorded by the commissioning."""
 
     vendor: int
     product: int
@@ -54,13 +55,13 @@ class NodeIdentity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """In one line."""
+        """Name, software version and serial number for people."""
         name = self.name or "drive without a name"
         return f"{name}, software {self.software or '?'}, serial {self.serial}"
 
     @property
     def key(self) -> str:
-        """What tells one drive from another."""
+        """Vendor, product and serial number: distinguishes one drive from another."""
         return f"{self.vendor:08X}-{self.product:08X}-{self.serial}"
 
 
@@ -75,7 +76,7 @@ class RemoteNode:
 
     Attributes:
         state: NMT state of the last heartbeat; None before the first.
-        heartbeat_age: scans since then, counted by `tick`.
+        heartbeat_age: scans since then; the drive counts them up.
         boots: boot-up messages since `forget_boots`.
         foreign: frames on identifiers that only this master may send.
         unknown: frames on identifiers without a meaning here.
@@ -98,15 +99,15 @@ class RemoteNode:
         }
 
     def listen(self, can_id: int, handler: Callable[[bytes], object]) -> None:
-        """Take frames of an identifier from now on."""
+        """Hand frames of an identifier to a handler."""
         self._handlers[can_id] = handler
 
     def reserve(self, can_id: int) -> None:
-        """An identifier that only this master may send."""
+        """Count frames of an identifier that only this master may send as foreign."""
         self._handlers[can_id] = self._foreign
 
     def dispatch(self, frame: Frame) -> None:
-        """One frame, whatever it is: nothing on the bus may raise here."""
+        """Take one frame; nothing on the bus may raise here."""
         handler = self._handlers.get(frame.can_id)
         if handler is not None:
             handler(frame.data)
@@ -114,8 +115,8 @@ class RemoteNode:
             self.unknown += 1
 
     def _heartbeat(self, data: bytes) -> None:
-        """Some drives send heartbeats without data: they live, and say nothing of their state."""
         self.heartbeat_age = 0
+        # Some drives send heartbeats without data: a sign of life, but no state.
         if not data:
             return
         state = data[0] & 0x7F
@@ -127,26 +128,24 @@ class RemoteNode:
         self.foreign += 1
 
     def forget_boots(self) -> None:
-        """What was before does not count."""
+        """Clear the counters of boot-ups and foreign frames, and the heartbeat age."""
         self.boots = self.foreign = 0
         self.heartbeat_age = 0
 
     # --- out ---------------------------------------------------------------------------------------------------
 
     def nmt(self, command: NmtCommand) -> None:
-        """Tell the node."""
+        """Send an NMT command to this node."""
         self.link.send(NMT, bytes((command, self.node)))
 
     def sync(self) -> None:
-        """Once a scan."""
         self.link.send(SYNC, b"")
 
     def heartbeat(self) -> None:
-        """We live."""
         self.link.send(_HEARTBEAT + self.master_node, self._heartbeat_frame)
 
     def listen_for(self, seconds: float) -> None:
-        """Take what comes for a time."""
+        """Dispatch frames for a time."""
         end = self.link.now_s() + seconds
         while (left := end - self.link.now_s()) > 1e-6:
             frame = self.link.receive(left)
@@ -154,7 +153,7 @@ class RemoteNode:
                 self.dispatch(frame)
 
     def drain(self, most: int = 500) -> None:
-        """Take what waits; a flood does not hold up the scan for ever."""
+        """Dispatch the waiting frames, at most `most`: a flood must not hold up the scan."""
         for _ in range(most):
             frame = self.link.receive(0.0)
             if frame is None:
@@ -162,7 +161,8 @@ class RemoteNode:
             self.dispatch(frame)
 
     def enter_pre_operational(self) -> None:
-        """And wait a moment: nothing confirms it but a heartbeat."""
+        """Leave OPERATIONAL."""
+        # Nothing confirms an NMT command but a later heartbeat: wait a moment.
         self.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
         self.listen_for(_LISTEN_S)
 
@@ -181,10 +181,10 @@ class RemoteNode:
             self.listen_for(_LISTEN_S)
 
     def identity(self) -> NodeIdentity:
-        """Who it is.
+        """Read the identity.
 
         Raises:
-            DeviceError: nobody answers.
+            DeviceError: the node does not answer.
         """
         sdo = self.sdo
         try:
@@ -201,21 +201,22 @@ class RemoteNode:
         return NodeIdentity(vendor, product, revision, serial, device_type, *names)
 
 
+# A rebooted drive has lost its mapping, so these flags stay until the drive is set up again.
 LATCHED: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEAT_LOST
-"""What cannot mend itself: it stays until the drive is set up anew."""
+# With one of these the last feedback is not valid: without a heartbeat time-out a killed drive reads "operation
+# enabled".
 LOST: Final = LATCHED | LinkFlag.BUS_DOWN
-"""With one of these nothing that the drive said last is believed."""
 _WELL: Final = (None, NmtState.BOOT_UP, NmtState.OPERATIONAL)
 
 
 def connection_flags(
     node: RemoteNode, before: LinkFlag, *, commanded: bool, timeout_scans: int | None
 ) -> LinkFlag:
-    """The flags of this scan.
+    """Flags of the connection in this scan.
 
     Args:
-        before: those of the scan before.
-        commanded: the node is run, and nothing of what it does by itself is meant.
+        before: flags of the scan before.
+        commanded: the master runs the node, so no restart or change of state is intended.
         timeout_scans: scans without a heartbeat until it counts as lost; None where it sends none.
     """
     flags = before & LATCHED

@@ -1,4 +1,4 @@
-"""Before the first scan: who is there, parameters, mapping, mode; everything by SDO in PRE-OPERATIONAL."""
+"""Set-up of a drive before the first scan: identity, parameters, mapping, mode, by SDO in PRE-OPERATIONAL."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from gantryctl.drives.canopen.setup.parameter_check import (
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 
+# 6061 may follow a write to 6060 later: by 10 ms on a real drive model.
 _LAG_S: Final = 0.2
-"""6061 may follow a write to 6060 that much later."""
 _STEP_S: Final = 0.005
 
 
@@ -34,8 +34,8 @@ _STEP_S: Final = 0.005
 _UNUSED: Final = ((0x1403, 0x500), (0x1402, 0x400))  # RPDO 4 and 3, and where their defaults begin
 _INVALID: Final = 0x8000_0000
 _IDENTIFIER: Final = 0x7FF
+# Identifiers without a restricted use in CiA 301; the defaults of both telegrams lie above.
 RESTART_MARKERS: Final = range(0x181, 0x400)
-"""Identifiers that CiA 301 restricts to nothing; the defaults of both telegrams lie above."""
 
 
 def read_restart_marker(sdo: SdoClient) -> int | None:
@@ -66,7 +66,7 @@ def write_restart_marker(sdo: SdoClient, node: int, marker: int | None) -> bool:
 
 
 class NodeSetup(NamedTuple):
-    """What is known of a drive before the first scan."""
+    """A drive as set up before the first scan."""
 
     identity: NodeIdentity
     units: BusUnits
@@ -75,19 +75,21 @@ class NodeSetup(NamedTuple):
     mapping: Mapping
     error_code: int
     kept: tuple[WantedParameter, ...]
-    """Parameters that are as they must be, and must stay so."""
+    """Parameters that agree with their set values, and must stay so."""
     restart_marker: int | None
-    """What was left in the drive; gone after a boot-up."""
+    """Number that an earlier run left in the drive; gone after a boot-up."""
 
 
 def rated_torque_nm(node: RemoteNode, settings: CanopenSettings) -> float:
-    """6076 in N m where the drive has it, else of the machine file."""
+    """Rated torque: 6076 where the drive has it, else of the machine file."""
     rated_mnm = node.sdo.optional(0x6076)
     return rated_mnm / 1000.0 if rated_mnm else settings.torque_rated_nm
 
 
-def look(node: RemoteNode, settings: CanopenSettings) -> tuple[NodeIdentity, tuple[ParameterRow, ...]]:
-    """Identity and matrix as they are; nothing is written."""
+def read_only_check(
+    node: RemoteNode, settings: CanopenSettings
+) -> tuple[NodeIdentity, tuple[ParameterRow, ...]]:
+    """Identity and parameter check as they are; nothing is written."""
     node.drain()
     identity = node.identity()
     rated = rated_torque_nm(node, settings)
@@ -98,7 +100,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     """Set a drive up and start it; it is not enabled.
 
     Raises:
-        DeviceError: nobody answers, somebody else has enabled it, or it cannot be mapped.
+        DeviceError: the node does not answer, another controller has enabled it, or it cannot be mapped.
     """
     node.drain()
     identity = node.identity()
@@ -108,6 +110,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     units = BusUnits(settings, rated)
     wanted = wanted_parameters(settings, units, rated)
     write_parameters(node.sdo, wanted)
+    # The brake closes and the speed is 0 before the telegrams fly: the RPDO repeats both from the first scan on.
     if settings.brake_owner == "object_60FE":
         node.sdo.set(0x60FE, 2, 1)
         node.sdo.set(0x60FE, 1, 1)
@@ -133,8 +136,9 @@ def _refuse_a_running_drive(node: RemoteNode) -> None:
 
 
 def _select_csv(node: RemoteNode) -> tuple[str, ...]:
-    """6060 = 9, afresh: after a quick stop some drives stand until it changes. 6061 must say so."""
+    """Write 6060 = 9 and wait until 6061 shows it; a refusal where it does not."""
     sdo = node.sdo
+    # Written afresh: after a quick stop some drives report Operation enabled and stand until 6060 changes.
     with suppress(DeviceError):  # a drive that knows no "no mode"
         sdo.set(0x6060, 0, 0)
     sdo.set(0x6060, 0, CSV)

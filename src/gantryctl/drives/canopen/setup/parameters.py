@@ -1,4 +1,4 @@
-"""Parameters of a drive as a whole: read, kept in a file, written back, stored in the drive (1010)."""
+"""All parameters of a drive: read, backed up to a file, restored, stored in the drive (1010)."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from gantryctl.drives.od.types import DataType, decode
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveState
 
-_SAVE: Final = 0x65766173
-_SAVE_S: Final = 5.0
+_SAVE: Final = 0x65766173  # "save", the signature of 1010 (CiA 301)
+_SAVE_S: Final = 5.0  # drives take more than 1 s to store
 _LONGEST: Final = 4096
 # Commands, actual values, and what acts when it is written: never kept and never written back.
 _LEFT_OUT: Final = frozenset(
@@ -29,11 +29,11 @@ _ENERGISED: Final = (
 
 
 class ObjectValue(NamedTuple):
-    """One entry as it was read.
+    """One entry and its value.
 
     Attributes:
-        raw: bytes in hexadecimal; "" where it was refused.
-        shown: for people.
+        raw: bytes in hexadecimal; "" for a refused read.
+        shown: the value for people.
     """
 
     obj: int
@@ -52,7 +52,7 @@ class _Place(NamedTuple):
 
 
 def _places(device: DeviceDescription | None) -> list[_Place]:
-    """Which entries: of an EDS, or those of a CSV axis by the texts."""
+    """Entries of an EDS, or of a speed axis by CiA 301 and CiA 402."""
     if device is None:
         return [_Place(i, s, e.name, e.data_type, e.access.writable) for (i, s), e in STANDARD.items()]
     return [
@@ -63,10 +63,10 @@ def _places(device: DeviceDescription | None) -> list[_Place]:
 
 
 def read_objects(sdo: SdoClient, device: DeviceDescription | None) -> tuple[ObjectValue, ...]:
-    """Every entry; what the drive refuses is said.
+    """Read every entry; a refusal stands in place of its value.
 
     Raises:
-        DeviceError: the drive has fallen silent.
+        DeviceError: the drive does not answer any more.
     """
     return tuple(_read(sdo, place) for place in _places(device))
 
@@ -87,7 +87,7 @@ def _read(sdo: SdoClient, place: _Place) -> ObjectValue:
 
 
 def backup(node: RemoteNode, device: DeviceDescription | None) -> dict[str, Any]:
-    """Everything that can be written, as plain values for a JSON file."""
+    """Read all writable entries as plain values for a JSON file."""
     who = node.identity()
     places = [p for p in _places(device) if p.writable and p.number not in _LEFT_OUT]
     found = [_read(node.sdo, place) for place in places]
@@ -96,10 +96,10 @@ def backup(node: RemoteNode, device: DeviceDescription | None) -> dict[str, Any]
 
 
 def check_backup(data: object) -> dict[str, Any]:
-    """A backup that can be used.
+    """The same data, checked to be a backup.
 
     Raises:
-        ValueError: it is none.
+        ValueError: they are not.
     """
     if not isinstance(data, dict) or not isinstance(data.get("values"), dict) or "drive" not in data:
         raise ValueError("drive and values are missing")
@@ -127,9 +127,7 @@ def _refuse_energised(node: RemoteNode) -> None:
 
 
 def restore(node: RemoteNode, kept: dict[str, Any]) -> tuple[str, ...]:
-    """Write a backup and read it back; lines about what did not take.
-
-    Mapping and communication objects of process data are left out: the controller writes them at every start.
+    """Write a backup and read it back; return a line for each value that the drive did not take.
 
     Raises:
         CommandRefused: the drive has torque, or it is another kind of drive.
@@ -142,6 +140,7 @@ def restore(node: RemoteNode, kept: dict[str, Any]) -> tuple[str, ...]:
     wrong = []
     for place, raw in kept["values"].items():
         index, sub = _place_of(place)
+        # The controller writes mapping and communication objects of the process data at every start.
         if 0x1400 <= index < 0x1C00 or index in _LEFT_OUT:
             continue
         try:
@@ -158,15 +157,15 @@ def restore(node: RemoteNode, kept: dict[str, Any]) -> tuple[str, ...]:
 
 
 def save(node: RemoteNode) -> float:
-    """1010:01 "save"; how long the drive took, s. Some leave the bus meanwhile.
+    """Store all parameters in the drive (1010:01); return how long it took, s.
 
     Raises:
         CommandRefused: the drive has torque. DeviceError: it does not store.
     """
     _refuse_energised(node)
-    write_restart_marker(
-        node.sdo, node.node, None
-    )  # stored, it would outlive the boot-ups that it is to tell
+    # A stored marker would outlive the boot-ups that it is to reveal.
+    write_restart_marker(node.sdo, node.node, None)
+    # Some drives leave the bus for 0.4 s while they store.
     before, timeout = node.link.now_s(), node.sdo.timeout_s
     node.sdo.timeout_s = _SAVE_S
     try:

@@ -1,4 +1,4 @@
-"""Who is on a bus: every node that answers, and what of it is dangerous. Nothing is written but SDO reads."""
+"""Survey of a bus: every node that answers and its dangers, by SDO reads only."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ class Found(NamedTuple):
 
     Attributes:
         nmt: state of its heartbeat, "silent" without one.
-        modes: 6502, None where it has none.
-        state: CiA 402 state, None where it is no drive.
-        remarks: what is dangerous or odd, each with what to do.
+        modes: 6502, None where the object is missing.
+        state: CiA 402 state, None for a node that is not a drive.
+        remarks: dangers and deviations, each with what to do.
     """
 
     node: int
@@ -38,7 +38,7 @@ class Found(NamedTuple):
 
 
 def survey(link: BusLink, listen_s: float = 1.2, nodes: range = range(1, 128)) -> tuple[Found, ...]:
-    """Listen for heartbeats, ask every node id for 1000:00, and look closer at those that answer."""
+    """Listen for heartbeats, read 1000:00 of every node id, and inspect those that answer."""
     heard: dict[int, int | None] = {}
     for node in nodes:
         link.send(0x600 + node, _PROBE)
@@ -46,7 +46,7 @@ def survey(link: BusLink, listen_s: float = 1.2, nodes: range = range(1, 128)) -
     end = link.now_s() + listen_s
     while (left := end - link.now_s()) > 1e-6:
         _take(link, left, heard)
-    return tuple(_look(link, node, heard[node]) for node in sorted(heard))
+    return tuple(_inspect(link, node, heard[node]) for node in sorted(heard))
 
 
 def _take(link: BusLink, seconds: float, heard: dict[int, int | None]) -> None:
@@ -59,7 +59,7 @@ def _take(link: BusLink, seconds: float, heard: dict[int, int | None]) -> None:
         heard.setdefault(frame.can_id - 0x580, None)
 
 
-def _look(link: BusLink, number: int, nmt: int | None) -> Found:
+def _inspect(link: BusLink, number: int, nmt: int | None) -> Found:
     node = RemoteNode(link, number, _NO_MASTER, _SDO_S)
     shown = NmtState(nmt).name if nmt in set(NmtState) else "silent"
     try:
@@ -79,11 +79,12 @@ def _look(link: BusLink, number: int, nmt: int | None) -> Found:
 def _remarks(
     node: RemoteNode, identity: NodeIdentity, modes: int | None, state: DriveState | None
 ) -> tuple[str, ...]:
-    """What a drive's parameters would do when something breaks."""
+    """Effects of the present parameters when something breaks."""
     if state is None:
         return ("no CiA 402 drive: it has no statusword",)
     optional = node.sdo.optional
     said = []
+    # Only the low half of 1000h is standard: product codes are in the upper one, even byte-swapped, in real drives.
     if identity.device_type & 0xFFFF != _CIA_402:
         said.append(f"1000 = {identity.device_type:08X}h: the low half of a drive is 0192h (402)")
     if modes is None:

@@ -70,13 +70,9 @@ class DriveAxis:
         kind: Personality,
         faults: Faults,
     ) -> None:
-        self._od = od
-        self.plant = plant
-        self.reference = reference
+        self._od, self.plant, self.reference = od, plant, reference
         self.stage = PowerStage(hardware, od, plant, reference)
-        self._emergency = emergency
-        self._kind = kind
-        self._faults = faults
+        self._emergency, self._kind, self._faults = emergency, kind, faults
         self.state = State.SWITCH_ON_DISABLED
         self.controlword = 0
         self.commanded = False

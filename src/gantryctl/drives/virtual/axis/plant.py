@@ -36,8 +36,7 @@ class DrivePlant:
     """
 
     def __init__(self, hardware: Hardware, faults: Faults) -> None:
-        self._hardware = hardware
-        self._faults = faults
+        self._hardware, self._faults = hardware, faults
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
         self._drive.overload_time_s = _UNLIMITED_S
@@ -138,8 +137,7 @@ class DrivePlant:
         self.counts = counts
         self.vel_rad_s = vel
         self.torque_nm = torque
-        self.brake_open = brake_open
-        self.limited = limited
+        self.brake_open, self.limited = brake_open, limited
 
     def _count_overload(self) -> None:
         load = self.torque_nm / self._hardware.torque_rated_nm

@@ -62,9 +62,7 @@ class PowerStage:
     def __init__(
         self, hardware: Hardware, od: Dictionary, plant: DrivePlant, reference: SpeedReference
     ) -> None:
-        self._od = od
-        self._plant = plant
-        self._reference = reference
+        self._od, self._plant, self._reference = od, plant, reference
         self._tick_us = round(hardware.tick_s * 1e6)
         self._owns_brake = hardware.brake_owner == "drive"
         self.phase = Phase.OFF

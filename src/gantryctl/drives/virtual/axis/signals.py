@@ -72,11 +72,8 @@ class Signals:
         kind: Personality,
         faults: Faults,
     ) -> None:
-        self._hardware = hardware
-        self._axis = axis
-        self._scaling = scaling
-        self._kind = kind
-        self._faults = faults
+        self._hardware, self._axis, self._scaling = hardware, axis, scaling
+        self._kind, self._faults = kind, faults
         self._frozen: int | None = None
         self._now_us = 0
         self._lagging = (Lagging(1000 * kind.lag_ms), Lagging(1000 * kind.lag_ms)) if kind.lag_ms else None

@@ -45,12 +45,8 @@ class SpeedReference:
         faults: Faults,
         tick_s: float,
     ) -> None:
-        self._od = od
-        self._plant = plant
-        self._scaling = scaling
-        self._kind = kind
-        self._faults = faults
-        self._tick_s = tick_s
+        self._od, self._plant, self._scaling, self._kind = od, plant, scaling, kind
+        self._faults, self._tick_s = faults, tick_s
         self.mode = NO_MODE
         self.cycle_time_written = False
         self.dead = False

@@ -35,9 +35,7 @@ class Emergency:
     """
 
     def __init__(self, od: Dictionary, send: Callable[[int, bytes], None], short: bool) -> None:
-        self._od = od
-        self._send = send
-        self.short = short
+        self._od, self._send, self.short = od, send, short
         self._active: list[int] = []
         self._queue: deque[bytes] = deque(maxlen=_QUEUE)
         self._free_us = 0

@@ -33,8 +33,7 @@ class HeartbeatProducer:
     """
 
     def __init__(self, od: Dictionary, send: Callable[[], None]) -> None:
-        self._od = od
-        self._send = send
+        self._od, self._send = od, send
         self._next_us: int | None = None
         self._now_us = 0
         od.actions[0x1017, 0] = self._changed
@@ -70,9 +69,7 @@ class HeartbeatConsumer:
     """
 
     def __init__(self, od: Dictionary, emcy: Callable[[int, bool], None], lost: Callable[[], None]) -> None:
-        self._od = od
-        self._emcy = emcy
-        self._lost = lost
+        self._od, self._emcy, self._lost = od, emcy, lost
         self._watched: dict[int, _Watched] = {}
         for sub in range(1, CONSUMERS + 1):
             od.checks[0x1016, sub] = partial(self._check, sub)

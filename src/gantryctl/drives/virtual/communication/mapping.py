@@ -46,8 +46,7 @@ class PdoParameters:
     """
 
     def __init__(self, od: Dictionary, number: int, transmit: bool) -> None:
-        self._od = od
-        self._transmit = transmit
+        self._od, self._transmit = od, transmit
         self.communication = (0x1800 if transmit else 0x1400) + number
         self._mapping = (0x1A00 if transmit else 0x1600) + number
         od.checks[self.communication, 1] = self._check_cob_id

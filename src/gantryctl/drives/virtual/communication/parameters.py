@@ -41,11 +41,8 @@ class Parameters:
         store: ParameterStore,
         saving: Callable[[], None],
     ) -> None:
-        self._od = od
-        self._axis = axis
-        self._scaling = scaling
-        self._store = store
-        self._saving = saving
+        self._od, self._axis, self._scaling = od, axis, scaling
+        self._store, self._saving = store, saving
         self._to_drop: set[int] = set()
         od.actions[0x6040, 0] = axis.control
         od.checks[0x6060, 0] = _check_mode

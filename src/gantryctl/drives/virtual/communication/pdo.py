@@ -32,9 +32,7 @@ class Rpdo:
         self, od: Dictionary, number: int, emcy: Callable[[int, bool], None], lost: Callable[[], None]
     ) -> None:
         self.parameters = PdoParameters(od, number, transmit=False)
-        self._od = od
-        self._emcy = emcy
-        self._lost = lost
+        self._od, self._emcy, self._lost = od, emcy, lost
         self._waiting: bytes | None = None
         self._deadline_us: int | None = None
         self._overdue = False
@@ -114,9 +112,7 @@ class Tpdo:
 
     def __init__(self, od: Dictionary, number: int, send: Callable[[int, int, bytes], None]) -> None:
         self.parameters = PdoParameters(od, number, transmit=True)
-        self._od = od
-        self._number = number
-        self._send = send
+        self._od, self._number, self._send = od, number, send
         self._syncs = 0
         self._last: bytes | None = None
         self._changed = False
@@ -214,8 +210,7 @@ class ProcessData:
         lost: Callable[[], None],
         now: Callable[[], int],
     ) -> None:
-        self._od = od
-        self._now = now
+        self._od, self._now = od, now
         self.rpdos = tuple(Rpdo(od, number, emcy, lost) for number in range(PDOS))
         self.tpdos = tuple(Tpdo(od, number, send) for number in range(PDOS))
         self._by_id: dict[int, Rpdo] = {}

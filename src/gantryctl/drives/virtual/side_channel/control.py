@@ -33,9 +33,7 @@ class ControlServer:
     """
 
     def __init__(self, path: Path, answer: Callable[[object], dict[str, Any]], lock: threading.RLock) -> None:
-        self.path = path
-        self._answer = answer
-        self._lock = lock
+        self.path, self._answer, self._lock = path, answer, lock
         self._clients: set[socket.socket] = set()
         self._listener = _listen(path)
         self._thread = threading.Thread(target=self._accept, name="side channel", daemon=True)

@@ -157,8 +157,7 @@ class TpdoGate:
     """
 
     def __init__(self, faults: Faults, send: Callable[[int, bytes], None]) -> None:
-        self._faults = faults
-        self._send = send
+        self._faults, self._send = faults, send
         self._held: dict[int, deque[tuple[int, bytes]]] = {}
 
     def reset(self) -> None:
