@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final, Protocol
 
-from gantryctl.image import LinkHealth
+from gantryctl.image import DriveRequest, DriveState, LinkHealth
 from gantryctl.ports import Truth
 
 TRUTH_COLUMNS: Final = (
@@ -58,6 +58,28 @@ class BaseDrive:
     def plant_state(self) -> dict[str, float]:
         """{}: there is no plant to keep."""
         return {}
+
+
+_TO_ENABLED: Final = {
+    DriveState.SWITCH_ON_DISABLED: DriveState.READY_TO_SWITCH_ON,
+    DriveState.READY_TO_SWITCH_ON: DriveState.SWITCHED_ON,
+    DriveState.SWITCHED_ON: DriveState.OPERATION_ENABLED,
+}
+
+
+def next_state(state: DriveState, request: DriveRequest, *, faulty: bool, powered: bool) -> DriveState:
+    """CiA 402 state of a drive without a bus after one scan, at most one transition further."""
+    if faulty:
+        reset = request is DriveRequest.FAULT_RESET and state is DriveState.FAULT
+        return DriveState.SWITCH_ON_DISABLED if reset else DriveState.FAULT
+    if request is DriveRequest.DISABLE or not powered:
+        return DriveState.SWITCH_ON_DISABLED
+    if request is DriveRequest.ENABLE:
+        return _TO_ENABLED.get(state, state)
+    # Option code 6 of 605A: a quick stop holds zero speed until it is disabled.
+    if request is DriveRequest.QUICK_STOP and state is DriveState.OPERATION_ENABLED:
+        return DriveState.QUICK_STOP_ACTIVE
+    return state
 
 
 def settle(advance: Callable[[], object], vel_load_rad_s: Callable[[], float], step_s: float) -> None:

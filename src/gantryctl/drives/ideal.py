@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from gantryctl.drives.base import BaseDrive
+from gantryctl.drives.base import BaseDrive, next_state
 from gantryctl.image import (
     DigitalInputs,
     DriveFeedback,
@@ -16,11 +16,6 @@ from gantryctl.image import (
     OutputImage,
 )
 
-_STEPS: Final = {
-    DriveState.SWITCH_ON_DISABLED: DriveState.READY_TO_SWITCH_ON,
-    DriveState.READY_TO_SWITCH_ON: DriveState.SWITCHED_ON,
-    DriveState.SWITCHED_ON: DriveState.OPERATION_ENABLED,
-}
 _ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
@@ -123,16 +118,8 @@ class IdealDrive(BaseDrive):
         return {"pos_ideal": counts * math.tau / (self._identity.counts_per_turn * self._ratio)}
 
     def _walk(self, request: DriveRequest) -> None:
-        """One CiA 402 transition at most."""
-        if self.error_code:
-            if request is DriveRequest.FAULT_RESET and self.state is DriveState.FAULT:
-                self.error_code = 0
-                self.state = DriveState.SWITCH_ON_DISABLED
-            else:
-                self.state = DriveState.FAULT
-        elif request is DriveRequest.DISABLE or not (self.inputs.estop_ok and self.inputs.mains_ready):
-            self.state = DriveState.SWITCH_ON_DISABLED
-        elif request is DriveRequest.ENABLE:
-            self.state = _STEPS.get(self.state, self.state)
-        elif request is DriveRequest.QUICK_STOP and self.state is DriveState.OPERATION_ENABLED:
-            self.state = DriveState.QUICK_STOP_ACTIVE
+        powered = self.inputs.estop_ok and self.inputs.mains_ready
+        faulty = self.error_code != 0
+        self.state = next_state(self.state, request, faulty=faulty, powered=powered)
+        if self.state is not DriveState.FAULT:
+            self.error_code = 0

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl import _core
-from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, settle
+from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, next_state, settle
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     DigitalInputs,
@@ -26,12 +26,6 @@ _OFF: Final = 0
 _SPEED: Final = 1
 _QUICK_STOP: Final = 2
 _TWO_PI: Final = 6.283185307179586
-
-_NEXT_TO_ENABLED: Final = {
-    DriveState.SWITCH_ON_DISABLED: DriveState.READY_TO_SWITCH_ON,
-    DriveState.READY_TO_SWITCH_ON: DriveState.SWITCHED_ON,
-    DriveState.SWITCHED_ON: DriveState.OPERATION_ENABLED,
-}
 
 
 class SimDrive(BaseDrive):
@@ -155,17 +149,7 @@ class SimDrive(BaseDrive):
         return inputs
 
     def _transition(self, request: DriveRequest) -> None:
-        """At most one transition of the state machine."""
-        state = self.state
-        if self.error_code:
-            if request is DriveRequest.FAULT_RESET and state is DriveState.FAULT:
-                self.error_code = 0
-                self.state = DriveState.SWITCH_ON_DISABLED
-            else:
-                self.state = DriveState.FAULT
-        elif not (self.estop_ok and self.mains_ready) or request is DriveRequest.DISABLE:
-            self.state = DriveState.SWITCH_ON_DISABLED
-        elif request is DriveRequest.ENABLE:
-            self.state = _NEXT_TO_ENABLED.get(state, state)
-        elif request is DriveRequest.QUICK_STOP and state is DriveState.OPERATION_ENABLED:
-            self.state = DriveState.QUICK_STOP_ACTIVE
+        powered, faulty = self.estop_ok and self.mains_ready, self.error_code != 0
+        self.state = next_state(self.state, request, faulty=faulty, powered=powered)
+        if self.state is not DriveState.FAULT:
+            self.error_code = 0

@@ -48,16 +48,16 @@ _FAULTY: Final = (State.FAULT, State.FAULT_REACTION)
 
 
 class DriveAxis:
-    """One drive axis; `tick` is one period of its machine and of everything behind it.
+    """One drive axis; `tick` is one period of its state machine and of everything behind it.
 
     Args:
         hardware: name plates.
         od: option codes, brake times, limits.
         plant: the plant.
-        reference: what an enabled drive follows.
+        reference: speed reference of the enabled drive.
         emergency: takes its errors.
         kind: quirks.
-        faults: what is spoiled.
+        faults: injected faults.
     """
 
     def __init__(
@@ -74,35 +74,31 @@ class DriveAxis:
         self.stage = PowerStage(hardware, od, plant, reference)
         self._emergency, self._kind, self._faults = emergency, kind, faults
         self.state = State.SWITCH_ON_DISABLED
-        self.controlword = 0
-        self.commanded = False
-        """A controlword has come since the reset."""
-        self.error_code = 0
-        self.overload_warning = False
         self._after: State | None = None
         self._quick_stop_ticks = 0
-        self._own_stop = False
-        """A quick stop that nobody commanded: the enable that still stands does not end it, a new one does."""
+        self.reset()
 
     def reset(self) -> None:
-        """As after power on: no torque, brake closed, transitions 0 and 1 done."""
+        """State after power on: no torque, brake closed, transitions 0 and 1 done."""
         self.controlword = 0
         self.commanded = False
+        """A controlword has been received since the reset."""
         self.error_code = 0
         self.overload_warning = False
+        # A quick stop by lost communication: the enable command that still stands does not end it, a new one does.
         self._own_stop = False
         self.reference.reset()
         self._off(State.SWITCH_ON_DISABLED)
 
     @property
     def power_ok(self) -> bool:
-        """Mains are there and nothing asks for safe torque off."""
+        """Mains are on and no safe torque off is requested."""
         return self._faults.mains_ready and self._faults.estop_ok
 
     # --- what comes from outside -------------------------------------------------------------------------------
 
     def control(self, word: int) -> None:
-        """6040 was written: one transition at most."""
+        """Obey a new controlword (6040), one transition at most."""
         previous, self.controlword = self.controlword, word
         self.commanded = True
         if is_fault_reset(previous, word) and not self._faults.stuck_state:
@@ -110,7 +106,7 @@ class DriveAxis:
         self._obey()
 
     def communication_lost(self, code: int) -> None:
-        """Heartbeat, RPDO deadline or NMT: what 6007 says. A drive without torque has nothing to do."""
+        """React as 6007 says to a lost heartbeat, a missed RPDO deadline or an NMT stop; without torque, do nothing."""
         if not self.stage.energised or self.state in _FAULTY:
             return
         match AbortConnection(self._od.number(0x6007)):
@@ -131,7 +127,7 @@ class DriveAxis:
 
         Args:
             code: error code, 603F.
-            report: send an EMCY (some other part has already done so otherwise).
+            report: send an EMCY; False where another part has already done so.
             ramp: the power stage can still brake.
         """
         if report and not self._kind.silent_faults:
@@ -149,7 +145,7 @@ class DriveAxis:
     # --- one tick ----------------------------------------------------------------------------------------------
 
     def tick(self) -> None:
-        """Power and load, at most one transition by command, then power stage, brake and plant."""
+        """Supervision, at most one transition by command, then power stage, brake and plant."""
         self._supervise()
         self._obey()
         self._quirk_of_quick_stop()
@@ -167,6 +163,7 @@ class DriveAxis:
                 self._off(State.FAULT)
             elif self.stage.energised or self.state is State.SWITCHED_ON:
                 self._off(State.FAULT if self.state in _FAULTY else State.SWITCH_ON_DISABLED)
+        # 2101:02 is the warning level of this drive, per mille of the I2t budget; EMCY 2351 is a warning only.
         loaded = 1000.0 * self.plant.overload >= self._od.number(0x2101, 2)
         if loaded and not self.overload_warning:
             self._emergency.warn(LOAD_WARNING)
@@ -196,7 +193,7 @@ class DriveAxis:
         self._go(next_state(self.state, command, self.power_ok, stays))
 
     def _go(self, target: State) -> None:
-        """Leave the present state for another; how, is up to the option codes."""
+        """Leave the present state for another, as the option codes say."""
         match self.state, target:
             case State.SWITCHED_ON, State.ENABLED:
                 if self.stage.phase is Phase.OFF and (self.stage.start() or self._kind.enabled_before_brake):
@@ -231,7 +228,7 @@ class DriveAxis:
             self._stop(plan.ramp, target)
 
     def _quick_stop(self) -> bool:
-        """Transition 11; False where torque went off at once."""
+        """Transition 11; False if the torque went off at once."""
         plan = quick_stop_plan(self._od.number(0x605A))
         if plan.ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
             self._off(State.SWITCH_ON_DISABLED)
@@ -249,7 +246,7 @@ class DriveAxis:
                 self._off(State.SWITCH_ON_DISABLED)
 
     def _stop(self, ramp: Ramp, after: State | None) -> None:
-        """Ramp down; `after` None: stay energised."""
+        """Ramp down, then enter `after`; None: stay energised."""
         self._after = after
         self.stage.stop(ramp, stay=after is None)
 
@@ -260,7 +257,7 @@ class DriveAxis:
         self.stage.off()
 
     def _reset_fault(self) -> None:
-        """Transition 15, if the cause is gone."""
+        """Transition 15, if the mains are on again."""
         if self.state is State.FAULT and self._faults.mains_ready:
             self.error_code = 0
             self._emergency.clear_faults()

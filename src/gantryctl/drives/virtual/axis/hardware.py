@@ -10,7 +10,7 @@ from gantryctl import _core
 
 @dataclass(frozen=True)
 class Hardware:
-    """DrivePlant, encoder, brake, drive and gantry of one axis.
+    """Motor, encoder, brake, drive and gantry of one axis.
 
     The plant comes as parameters, not as a ready `GantrySim`: its torque limit and its ramp are fixed when it is made,
     and a bus writes 6072 and 6085 at any time. The drive makes it again then, with the state it had.

@@ -1,4 +1,4 @@
-"""The speed set-point of an enabled drive: cyclic synchronous velocity and profile velocity, halt, limits."""
+"""Speed reference of an enabled drive: cyclic synchronous velocity and profile velocity, halt, limits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ MODES: Final = (NO_MODE, MODE_PV, MODE_CSV)
 
 
 class StageCommand(NamedTuple):
-    """What the power stage is told for one tick."""
+    """Command to the power stage for one tick."""
 
     mode: StageMode
     vel_rad_s: float
 
 
 class SpeedReference:
-    """Modes 9 (CSV) and 3 (PV).
+    """Reference of the modes 9 (CSV) and 3 (PV).
 
     Args:
         od: 60FF, 60B1, 6080, 607F, 6083 to 6085, 605D.
@@ -47,30 +47,24 @@ class SpeedReference:
     ) -> None:
         self._od, self._plant, self._scaling, self._kind = od, plant, scaling, kind
         self._faults, self._tick_s = faults, tick_s
-        self.mode = NO_MODE
-        self.cycle_time_written = False
+        # Seen on a real drive: after a quick stop it reports Operation enabled and stands until 6060 changes.
         self.dead = False
-        """After a quick stop some drives stand until 6060 changes."""
-        self.vel_rad_s = 0.0
-        """Speed demand, 606B."""
-        self.clamped = False
-        self.halted = False
-        self._reached_s = 0.0
-        self._held: float | None = None
+        self.reset()
 
     def reset(self) -> None:
-        """As after power on."""
+        """State after power on."""
         self.mode = NO_MODE
         self.cycle_time_written = False
         self.start()
 
     def start(self) -> None:
-        """Enabled, or enabled again: profiles begin at the present speed."""
+        """Begin at the present speed, enabled for the first time or again."""
+        # 606B, the demand, is `vel_rad_s`.
         self.vel_rad_s = self._plant.vel_rad_s if abs(self._plant.vel_rad_s) > self.threshold_rad_s else 0.0
         self.clamped = False
         self.halted = False
         self._reached_s = 0.0
-        self._held = None
+        self._held: float | None = None
 
     def set_mode(self, mode: int) -> None:
         """6060 was written."""
@@ -81,7 +75,7 @@ class SpeedReference:
 
     @property
     def threshold_rad_s(self) -> float:
-        """606F: slower than this is rest."""
+        """Velocity threshold 606F: below it the shaft is at rest."""
         return self._scaling.rad_s(self._od.number(0x606F))
 
     @property
@@ -95,20 +89,22 @@ class SpeedReference:
         return self.mode == MODE_PV
 
     def _cycle_time_ok(self) -> bool:
+        # Some drives do not move in CSV before 60C2 agrees with the SYNC period.
         cycle_us = self._od.number(0x1006)
         return self.cycle_time_written and (cycle_us == 0 or cycle_us == interpolation_us(self._od))
 
     def deceleration(self, ramp: Ramp) -> float:
-        """Of a ramp, rad/s2."""
+        """Deceleration of a ramp, rad/s2."""
         return self._scaling.rad_s(self._od.number(0x6085 if ramp is Ramp.QUICK else 0x6084))
 
     def run(self, controlword: int) -> StageCommand:
-        """One tick of an enabled drive."""
+        """Command of one tick while enabled."""
         faults = self._faults
         if faults.ignore_target:
             self._held = self.vel_rad_s if self._held is None else self._held
             return StageCommand(StageMode.SPEED, self._held)
         self._held = None
+        # In CSV the halt bit has no function on many drives (CiA 402 leaves it to the mode); a quirk gives it one.
         halting = self.mode == MODE_PV or (self.mode == MODE_CSV and self._kind.halt_in_csv)
         if controlword & HALT_BIT and halting:
             return self._halt()
@@ -132,7 +128,7 @@ class SpeedReference:
         return StageCommand(StageMode.RAMP, 0.0)
 
     def _wanted(self) -> float:
-        """60FF with its offset, within the speed limits."""
+        """60FF + 60B1 within the speed ceiling: 6080, and in profile velocity 607F."""
         od = self._od
         vel = self._faults.command_sign * self._scaling.rad_s(od.number(0x60FF) + od.number(0x60B1))
         ceiling = rad_s_of_r_min(od.number(0x6080))
@@ -155,7 +151,7 @@ class SpeedReference:
 
     @property
     def target_reached(self) -> bool:
-        """PV: the target speed is held for 606E ms."""
+        """PV: the speed has been within the window 606D for the time 606E."""
         return (
             self.mode == MODE_PV
             and self._reached_s > 0.0
@@ -169,7 +165,7 @@ class SpeedReference:
 
     @property
     def at_rest(self) -> bool:
-        """The shaft turns slower than 606F."""
+        """The shaft is slower than 606F."""
         return abs(self._plant.vel_rad_s) < self.threshold_rad_s
 
 

@@ -157,10 +157,10 @@ def _plate_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> t
         pair = (Entry(index, n, what, U32, RO, value) for n, (what, value) in enumerate((first, second), 1))
         return group(index, name, ObjectKind.ARRAY, *pair)
 
-    turns = "DrivePlant revolutions"
+    turns = "Motor revolutions"
     return (
-        var(0x6075, "DrivePlant rated current", U32, RO, round(hardware.current_rated_a * 1000.0)),
-        var(0x6076, "DrivePlant rated torque", U32, RO, round(hardware.torque_rated_nm * 1000.0)),
+        var(0x6075, "Motor rated current", U32, RO, round(hardware.current_rated_a * 1000.0)),
+        var(0x6076, "Motor rated torque", U32, RO, round(hardware.torque_rated_nm * 1000.0)),
         factor(
             0x608F, "Position encoder resolution", ("Encoder increments", kind.counts_per_turn), (turns, 1)
         ),

@@ -21,12 +21,12 @@ _REGISTER: Final = {2: 0x02, 3: 0x04, 4: 0x08, 8: 0x10, 9: 0x10, 0xF: 0x80}
 
 
 def register_bits(code: int) -> int:
-    """Bits of 1001 that go with an error code; generic is always among them."""
+    """Bits of 1001 for an error code; the generic bit is always set."""
     return GENERIC | _REGISTER.get(code >> 12, 0)
 
 
 class Emergency:
-    """Errors that are there, the messages about them, and the history.
+    """Present errors, their messages and their history.
 
     Args:
         od: holds 1001, 1003, 1014, 1015.
@@ -47,20 +47,20 @@ class Emergency:
         self.reset()
 
     def reset(self) -> None:
-        """As after power on: no errors, empty history."""
+        """State after power on: no errors, empty history."""
         self._active.clear()
         self._queue.clear()
         self._clear_history(0)
 
     def register(self) -> int:
-        """1001."""
+        """Error register 1001."""
         bits = 0
         for code in self._active:
             bits |= register_bits(code)
         return bits
 
-    def raise_error(self, code: int, vendor: bytes = b"") -> None:
-        """An error has come: message, register, history."""
+    def raise_error(self, code: int) -> None:
+        """Report an error: register, history, message."""
         if code not in self._active:
             self._active.append(code)
         count = min(self._od.number(0x1003) + 1, ERRORS)
@@ -68,40 +68,35 @@ class Emergency:
             self._od.set(0x1003, sub, self._od.number(0x1003, sub - 1))
         self._od.set(0x1003, 1, code)
         self._od.set(0x1003, 0, count)
-        self._message(code, vendor)
+        self.warn(code)
 
     def clear_error(self, code: int) -> None:
-        """An error has gone; the last one that goes says so with code 0000, another tells what is left."""
+        """End an error; the register in the message tells which errors are left."""
+        # Error code 0000 is "error reset or no error" (CiA 301).
         if code in self._active:
             self._active.remove(code)
-            self._message(_NO_ERROR, b"")
+            self.warn(_NO_ERROR)
 
     def clear_faults(self) -> None:
-        """Fault reset: every error but those of communication is gone."""
+        """End every error but those of communication (8xxx), by a fault reset."""
         gone = [code for code in self._active if code >> 12 != 8]
         self._active = [code for code in self._active if code >> 12 == 8]
         if gone:
-            self._message(_NO_ERROR, b"")
+            self.warn(_NO_ERROR)
 
     def warn(self, code: int) -> None:
-        """A message without an error that stays (warnings)."""
-        self._message(code, b"")
+        """Send a message with the present error register; the code itself does not stay."""
+        self.raw(code, self.register())
 
     def tick(self, now_us: int) -> None:
-        """Send what the inhibit time held back."""
+        """Send the messages that the inhibit time 1015 has held back."""
         self._now_us = now_us
         while self._queue and now_us >= self._free_us:
             self._out(self._queue.popleft())
 
-    def raw(self, code: int, register: int, vendor: bytes) -> None:
-        """A message with any content; for fault injection."""
-        self._put(struct.pack("<HB", code & 0xFFFF, register & 0xFF) + vendor[:5].ljust(5, b"\0"))
-
-    def _message(self, code: int, vendor: bytes) -> None:
-        self.raw(code, self.register(), vendor)
-
-    def _put(self, data: bytes) -> None:
-        data = data[:3] if self.short else data
+    def raw(self, code: int, register: int) -> None:
+        """Send a message with any content, for fault injection."""
+        data = struct.pack("<HB5x", code & 0xFFFF, register & 0xFF)[: 3 if self.short else 8]
         if self._queue or self._now_us < self._free_us:
             self._queue.append(data)
         else:

@@ -11,9 +11,11 @@ from gantryctl.drives.virtual.communication.mapping import PdoParameters
 from gantryctl.drives.virtual.communication.objects import MAPPED, PDOS
 
 _LAST_SYNC_TYPE: Final = 240
+# Objects whose change is an event for the transmission types 0, 254 and 255 (CiA 301 leaves the events to the device
+# profile); position, speed and torque change all the time and are no events.
 _EVENTS: Final = frozenset({0x1001, 0x603F, 0x6041, 0x6061, 0x60FD})
-"""Objects whose change is an event for transmission types 0, 254 and 255; the continuous ones are not."""
 
+# Error codes of CiA 301: PDO not processed due to length error; RPDO time-out.
 LENGTH_ERROR: Final = 0x8210
 DEADLINE: Final = 0x8250
 
@@ -24,7 +26,7 @@ class Rpdo:
     Args:
         od: takes the values.
         number: 0 for the first.
-        emcy: reports (code) and, with active = False, its end.
+        emcy: takes an error code and whether the error comes or goes.
         lost: called when the deadline (event timer) passes.
     """
 
@@ -33,10 +35,6 @@ class Rpdo:
     ) -> None:
         self.parameters = PdoParameters(od, number, transmit=False)
         self._od, self._emcy, self._lost = od, emcy, lost
-        self._waiting: bytes | None = None
-        self._deadline_us: int | None = None
-        self._overdue = False
-        self._short = False
         self.reload()
 
     def reload(self) -> None:
@@ -50,14 +48,14 @@ class Rpdo:
         self.stop()
 
     def stop(self) -> None:
-        """OPERATIONAL was left, or the PDO changed: nothing waits, no deadline runs."""
-        self._waiting = None
-        self._deadline_us = None
+        """Discard the waiting data and the deadline: OPERATIONAL was left, or the PDO changed."""
+        self._waiting: bytes | None = None
+        self._deadline_us: int | None = None
         self._overdue = False
         self._short = False
 
     def receive(self, data: bytes, now_us: int) -> None:
-        """One frame: too short is refused whole (8210), too long is read as far as it is mapped."""
+        """Take one frame: refuse a short one whole (EMCY 8210), read a long one as far as it is mapped."""
         if len(data) < self.size:
             if not self._short:
                 self._short = True
@@ -77,13 +75,13 @@ class Rpdo:
             self._apply(data)
 
     def sync(self) -> None:
-        """SYNC: what was received since the last one acts now."""
+        """Apply at SYNC what was received since the last one."""
         if self._waiting is not None:
             data, self._waiting = self._waiting, None
             self._apply(data)
 
     def tick(self, now_us: int) -> None:
-        """Watch the deadline; it runs from the first reception on."""
+        """Supervise the deadline, which runs from the first reception on."""
         if self._deadline_us is not None and now_us >= self._deadline_us:
             self._deadline_us = None
             self._overdue = True
@@ -97,8 +95,9 @@ class Rpdo:
             at += mapped.size
             try:
                 self._od.receive(mapped.entry, part)
+            # A process data object has no answer: a value that the drive refuses is left out.
             except SdoAbort:
-                continue  # a value the drive refuses is left out; nobody could be told
+                continue
 
 
 class Tpdo:
@@ -113,11 +112,6 @@ class Tpdo:
     def __init__(self, od: Dictionary, number: int, send: Callable[[int, int, bytes], None]) -> None:
         self.parameters = PdoParameters(od, number, transmit=True)
         self._od, self._number, self._send = od, number, send
-        self._syncs = 0
-        self._last: bytes | None = None
-        self._changed = False
-        self._next_us = 0
-        self._free_us = 0
         self.reload()
 
     def reload(self) -> None:
@@ -132,19 +126,19 @@ class Tpdo:
         self.start(0)
 
     def start(self, now_us: int) -> None:
-        """OPERATIONAL was entered, or the PDO changed: event-driven ones are due once."""
+        """Make event-driven transmission due once: OPERATIONAL was entered, or the PDO changed."""
         self._syncs = 0
-        self._last = None
+        self._last: bytes | None = None
         self._changed = False
         self._next_us = now_us + self._event_us
         self._free_us = now_us
 
     def pack(self) -> bytes:
-        """The data of this moment."""
+        """Present values of the mapped objects."""
         return b"".join([self._od.packed(mapped.entry) for mapped in self.mapped])
 
     def sync(self) -> None:
-        """SYNC: cyclic types count, type 0 goes out when something has changed."""
+        """Count SYNC for the cyclic types 1 to 240; send type 0 when an event has happened."""
         if self.can_id is None or self.type > _LAST_SYNC_TYPE:
             return
         if self.type == 0:
@@ -159,7 +153,7 @@ class Tpdo:
             self._out()
 
     def tick(self, now_us: int) -> None:
-        """Event-driven transmission: a change of a discrete object, or the event timer."""
+        """Send on an event or by the event timer, within the inhibit time."""
         if self.can_id is None or 0 < self.type <= _LAST_SYNC_TYPE:
             return
         values = self._event_values()
@@ -223,7 +217,7 @@ class ProcessData:
         self.reload()
 
     def _hook(self) -> None:
-        """A change of one PDO's parameters takes effect on that PDO."""
+        """Let a change of one PDO's parameters take effect on that PDO."""
         for number in range(PDOS):
             for index, pdo in (
                 (0x1400 + number, self.rpdos[number]),
@@ -261,7 +255,7 @@ class ProcessData:
         return self._od.number(0x1005) & _ID
 
     def set_operational(self, operational: bool) -> None:
-        """PDOs live in OPERATIONAL only."""
+        """Start or stop the PDOs, which exist in OPERATIONAL only."""
         if operational and not self.operational:
             for tpdo in self.tpdos:
                 tpdo.start(self._now())
@@ -271,19 +265,20 @@ class ProcessData:
         self.operational = operational
 
     def receive(self, can_id: int, data: bytes) -> bool:
-        """A frame that may be an RPDO; True when it is one."""
+        """Take a frame; True if it is an RPDO."""
         rpdo = self._by_id.get(can_id)
         if rpdo is None:
             return False
         if self.operational:
             window = self._od.number(0x1007)
+            # 1007: a synchronous RPDO that comes later than the window after SYNC is ignored (CiA 301).
             late = rpdo.synchronous and window and self._now() - self._last_sync_us > window
             if not late:
                 rpdo.receive(data, self._now())
         return True
 
     def sync(self) -> None:
-        """SYNC: TPDOs sample and go out, then what the RPDOs brought acts."""
+        """Sample and send the TPDOs, then apply the RPDOs received before this SYNC."""
         self._last_sync_us = self._now()
         if self.operational:
             for tpdo in self.tpdos:
@@ -292,7 +287,7 @@ class ProcessData:
                 rpdo.sync()
 
     def tick(self) -> None:
-        """Deadlines and events; also called after every frame, for what it has changed."""
+        """Check deadlines and events, every tick and after every frame."""
         if self.operational:
             now = self._now()
             for rpdo in self._timed:

@@ -165,7 +165,7 @@ class Requests:
         code = _whole(request, "code", 0xFF00, 0, 0xFFFF)
         register = _whole(request, "register", 0x81, 0, 0xFF)
         for _ in range(_whole(request, "count", 1, 1, 100_000)):
-            self._node.emergency.raw(code, register, b"")
+            self._node.emergency.raw(code, register)
 
     def _nmt(self, request: Mapping[str, Any]) -> None:
         """state: the node changes it by itself."""
