@@ -7,8 +7,8 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from typing import Final
 
-# 10^(1/50) = 1.047: a quantile is rounded up by less than 5 %, from 1 us to 10 s. With bins that are fixed a scan costs
-# one bisection, however long the engine runs.
+# 10^(1/50) = 1.047: a quantile is rounded up by less than 5 %, from 1 us to 10 s. With bins that are fixed a scan
+# costs one bisection, however long the engine runs.
 _PER_DECADE: Final = 50
 _EDGES_S: Final[list[float]] = [1e-6 * 10.0 ** (i / _PER_DECADE) for i in range(7 * _PER_DECADE + 1)]
 

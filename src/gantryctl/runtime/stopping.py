@@ -7,7 +7,8 @@ from typing import Final
 
 from gantryctl.image import DriveRequest, InputImage, OutputImage
 
-# Motor speed below which the quick stop counts as finished: 0.025 deg/s at the gantry; and how long it must stay there.
+# Motor speed below which the quick stop counts as finished: 0.025 deg/s at the gantry; and how long it must stay
+# there.
 REST_SPEED_RAD_S: Final = 0.5
 REST_TIME_S: Final = 0.05
 # The brake closes at the latest after this time: twice what a quick stop from full speed takes.

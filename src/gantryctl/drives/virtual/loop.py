@@ -16,9 +16,9 @@ from gantryctl.errors import DeviceError
 
 _WAKE_S: Final = 0.005
 _IDLE_S: Final = 0.1
+# More than this at once is not made up for: a held-up process would see deadlines pass that frames still in its queue
+# have kept. The drive's own time stands still instead.
 _MAX_STEP_US: Final = 20_000
-"""More than this at once is not made up for: a held-up process would see deadlines pass that frames still in its
-queue have kept. The drive's own time stands still instead."""
 _MAX_ERRORS: Final = 100
 
 
@@ -26,21 +26,24 @@ _FLAGS: Final = ("is_error_frame", "is_remote_frame", "is_extended_id", "is_fd")
 
 
 def is_plain(message: can.Message) -> bool:
-    """A classic data frame with an 11-bit identifier: all that this node listens to."""
+    """Whether a message is a classic data frame with an 11-bit identifier."""
     return not any(getattr(message, flag) for flag in _FLAGS)
 
 
 def frame(can_id: int, data: bytes) -> can.Message:
-    """A message of the node."""
+    """Message of the node."""
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 
 class DirectBus(can.BusABC):
-    """One end of a bus whose other end is the drive.
+    """Bus whose other end is the drive, in the same thread and without a network.
 
-    Make the bus, make the node with `bus.deliver` as its `send`, `attach` it, `boot` it. Whoever looks at the node
-    while another thread uses the bus holds `lock`.
+    Make the bus, make the node with `bus.deliver` as its `send`, `attach` it, `boot` it. Hold `lock` to use the node
+    while another thread uses the bus.
     """
+
+    # `send` hands a frame to the drive and returns when the drive has answered; the answers wait to be received. So a
+    # master, or the canopen library, runs against a stepped drive as fast as both compute, the same way every time.
 
     def __init__(self) -> None:
         self._waiting: deque[can.Message] = deque()
@@ -57,7 +60,7 @@ class DirectBus(can.BusABC):
         self._node = node
 
     def deliver(self, can_id: int, data: bytes) -> None:
-        """A frame of the drive: the `send` of its node."""
+        """Take a frame of the drive; the `send` of its node."""
         message = frame(can_id, data)
         message.timestamp = self._node.time_us * 1e-6 if self._node else 0.0
         with self._arrived:
@@ -65,7 +68,7 @@ class DirectBus(can.BusABC):
             self._arrived.notify_all()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """A frame of the master: acted upon before this returns.
+        """Hand a frame of the master to the drive, which acts before this returns.
 
         Raises:
             can.CanOperationError: the bus was shut down.
@@ -97,7 +100,7 @@ class DirectBus(can.BusABC):
 
 
 class FrameSender:
-    """Sends the node's frames; counts what the bus refuses.
+    """Send the frames of the node and count those that the bus refuses.
 
     Args:
         bus: any python-can bus.
@@ -108,7 +111,7 @@ class FrameSender:
         self.refused = 0
 
     def send(self, can_id: int, data: bytes) -> None:
-        """One frame. A drive does not stop because its bus does."""
+        """Send one frame; a drive does not stop because its bus does."""
         try:
             self.bus.send(frame(can_id, data))
         except can.CanError:
@@ -116,7 +119,7 @@ class FrameSender:
 
 
 class DriveLoop:
-    """Receives, lets time go on, until told to stop.
+    """Run a node on a bus in real time, or stepped by SYNC.
 
     Args:
         node: the drive; its `send` is that of the link.
@@ -129,9 +132,9 @@ class DriveLoop:
     ) -> None:
         self.node, self.link = node, link
         self.lock = threading.RLock()
-        """Held while the node works; the side channel takes it too."""
+        """Held while the node works, and by the side channel."""
         self.lost_us = 0
-        """Time that was not made up for."""
+        """Time not made up for."""
         self.malformed = 0
         """Frames that python-can could not read."""
         self._clock = clock
@@ -141,7 +144,7 @@ class DriveLoop:
         """Run until `stop` is set.
 
         Raises:
-            DeviceError: the bus does not work any more.
+            DeviceError: the bus has failed.
         """
         last_us = round(self._clock() * 1e6)
         timeout = _IDLE_S if self.node.stepped else _WAKE_S
@@ -163,11 +166,8 @@ class DriveLoop:
     def _receive(self, timeout: float) -> can.Message | None:
         try:
             message = self.link.bus.recv(timeout)
-        except (
-            can.CanError,
-            ValueError,
-            TypeError,
-        ) as fault:  # the latter: udp_multicast and foreign packets
+        # udp_multicast raises the latter two for packets that are no CAN frames.
+        except (can.CanError, ValueError, TypeError) as fault:
             self.malformed += 1
             self._errors += 1
             if self._errors >= _MAX_ERRORS:
@@ -179,7 +179,7 @@ class DriveLoop:
 
 @contextmanager
 def running(loop: DriveLoop) -> Iterator[DriveLoop]:
-    """Boot the drive and let it live in a thread of its own while the block runs."""
+    """Boot the drive and run it in its own thread during a with block."""
     stop = threading.Event()
     thread = threading.Thread(target=loop.run, args=(stop,), name="virtual drive", daemon=True)
     with loop.lock:

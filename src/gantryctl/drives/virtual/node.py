@@ -1,4 +1,4 @@
-"""The virtual drive as a CANopen node: frames in, frames out, time as an argument. It knows no bus and no clock."""
+"""Virtual drive as a CANopen node: frames in, frames out, time as an argument; it knows no bus and no clock."""
 
 from __future__ import annotations
 
@@ -49,13 +49,13 @@ class DriveNode:
     Args:
         hardware: motor, brake, encoder and gantry behind it.
         node_id: 1..127.
-        send: takes (identifier, data) of every frame the node sends.
+        send: takes identifier and data of every frame of the node.
         kind: quirks of the drive model.
         store: stored parameters; in memory when not given.
         stepped: time goes on by SYNC only, one SYNC period each; the first SYNC is time 0.
 
     Raises:
-        UsageError: a node id that is none.
+        UsageError: a node id outside 1..127.
     """
 
     truth_columns: tuple[str, ...] = TRUTH_COLUMNS
@@ -76,7 +76,7 @@ class DriveNode:
         self.kind = kind = kind or Personality()
         self.faults = Faults()
         self.time_us = 0
-        """The drive's own time."""
+        """Time of the drive itself."""
         self.state = NmtState.INITIALISING
         self._out = send
         self._tick_us = round(hardware.tick_s * 1e6)
@@ -112,14 +112,14 @@ class DriveNode:
     # --- time --------------------------------------------------------------------------------------------------
 
     def boot(self) -> None:
-        """Power on: boot-up message, then PRE-OPERATIONAL."""
+        """Power on: send the boot-up message, enter PRE-OPERATIONAL."""
         self._signals.tick(self.time_us)
         self.reset(communication_only=False)
         if self._store.damaged:
             self.emergency.raise_error(_PARAMETERS_LOST)
 
     def advance(self, us: int) -> None:
-        """Let the drive's own time go on, in whole ticks; what is left over is kept."""
+        """Advance the drive's own time in whole ticks; the remainder is kept."""
         self._owed_us += us
         while self._owed_us >= self._tick_us:
             self._owed_us -= self._tick_us
@@ -137,7 +137,7 @@ class DriveNode:
             self._run_later()
 
     def after(self, delay_us: int, action: Callable[[], object]) -> None:
-        """Do something later, in the drive's own time."""
+        """Call an action later, in the drive's own time."""
         self._later.append((self.time_us + delay_us, action))
 
     def _run_later(self) -> None:
@@ -148,11 +148,11 @@ class DriveNode:
 
     @property
     def sync_period_us(self) -> int:
-        """How far one SYNC steps: 1006, else 60C2."""
+        """Step of one SYNC: 1006, else 60C2."""
         return self.od.number(0x1006) or interpolation_us(self.od)
 
     def truth(self) -> tuple[float, ...]:
-        """What only a simulator knows; see `truth_columns`. Never on the bus."""
+        """True state of the gantry, see `truth_columns`; never on the bus."""
         return self.plant.sim.truth()
 
     def plant_state(self) -> dict[str, float]:
@@ -166,7 +166,7 @@ class DriveNode:
     # --- frames in ---------------------------------------------------------------------------------------------
 
     def on_frame(self, can_id: int, data: bytes) -> None:
-        """One data frame with an 11-bit identifier."""
+        """Take one data frame with an 11-bit identifier."""
         is_sync = can_id == self.process_data.sync_id
         if is_sync and self.stepped:
             if self._synced:
@@ -196,7 +196,8 @@ class DriveNode:
         if self.state is NmtState.STOPPED:
             return
         if data and not self._wrong_sync:
-            self.emergency.warn(_SYNC_LENGTH)  # 1019 is absent: a SYNC has no counter
+            # 1019 is absent, so a SYNC has no counter and no data (CiA 301): EMCY 8240.
+            self.emergency.warn(_SYNC_LENGTH)
         self._wrong_sync = bool(data)
         self.process_data.sync()
 
@@ -230,7 +231,7 @@ class DriveNode:
             self.enter(target)
 
     def enter(self, target: NmtState) -> None:
-        """Change the NMT state; STOPPED aborts the connection (6007)."""
+        """Change the NMT state; for 6007, entering STOPPED is a lost communication."""
         if target is NmtState.STOPPED and self.state is not NmtState.STOPPED:
             self.axis.communication_lost(_NMT_ABORT)
         self.state = target
@@ -240,8 +241,8 @@ class DriveNode:
         """Reset node or communication, then boot up.
 
         Args:
-            communication_only: leave 2000h and above and the axis' state alone (6007 acts).
-            off_us: how long the node is away.
+            communication_only: leave the objects from 2000h on and the axis alone; 6007 acts.
+            off_us: time off the bus.
         """
         if communication_only:
             self.axis.communication_lost(_NMT_ABORT)
@@ -271,12 +272,12 @@ class DriveNode:
     # --- frames out and errors ---------------------------------------------------------------------------------
 
     def send(self, can_id: int, data: bytes) -> None:
-        """One frame, unless the node is off the bus."""
+        """Send one frame unless the node is off the bus."""
         if not self.faults.silence and self.time_us >= self._silent_until_us:
             self._out(can_id, data)
 
     def send_heartbeat(self) -> None:
-        """The heartbeat of this moment."""
+        """Send the heartbeat of this moment."""
         faults = self.faults
         if faults.heartbeat_off or self.state is NmtState.INITIALISING:
             return
@@ -294,7 +295,8 @@ class DriveNode:
             self.emergency.clear_error(code)
 
     def _heartbeat_lost(self) -> None:
-        """1029: 0 leave OPERATIONAL, 1 stay, 2 stop; and what 6007 says."""
+        """React to a lost heartbeat: the axis by 6007, the NMT state by 1029."""
+        # 1029:01: 0 leave OPERATIONAL, 1 no change, 2 enter STOPPED (CiA 301).
         self.axis.communication_lost(HEARTBEAT_LOST)
         reaction = self.od.number(0x1029, 1)
         if reaction == 0 and self.state is NmtState.OPERATIONAL:

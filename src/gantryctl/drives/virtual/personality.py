@@ -1,4 +1,4 @@
-"""How one drive model differs from the plain CiA 402 drive: data, one switch per quirk seen on real models."""
+"""Personality of a drive model: its differences from the plain CiA 402 drive, one switch per quirk of real models."""
 
 from __future__ import annotations
 
@@ -13,70 +13,73 @@ VelocityUnit = Literal["inc/s", "r/min", "0.1 r/min", "0.001 r/min"]
 
 @dataclass(frozen=True)
 class Personality:
-    """Every switch; the defaults are the plain drive."""
+    """Switches; the defaults are the plain drive.
+
+    Each quirk was found in the manual, the EDS or the behaviour of a real drive model.
+    """
 
     name: str = "plain"
     summary: str = "CiA 301 and CiA 402 by the text"
 
+    # 1000h: some have product codes in the upper half, or the bytes swapped.
     device_type: int = 0x0002_0192
-    """1000h: some have product codes in the upper half, or the bytes swapped."""
+    # 1005h; None: absent.
     sync_cob_id: int | None = 0x80
-    """1005h; None: absent."""
+    # Objects the bus does not see; the drive behaves by their defaults.
     absent: tuple[int, ...] = ()
-    """Objects the bus does not see; the drive behaves by their defaults."""
     not_mappable: tuple[int, ...] = ()
+    # The EDS declares the mapping objects as ARRAY.
     array_mapping: bool = False
-    """The EDS declares the mapping objects as ARRAY."""
+    # The EDS gives no default for 6502.
     no_mode_default: bool = False
-    """The EDS gives no default for 6502."""
+    # Other factory defaults: (index, sub, value in the drive's units).
     defaults: tuple[tuple[int, int, int], ...] = ()
-    """Other factory defaults: (index, sub, value in the drive's units)."""
+    # Factory default of 6085, motor side; None: the machine's own.
     quick_dec_deg_s2: float | None = None
-    """Factory default of 6085, motor side; None: the machine's own."""
 
+    # Increments of 6064 per motor turn; 2^19 x 4096 turns fill the positive half of 32 bit.
     counts_per_turn: int = 1 << 19
-    """Increments of 6064 per motor turn; 2^19 x 4096 turns fill the positive half of 32 bit."""
+    # Unit of 60FF, 606C, 60B1 and 607F; of accelerations that per second.
     velocity_unit: VelocityUnit = "inc/s"
-    """Unit of 60FF, 606C, 60B1 and 607F; of accelerations that per second."""
+    # What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.
     torque_reference: float = 1.0
-    """What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque."""
 
+    # False: 6502 has no CSV bit, yet mode 9 is accepted and shown, and nothing moves.
     csv: bool = True
-    """False: 6502 has no CSV bit, yet mode 9 is accepted and shown, and nothing moves."""
+    # Enters OPERATIONAL by itself after boot-up.
     auto_operational: bool = False
-    """Enters OPERATIONAL by itself after boot-up."""
     sdo_preoperational_only: bool = False
+    # 6041 is 0 until the first controlword.
     statusword_zero: bool = False
-    """6041 is 0 until the first controlword."""
+    # 0F straight from Ready to switch on is ignored.
     needs_switch_on: bool = False
-    """0F straight from Ready to switch on is ignored."""
+    # Fault reset acts as long as bit 7 is 1.
     reset_by_level: bool = False
-    """Fault reset acts as long as bit 7 is 1."""
+    # While bit 7 is 1 nothing else of the controlword counts.
     frozen_while_reset: bool = False
-    """While bit 7 is 1 nothing else of the controlword counts."""
+    # 6041 and 6061 follow that much later.
     lag_ms: int = 0
-    """6041 and 6061 follow that much later."""
+    # Quick stop active lasts one tick, then Switch on disabled, torque off.
     quick_stop_one_tick: bool = False
-    """Quick stop active lasts one tick, then Switch on disabled, torque off."""
     quick_stop_ignored: bool = False
+    # Enabled again after a quick stop: says that it follows and stands still until 6060 changes.
     dead_after_quick_stop: bool = False
-    """Enabled again after a quick stop: says that it follows and stands still until 6060 changes."""
+    # Does not move before 60C2 was written (and equals 1006 where that is set).
     needs_cycle_time: bool = False
-    """Does not move before 60C2 was written (and equals 1006 where that is set)."""
+    # Bit 8 of the controlword stops in CSV too.
     halt_in_csv: bool = False
-    """Bit 8 of the controlword stops in CSV too."""
+    # Says Operation enabled (bit 12 = 0) while the brake still opens.
     enabled_before_brake: bool = False
-    """Says Operation enabled (bit 12 = 0) while the brake still opens."""
+    # Faults come without EMCY and leave 603F at 0.
     silent_faults: bool = False
-    """Faults come without EMCY and leave 603F at 0."""
+    # EMCY messages of 3 bytes.
     short_emcy: bool = False
-    """EMCY messages of 3 bytes."""
+    # Heartbeats without data.
     empty_heartbeat: bool = False
-    """Heartbeats without data."""
+    # How long 1010 takes until it answers.
     save_ms: int = 0
-    """How long 1010 takes until it answers."""
+    # The node leaves the bus that long while it saves.
     save_silence_ms: int = 0
-    """The node leaves the bus that long while it saves."""
 
 
 def _p(name: str, summary: str, **quirks: Any) -> Personality:
@@ -129,7 +132,7 @@ PERSONALITIES: Final = {
 
 
 def personality(names: Sequence[str]) -> Personality:
-    """One drive out of several personalities; later ones win where two set the same switch.
+    """Combine personalities; the later one wins where two set the same switch.
 
     Raises:
         UsageError: an unknown name.

@@ -1,4 +1,4 @@
-"""The CiA 402 state machine (IEC 61800-7-201) as pure functions.
+"""CiA 402 state machine of the drive (IEC 61800-7-201) as pure functions.
 
 | state                  | 6041 pattern | 06 shutdown | 07 switch on | 0F enable   | 02 quick stop | 00 voltage off |
 |------------------------|--------------|-------------|--------------|-------------|---------------|----------------|
@@ -23,7 +23,7 @@ from typing import Final, assert_never
 
 
 class State(IntEnum):
-    """States; the value is the pattern of bits 0..3, 5 and 6 of the statusword."""
+    """Drive states; the value is the pattern of bits 0..3, 5 and 6 of the statusword."""
 
     NOT_READY = 0x00
     SWITCH_ON_DISABLED = 0x40
@@ -36,7 +36,7 @@ class State(IntEnum):
 
 
 class Command(Enum):
-    """What bits 0..3 of the controlword ask for. Disable operation is the pattern of SWITCH_ON."""
+    """Commands in bits 0..3 of the controlword; disable operation has the pattern of SWITCH_ON."""
 
     DISABLE_VOLTAGE = 0
     QUICK_STOP = 1
@@ -48,17 +48,18 @@ class Command(Enum):
 FAULT_RESET_BIT: Final = 0x80
 HALT_BIT: Final = 0x100
 
+# Bits of the statusword beside the state.
 VOLTAGE_ENABLED: Final = 1 << 4
 WARNING: Final = 1 << 7
 REMOTE: Final = 1 << 9
 TARGET_REACHED: Final = 1 << 10
 INTERNAL_LIMIT: Final = 1 << 11
+# Mode specific. CSV: the drive follows 60FF; PV: the speed is zero.
 FOLLOWS_COMMAND: Final = 1 << 12
-"""CSV: the drive follows 60FF. PV: speed is zero."""
 
 
 def command_of(controlword: int) -> Command:
-    """Bits 0..3: every word is one of five commands."""
+    """Command of a controlword: every word is one of five."""
     if not controlword & 2:
         return Command.DISABLE_VOLTAGE
     if not controlword & 4:
@@ -74,12 +75,12 @@ def is_fault_reset(previous: int, controlword: int) -> bool:
 
 
 def next_state(state: State, command: Command, power_ok: bool, quick_stop_stays: bool) -> State:
-    """The state that a command asks for, one transition at most.
+    """State after a command, at most one transition further.
 
     Args:
         state: the present state.
         command: the command in force.
-        power_ok: power is there and the safe torque off is not requested.
+        power_ok: mains are on and no safe torque off is requested.
         quick_stop_stays: the quick stop option code is 5 to 8.
     """
     match state:
@@ -98,7 +99,6 @@ def next_state(state: State, command: Command, power_ok: bool, quick_stop_stays:
 
 
 def _powered(state: State, command: Command, power_ok: bool) -> State:
-    """Ready to switch on, Switched on, Operation enabled."""
     enabled = state is State.ENABLED
     match command:
         case Command.DISABLE_VOLTAGE:
@@ -118,5 +118,5 @@ def _powered(state: State, command: Command, power_ok: bool) -> State:
 
 
 def statusword(state: State, bits: int) -> int:
-    """6041: the state's pattern and the other bits; bit 5 is 0 in a quick stop only where the table says so."""
+    """6041: pattern of the state and the other bits."""
     return state.value | bits

@@ -1,4 +1,4 @@
-"""What hangs behind the virtual drive: name plates and the plant's parameters; made by wiring. SI, motor side."""
+"""Hardware behind the virtual drive: name plates and plant parameters, SI at the motor; made by wiring."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from gantryctl import _core
 class Hardware:
     """Motor, encoder, brake, drive and gantry of one axis.
 
-    The plant comes as parameters, not as a ready `GantrySim`: its torque limit and its ramp are fixed when it is made,
-    and a bus writes 6072 and 6085 at any time. The drive makes it again then, with the state it had.
+    The plant comes as parameters, not as a ready `GantrySim`: torque limit and ramp of a `GantrySim` are fixed, and a
+    bus writes 6072 and 6085 at any time.
     """
 
     plant: _core.PlantParams

@@ -1,4 +1,4 @@
-"""Option codes (605A to 605E, 6007): what a drive does when it leaves operation. Pure functions of the code."""
+"""Option codes 605A to 605E and 6007 (CiA 402): reactions of the drive, as pure functions of the code."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 
 class Ramp(Enum):
-    """How the shaft is brought to rest."""
+    """Ramp that brings the shaft to rest."""
 
     NONE = 0
     """Torque off at once, the brake closes."""
@@ -20,14 +20,14 @@ class Ramp(Enum):
 
 
 class StopPlan(NamedTuple):
-    """A ramp, and whether the drive stays energised afterwards."""
+    """Ramp, and whether the drive stays energised afterwards."""
 
     ramp: Ramp
     stay: bool = False
 
 
 class AbortConnection(IntEnum):
-    """6007: what happens to the axis when communication is lost."""
+    """6007: reaction of the axis to lost communication."""
 
     NOTHING = 0
     FAULT = 1
@@ -35,6 +35,7 @@ class AbortConnection(IntEnum):
     QUICK_STOP = 3
 
 
+# 605A: 1 to 4 end in Switch on disabled, 5 to 8 stay in Quick stop active; 3 and 4 are current and voltage limit.
 _QUICK_STOP: Final = {
     0: StopPlan(Ramp.NONE),
     1: StopPlan(Ramp.SLOW),
@@ -49,7 +50,7 @@ _QUICK_STOP: Final = {
 
 
 def quick_stop_plan(code: int) -> StopPlan:
-    """605A."""
+    """Reaction of 605A."""
     return _QUICK_STOP[code]
 
 

@@ -1,4 +1,4 @@
-"""Motor, encoder, brake and gantry behind the drive's state machine: the compiled plant, one tick at a time."""
+"""Plant behind the drive's state machine: motor, encoder, brake and gantry, compiled, one tick at a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gantryctl.drives.virtual.side_channel.faults import Faults
 from gantryctl.errors import UsageError
 
 _UNLIMITED_S: Final = 1e9
-_RELEASE: Final = 0.9  # of the overload budget: then the peak torque is there again
+_RELEASE: Final = 0.9  # of the overload budget: below it the peak torque is available again
 
 
 class StageMode(IntEnum):
@@ -25,20 +25,19 @@ class StageMode(IntEnum):
 
 
 class DrivePlant:
-    """The plant with the limits of the moment.
-
-    The plant's own I2t account is switched off: the overload belongs to the motor, not to the torque limit that a
-    bus sets, so it is kept here.
+    """Compiled plant with the limits of the moment.
 
     Args:
         hardware: name plates and parameters.
-        faults: what is spoiled.
+        faults: injected faults.
     """
 
     def __init__(self, hardware: Hardware, faults: Faults) -> None:
         self._hardware, self._faults = hardware, faults
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
+        # The I2t account of the compiled drive is switched off: the overload belongs to the motor, not to the torque
+        # limit that a bus sets, so it is kept here.
         self._drive.overload_time_s = _UNLIMITED_S
         self._drive.vel_max_rad_s = hardware.speed_max_rad_s
         self._drive.torque_max_nm = hardware.torque_max_nm
@@ -67,12 +66,12 @@ class DrivePlant:
         return _core.GantrySim(self.plant_params, self._drive, h.tick_s, h.scheme, h.rk4_steps)
 
     def power_on(self) -> None:
-        """Read the encoder afresh: only the absolute value within its range is known."""
+        """Read the encoder as after mains on: only the absolute value within its range is known."""
         span = float(self._hardware.fine_counts_per_turn * self._hardware.turns)
         self.wrap_counts = self.counts // span * span
 
     def restore(self, state: Mapping[str, float]) -> None:
-        """Go on from a state of the plant kept before.
+        """Go on from an earlier state of the plant.
 
         Raises:
             ValueError: a state that lacks a value or has a non-finite one.
@@ -87,18 +86,18 @@ class DrivePlant:
         return self._account / self._budget if self._budget > 0.0 else 0.0
 
     def limit_torque(self, torque_nm: float) -> None:
-        """6072; what the overload leaves may be less."""
+        """Apply 6072; the overload may leave less."""
         self._allowed_nm = min(torque_nm, self._hardware.torque_max_nm)
         self._apply_torque()
 
     def set_ramp(self, dec_rad_s2: float) -> None:
-        """Deceleration of RAMP."""
+        """Set the deceleration of RAMP."""
         if dec_rad_s2 != self._drive.quick_dec_rad_s2:
             self._drive.quick_dec_rad_s2 = dec_rad_s2
             self._stale = True
 
     def change_plant(self, name: str, value: float) -> None:
-        """Another plant parameter from now on (side channel).
+        """Change a plant parameter (side channel).
 
         Raises:
             UsageError: no such parameter.
@@ -110,18 +109,20 @@ class DrivePlant:
         self._stale = True
 
     def lose_turns(self, turns: int) -> None:
-        """The multiturn part of the encoder is wrong from now on."""
+        """Shift the multiturn part of the encoder by whole turns."""
         self.sim.count_offset += float(turns * self._hardware.fine_counts_per_turn)
 
     def scan(self, mode: StageMode, vel_rad_s: float, torque_ff_nm: float, brake_open: bool) -> None:
-        """One tick of drive loops and plant."""
+        """Advance drive loops and plant by one tick."""
         faults = self._faults
         if faults.brake is not None:
             brake_open = faults.brake == "open"
         if faults.no_torque:
             mode = StageMode.OFF
+        # Limits and ramp are fixed when a plant is made, so a new one takes over the state. Not while the brake moves:
+        # its dead time is not part of that state.
         if self._stale and self.sim.state["brake_closed"] == float(not brake_open):
-            self._remake()  # never while the brake moves: its dead time is no part of the plant's state
+            self._remake()
         self.sim.scan(mode, vel_rad_s, torque_ff_nm, brake_open)
         self._read()
         self._count_overload()

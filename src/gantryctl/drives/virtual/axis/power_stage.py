@@ -1,4 +1,4 @@
-"""The power stage and the brake: what torque does, whatever the statusword says.
+"""Power stage and brake: torque and its phases, whatever the statusword shows.
 
 | phase    | torque                     | brake (owned by the drive)  | leads to                           |
 |----------|----------------------------|-----------------------------|------------------------------------|
@@ -24,13 +24,13 @@ from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, StageCommand
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 
-_REST_US: Final = 10_000  # the shaft must be slow that long to be at rest
+_REST_US: Final = 10_000  # the shaft is at rest after this time below the threshold 606F
 _IDLE: Final = StageCommand(StageMode.OFF, 0.0)
 _STAND: Final = StageCommand(StageMode.SPEED, 0.0)
 
 
 class Phase(Enum):
-    """What the power stage does."""
+    """Phases of the table above."""
 
     OFF = 0
     STARTING = 1
@@ -41,7 +41,7 @@ class Phase(Enum):
 
 
 class Event(Enum):
-    """What a tick of the power stage has finished."""
+    """End of a phase, reported by a tick."""
 
     READY = 0
     """Energised, brake open."""
@@ -72,11 +72,11 @@ class PowerStage:
 
     @property
     def energised(self) -> bool:
-        """There is torque."""
+        """The power stage gives torque."""
         return self.phase is not Phase.OFF
 
     def start(self) -> bool:
-        """Energise; True when nothing has to be waited for."""
+        """Energise; True if the axis runs at once."""
         self._timer_us = 0
         if self._owns_brake:
             self.phase = Phase.STARTING
@@ -85,12 +85,12 @@ class PowerStage:
         return True
 
     def run(self) -> None:
-        """Follow the set-point."""
+        """Follow the speed reference."""
         self.phase = Phase.RUNNING
         self._reference.start()
 
     def stop(self, ramp: Ramp, stay: bool) -> None:
-        """Bring the shaft to rest; a brake that closes already goes on closing."""
+        """Bring the shaft to rest; a closing brake goes on closing."""
         self._stay = stay
         if self.phase is not Phase.CLOSING:
             self.phase = Phase.STOPPING
@@ -103,11 +103,12 @@ class PowerStage:
         self._reference.start()
 
     def advance(self) -> Event | None:
-        """Timers and phases of one tick."""
+        """Advance timers and phases by one tick."""
         match self.phase:
             case Phase.OFF | Phase.RUNNING | Phase.HOLDING:
                 return None
             case Phase.STARTING:
+                # 2100:03 is the preload time before the brake opens, 2100:01 its opening time, ms.
                 self._timer_us += self._tick_us
                 if self._timer_us <= 1000 * (self._od.number(0x2100, 3) + self._od.number(0x2100, 1)):
                     return None
@@ -137,7 +138,7 @@ class PowerStage:
 
         Args:
             controlword: for the halt bit.
-            coasting: keep the last speed instead of following (a quick stop that is not obeyed).
+            coasting: keep the last speed instead of following, as a drive that ignores a quick stop.
         """
         drive = self._drive(controlword, coasting)
         self._plant.scan(drive.mode, drive.vel_rad_s, self._reference.torque_ff_nm, self._brake_open())
@@ -165,6 +166,7 @@ class PowerStage:
         if self.phase is Phase.OFF:
             return False
         if not self._owns_brake:
+            # 60FE:01 bit 0 sets the brake, 60FE:02 is the mask of the outputs in use (CiA 402).
             released = not self._od.number(0x60FE, 1) & 1
             return bool(self._od.number(0x60FE, 2) & 1) and released
         if self.phase is Phase.STARTING:

@@ -1,4 +1,4 @@
-"""Units on the bus: increments, velocity units, per mille of torque. The only place that converts them."""
+"""Units on the bus: increments, velocity units, per mille of torque; the virtual drive converts nowhere else."""
 
 from __future__ import annotations
 
@@ -13,22 +13,23 @@ _TWO_PI: Final = 2.0 * math.pi
 _R_MIN: Final = r_min_from_rad_s(1.0)
 _I32: Final = 1 << 31
 
+# 60A9: prefix, numerator (increment, revolution), denominator (second, minute). The master has a table of its own
+# (decision 0008).
 SI_UNIT: Final[dict[VelocityUnit, int]] = {
     "inc/s": 0x00B5_0300,
     "r/min": 0x00B4_4700,
     "0.1 r/min": 0xFFB4_4700,
     "0.001 r/min": 0xFDB4_4700,
 }
-"""60A9: prefix, numerator (increment, revolution), denominator (second, minute)."""
 
 
 def wrap_i32(value: int) -> int:
-    """A 32-bit counter that wraps."""
+    """Value of a 32-bit counter that wraps."""
     return (value + _I32) % (2 * _I32) - _I32
 
 
 def clamp_int(value: float, low: int, high: int) -> int:
-    """Rounded into a range; what is no number becomes 0."""
+    """Value rounded and limited to a range; 0 if not finite."""
     if not math.isfinite(value):
         return 0
     return max(low, min(high, round(value)))
@@ -46,7 +47,6 @@ class Scaling:
         self.counts_per_turn = kind.counts_per_turn
         self.velocity_unit = kind.velocity_unit
         self._fine = hardware.fine_counts_per_turn
-        self.fine_count_rad = _TWO_PI / hardware.fine_counts_per_turn
         self.per_rad_s = {
             "inc/s": kind.counts_per_turn / _TWO_PI,
             "r/min": _R_MIN,
@@ -60,11 +60,11 @@ class Scaling:
         return math.floor(fine_counts * self.counts_per_turn / self._fine)
 
     def velocity(self, rad_s: float) -> int:
-        """606C and its kin."""
+        """Velocity in units of 606C."""
         return clamp_int(rad_s * self.per_rad_s, -_I32, _I32 - 1)
 
     def rad_s(self, units: int) -> float:
-        """60FF and its kin; accelerations too."""
+        """Velocity from units of 60FF; accelerations too."""
         return units / self.per_rad_s
 
     def unsigned(self, rad_s: float) -> int:
@@ -81,7 +81,7 @@ class Scaling:
 
 
 def r_min(rad_s: float) -> int:
-    """6080 is in r/min in every drive."""
+    """Units of 6080, r/min in every drive."""
     return clamp_int(r_min_from_rad_s(rad_s), 1, 2 * _I32 - 1)
 
 

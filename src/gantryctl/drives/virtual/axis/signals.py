@@ -1,4 +1,4 @@
-"""What the drive reports: statusword, position, speed, torque, inputs. Readers of the object dictionary."""
+"""Signals of the drive: statusword, position, speed, torque and inputs, as readers of the object dictionary."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from gantryctl.drives.virtual.side_channel.faults import Faults
 
 _DC_LINK_MV: Final = 560_000
 
-# Bits of 60FD: 0 to 3 by CiA 402, 16 on by this drive.
+# Bits of 60FD: 0 to 3 by CiA 402, from 16 on manufacturer-specific, here those of this drive.
 LIMIT_MINUS: Final = 1 << 0
 LIMIT_PLUS: Final = 1 << 1
 INTERLOCK: Final = 1 << 3
@@ -29,7 +29,7 @@ BRAKE_IS_OPEN: Final = 1 << 19
 
 
 class Lagging:
-    """A value that is seen later than it is."""
+    """Value that shows later than it changes."""
 
     def __init__(self, lag_us: int) -> None:
         self._lag_us = lag_us
@@ -37,7 +37,7 @@ class Lagging:
         self._coming: deque[tuple[int, int]] = deque()
 
     def note(self, value: int, now_us: int) -> None:
-        """The true value of this moment."""
+        """Take the true value of this moment."""
         if self._seen is None:
             self._seen = value
         last = self._coming[-1][1] if self._coming else self._seen
@@ -45,14 +45,14 @@ class Lagging:
             self._coming.append((now_us + self._lag_us, value))
 
     def at(self, now_us: int) -> int:
-        """The value that is seen now."""
+        """Value that shows now."""
         while self._coming and self._coming[0][0] <= now_us:
             self._seen = self._coming.popleft()[1]
         return self._seen or 0
 
 
 class Signals:
-    """Process values of one axis, spoiled where faults say so.
+    """Process values of one axis, with the injected faults.
 
     Args:
         hardware: limit switches.
@@ -60,7 +60,7 @@ class Signals:
         od: takes the readers.
         scaling: units.
         kind: quirks.
-        faults: what is spoiled.
+        faults: injected faults.
     """
 
     def __init__(
@@ -100,14 +100,14 @@ class Signals:
         )
 
     def tick(self, now_us: int) -> None:
-        """Time goes on."""
+        """Sample the lagging values."""
         self._now_us = now_us
         if self._lagging is not None:
             self._lagging[0].note(self._status(), now_us)
             self._lagging[1].note(self._axis.reference.mode, now_us)
 
     def statusword(self) -> int:
-        """6041."""
+        """Statusword 6041 as the bus sees it."""
         faults = self._faults
         if faults.status_value is not None:
             return faults.status_value & 0xFFFF
@@ -118,13 +118,13 @@ class Signals:
         return ((word | faults.status_set) & ~faults.status_clear) & 0xFFFF
 
     def mode_display(self) -> int:
-        """6061."""
+        """Modes of operation display 6061."""
         if self._faults.mode_display is not None:
             return clamp_int(self._faults.mode_display, -128, 127)
         return self._axis.reference.mode if self._lagging is None else self._lagging[1].at(self._now_us)
 
     def position(self) -> int:
-        """6064."""
+        """Position actual value 6064."""
         if self._faults.freeze_position:
             if self._frozen is None:
                 self._frozen = self._position()
@@ -133,11 +133,11 @@ class Signals:
         return self._position()
 
     def velocity(self) -> int:
-        """606C."""
+        """Velocity actual value 606C."""
         return 0 if self._faults.freeze_position else self._scaling.velocity(self._axis.plant.vel_rad_s)
 
     def inputs(self) -> int:
-        """60FD."""
+        """Digital inputs 60FD."""
         faults, switch = self._faults, self._hardware.limit_switch_rad
         pos_load = self._axis.plant.sim.truth()[0]
         minus_ok = pos_load > -switch if faults.limit_minus_ok is None else faults.limit_minus_ok
@@ -157,12 +157,12 @@ class Signals:
         )
 
     def _absolute(self) -> int:
-        """What the encoder itself tells: one multiturn range."""
+        """Absolute position of the encoder, within one multiturn range."""
         span = self._hardware.turns * self._scaling.counts_per_turn
         return self._scaling.increments(self._axis.plant.counts) % span
 
     def _status(self) -> int:
-        """6041 as it truly is."""
+        """6041 without faults and quirks."""
         axis, faults = self._axis, self._faults
         state, reference = axis.state, axis.reference
         bits = cia402.REMOTE
@@ -177,7 +177,7 @@ class Signals:
         return cia402.statusword(state, bits)
 
     def _mode_bits(self, state: State) -> int:
-        """Bits 10 and 12 of an energised drive."""
+        """Bits 10 (target reached) and 12 (mode specific) of an energised drive."""
         axis = self._axis
         reference, phase = axis.reference, axis.stage.phase
         if state is State.QUICK_STOP:

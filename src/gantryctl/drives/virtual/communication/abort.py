@@ -1,4 +1,4 @@
-"""SDO abort codes (CiA 301) and the refusal that carries one."""
+"""SDO abort codes (CiA 301) and the exception that carries one."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Abort(IntEnum):
-    """Abort codes that this server uses."""
+    """Abort codes that this server sends."""
 
     TOGGLE = 0x05030000
     """Toggle bit not alternated."""
@@ -39,7 +39,7 @@ class Abort(IntEnum):
 
 
 class SdoAbort(Exception):
-    """An access that the object dictionary refuses; it goes out as an SDO abort and never further."""
+    """Refusal of an access by the object dictionary; the server answers it by an SDO abort."""
 
     def __init__(self, code: Abort) -> None:
         self.code = code

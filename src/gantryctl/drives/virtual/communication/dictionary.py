@@ -1,4 +1,4 @@
-"""The living object dictionary: values of the table, access rules, and hooks of whoever acts on them."""
+"""Object dictionary at run time: values, access rules, and hooks for what acts on them."""
 
 from __future__ import annotations
 
@@ -18,21 +18,18 @@ _NEVER_STORED: Final = frozenset({0x1003, 0x1010, 0x1011})
 class Dictionary:
     """Values by index and sub-index.
 
-    The drive behaves by the full table; what a personality hides is there for the behaviour, but neither SDO nor
-    PDO reaches it.
-
     Args:
-        full: every object the behaviour knows.
-        visible: what the bus sees.
+        full: every object of the behaviour. Those that a personality hides act by their defaults.
+        visible: objects that SDO and PDO reach.
         node_id: for defaults relative to it.
     """
 
     def __init__(self, full: DeviceDescription, visible: DeviceDescription, node_id: int) -> None:
         self.visible = visible
         self.readers: dict[Key, Callable[[], Value]] = {}
-        """Values that are made when they are read."""
+        """Values computed when they are read."""
         self.checks: dict[Key, Callable[[int], None]] = {}
-        """Called before a value is stored; they refuse by SdoAbort."""
+        """Called before a value is stored; they refuse it by SdoAbort."""
         self.actions: dict[Key, Callable[[int], None]] = {}
         """Called after a value was stored."""
         self._entries: dict[Key, Entry] = {(e.index, e.sub): e for e in full.entries()}
@@ -42,21 +39,21 @@ class Dictionary:
         self._values = dict(self._defaults)
 
     def number(self, index: int, sub: int = 0) -> int:
-        """A value for the drive itself."""
+        """Stored number for the behaviour of the drive."""
         value = self._values[index, sub]
         return value if isinstance(value, int) else 0
 
     def known(self, index: int, sub: int) -> bool:
-        """The behaviour has such an entry, seen from the bus or not."""
+        """Whether the entry exists, visible to the bus or not."""
         return (index, sub) in self._entries
 
     def value(self, index: int, sub: int) -> Value:
-        """The present value, whatever the bus may see."""
+        """Present value, whatever the bus may see."""
         reader = self.readers.get((index, sub))
         return reader() if reader is not None else self._values[index, sub]
 
     def set(self, index: int, sub: int, value: int) -> None:
-        """Set a value from inside: no rules, no hooks."""
+        """Set a value from inside, without rules and hooks."""
         self._values[index, sub] = value
 
     def force(self, index: int, sub: int, value: int) -> None:
@@ -71,7 +68,7 @@ class Dictionary:
         self._write(entry, value)
 
     def entry(self, index: int, sub: int) -> Entry:
-        """An entry that the bus sees.
+        """Entry that the bus sees.
 
         Raises:
             SdoAbort: no such object or sub-index.
@@ -85,10 +82,10 @@ class Dictionary:
         return entry
 
     def upload(self, index: int, sub: int) -> bytes:
-        """SDO upload.
+        """Bytes of an SDO upload.
 
         Raises:
-            SdoAbort: not there, or write-only.
+            SdoAbort: missing, or write-only.
         """
         entry = self.entry(index, sub)
         if not entry.access.readable:
@@ -96,16 +93,14 @@ class Dictionary:
         return self.packed(entry)
 
     def packed(self, entry: Entry) -> bytes:
-        """The present value as bytes."""
-        reader = self.readers.get((entry.index, entry.sub))
-        value = reader() if reader is not None else self._values[entry.index, entry.sub]
-        return encode(entry.data_type, value)
+        """Present value as bytes."""
+        return encode(entry.data_type, self.value(entry.index, entry.sub))
 
     def download(self, index: int, sub: int, data: bytes) -> None:
-        """SDO download.
+        """Write the bytes of an SDO download.
 
         Raises:
-            SdoAbort: not there, read-only, wrong size, out of range, or refused by whoever acts on it.
+            SdoAbort: missing, read-only, wrong size, out of range, or refused by a check.
         """
         entry = self.entry(index, sub)
         self.may_write(entry)
@@ -116,12 +111,16 @@ class Dictionary:
             self._values[index, sub] = value
 
     def may_write(self, entry: Entry) -> None:
-        """Refuse a write access early, before its data arrive."""
+        """Refuse a write access before its data arrive.
+
+        Raises:
+            SdoAbort: read-only.
+        """
         if not entry.access.writable:
             raise SdoAbort(Abort.READ_ONLY)
 
     def receive(self, entry: Entry, data: bytes) -> None:
-        """A mapped value from an RPDO; out of range is refused like an SDO (and the PDO goes on)."""
+        """Write a mapped value from an RPDO; refused out of range, as by SDO."""
         value = decode(entry.data_type, data)
         if isinstance(value, int):
             self._write(entry, value)
@@ -141,7 +140,7 @@ class Dictionary:
             action(value)
 
     def reset(self, stored: Mapping[Key, int], communication_only: bool) -> None:
-        """Power-on values: defaults, and over them what was stored. No hooks: everybody reads afresh."""
+        """Set power-on values without hooks: the stored ones where they fit, else the defaults."""
         for key, default in self._defaults.items():
             if not communication_only or key[0] in _COMMUNICATION:
                 value = stored.get(key)
@@ -149,7 +148,8 @@ class Dictionary:
                 self._values[key] = value if value is not None and usable else default
 
     def storable(self, first: int, last: int) -> dict[Key, int]:
-        """What 1010 stores of a range of indices: writable numbers that are neither commands nor process data."""
+        """Values that 1010 stores of a range of indices."""
+        # Writable numbers; commands and process data are volatile, and history and storage objects hold no parameter.
         return {
             key: value
             for key, entry in self._entries.items()
@@ -162,7 +162,7 @@ class Dictionary:
 
 
 def fits(entry: Entry, value: int) -> bool:
-    """A number that the entry's type and limits take."""
+    """Whether a number is within type and limits of an entry."""
     span = limits(entry.data_type)
     if span is None or not span[0] <= value <= span[1]:
         return False

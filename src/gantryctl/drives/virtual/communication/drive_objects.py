@@ -1,4 +1,4 @@
-"""The drive part of the object table (CiA 402 and 2000h on): data from which behaviour and EDS come."""
+"""Object table, drive profile (CiA 402) and manufacturer objects (2000h on): data for behaviour and EDS."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ PRELOAD_MS = 50
 
 
 def device_tables(hardware: Hardware, kind: Personality) -> tuple[DeviceDescription, DeviceDescription]:
-    """(all objects that the behaviour knows, those that the bus sees)."""
+    """Device description for the behaviour, and the one that the bus sees."""
     scaling = Scaling(hardware, kind)
     objects = (
         *communication_objects(kind, hardware.serial_number),
@@ -167,7 +167,8 @@ def _plate_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> t
         factor(0x6091, "Gear ratio", (turns, 1), ("Shaft revolutions", 1)),
         var(0x60A8, "SI unit position", U32, RO, 0x00B5_0000),
         var(0x60A9, "SI unit velocity", U32, RO, SI_UNIT[scaling.velocity_unit]),
-        var(0x6402, "Motor type", U16, RO, 10),  # sinusoidal permanent-magnet motor
+        # 6402, value 10: sinusoidal permanent-magnet brushless motor (CiA 402).
+        var(0x6402, "Motor type", U16, RO, 10),
         var(0x6502, "Supported drive modes", U32, RO, modes),
     )
 

@@ -16,7 +16,9 @@ HEARTBEAT_LOST: Final = 0x8130
 
 @dataclass(slots=True)
 class _Watched:
-    """One node that is watched; the deadline runs from its first heartbeat on."""
+    """One watched node."""
+
+    # CiA 301: monitoring starts with the first heartbeat of the producer.
 
     node: int
     period_us: int
@@ -25,7 +27,7 @@ class _Watched:
 
 
 class HeartbeatProducer:
-    """Sends the NMT state every 1017 ms.
+    """Send the NMT state every 1017 ms.
 
     Args:
         od: holds 1017.
@@ -39,13 +41,13 @@ class HeartbeatProducer:
         od.actions[0x1017, 0] = self._changed
 
     def reload(self, now_us: int) -> None:
-        """After a reset: the first one is due after one period (the boot-up message stands for it)."""
+        """Take over 1017 after a reset; the boot-up message stands for the first heartbeat."""
         self._now_us = now_us
         period = 1000 * self._od.number(0x1017)
         self._next_us = now_us + period if period else None
 
     def _changed(self, value: int) -> None:
-        if value:  # a new time begins with a heartbeat
+        if value:  # a new producer time begins with a heartbeat
             self._next_us = self._now_us + 1000 * value
             self._send()
         else:
@@ -60,11 +62,11 @@ class HeartbeatProducer:
 
 
 class HeartbeatConsumer:
-    """Watches the nodes of 1016.
+    """Watch the heartbeats of the nodes in 1016.
 
     Args:
         od: holds 1016.
-        emcy: reports (code) and, with active = False, its end.
+        emcy: takes an error code and whether the error comes or goes.
         lost: called when a heartbeat is missing.
     """
 
@@ -77,7 +79,7 @@ class HeartbeatConsumer:
         self.reload()
 
     def reload(self) -> None:
-        """Take over 1016; watching begins anew with the next heartbeat."""
+        """Take over 1016; monitoring begins again with the next heartbeat."""
         for old in self._watched.values():
             if old.lost:
                 self._emcy(HEARTBEAT_LOST, False)
@@ -88,7 +90,7 @@ class HeartbeatConsumer:
                 self._watched[node] = _Watched(node, 1000 * period)
 
     def receive(self, node: int, now_us: int) -> None:
-        """A heartbeat of some node."""
+        """Take a heartbeat of any node."""
         watched = self._watched.get(node)
         if watched is None:
             return
@@ -98,7 +100,7 @@ class HeartbeatConsumer:
             self._emcy(HEARTBEAT_LOST, False)
 
     def tick(self, now_us: int) -> None:
-        """Notice what is missing; it is missed once, until it is heard again."""
+        """Report a missing heartbeat, once until the node is heard again."""
         for watched in self._watched.values():
             if watched.deadline_us is not None and now_us >= watched.deadline_us:
                 watched.deadline_us = None
@@ -107,6 +109,7 @@ class HeartbeatConsumer:
                 self._lost()
 
     def _check(self, sub: int, value: int) -> None:
+        # CiA 301: an attempt to configure several heartbeat times for one node id is refused (abort 0604 0043).
         node, period = _split(value)
         others = (self._od.number(0x1016, other) for other in range(1, CONSUMERS + 1) if other != sub)
         if node > 127:
@@ -116,5 +119,5 @@ class HeartbeatConsumer:
 
 
 def _split(value: int) -> tuple[int, int]:
-    """(node, milliseconds) of one entry of 1016."""
+    """Node id and milliseconds of an entry of 1016: bits 16 to 23 and 0 to 15."""
     return value >> 16 & 0xFF, value & 0xFFFF

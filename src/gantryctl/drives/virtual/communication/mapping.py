@@ -1,4 +1,4 @@
-"""The rules by which PDO parameters may be written (CiA 301), and what they say."""
+"""PDO parameters and the rules of CiA 301 by which they may be written."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from gantryctl.drives.virtual.communication.objects import MAPPED, PDO_INVALID
 _EXTENDED: Final = 0x2000_0000
 _ID: Final = 0x7FF
 _MAX_BITS: Final = 64
-# Identifiers that no PDO may take: NMT, SYNC window, SDO, NMT error control.
+# Restricted identifiers (CiA 301): NMT, the default of SYNC, SDO, NMT error control. No PDO may take them.
 _RESTRICTED: Final = (
     range(0x000, 0x080),
     range(0x080, 0x081),
@@ -36,11 +36,11 @@ class Mapped:
 class PdoParameters:
     """Communication and mapping parameter of one PDO.
 
-    To change a mapping: 1. make the PDO invalid (bit 31 of sub-index 1), 2. count = 0, 3. entries, 4. count = n,
-    5. make it valid again. Anything else is refused.
+    A mapping is changed as CiA 301 says and not otherwise: PDO invalid (bit 31 of sub-index 1), count 0, entries,
+    count n, PDO valid.
 
     Args:
-        od: the dictionary; the rules hook themselves in.
+        od: the dictionary; takes the rules as checks.
         number: 0 for the first PDO.
         transmit: TPDO or RPDO.
     """
@@ -59,12 +59,12 @@ class PdoParameters:
 
     @property
     def valid(self) -> bool:
-        """Bit 31 of the COB-ID is 0."""
+        """The PDO exists: bit 31 of its COB-ID is 0."""
         return not self._od.number(self.communication, 1) & PDO_INVALID
 
     @property
     def can_id(self) -> int:
-        """The identifier."""
+        """Identifier of its frames."""
         return self._od.number(self.communication, 1) & _ID
 
     @property
@@ -83,10 +83,9 @@ class PdoParameters:
         return 1000 * self._od.number(self.communication, 5)
 
     def mapped(self) -> tuple[Mapped, ...]:
-        """What is mapped now; stored values that do not fit (another personality) map nothing."""
-        count = self._od.number(self._mapping, 0)
+        """Mapped entries; none where stored values do not fit, as after a change of personality."""
         try:
-            return self._resolved(count)
+            return self._resolved(self._od.number(self._mapping, 0))
         except SdoAbort:
             return ()
 
@@ -117,7 +116,8 @@ class PdoParameters:
             raise SdoAbort(Abort.VALUE)
 
     def _check_type(self, value: int) -> None:
-        if 241 <= value <= 253:  # reserved; 252 and 253 need remote frames
+        # 241 to 251 are reserved, 252 and 253 need remote frames.
+        if 241 <= value <= 253:
             raise SdoAbort(Abort.VALUE)
 
     def _check_inhibit(self, value: int) -> None:

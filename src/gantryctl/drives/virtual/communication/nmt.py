@@ -24,7 +24,7 @@ from typing import assert_never
 
 
 class NmtState(IntEnum):
-    """States, with the value that the heartbeat shows (INITIALISING: the boot-up message)."""
+    """NMT states with their value in the heartbeat; INITIALISING is the boot-up message."""
 
     INITIALISING = 0
     STOPPED = 4
@@ -43,7 +43,7 @@ class NmtCommand(IntEnum):
 
 
 def next_nmt(state: NmtState, command: NmtCommand) -> NmtState:
-    """The state after a command; INITIALISING means: reset, boot up, and go on to PRE_OPERATIONAL."""
+    """State after a command; INITIALISING: reset, boot up and go on to PRE_OPERATIONAL."""
     if state is NmtState.INITIALISING:
         return state
     match command:
@@ -60,7 +60,7 @@ def next_nmt(state: NmtState, command: NmtCommand) -> NmtState:
 
 
 def command_for(data: bytes, node_id: int) -> NmtCommand | None:
-    """The command of an NMT message if it is one and meant for this node (or for all: node 0)."""
+    """Command of an NMT message for this node, or for all nodes (node id 0); else None."""
     if len(data) != 2 or data[1] not in (0, node_id):
         return None
     try:

@@ -1,4 +1,4 @@
-"""The communication part of the object table (CiA 301): data from which behaviour and EDS come."""
+"""Object table, communication profile area (CiA 301): data for behaviour and EDS."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ VENDOR_ID: Final = 0x0000_07FF
 PRODUCT_CODE: Final = 0x0047_0402
 REVISION: Final = 0x0001_0000
 
-# What each PDO maps from the factory: (RPDO entries, TPDO entries), index << 16 | sub << 8 | bits.
+# Default mapping of each PDO: RPDO entries, TPDO entries, index << 16 | sub << 8 | bits. The first two are the
+# default PDO mapping of CiA 402.
 _FACTORY: Final = (
     ((0x60400010,), (0x60410010,)),
     ((0x60400010, 0x60600008), (0x60410010, 0x60610008)),
@@ -48,21 +49,21 @@ def var(
     volatile: bool = False,
     node: bool = False,
 ) -> ObjectSpec:
-    """An object with one entry."""
+    """Object with one entry."""
     low, high = limits or (None, None)
     one = Entry(index, 0, name, data_type, access, default, node, maps, low, high, volatile=volatile)
     return ObjectSpec(index, name, ObjectKind.VAR, {0: one})
 
 
 def group(index: int, name: str, kind: ObjectKind, *entries: Entry, count: Access = CONST) -> ObjectSpec:
-    """A record or an array; sub-index 0 is made here."""
+    """Record or array with its sub-index 0."""
     highest = max(entry.sub for entry in entries)
     zero = Entry(index, 0, "Highest sub-index supported", U8, count, highest)
     return ObjectSpec(index, name, kind, {0: zero, **{entry.sub: entry for entry in entries}})
 
 
 def communication_objects(kind: Personality, serial_number: int) -> tuple[ObjectSpec, ...]:
-    """1000h to 1FFFh, but for the PDOs."""
+    """Objects 1000h to 1FFFh without the PDO parameters."""
     array, record = ObjectKind.ARRAY, ObjectKind.RECORD
     identity = (VENDOR_ID, PRODUCT_CODE, REVISION, serial_number)
     names = ("Vendor-ID", "Product code", "Revision number", "Serial number")
@@ -113,7 +114,7 @@ def communication_objects(kind: Personality, serial_number: int) -> tuple[Object
 
 
 def pdo_objects(kind: Personality) -> tuple[ObjectSpec, ...]:
-    """1400h, 1600h, 1800h, 1A00h and on; only the first PDO of each direction is valid from the factory."""
+    """PDO parameters from 1400h, 1600h, 1800h, 1A00h on; by default the first PDO of each direction is valid."""
     found: list[ObjectSpec] = []
     for number in range(PDOS):
         receive, transmit = _FACTORY[number]

@@ -1,4 +1,4 @@
-"""What happens when parameters are written: commands to the axis, limits, storing and restoring."""
+"""Actions of written parameters: commands to the axis, limits, storing and restoring."""
 
 from __future__ import annotations
 
@@ -14,11 +14,10 @@ from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.store import ParameterStore
 from gantryctl.errors import StateError
 
+# Signatures of 1010 and 1011 (CiA 301): the bytes "save" and "load".
 SAVE: Final = 0x65766173
-"""The bytes "save"."""
 LOAD: Final = 0x64616F6C
-"""The bytes "load"."""
-# Sub-index of 1010 and 1011 -> range of indices.
+# Range of indices by sub-index of 1010 and 1011: all, communication, application parameters.
 _GROUPS: Final = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x2000, 0xFFFF)}
 
 
@@ -30,7 +29,7 @@ class Parameters:
         axis: obeys.
         scaling: units.
         store: 1010 and 1011.
-        saving: called when parameters are saved, for drives that take their time.
+        saving: called when parameters are saved, for drives that are slow then.
     """
 
     def __init__(
@@ -59,7 +58,7 @@ class Parameters:
         self._axis.reference.cycle_time_written = True
 
     def _save(self, sub: int, value: int) -> None:
-        """1010: by its signature only, and not while there is torque."""
+        # A wrong signature is refused with 0800 0020 (CiA 301), and nothing is stored while there is torque.
         if value != SAVE:
             raise SdoAbort(Abort.STORE)
         if self._axis.stage.energised:
@@ -73,7 +72,7 @@ class Parameters:
         self._saving()
 
     def _load(self, sub: int, value: int) -> None:
-        """1011: by its signature only; acts at the next reset."""
+        # The defaults become valid at the next reset (CiA 301).
         if value != LOAD:
             raise SdoAbort(Abort.STORE)
         if self._axis.stage.energised:
@@ -81,10 +80,7 @@ class Parameters:
         self._to_drop.add(sub)
 
     def reset(self, communication_only: bool) -> bool:
-        """Power-on values: what is stored over the defaults, and nothing stored where 1011 asked for that.
-
-        False when the store could not be written.
-        """
+        """Set power-on values, after forgetting what 1011 asked for; False if the store cannot be written."""
         written = True
         for sub in sorted(self._to_drop):
             try:

@@ -1,4 +1,4 @@
-"""The SDO server (CiA 301): expedited and segmented transfers, one at a time. Block transfer is refused.
+"""SDO server (CiA 301): expedited and segmented transfers, one at a time; block transfer is refused.
 
 | client command (bits 7..5) | meaning            |
 |----------------------------|--------------------|
@@ -26,7 +26,7 @@ _LAST: Final = 0x01
 
 @dataclass(slots=True)
 class _Transfer:
-    """A segmented transfer under way."""
+    """Segmented transfer under way."""
 
     index: int
     sub: int
@@ -37,18 +37,18 @@ class _Transfer:
 
 
 class SdoServer:
-    """Answers one request frame with one response frame."""
+    """Answer one request frame with one response frame."""
 
     def __init__(self, od: Dictionary) -> None:
         self._od = od
         self._transfer: _Transfer | None = None
 
     def reset(self) -> None:
-        """Forget a transfer under way."""
+        """Discard a transfer under way."""
         self._transfer = None
 
     def answer(self, frame: bytes) -> bytes | None:
-        """The response to a request; None where none is due (an abort, a frame of another length)."""
+        """Response to a request; None to an abort and to a frame of another length."""
         if len(frame) != 8:
             return None
         index, sub = struct.unpack_from("<HB", frame, 1)
@@ -80,7 +80,8 @@ class SdoServer:
         self._od.may_write(self._od.entry(index, sub))
         if expedited:
             data = frame[4 : 8 - (frame[0] >> 2 & 3)] if sized else frame[4:8]
-            if not sized:  # the server knows how much of the four bytes counts
+            # Without a size in the frame the server knows how many of the four bytes count.
+            if not sized:
                 data = data[: len(self._od.packed(self._od.entry(index, sub))) or 4]
             self._od.download(index, sub, data)
         else:
@@ -132,5 +133,5 @@ class SdoServer:
 
 
 def abort_frame(index: int, sub: int, code: int) -> bytes:
-    """The abort message."""
+    """Abort transfer message."""
     return struct.pack("<BHBI", 0x80, index, sub, code & 0xFFFFFFFF)

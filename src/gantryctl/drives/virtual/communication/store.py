@@ -14,7 +14,7 @@ _FORMAT: Final = 1
 
 
 class ParameterStore:
-    """Values by index and sub-index that survive a reset, and with a file the process too.
+    """Values by index and sub-index that survive a reset, and in a file the end of the process.
 
     Args:
         path: the file; None keeps them in memory.
@@ -24,16 +24,16 @@ class ParameterStore:
         self._path = path
         self._values: dict[Key, int] = {}
         self.damaged = False
-        """The file was there and could not be read: defaults are in force."""
+        """The file exists but could not be read: defaults are in force."""
         if path is not None:
             self._load(path)
 
     def values(self) -> Mapping[Key, int]:
-        """What is stored."""
+        """Stored values."""
         return self._values
 
     def save(self, values: Mapping[Key, int], first: int, last: int) -> None:
-        """Replace what is stored of a range of indices.
+        """Replace the stored values of a range of indices.
 
         Raises:
             StateError: the file cannot be written.
@@ -43,7 +43,7 @@ class ParameterStore:
         )
 
     def drop(self, first: int, last: int) -> None:
-        """Forget a range of indices.
+        """Delete the stored values of a range of indices.
 
         Raises:
             StateError: the file cannot be written.

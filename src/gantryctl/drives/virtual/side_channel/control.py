@@ -1,4 +1,4 @@
-"""The side channel: a unix socket, one JSON object a line, one answer a line. Both ends."""
+"""Side channel, both ends: a unix socket, one JSON object a line, one answer a line."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _BACKLOG: Final = 8
 
 
 class ControlServer:
-    """Answers requests on a socket; `with ControlServer(...)`.
+    """Answer requests on a socket, as a context manager.
 
     Args:
         path: of the socket; only this user may open it.
-        answer: takes a parsed request and gives the answer.
+        answer: from a parsed request to its answer.
         lock: held around `answer`.
 
     Raises:
-        UsageError: a path that cannot be used, or a server that lives there already.
+        UsageError: the path cannot be used, or another server listens there.
     """
 
     def __init__(self, path: Path, answer: Callable[[object], dict[str, Any]], lock: threading.RLock) -> None:
@@ -81,14 +81,14 @@ class ControlServer:
 
 
 class ControlClient:
-    """Asks a drive's side channel; `with ControlClient(path)`.
+    """Client of a drive's side channel, as a context manager.
 
     Args:
         path: of the socket.
         timeout_s: for one answer.
 
     Raises:
-        DeviceError: nobody listens there.
+        DeviceError: no virtual drive listens there.
     """
 
     def __init__(self, path: Path, timeout_s: float = 10.0) -> None:
@@ -102,7 +102,7 @@ class ControlClient:
         self._lines = self._socket.makefile("rwb")
 
     def send(self, cmd: str, **fields: Any) -> None:
-        """A request whose answer is fetched later by `poll`.
+        """Send a request; `poll` fetches its answer later.
 
         Raises:
             DeviceError: the drive is gone.
@@ -114,7 +114,7 @@ class ControlClient:
             raise DeviceError(f"the virtual drive does not answer: {fault}") from None
 
     def poll(self) -> dict[str, Any] | None:
-        """The answer to the request of `send`, or None while it is not there; never waits.
+        """Answer to the request of `send`, None while it is outstanding; never waits.
 
         Raises:
             DeviceError: the request was refused, or the drive is gone.
@@ -123,7 +123,7 @@ class ControlClient:
         return self._answer() if ready else None
 
     def ask(self, cmd: str, **fields: Any) -> dict[str, Any]:
-        """One request, one answer.
+        """Send a request and wait for its answer.
 
         Raises:
             DeviceError: the request is refused, or the drive is gone.
@@ -169,6 +169,7 @@ def _listen(path: Path) -> socket.socket:
     _remove_stale(path)
     listener = _unix_socket()
     try:
+        # Only this user may inject faults: the mask acts when the socket is bound.
         mask = os.umask(0o177)
         try:
             listener.bind(str(path))
@@ -182,7 +183,7 @@ def _listen(path: Path) -> socket.socket:
 
 
 def _remove_stale(path: Path) -> None:
-    """A socket that a killed process left behind goes; anything else stays."""
+    """Remove the socket of a killed process, and nothing else."""
     if not path.exists():
         return
     if not path.is_socket():

@@ -1,27 +1,30 @@
-"""What can be spoiled: standing faults as one set of switches. They come by the side channel only."""
+"""Injected faults: standing ones as a set of switches, and the gate that spoils TPDOs; set by the side channel only."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
-from typing import Any, Final, Literal
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Final, Literal, get_args, get_type_hints
+
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gantryctl.errors import UsageError
 
+_U32 = Annotated[int, Field(ge=-(1 << 31), lt=1 << 32)]
 TpdoKind = Literal["drop", "delay", "duplicate", "swap", "length"]
-TPDO_KINDS: Final = ("drop", "delay", "duplicate", "swap", "length")
+TPDO_KINDS: Final = get_args(TpdoKind)
 
 
 @dataclass(slots=True)
 class TpdoFault:
-    """What happens to the frames of one TPDO."""
+    """Fault of the frames of one TPDO."""
 
     kind: TpdoKind
     amount: int = 1
     """delay: frames held back; length: bytes sent."""
     count: int | None = None
-    """How many frames are hit; None: all, until cleared."""
+    """Number of frames; None: all, until cleared."""
 
 
 @dataclass(slots=True)
@@ -30,21 +33,21 @@ class Faults:
 
     freeze_position: bool = False
     """6064 keeps its value (and 606C becomes 0); the drive's own speed loop goes on."""
-    position_offset: int = 0
+    position_offset: _U32 = 0
     """Added to 6064, increments: a jump."""
     never_move: bool = False
     """Stands still and says that it follows (bit 12 = 1)."""
     ignore_target: bool = False
     """Stands still with bit 12 = 0."""
-    command_sign: int = 1
+    command_sign: Literal[1, -1] = 1
     """-1: turns the other way; feedback is true."""
-    mode_display: int | None = None
+    mode_display: _U32 | None = None
     """What 6061 says."""
-    status_set: int = 0
+    status_set: _U32 = 0
     """Bits of 6041 that are always 1."""
-    status_clear: int = 0
+    status_clear: _U32 = 0
     """Bits of 6041 that are always 0."""
-    status_value: int | None = None
+    status_value: _U32 | None = None
     """6041 as a whole."""
     stuck_state: bool = False
     """The CiA 402 machine obeys no controlword."""
@@ -57,12 +60,12 @@ class Faults:
     brake_feedback: bool | None = None
     """What the brake's contact says."""
     heartbeat_off: bool = False
-    heartbeat_state: int | None = None
+    heartbeat_state: _U32 | None = None
     """NMT state that the heartbeat shows."""
     silence: bool = False
     """Off the bus: nothing is sent, nothing is heard. The drive's own time goes on."""
     sdo_silent: bool = False
-    sdo_abort: int | None = None
+    sdo_abort: _U32 | None = None
     """Every SDO request is answered by this abort code."""
     sdo_toggle: bool = False
     """Segments come with the wrong toggle bit."""
@@ -75,22 +78,26 @@ class Faults:
     limit_minus_ok: bool | None = None
     """None: by the load angle."""
     limit_plus_ok: bool | None = None
-    torque_offset: float = 0.0
+    torque_offset: Annotated[float, Field(gt=-1e9, lt=1e9)] = 0.0
     """Added to the torque that 6077 reports, N m."""
     tpdo: dict[int, TpdoFault] = field(default_factory=dict)
     """By number, 1 for the first; set by `tpdo_fault`."""
 
 
-_PLAIN: Final = tuple(f.name for f in fields(Faults) if f.name != "tpdo")
+_CHECKS: Final[dict[str, TypeAdapter[Any]]] = {
+    name: TypeAdapter(hint, config=ConfigDict(strict=True))
+    for name, hint in get_type_hints(Faults, include_extras=True).items()
+    if name != "tpdo"
+}
 
 
 def names() -> tuple[str, ...]:
     """Every standing fault but those of TPDOs."""
-    return _PLAIN
+    return tuple(_CHECKS)
 
 
 def default_of(name: str) -> Any:
-    """The sound value of a fault."""
+    """Value of a fault in a sound drive."""
     return getattr(Faults(), name)
 
 
@@ -100,36 +107,17 @@ def set_fault(faults: Faults, name: str, value: Any) -> None:
     Raises:
         UsageError: no such fault, or a value it cannot take.
     """
-    if name not in _PLAIN:
-        raise UsageError(f"there is no fault '{name}'; there are: {', '.join(_PLAIN)}")
-    sound = default_of(name)
-    allowed: tuple[Any, ...] | type
-    if name == "brake":
-        allowed, ok = (None, "closed", "open"), value in (None, "closed", "open")
-    elif name == "command_sign":
-        allowed, ok = (1, -1), value in (1, -1) and not isinstance(value, bool)
-    elif name in ("brake_feedback", "limit_minus_ok", "limit_plus_ok"):
-        allowed, ok = (None, True, False), value is None or isinstance(value, bool)
-    elif isinstance(sound, bool):
-        allowed, ok = (True, False), isinstance(value, bool)
-    elif isinstance(sound, float):
-        allowed = float
-        ok = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e9
-    else:
-        allowed = int
-        ok = (sound is None and value is None) or _is_u32(value)
-    if not ok:
-        kinds = allowed.__name__ if isinstance(allowed, type) else ", ".join(map(str, allowed))
-        raise UsageError(f"fault '{name}' takes {kinds}, got {value!r}")
-    setattr(faults, name, value)
-
-
-def _is_u32(value: Any) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and -(1 << 31) <= value < 1 << 32
+    if name not in _CHECKS:
+        raise UsageError(f"there is no fault '{name}'; there are: {', '.join(_CHECKS)}")
+    try:
+        setattr(faults, name, _CHECKS[name].validate_python(value))
+    except ValidationError as wrong:
+        said = " or ".join(error["msg"] for error in wrong.errors())
+        raise UsageError(f"fault '{name}': {said}, got {value!r}") from None
 
 
 def tpdo_fault(kind: Any, amount: Any = 1, count: Any = None) -> TpdoFault:
-    """A checked fault of a TPDO.
+    """Fault of a TPDO from values of a request.
 
     Raises:
         UsageError: an unknown kind or a number out of range.
@@ -149,10 +137,10 @@ def tpdo_fault(kind: Any, amount: Any = 1, count: Any = None) -> TpdoFault:
 
 
 class TpdoGate:
-    """Between the TPDOs and the bus.
+    """Gate between the TPDOs and the bus: drops, delays, duplicates, swaps or cuts frames.
 
     Args:
-        faults: which TPDO is hit.
+        faults: which TPDO is affected.
         send: takes (identifier, data).
     """
 
@@ -161,11 +149,11 @@ class TpdoGate:
         self._held: dict[int, deque[tuple[int, bytes]]] = {}
 
     def reset(self) -> None:
-        """Forget what is held back."""
+        """Discard the frames held back."""
         self._held.clear()
 
     def send(self, number: int, can_id: int, data: bytes) -> None:
-        """One TPDO (number 0 is the first)."""
+        """Send one TPDO (number 0 is the first)."""
         fault = self._faults.tpdo.get(number + 1)
         if fault is None:
             self._flush(number)
@@ -199,7 +187,7 @@ class TpdoGate:
                     held.append((can_id, data))
 
     def _flush(self, number: int) -> None:
-        """The fault is over: what was held back comes first."""
+        """Send the frames held back: the fault is over."""
         held = self._held.pop(number, None)
         while held:
             self._send(*held.popleft())

@@ -1,4 +1,4 @@
-"""The side channel's vocabulary: requests as JSON objects, answers as JSON objects. No bus, no socket.
+"""Requests of the side channel and their answers, both JSON objects; no bus, no socket.
 
 | cmd     | fields                                        | answer                                                  |
 |---------|-----------------------------------------------|---------------------------------------------------------|
@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from gantryctl.drives.virtual.communication.abort import SdoAbort
 from gantryctl.drives.virtual.communication.nmt import NmtState
@@ -29,11 +29,12 @@ from gantryctl.drives.virtual.side_channel.faults import Faults, default_of, nam
 from gantryctl.errors import UsageError
 
 Answer = dict[str, Any]
+_Action = TypeVar("_Action")
 _MAX_S: Final = 3600.0
 
 
 class Requests:
-    """Answers requests about one node. The caller holds the lock of the node.
+    """Answer requests about one node; the caller holds the lock of the node.
 
     Args:
         node: the drive.
@@ -64,16 +65,11 @@ class Requests:
         }
 
     def answer(self, request: object) -> Answer:
-        """One answer to one request, whatever it is."""
+        """Answer to any request; a refused one gets its reason."""
         try:
             if not isinstance(request, dict):
                 raise UsageError("a request is a JSON object")
-            command = self._commands.get(str(request.get("cmd")))
-            if command is None:
-                raise UsageError(
-                    f"there is no cmd {request.get('cmd')!r}; there are: {', '.join(self._commands)}"
-                )
-            return {"ok": True, **command(request)}
+            return {"ok": True, **_chosen(self._commands, "cmd", request)(request)}
         except UsageError as wrong:
             return {"ok": False, "error": str(wrong)}
 
@@ -146,12 +142,7 @@ class Requests:
     # --- events --------------------------------------------------------------------------------------------------
 
     def _event(self, request: Mapping[str, Any]) -> Answer:
-        event = self._events.get(str(request.get("event")))
-        if event is None:
-            raise UsageError(
-                f"there is no event {request.get('event')!r}; there are: {', '.join(self._events)}"
-            )
-        event(request)
+        _chosen(self._events, "event", request)(request)
         return {}
 
     def _fault(self, request: Mapping[str, Any]) -> None:
@@ -229,6 +220,13 @@ class Requests:
         seconds = _number(request, "s", 0.0, 0.0, _MAX_S) or 0.0
         node.advance(round(seconds * 1e6))
         return {"time_s": node.time_us * 1e-6}
+
+
+def _chosen(table: Mapping[str, _Action], key: str, request: Mapping[str, Any]) -> _Action:
+    found = table.get(str(request.get(key)))
+    if found is None:
+        raise UsageError(f"there is no {key} {request.get(key)!r}; there are: {', '.join(table)}")
+    return found
 
 
 def _whole(request: Mapping[str, Any], key: str, default: int, low: int, high: int) -> int:
