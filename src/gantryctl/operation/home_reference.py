@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 from gantryctl.image import DriveIdentity
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.runtime import Retained
 
 ACCEPTED_DEG: Final = 0.05
@@ -143,14 +144,14 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
     return RestVerdict.MOVED if abs(moved) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
 
 
-def _why_not_valid(reading: AbsoluteReading) -> str:
+def _why_not_valid(reading: AbsoluteReading) -> Words | Said:
     if reading.verdict is RestVerdict.NO_ZERO:
-        return "no zero offset is stored for this machine"
+        return Words.NO_ZERO
     if reading.moved_deg is None:
-        return "no rest position is stored, so nothing proves the angle"
+        return Words.NO_REST_POSITION
     if abs(reading.moved_deg) <= AMBIGUOUS_DEG:
-        return f"the encoder says {reading.angle_deg:+.2f} deg, which is beyond the mechanical stops"
-    return f"the gantry moved {reading.moved_deg:+.3f} deg while off, or the encoder lost turns"
+        return Words.BEYOND_STOPS(angle=reading.angle_deg)
+    return Words.MOVED_OR_TURNS_LOST(moved=reading.moved_deg)
 
 
 def why_not_referenced(reading: AbsoluteReading) -> Reason | None:

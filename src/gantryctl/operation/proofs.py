@@ -17,6 +17,7 @@ from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
+from gantryctl.program.alarms.words import Said, Words
 
 _PROVEN: Final = ("axis", "control", "motor", "encoder", "brake", "drive", "can")
 """Tables whose change makes the proofs void; speeds and monitors may change."""
@@ -134,25 +135,24 @@ def bus_reasons(
     )
 
 
-def why_not_commissioned(machine: Machine, record: CommissioningRecord | None, drive_key: str) -> str:
-    """Say what the record lacks for this drive and configuration; "" when it fits."""
+def why_not_commissioned(
+    machine: Machine, record: CommissioningRecord | None, drive_key: str
+) -> Words | Said | None:
+    """Say what the record lacks for this drive and configuration; None when it fits."""
     if record is None:
-        return f"{machine.name} has no commissioning record: its drive is not proven"
+        return Words.NO_RECORD(machine=machine.name)
     if record.drive != drive_key:
-        return f"the drive on the bus is {drive_key}, {machine.name} was commissioned with {record.drive}"
+        return Words.OTHER_DRIVE(drive=drive_key, machine=machine.name, proven=record.drive)
     if record.proven_hash != proven_hash(machine):
-        return f"the configuration has changed since {machine.name} was commissioned on {record.date}"
-    return ""
+        return Words.CONFIGURATION_CHANGED(machine=machine.name, date=record.date)
+    return None
 
 
-def why_silence_not_proven(proof: SilentMasterProof, health: LinkHealth) -> str:
-    """Say why the proof does not hold for the drive as it is now; "" when it does."""
+def why_silence_not_proven(proof: SilentMasterProof, health: LinkHealth) -> Words | Said | None:
+    """Say why the proof does not hold for the drive as it is now; None when it does."""
     if proof.drive != health.drive_key:
-        return "it is not proven that this drive stops the axis when its controller falls silent"
+        return Words.SILENCE_NOT_PROVEN
     # A restart may load other parameters than those that were proven, and the drive cannot tell the controller so.
     if proof.restart_marker is not None and proof.restart_marker != health.restart_marker:
-        return (
-            f"the drive has restarted since it was proven on {proof.date} that it stops the axis when its controller "
-            "falls silent"
-        )
-    return ""
+        return Words.RESTARTED_SINCE(date=proof.date)
+    return None

@@ -154,7 +154,7 @@ def prove(path: Path, drive: CanopenDrive) -> SilentMasterProof:
 
 
 def why_not(path: Path, drive: CanopenDrive) -> str:
-    return why_silence_not_proven(load_silent_master_proof(path), drive.health())
+    return str(why_silence_not_proven(load_silent_master_proof(path), drive.health()) or "")
 
 
 def test_silence_is_proven_again_after_a_restart_of_the_drive(tmp_path: Path) -> None:
@@ -289,9 +289,9 @@ def test_the_record_is_of_one_drive_and_one_configuration(tmp_path: Path) -> Non
     drive = work.progress.drive
     other = with_values(MACHINE, {"can.node": 3})
     assert not why_not_commissioned(MACHINE, record, drive)
-    assert "was commissioned with" in why_not_commissioned(MACHINE, record, "another drive")
-    assert "configuration has changed" in why_not_commissioned(other, record, drive)
-    assert "no commissioning record" in why_not_commissioned(MACHINE, None, drive)
+    assert "was commissioned with" in str(why_not_commissioned(MACHINE, record, "another drive"))
+    assert "configuration has changed" in str(why_not_commissioned(other, record, drive))
+    assert "no commissioning record" in str(why_not_commissioned(MACHINE, None, drive))
     assert record_path(store.directory, MACHINE).name == "hust_can.commissioned.toml"
     store.__exit__(None, None, None)
 

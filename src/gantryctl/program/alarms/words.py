@@ -187,6 +187,44 @@ class Words(Enum):
     ENDED_BY = "ended by {code}", "由 {code} 结束"
     ENDED_BY_ALARM = "ended by an alarm", "由报警结束"
 
+    # The absolute reference: why the angle is not valid (ENC-10).
+    NO_ZERO = "no zero offset is stored for this machine", "此机器未存储零点偏移"
+    NO_REST_POSITION = (
+        "no rest position is stored, so nothing proves the angle",
+        "没有存储静止位置，角度无从证明",
+    )
+    BEYOND_STOPS = (
+        "the encoder says {angle:+.2f} deg, which is beyond the mechanical stops",
+        "编码器显示 {angle}°，超出机械挡块",
+    )
+    MOVED_OR_TURNS_LOST = (
+        "the gantry moved {moved:+.3f} deg while off, or the encoder lost turns",
+        "断电期间机架移动了 {moved}°，或编码器丢失圈数",
+    )
+
+    # Proofs of a drive on a bus (CFG-CAN-02, CFG-CAN-03).
+    NO_RECORD = (
+        "{machine} has no commissioning record: its drive is not proven",
+        "{machine} 没有调试记录：其驱动器未经验证",
+    )
+    OTHER_DRIVE = (
+        "the drive on the bus is {drive}, {machine} was commissioned with {proven}",
+        "总线上的驱动器为 {drive}，{machine} 调试时为 {proven}",
+    )
+    CONFIGURATION_CHANGED = (
+        "the configuration has changed since {machine} was commissioned on {date}",
+        "{machine} 于 {date} 调试后配置已改变",
+    )
+    SILENCE_NOT_PROVEN = (
+        "it is not proven that this drive stops the axis when its controller falls silent",
+        "未证明控制器静默时该驱动器会停止轴",
+    )
+    RESTARTED_SINCE = (
+        "the drive has restarted since it was proven on {date} that it stops the axis when its controller "
+        "falls silent",
+        "驱动器在 {date} 证明控制器静默时会停止轴之后已重新启动",
+    )
+
     # Events of the service's processes: restarts, certificates, disk.
     STARTED_AGAIN = "{how}; started again in {pause_s:g} s", "{how}；{pause_s} 秒后重新启动"
     NO_SIGN_OF_LIFE = (
