@@ -216,7 +216,7 @@ export interface Tags {
   brake_tests: number | null;
   /** The last test in one sentence, with what was measured. */
   brake_test_text: string | null;
-  /** The same as words and values, without the outcome; empty for a test of an earlier start. */
+  /** The same as words and values, without the outcome. */
   brake_test_messages: Message[] | null;
   /** Torque on the brake in the plus direction, mean while held; null when it was not held. [N m] */
   brake_test_plus_nm: number | null;

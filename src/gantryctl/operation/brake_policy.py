@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -11,6 +12,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.client import BrakeDue
 from gantryctl.operation.store import TIME_FORMAT
 from gantryctl.program import ALARMS, Axis, BrakeTestOutcome, BrakeTestResult, Code
+from gantryctl.program.alarms.log import from_wire, messages_to_wire
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.runtime import Retained
@@ -82,6 +84,7 @@ def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now:
         retained,
         brake_test_outcome=result.outcome.name.lower(),
         brake_test_text=f"{result.outcome.name.lower()}: {result.text}",
+        brake_test_words=json.dumps(messages_to_wire(result.words)),
         brake_plus_nm=_known(result.plus_nm),
         brake_minus_nm=_known(result.minus_nm),
     )
@@ -102,13 +105,26 @@ def why_brake_failed(retained: Retained) -> Reason | None:
     """The failed test of an earlier run as a reason, or None."""
     if not retained.brake_failed:
         return None
-    return Reason(Code.BRK_08, {"measured": retained.brake_failed}, ClearedBy.SERVICE)
+    return Reason(Code.BRK_08, {"measured": _measured(retained)}, ClearedBy.SERVICE)
+
+
+def last_test(retained: Retained) -> list[object]:
+    """The sentence of the last test as messages; [] for none, or one of an older version."""
+    found = json.loads(retained.brake_test_words or "[]")
+    return found if isinstance(found, list) else []
+
+
+def _measured(retained: Retained) -> object:
+    # The words are those of the last test; an aborted one leaves the text of the failure before it.
+    same = retained.brake_test_outcome == BrakeTestOutcome.FAILED.name.lower()
+    found = last_test(retained) if same else []
+    return from_wire(found[0]) if found else retained.brake_failed
 
 
 def restore_failure(axis: Axis, retained: Retained) -> None:
     """A failed test still holds the axis after a start."""
     if retained.brake_failed:
-        axis.alarms.raise_(Code.BRK_08, measured=retained.brake_failed)
+        axis.alarms.raise_(Code.BRK_08, measured=_measured(retained))
 
 
 def still_failed(axis: Axis, retained: Retained) -> str:

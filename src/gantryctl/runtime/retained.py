@@ -47,7 +47,8 @@ class Retained:
         axis was last left at rest. holding_torque_nm: motor torque that held the load there, N m.
         brake_tested_at: date of the last brake test that passed or failed; `brake_tested_power_ups` the
         power-ups before it. brake_test_outcome: the last test in one word, brake_test_text: in
-        words; brake_plus_nm, brake_minus_nm: torque that the brake bore in it, N m. brake_failed:
+        a sentence, brake_test_words: the sentence as words and values, JSON;
+        brake_plus_nm, brake_minus_nm: torque that the brake bore in it, N m. brake_failed:
         what a failed test measured, until one passes or service resets; or "".
         brake_tests, brake_tests_failed: counters. power_ups, moves, emergency_brake_stops: counters.
         travelled_rad: total way of the gantry, rad. error_stop: code of the alarm that still holds the axis
@@ -71,6 +72,7 @@ class Retained:
     brake_tested_power_ups: int = 0
     brake_test_outcome: str = ""
     brake_test_text: str = ""
+    brake_test_words: str = ""
     brake_plus_nm: float | None = None
     brake_minus_nm: float | None = None
     brake_failed: str = ""
@@ -90,7 +92,7 @@ class Retained:
 
 # Fields that memories of the first version do not have, with what they mean there.
 _ADDED: Final = {
-    "brake_tested_power_ups": 0, "brake_test_outcome": "", "brake_test_text": "",
+    "brake_tested_power_ups": 0, "brake_test_outcome": "", "brake_test_text": "", "brake_test_words": "",
     "brake_plus_nm": None, "brake_minus_nm": None,
     "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0,
 }  # fmt: skip

@@ -11,7 +11,7 @@ from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity
 from gantryctl.program.alarms.alarms_page import reference_page
 from gantryctl.program.alarms.explain import all_codes, explain
-from gantryctl.program.alarms.log import HISTORY_LENGTH, refusal, to_wire
+from gantryctl.program.alarms.log import HISTORY_LENGTH, from_wire, messages_to_wire, refusal, to_wire
 from gantryctl.program.alarms.words import Words
 
 ROOT = Path(__file__).parents[3]
@@ -204,6 +204,13 @@ def test_values_travel_as_json():
         "d": "CAN-1",
         "e": True,
     }
+
+
+def test_words_come_back_from_the_wire():
+    said = Words.TEST_RESULT(what=Words.TEST_SLIPPED(given=31.5), way=0.2, limit=0.05)
+    assert str(from_wire(messages_to_wire(said)[0])) == str(said)
+    unknown = {"words": "OF_ANOTHER_VERSION", "values": {}}
+    assert from_wire(unknown) == unknown
 
 
 # --- who says what ------------------------------------------------------------------------------

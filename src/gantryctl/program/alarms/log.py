@@ -227,6 +227,14 @@ def _wire(value: object) -> object:
     return str(value)
 
 
+def from_wire(value: object) -> object:
+    """The value that travelled as this; a name or number, and words that are not known any more, stay as they are."""
+    match value:
+        case {"words": str(name), "values": dict(values)} if name in Words.__members__:
+            return Words[name](**{key: from_wire(each) for key, each in values.items()})
+    return value
+
+
 def refusal(code: Code, /, **values: object) -> Refusal:
     """The refusal `code` with the values of its message."""
     return Refusal(code, values)

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from typing import Any, Final
 
 from gantryctl.machine import Machine
-from gantryctl.operation.brake_policy import after_test, judge_due
+from gantryctl.operation.brake_policy import after_test, judge_due, last_test
 from gantryctl.operation.client import BrakeDue
 from gantryctl.program import Axis, BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.alarms.log import messages_to_wire
@@ -94,7 +94,7 @@ class BrakeWatch:
             "brake_test_result": kept.brake_test_outcome or BrakeTestOutcome.NONE.name.lower(),
             "brake_tests": self._tests,
             "brake_test_text": kept.brake_test_text,
-            "brake_test_messages": messages_to_wire(test.last.words) if test.last else [],
+            "brake_test_messages": last_test(kept),
             "brake_test_plus_nm": None if kept.brake_plus_nm is None else rounded(kept.brake_plus_nm),
             "brake_test_minus_nm": None if kept.brake_minus_nm is None else rounded(kept.brake_minus_nm),
             "brake_tested_at": kept.brake_tested_at,

@@ -160,7 +160,7 @@ _BRAKE: Final = (
     _out("brake_tests", "", "int", "on change", "Tests that have ended since the controller started."),
     _out("brake_test_text", "", "text", "on change", "The last test in one sentence, with what was measured."),
     _out("brake_test_messages", "", "messages", "on change",
-         "The same as words and values, without the outcome; empty for a test of an earlier start."),
+         "The same as words and values, without the outcome."),
     _out("brake_test_plus_nm", "N m", "float", "on change",
          "Torque on the brake in the plus direction, mean while held; null when it was not held."),
     _out("brake_test_minus_nm", "N m", "float", "on change", "The same in the minus direction."),
