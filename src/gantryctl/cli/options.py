@@ -121,7 +121,9 @@ def simulated_machine(config_file: Path | None, what: str) -> Machine:
 
     machine = machine_of(config_file)
     if machine.drive.kind != "sim":
-        raise UsageError(f'{what} needs [drive] kind = "sim", {machine.name} has "{machine.drive.kind}": use "sim"')
+        raise UsageError(
+            f'{what} needs [drive] kind = "sim", {machine.name} has "{machine.drive.kind}": use "sim"'
+        )
     return machine
 
 
