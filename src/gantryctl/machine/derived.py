@@ -5,7 +5,7 @@ Stops on the full plant, with compliance and brake, are `gantryctl stops`.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN, deg, rad, rad_s_from_r_min
@@ -20,42 +20,44 @@ class Derived(NamedTuple):
     formula: str
 
 
+Rows: TypeAlias = "list[tuple[str, float, str, str]]"
+
+
 def derived(machine: Machine) -> list[Derived]:
     """All derived figures, grouped: gear and inertia, encoder, set-point, stops, torque."""
-    return [*_gear(machine), *_encoder(machine), *_set_point(machine), *_stops(machine), *_torque(machine)]
+    groups = (_gear, _encoder, _set_point, _stops, _torque)
+    return [Derived(*row) for group in groups for row in group(machine)]
 
 
-def _gear(m: Machine) -> list[Derived]:
+def _gear(m: Machine) -> Rows:
     ratio = m.axis.ratio
     reflected = m.plant.load.inertia_kg_m2 / ratio**2
     rotor = m.motor.inertia_kg_m2
     generator = m.plant.motor.wave_generator_inertia_kg_m2
     power_w = m.motor.torque_rated_nm * rad_s_from_r_min(m.motor.speed_rated_r_min)
     return [
-        Derived("ratio", ratio, "-", "reducer x ring: motor turns per gantry turn"),
-        Derived("motor_speed_at_1_r_min", ratio, "r/min", "ratio x 1 r/min"),
-        Derived(
+        ("ratio", ratio, "-", "reducer x ring: motor turns per gantry turn"),
+        ("motor_speed_at_1_r_min", ratio, "r/min", "ratio x 1 r/min"),
+        (
             "motor_speed_at_setting_max",
             m.speed.setting_max_deg_s / DEG_S_PER_R_MIN * ratio,
             "r/min",
             f"at highest setting; rated {m.motor.speed_rated_r_min:g}, highest {m.motor.speed_max_r_min:g}",
         ),
-        Derived("inertia_load_at_motor", reflected, "kg m2", "J_load / ratio^2"),
-        Derived(
+        ("inertia_load_at_motor", reflected, "kg m2", "J_load / ratio^2"),
+        (
             "js_paper",
             reflected + rotor,
             "kg m2",
             "J_load / ratio^2 + rotor; without wave generator, as the paper",
         ),
-        Derived(
-            "js_with_wave_generator", reflected + rotor + generator, "kg m2", "the same + wave generator"
-        ),
-        Derived("inertia_ratio", reflected / rotor, "-", "load at the motor / rotor"),
-        Derived("power_rated_check", power_w / 1000.0, "kW", "rated torque x rated speed"),
+        ("js_with_wave_generator", reflected + rotor + generator, "kg m2", "the same + wave generator"),
+        ("inertia_ratio", reflected / rotor, "-", "load at the motor / rotor"),
+        ("power_rated_check", power_w / 1000.0, "kW", "rated torque x rated speed"),
     ]
 
 
-def _encoder(m: Machine) -> list[Derived]:
+def _encoder(m: Machine) -> Rows:
     e = m.encoder
     turn_deg = 360.0 / m.axis.ratio
     fine = e.lines * e.interpolation
@@ -63,49 +65,36 @@ def _encoder(m: Machine) -> list[Derived]:
     above = (e.turns - m.plant.encoder.mounting_turns) * turn_deg - m.axis.pos_max_deg
     centred = (e.turns * turn_deg - (m.axis.pos_max_deg - m.axis.pos_min_deg)) / 2.0
     return [
-        Derived(
-            "counts_per_degree", e.counts_per_turn / turn_deg, "1/deg", "absolute steps per gantry degree"
-        ),
-        Derived(
-            "fine_counts_per_degree", fine / turn_deg, "1/deg", "lines x interpolation per gantry degree"
-        ),
-        Derived("encoder_step", turn_deg / e.counts_per_turn, "deg", "one absolute step, at the gantry"),
-        Derived("fine_encoder_step", turn_deg / fine, "deg", "one interpolated step, at the gantry"),
-        Derived("encoder_range", e.turns / m.axis.ratio, "turns", "gantry turns told apart"),
-        Derived("wrap_margin_centred", centred, "deg", "(range - travel) / 2: each side, if centred"),
-        Derived(
-            "wrap_margin_below", below, "deg", "lower wrap to travel, as the simulated encoder is mounted"
-        ),
-        Derived(
-            "wrap_margin_above", above, "deg", "travel to upper wrap, as the simulated encoder is mounted"
-        ),
+        ("counts_per_degree", e.counts_per_turn / turn_deg, "1/deg", "absolute steps per gantry degree"),
+        ("fine_counts_per_degree", fine / turn_deg, "1/deg", "lines x interpolation per gantry degree"),
+        ("encoder_step", turn_deg / e.counts_per_turn, "deg", "one absolute step, at the gantry"),
+        ("fine_encoder_step", turn_deg / fine, "deg", "one interpolated step, at the gantry"),
+        ("encoder_range", e.turns / m.axis.ratio, "turns", "gantry turns told apart"),
+        ("wrap_margin_centred", centred, "deg", "(range - travel) / 2: each side, if centred"),
+        ("wrap_margin_below", below, "deg", "lower wrap to travel, as the simulated encoder is mounted"),
+        ("wrap_margin_above", above, "deg", "travel to upper wrap, as the simulated encoder is mounted"),
     ]
 
 
-def _set_point(m: Machine) -> list[Derived]:
+def _set_point(m: Machine) -> Rows:
     v, a, d = m.speed.setting_max_deg_s, m.virtual_axis.acc_deg_s2, m.virtual_axis.dec_deg_s2
     return [
-        Derived("acc_motor", a * m.axis.ratio, "deg/s2", "acceleration x ratio: at the motor"),
-        Derived("time_to_setting_max", v / a, "s", "v / a, constant acceleration"),
-        Derived("angle_to_setting_max", v**2 / (2.0 * a), "deg", "v^2 / 2a, constant acceleration"),
-        Derived(
+        ("acc_motor", a * m.axis.ratio, "deg/s2", "acceleration x ratio: at the motor"),
+        ("time_to_setting_max", v / a, "s", "v / a, constant acceleration"),
+        ("angle_to_setting_max", v**2 / (2.0 * a), "deg", "v^2 / 2a, constant acceleration"),
+        (
             "shortest_move_to_setting_max",
             v**2 / (2.0 * a) + v**2 / (2.0 * d),
             "deg",
             "v^2 / 2a + v^2 / 2d: a shorter move never reaches the highest setting",
         ),
-        Derived(
-            "following_error_band_at_setting_max",
-            _band_deg(m, v),
-            "deg",
-            "base + per_speed x highest setting",
-        ),
+        ("following_error_band_at_setting_max", _band_deg(m, v), "deg", "base + per_speed x highest setting"),
     ]
 
 
-def _stops(m: Machine) -> list[Derived]:
+def _stops(m: Machine) -> Rows:
     """Angle and time of a rigid stop: no reaction time, no compliance, jerk only where the class has one."""
-    found = []
+    found: Rows = []
     v = m.virtual_axis
     normal_jerk = v.jerk_deg_s3 if v.profile == "jerk_limited" else float("inf")
     classes = {
@@ -124,7 +113,7 @@ def _stops(m: Machine) -> list[Derived]:
             angle, time = rigid_stop(speed, dec, jerk)
             how = f"{dec:.4g} deg/s2" + ("" if jerk == float("inf") else f", {jerk:.4g} deg/s3")
             formula = f"from {speed:g} deg/s with {how}: {time:.4g} s; rigid, without reaction"
-            found.append(Derived(f"stop_{stop}_from_{label}", angle, "deg", formula))
+            found.append((f"stop_{stop}_from_{label}", angle, "deg", formula))
     return found
 
 
@@ -141,7 +130,7 @@ def rigid_stop(speed_deg_s: float, dec_deg_s2: float, jerk_deg_s3: float) -> tup
     return speed_deg_s * time / 2.0, time
 
 
-def _torque(m: Machine) -> list[Derived]:
+def _torque(m: Machine) -> Rows:
     ratio = m.axis.ratio
     load = m.plant.load
     acc = rad(m.virtual_axis.acc_deg_s2)
@@ -160,42 +149,38 @@ def _torque(m: Machine) -> list[Derived]:
     check = load.eccentric_check_moment_nm / ratio
     need = whole * acc + nominal / ratio + rollers + motor
     return [
-        Derived("torque_acc_without_rotor", without_rotor, "N m", "J_load a / ratio, as the paper sizes it"),
-        Derived("torque_acc_with_rotor", with_rotor, "N m", "(J_load / ratio^2 + rotor) a ratio"),
-        Derived("torque_acc", whole * acc, "N m", "the same with the wave generator"),
-        Derived("eccentric_moment", nominal, "N m", "mass x 9.81 x eccentricity, at the gantry"),
-        Derived("torque_eccentric", nominal / ratio, "N m", "eccentric moment / ratio, nominal"),
-        Derived("torque_eccentric_check", check, "N m", "eccentric moment of the check / ratio"),
-        Derived(
-            "torque_rollers", rollers, "N m", "running friction of the rollers at the highest setting / ratio"
-        ),
-        Derived(
+        ("torque_acc_without_rotor", without_rotor, "N m", "J_load a / ratio, as the paper sizes it"),
+        ("torque_acc_with_rotor", with_rotor, "N m", "(J_load / ratio^2 + rotor) a ratio"),
+        ("torque_acc", whole * acc, "N m", "the same with the wave generator"),
+        ("eccentric_moment", nominal, "N m", "mass x 9.81 x eccentricity, at the gantry"),
+        ("torque_eccentric", nominal / ratio, "N m", "eccentric moment / ratio, nominal"),
+        ("torque_eccentric_check", check, "N m", "eccentric moment of the check / ratio"),
+        ("torque_rollers", rollers, "N m", "running friction of the rollers at the highest setting / ratio"),
+        (
             "torque_motor_friction",
             motor,
             "N m",
             "friction of motor and reducer at the highest setting, unloaded",
         ),
-        Derived("torque_needed_move", need, "N m", "acceleration + nominal eccentric moment + friction"),
-        Derived("torque_rated", m.motor.torque_rated_nm, "N m", "available continuously"),
-        Derived("torque_needed_quick", quick, "N m", "quick stop of the rigid machine"),
-        Derived(
+        ("torque_needed_move", need, "N m", "acceleration + nominal eccentric moment + friction"),
+        ("torque_rated", m.motor.torque_rated_nm, "N m", "available continuously"),
+        ("torque_needed_quick", quick, "N m", "quick stop of the rigid machine"),
+        (
             "torque_needed_quick_check",
             quick + check,
             "N m",
             "the same, the eccentric moment of the check driving",
         ),
-        Derived("torque_max", m.motor.torque_max_nm, "N m", "available for the overload time"),
-        Derived(
-            "torque_reserve_quick", m.motor.torque_max_nm / (quick + check), "-", "available / needed, rigid"
-        ),
-        Derived(
+        ("torque_max", m.motor.torque_max_nm, "N m", "available for the overload time"),
+        ("torque_reserve_quick", m.motor.torque_max_nm / (quick + check), "-", "available / needed, rigid"),
+        (
             "reducer_torque_quick",
             load.inertia_kg_m2 * rad(m.virtual_axis.quick_dec_deg_s2) / m.axis.ring_ratio,
             "N m",
             f"rigid load, at the reducer output; momentary limit {m.reducer.torque_momentary_nm:g}",
         ),
-        Derived("brake_reserve", m.brake.torque_nm / max(check, 1e-3), "-", "brake / check moment"),
-        Derived(
+        ("brake_reserve", m.brake.torque_nm / max(check, 1e-3), "-", "brake / check moment"),
+        (
             "brake_dec",
             deg(m.brake.torque_nm / whole),
             "deg/s2",

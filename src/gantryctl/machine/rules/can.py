@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
+from collections.abc import Callable
+from functools import wraps
+
+from gantryctl.machine.rules.book import RATIO, Broken, Check, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 
 _TRAVEL = ("axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
@@ -10,79 +13,76 @@ _TRAVEL = ("axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg"
 _FEWEST_SCANS = 3.0
 
 
-@rule("can.node", "can.master_node", "drive.kind")
+def bus_rule(*paths: str) -> Callable[[Check], Check]:
+    """Register a check of a machine whose drive is on a bus."""
+
+    def register(check: Check) -> Check:
+        @wraps(check)
+        def on_bus(m: Machine) -> Broken:
+            return check(m) if m.on_bus else None
+
+        return rule(*paths, "drive.kind")(on_bus)
+
+    return register
+
+
+@bus_rule("can.node", "can.master_node")
 def nodes_differ(m: Machine) -> Broken:
     """Drive and controller have different node ids."""
-    return "must differ from the controller's" if _can(m) and m.can.node == m.can.master_node else None
+    return "must differ from the controller's" if m.can.node == m.can.master_node else None
 
 
-@rule("can.interface", "drive.kind")
+@bus_rule("can.interface")
 def interface_is_named(m: Machine) -> Broken:
     """A CAN machine names its interface."""
-    return 'must name a python-can interface, or "simulated"' if _can(m) and not m.can.interface else None
+    return None if m.can.interface else 'must name a python-can interface, or "simulated"'
 
 
-@rule("can.heartbeat_ms", "can.heartbeat_timeout_ms", "drive.kind")
+@bus_rule("can.heartbeat_ms", "can.heartbeat_timeout_ms")
 def heartbeat_within_timeout(m: Machine) -> Broken:
     """At least two heartbeats fit into the time-out."""
-    return (
-        at_most(m.can.heartbeat_ms, m.can.heartbeat_timeout_ms / 2.0, "half its time-out")
-        if _can(m)
-        else None
-    )
+    return at_most(m.can.heartbeat_ms, m.can.heartbeat_timeout_ms / 2.0, "half its time-out")
 
 
-@rule("can.rpdo_deadline_ms", "control.scan_period_ms", "drive.kind")
+@bus_rule("can.rpdo_deadline_ms", "control.scan_period_ms")
 def deadline_outlasts_scans(m: Machine) -> Broken:
     """The drive's deadline is longer than a few scans."""
-    least = _FEWEST_SCANS * m.control.scan_period_ms
-    return at_least(m.can.rpdo_deadline_ms, least, "three scans") if _can(m) else None
+    return at_least(m.can.rpdo_deadline_ms, _FEWEST_SCANS * m.control.scan_period_ms, "three scans")
 
 
-@rule("can.answer_ms", "control.scan_period_ms", "drive.kind")
+@bus_rule("can.answer_ms", "control.scan_period_ms")
 def answers_fit_a_scan(m: Machine) -> Broken:
     """Waiting for answers leaves time for the program."""
-    most = 0.75 * m.control.scan_period_ms
-    return below(m.can.answer_ms, most, "three quarters of the scan") if _can(m) else None
+    return below(m.can.answer_ms, 0.75 * m.control.scan_period_ms, "three quarters of the scan")
 
 
-@rule("can.increments_per_turn", *RATIO, *_TRAVEL, "drive.kind")
+@bus_rule("can.increments_per_turn", *RATIO, *_TRAVEL)
 def position_fits_32_bits(m: Machine) -> Broken:
     """6064 has 32 bits: travel and wrap margins lie inside them."""
-    if not _can(m):
-        return None
     travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
     most = 2.0**32 / (travel / 360.0 * m.axis.ratio)
     return at_most(m.can.increments_per_turn, most, "or the 32 bits of 6064 wrap within the travel")
 
 
-@rule("can.side_channel", "can.commissioning_required", "drive.kind")
+@bus_rule("can.side_channel", "can.commissioning_required")
 def truth_is_for_virtual_drives(m: Machine) -> Broken:
     """A machine with a side channel is virtual."""
-    wrong = _can(m) and m.can.side_channel and m.can.commissioning_required
-    return (
-        "must be empty on a real drive; a virtual one has commissioning_required = false" if wrong else None
-    )
+    if m.can.side_channel and m.can.commissioning_required:
+        return "must be empty on a real drive; a virtual one has commissioning_required = false"
+    return None
 
 
-@rule("can.interface", "brake.owner", "drive.kind")
-def somebody_works_the_brake(m: Machine) -> Broken:
+@bus_rule("can.interface", "brake.owner")
+def drive_works_the_brake(m: Machine) -> Broken:
     """There is no digital output of the controller yet."""
-    wrong = _can(m) and m.brake.owner == "controller_output"
-    return (
-        "the controller has no output for the brake; the drive or object 60FE must work it" if wrong else None
-    )
+    if m.brake.owner == "controller_output":
+        return "the controller has no output for the brake; the drive or object 60FE must work it"
+    return None
 
 
-@rule("control.scan_period_ms", "drive.kind")
-def sync_period_can_be_told(m: Machine) -> Broken:
+@bus_rule("control.scan_period_ms")
+def sync_period_fits_60c2(m: Machine) -> Broken:
     """60C2 takes 1 to 255 steps of a power of ten."""
-    if not _can(m):
-        return None
     if m.control.scan_period_ms in range(1, 256):
         return None
     return "must be whole milliseconds, 1 to 255, as SYNC period"
-
-
-def _can(m: Machine) -> bool:
-    return m.on_bus

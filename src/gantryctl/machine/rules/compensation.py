@@ -60,9 +60,6 @@ _LIVE_ON_IT = (
 def calibration_is_named(m: Machine) -> Broken:
     """What lives on identified values needs a calibration file."""
     c = m.control.compensation
-    missing = c.needs_calibration and not c.calibration
-    return (
-        "must name the file that `gantryctl identify` writes: a compensation that is on needs identified values"
-        if (missing)
-        else None
-    )
+    if c.needs_calibration and not c.calibration:
+        return "must name the file that `gantryctl identify` writes: a compensation that is on needs identified values"
+    return None
