@@ -71,4 +71,5 @@ class AlarmStop(GantryctlError):
 
     def __init__(self, text: str, code: str = "") -> None:
         super().__init__(text)
-        self.code = code
+        # The value alone, not its enumeration: retained memory keeps plain text.
+        self.code = str(code)

@@ -54,6 +54,7 @@ def _copy(source: Path, dest: Path, force: bool) -> None:
     from gantryctl.errors import UsageError
 
     try:
+        # Exclusive creation: nothing between a look and the writing can be overwritten.
         with dest.open("wb" if force else "xb") as file:
             file.write(source.read_bytes())
     except FileExistsError:
@@ -84,6 +85,7 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
             {"file": str(path), "ok": True, "name": machine.name, "hash": _hash(machine), "problems": []}
         )
         return
+    # What was not given is a default: the machine itself (travel, ratios, motor, encoder) has none (decision 0004).
     given = sum(origin == "file" for origin in origins(machine).values())
     click.echo(
         f"{path}: ok: {machine.name}, {given} keys given, {len(field_specs()) - given} by default, "
@@ -92,7 +94,8 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
 
 
 def _check_calibration(machine: Machine) -> None:
-    """Refuse compensations that cannot work: no calibration, or that of another machine."""
+    """Refuse compensations without a calibration, or with that of another machine."""
+    # Numbers come from a calibration file only, never from [plant] (decision 0010).
     if machine.control.compensation.any_active:
         from gantryctl.wiring.compensation import compensation
 

@@ -1,4 +1,4 @@
-"""The command `gantryctl`: its sub-commands by name, imported when they are used; errors into words and exit codes.
+"""The command `gantryctl`: sub-commands, imported when they are called; errors as messages and exit codes.
 
 Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm.
 """
@@ -18,87 +18,63 @@ TRACEBACK_VARIABLE: Final = "GANTRYCTL_TRACEBACK"
 
 
 class Entry(NamedTuple):
-    """Where a sub-command lives, and its line in the help (so that the help imports nothing)."""
+    """Module of a sub-command below `gantryctl.cli`, its name there, and its line in the help."""
 
     module: str
     name: str
     help: str
 
 
+# The lines of the help stand here, so that `gantryctl --help` imports no command: click alone takes 40 ms to import,
+# and what a command needs comes with it (decision 0002).
 COMMANDS: Final = {
-    "move": Entry("gantryctl.cli.axis.move", "move", "Move to an angle, or by an angle."),
-    "jog": Entry("gantryctl.cli.axis.move", "jog", "Hold-to-run motion in one direction for a time."),
-    "stops": Entry(
-        "gantryctl.cli.engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."
-    ),
+    "move": Entry("axis.move", "move", "Move to an angle, or by an angle."),
+    "jog": Entry("axis.move", "jog", "Hold-to-run motion in one direction for a time."),
+    "stops": Entry("engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."),
     "speed-test": Entry(
-        "gantryctl.cli.engineering.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
+        "engineering.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
     ),
     "accuracy": Entry(
-        "gantryctl.cli.engineering.accuracy",
-        "accuracy",
-        "The chord test: run, report, statistics of a table.",
+        "engineering.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
     ),
-    "size": Entry(
-        "gantryctl.cli.engineering.size", "size", "Size motors for a requirement sheet; limits that follow."
-    ),
+    "size": Entry("engineering.size", "size", "Size motors for a requirement sheet; limits that follow."),
     "analyse": Entry(
-        "gantryctl.cli.engineering.analyse",
-        "analyse",
-        "Linear analysis: margins, modes, worst case, measured response.",
+        "engineering.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
     ),
     "tune": Entry(
-        "gantryctl.cli.engineering.tune",
-        "tune",
-        "Tune the loops: a proposal by the paper's procedure or by margins.",
+        "engineering.tune", "tune", "Tune the loops: a proposal by the paper's procedure or by margins."
     ),
     "identify": Entry(
-        "gantryctl.cli.engineering.identify",
+        "engineering.identify",
         "identify",
         "Measure friction, moment, stiffness and gear map of this machine.",
     ),
     "compare": Entry(
-        "gantryctl.cli.engineering.compare",
-        "compare",
-        "Two ways of control on one plant: the paper's and a better one.",
+        "engineering.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
     ),
-    "serve": Entry("gantryctl.cli.service.serve", "serve", "Run the controller with its operator page."),
-    "user": Entry("gantryctl.cli.service.user", "user", "Users of the page: add, list, remove, passwd."),
-    "journal": Entry(
-        "gantryctl.cli.service.journal", "journal", "The service's journal: show, verify, export."
-    ),
-    "attach": Entry(
-        "gantryctl.cli.axis.attach", "attach", "Send the commands of a machine to its running service."
-    ),
-    "detach": Entry("gantryctl.cli.axis.attach", "detach", "End that: commands run on their own."),
-    "status": Entry("gantryctl.cli.axis.state", "status", "Where the axis stands and whether it may move."),
-    "alarms": Entry("gantryctl.cli.axis.state", "alarms", "Alarms of the past, newest first."),
-    "explain": Entry("gantryctl.cli.axis.state", "explain", "What an alarm code means and what to do."),
-    "reset": Entry(
-        "gantryctl.cli.axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."
-    ),
-    "brake-test": Entry(
-        "gantryctl.cli.axis.brake_test", "brake_test", "Test torque against the closed brake, both ways."
-    ),
-    "arm": Entry(
-        "gantryctl.cli.axis.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."
-    ),
-    "encoder": Entry("gantryctl.cli.axis.encoder", "encoder", "The absolute reference: show, set-zero."),
-    "retain": Entry("gantryctl.cli.axis.state", "retain", "The controller's retained memory: show."),
-    "config": Entry("gantryctl.cli.config", "config", "Machine files: init, check, show, schema, diff."),
-    "trace": Entry("gantryctl.cli.trace", "trace", "Recordings: show, plot, export."),
-    "can": Entry("gantryctl.cli.drive.can", "can", "The CAN bus: who is on it."),
-    "drive": Entry(
-        "gantryctl.cli.drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."
-    ),
+    "serve": Entry("service.serve", "serve", "Run the controller with its operator page."),
+    "user": Entry("service.user", "user", "Users of the page: add, list, remove, passwd."),
+    "journal": Entry("service.journal", "journal", "The service's journal: show, verify, export."),
+    "attach": Entry("axis.attach", "attach", "Send the commands of a machine to its running service."),
+    "detach": Entry("axis.attach", "detach", "End that: commands run on their own."),
+    "status": Entry("axis.state", "status", "Where the axis stands and whether it may move."),
+    "alarms": Entry("axis.state", "alarms", "Alarms of the past, newest first."),
+    "explain": Entry("axis.state", "explain", "What an alarm code means and what to do."),
+    "reset": Entry("axis.state", "reset", "Acknowledge the alarm that holds the axis. Never enables."),
+    "brake-test": Entry("axis.brake_test", "brake_test", "Test torque against the closed brake, both ways."),
+    "arm": Entry("axis.brake_test", "arm", "Arm a brake test or a locked reset for somebody else."),
+    "encoder": Entry("axis.encoder", "encoder", "The absolute reference: show, set-zero."),
+    "retain": Entry("axis.state", "retain", "The controller's retained memory: show."),
+    "config": Entry("config", "config", "Machine files: init, check, show, schema, diff."),
+    "trace": Entry("trace", "trace", "Recordings: show, plot, export."),
+    "can": Entry("drive.can", "can", "The CAN bus: who is on it."),
+    "drive": Entry("drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."),
     "commission": Entry(
-        "gantryctl.cli.drive.commission",
-        "commission",
-        "Commission a CAN machine, step by step, each with its proof.",
+        "drive.commission", "commission", "Commission a CAN machine, step by step, each with its proof."
     ),
-    "eds": Entry("gantryctl.cli.drive.eds", "eds", "EDS and DCF files of drives: check."),
-    "sim": Entry("gantryctl.cli.axis.state", "sim", "The simulated machine: reset."),
-    "completion": Entry("gantryctl.cli.completion", "completion", "Shell completion for bash, zsh or fish."),
+    "eds": Entry("drive.eds", "eds", "EDS and DCF files of drives: check."),
+    "sim": Entry("axis.state", "sim", "The simulated machine: reset."),
+    "completion": Entry("completion", "completion", "Shell completion for bash, zsh or fish."),
 }
 
 
@@ -106,7 +82,7 @@ class LazyGroup(click.Group):
     """A group whose sub-commands are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """All names, in the order of the table."""
+        """List the names in the order of the table."""
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -114,19 +90,19 @@ class LazyGroup(click.Group):
         entry = COMMANDS.get(cmd_name)
         if entry is None:
             return None
-        command = getattr(importlib.import_module(entry.module), entry.name)
+        command = getattr(importlib.import_module(f"gantryctl.cli.{entry.module}"), entry.name)
         assert isinstance(command, click.Command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """The list of the help, without importing anything."""
+        """Write the list of the help."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, entry.help) for name, entry in COMMANDS.items()])
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """An unknown name gets the nearest known one."""
+        """Answer an unknown name with the nearest known one."""
         import difflib
 
         name = args[0] if args else ""
@@ -163,7 +139,8 @@ def run(args: list[str] | None = None) -> int:
         result: Any = cli.main(args=args, prog_name="gantryctl", standalone_mode=False)
     except click.exceptions.Exit as done:
         return done.exit_code
-    except SystemExit:  # click's answer to a closed pipe: who reads the first lines only has got them
+    # What click raises when a pipe is closed: `gantryctl ... | head` has got the lines that it wanted.
+    except SystemExit:
         return 0
     except click.exceptions.NoArgsIsHelpError as wrong:
         wrong.show()
@@ -185,6 +162,7 @@ def run(args: list[str] | None = None) -> int:
         where = f"{fault.filename}: " if fault.filename else ""
         click.echo(f"error: {where}{fault.strerror or fault}", err=True)
         return DeviceError.exit_code
+    # A traceback helps nobody at a machine; whoever reports the fault can have it.
     except Exception as bug:
         if os.environ.get(TRACEBACK_VARIABLE):
             raise
@@ -198,7 +176,7 @@ def run(args: list[str] | None = None) -> int:
 
 
 def _one_line(wrong: click.ClickException) -> str:
-    """What is wrong with a command line, and where to read on."""
+    """The fault of a command line and its help, in one line."""
     message = " ".join(wrong.format_message().split())
     message = message if message[-1:] in (".", "?", ")") else f"{message}."
     context = wrong.ctx if isinstance(wrong, click.UsageError) else None

@@ -23,6 +23,8 @@ Option = Callable[[Callable[..., Any]], Callable[..., Any]]
 class NamedPath(click.Path):
     """A file or directory name that can be printed and stored: not empty, and in the system's encoding."""
 
+    # click takes any bytes: a lone surrogate or a NUL would raise deep inside a command, not at the option.
+
     def convert(
         self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
     ) -> Path:
@@ -59,6 +61,8 @@ fresh_option = click.option(
 class FiniteFloat(click.ParamType[float]):
     """A number that is neither nan nor inf."""
 
+    # Python reads "nan" and "1e400" as floats, and no comparison with a limit catches the first.
+
     name = "number"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
@@ -90,12 +94,12 @@ def number_option(names: Sequence[str], default: float, help: str) -> Option:
 
 
 class SignedCommand(click.Command):
-    """A command whose arguments may begin with a minus (`move -90`), and which still knows a wrong option."""
+    """A command whose arguments may begin with a minus (`move -90`), and which still refuses a wrong option."""
 
     ignore_unknown_options = True
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Parse, but refuse what looks like a long option and is none."""
+        """Parse, and refuse what looks like a long option and is not one."""
         known = {name for parameter in self.get_params(ctx) for name in parameter.opts}
         for argument in args[: args.index("--") if "--" in args else None]:
             name = argument.partition("=")[0]
@@ -105,7 +109,7 @@ class SignedCommand(click.Command):
 
 
 def machine_of(config_file: Path | None) -> Machine:
-    """The machine file that was asked for, or the reference gantry."""
+    """Load the machine file that was asked for, or the reference gantry."""
     from gantryctl.machine import default_machine_path, load_machine
 
     return load_machine(config_file or default_machine_path())
@@ -127,25 +131,27 @@ def simulated_machine(config_file: Path | None, what: str) -> Machine:
     return machine
 
 
+# A file of this name in the state directory of a machine sends its commands to the running service.
 ATTACHED = "attached"
-"""Mark in a machine's state directory: its commands go to the running service."""
 
 
 def to_service(service: bool, config_file: Path | None) -> bool:
-    """Whether a command goes to the running service: asked for, or attached."""
+    """A command goes to the running service: asked for, or attached."""
     from gantryctl.operation.store import state_root
 
+    # Without any attached machine the machine file need not be read to know.
     if service or not any(state_root().glob(f"*/{ATTACHED}")):
         return service
     return (state_root() / machine_of(config_file).name / ATTACHED).exists()
 
 
 def proven_machine(config_file: Path | None) -> Machine:
-    """A machine file whose quick stop the full plant can give: for every command that moves.
+    """Load a machine file whose quick stop the full plant can give: for every command that moves.
 
     Raises:
         ConfigError: fields, rules, or a quick stop that motor or reducer cannot give.
     """
+    # Rules of the machine file are static (decision 0004); what a stop costs needs the plant: compliance, reducer.
     from gantryctl.engineering.stops import check_quick_stop
 
     machine = machine_of(config_file)
@@ -193,6 +199,7 @@ def directory(path: Path) -> Path:
     return path
 
 
+# The service has its own program, recordings, clock and state; seed may be anything, it is not used.
 _LOCAL_ONLY: Final = ("program_name", "out", "fresh", "real_time", "no_trace", "seed")
 
 
@@ -215,7 +222,8 @@ def refuse_local_options(given: dict[str, Any]) -> None:
 @contextmanager
 def stop_signals(stop: Callable[[], object]) -> Iterator[None]:
     """Call `stop` on Ctrl-C, on SIGTERM and when the terminal is lost, instead of ending the process."""
-    names = ("SIGINT", "SIGTERM", "SIGHUP")  # Windows knows no SIGHUP
+    # A lost terminal sends SIGHUP; Windows has none.
+    names = ("SIGINT", "SIGTERM", "SIGHUP")
     known = [getattr(signal, name) for name in names if hasattr(signal, name)]
     before = {number: signal.signal(number, lambda *_: stop()) for number in known}
     try:
@@ -236,7 +244,8 @@ def confirm(question: str, otherwise: str) -> None:
     """
     from gantryctl.errors import CommandRefused
 
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # also while stop signals are held back
+    # Nothing moves while a person is asked, so Ctrl-C is an answer, not a request to stop.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         agreed = click.confirm(question, err=True)
     except click.Abort:

@@ -44,7 +44,7 @@ def trace() -> None:
 @file_argument
 @json_option
 def show(file: Path, as_json: bool) -> None:
-    """Show what FILE says of itself, and smallest, largest and r.m.s. value of every column.
+    """Show what FILE records of its run, and smallest, largest and r.m.s. value of every column.
 
     In degrees; as JSON in radians, as recorded.
     """
@@ -68,6 +68,7 @@ def show(file: Path, as_json: bool) -> None:
     click.echo(f"{file}: {len(recording)} rows, {recording.duration_s:.3f} s, hash {recording.hash()[:16]}")
     if not recording.complete:
         click.echo("not closed: the run was killed or still goes on; every row shown is whole")
+    # Missed deadlines are never caught up: the scan numbers go on with the time (decision 0005).
     for before_s, after_s in recording.gaps():
         click.echo(
             f"rows are missing between {before_s:.3f} s and {after_s:.3f} s: scans missed, or no place for them"
@@ -79,7 +80,7 @@ def show(file: Path, as_json: bool) -> None:
 
 
 def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
-    """Columns by their recorded names, values in degrees."""
+    # Columns have the names under which they were recorded, so that a reader finds them again in the file.
     width = max([len(name) for name in names], default=0)
     lines = ["", f"{'column':{width}}  {'smallest':>12}  {'largest':>12}  {'r.m.s.':>12}  shown in"]
     for name, summary in zip(names, summaries, strict=True):
@@ -124,7 +125,7 @@ def plot(
 
 
 def _part(recording: Trace, start_s: float | None, end_s: float | None) -> Trace:
-    """The rows between two times, all of them where no time is given."""
+    """The rows between two times; all of them without times."""
     import math
 
     from gantryctl.errors import UsageError
@@ -154,7 +155,7 @@ def _title(file: Path, recording: Trace) -> str:
 
 
 def _beside(file: Path, suffix: str) -> Path:
-    """The same name with another ending; dots inside the name are no ending."""
+    # A recording may have dots in its name (a date, a version): only the endings of recordings are taken off.
     stem = file.stem if file.suffix in {".parquet", ".arrows", ".csv"} else file.name
     return file.with_name(stem + suffix)
 
@@ -175,6 +176,7 @@ def export(file: Path, kind: str, degrees: bool, out: Path | None, as_json: bool
 
     recording = read_trace(file)
     out = out or _beside(file, ("_deg." if degrees else ".") + kind)
+    # The file would be truncated before it is read to its end.
     if out.exists() and out.samefile(file):
         raise UsageError(f"{out}: that is the recording itself; give another name with --out")
     if degrees:

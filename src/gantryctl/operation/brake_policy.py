@@ -37,18 +37,18 @@ def brake_due(
 ) -> BrakeDue:
     """When the next test is due, by what is retained and the power-ups so far.
 
-    A simulated machine is delivered with a sound brake: without a test yet its power-ups count from the first. A
-    real one that was never tested is overdue; commissioning tests it.
-
     Args:
         reason: why it cannot be tested here, or None.
     """
     if reason:
         return BrakeDue("", None, overdue=False)
+    # Seven days or 100 power-ups unless the machine file says otherwise, whichever comes first (decision 0014).
     brake, slow_deg_s = machine.brake, deg(speed_settings(machine).brake_overdue_rad_s)
     left = brake.test_interval_power_ups - (power_ups - retained.brake_tested_power_ups)
     tested = _time(retained.brake_tested_at)
     if tested is None:
+        # A new simulated machine is delivered with a tested brake, so its power-ups count from the first. A real
+        # one that was never tested is overdue; commissioning tests it (decision 0014).
         overdue = left <= 0 or not machine.plant_is_local or bool(retained.brake_tested_at)
         return BrakeDue("", max(0, left), overdue, slow_deg_s)
     due = tested + timedelta(days=brake.test_interval_days)
@@ -56,7 +56,8 @@ def brake_due(
 
 
 def judge_due(machine: Machine, axis: Axis, retained: Retained, power_ups: int) -> BrakeDue:
-    """When the next test is due as of now; the axis is told whether it is overdue."""
+    """When the next test is due as of now; an overdue one slows the axis down."""
+    # The program has no calendar: whoever runs it tells it that the test is overdue (decision 0014).
     due = brake_due(machine, axis.settings.power.untestable, retained, power_ups, datetime.now(UTC))
     axis.judge_brake(overdue=due.overdue)
     return due
@@ -79,7 +80,7 @@ def _time(text: str) -> datetime | None:
 
 
 def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now: datetime) -> Retained:
-    """The memory after a test. An aborted one leaves the verdict and its date as they were."""
+    """The memory after a test."""
     shown = replace(
         retained,
         brake_test_outcome=result.outcome.name.lower(),
@@ -88,6 +89,7 @@ def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now:
         brake_plus_nm=_known(result.plus_nm),
         brake_minus_nm=_known(result.minus_nm),
     )
+    # What cannot be judged (stopped, an alarm, a reading that is no number) leaves verdict and date as they were.
     if result.outcome is BrakeTestOutcome.ABORTED:
         return shown
     failed = result.outcome is BrakeTestOutcome.FAILED
@@ -122,7 +124,8 @@ def _measured(retained: Retained) -> object:
 
 
 def restore_failure(axis: Axis, retained: Retained) -> None:
-    """A failed test still holds the axis after a start."""
+    """Raise the alarm of a failed test of an earlier run."""
+    # A failed test is kept over power-off: no power, no motion, until a test passes or service resets.
     if retained.brake_failed:
         axis.alarms.raise_(Code.BRK_08, measured=_measured(retained))
 

@@ -125,6 +125,7 @@ class BrakeTestReport(NamedTuple):
         return f"brake test {self.outcome.name.lower()}"
 
 
+# Implemented by `operation.run.AxisRun` in this process and by `cli.axis.service_axis.ServiceAxis` through the socket.
 class AxisClient(Protocol):
     """The axis of one machine, for one command.
 

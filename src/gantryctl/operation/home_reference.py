@@ -11,14 +11,14 @@ from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.runtime import Retained
 
+# Settling of gears and brake: accepted, and logged from a thousandth of a degree on (fault catalogue A11, A12).
 ACCEPTED_DEG: Final = 0.05
-"""Moved less while off: settling of gears and brake, only logged."""
 SHOWN_DEG: Final = 0.001
-"""Moved less: not worth a line."""
+# Beyond this nothing tells a motion from lost turns: only the witness mark does (A13).
 AMBIGUOUS_DEG: Final = 1.0
-"""Moved more: the position is not valid until the witness mark has been read."""
+# The brake holds the motor's shaft, so a way of whole motor turns (0.3147 deg each at the reference gantry) to this
+# accuracy is a fault of the multiturn part, not a motion (A10).
 TURN_DEG: Final = 0.01
-"""Off by whole motor turns to this accuracy is a fault of the multiturn part: the brake holds the motor's shaft."""
 
 
 class RestVerdict(Enum):
@@ -88,6 +88,7 @@ class EncoderScale(NamedTuple):
 
     def centred(self, counts: float) -> float:
         """A difference of readings by the shorter way round the range, counts."""
+        # A rule of the machine file keeps travel and wrap margins inside the range, so the shorter way is the true one.
         half = self.range_counts / 2
         return (counts + half) % self.range_counts - half
 
@@ -124,7 +125,9 @@ def judge_reference(scale: EncoderScale, raw_counts: float, retained: Retained |
 
 
 def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteReading) -> RestVerdict:
-    """The first that applies; anything that cannot be proven is not valid."""
+    """The first verdict that applies."""
+    # In this order: without a zero or with another encoder the numbers below mean nothing. What cannot be proven is
+    # not valid: an ambiguity is no proof.
     angle, moved = reading.angle_deg, reading.moved_deg
     if retained is None or angle is None:
         return RestVerdict.NO_ZERO

@@ -112,7 +112,7 @@ def open_axis(
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
     found = open_machine(machine, store)
-    try:
+    try:  # a drive that was set up is not left behind on its bus, whatever goes wrong below
         reasons = _reasons(found, bus_reasons(machine, store, found.drive, commissioning=commissioning))
         retained, notes = _with_accepted_motion(found, reasons)
         made = build_program(
@@ -145,6 +145,7 @@ def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool 
     kept = store.load_plant()
     retained = store.load_retained()
     notes = tuple(f"retained memory: {note}" for note in store.notes)
+    # Plant and memory belong together: one without the other means a lost file, and the zero cannot be guessed.
     if kept is None:
         if retained is None:
             return new_machine(machine)._replace(notes=("a new simulated machine, standing at 0 deg",))
@@ -159,6 +160,7 @@ def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool 
     state, same_plant = kept
     if same_plant:
         return _opened(machine, _kept_drive(machine, state), retained, notes)
+    # The state vector of another plant means nothing here; the angle is what a person expects to find again.
     angle = deg(state.get("pos_load", state.get("pos_ideal", 0.0)))
     moved = new_machine(machine, angle)
     note = f"[plant] has changed since the last run: the new plant stands at the same {angle:.4f} deg, zeroed anew"
@@ -262,7 +264,8 @@ def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
 
 
 def _reasons(found: OpenMachine, bus: tuple[Reason, ...]) -> tuple[Reason, ...]:
-    """Everything that keeps power off; what no reset clears comes first."""
+    """Everything that keeps power off."""
+    # What no reset clears comes first: it is what a person has to deal with first, and what the service answers with.
     encoder = why_not_referenced(found.reading)
     reasons = [reason for reason in (encoder, *bus) if reason is not None and not reason.by_reset]
     if encoder is not None and encoder.by_reset:
@@ -288,6 +291,7 @@ def _with_accepted_motion(
 
 def _zero_counts(found: OpenMachine) -> float:
     """Encoder count at 0 deg, on the branch of the present reading; the reading itself where no zero is stored."""
+    # Feedback counts on over the wrap of the encoder's range, so the zero goes to the branch of the first reading.
     counts, zero = found.feedback.pos_act_counts, found.retained.zero_offset_counts
     return counts if zero is None else zero + counts - found.scale.unwrapped(counts, zero)
 
@@ -301,6 +305,7 @@ def set_up_again(engine: Engine) -> bool:
     Raises:
         DeviceError: it cannot be; the alarms come again.
     """
+    # SDO transfers wait for answers and so never run inside a scan (decision 0012).
     if not engine.drive.lost:
         return False
     engine.between_scans(engine.drive.set_up_again)
@@ -320,6 +325,7 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
     """The retained memory after a run."""
     identity = drive.identity()
     counts_range = identity.counts_per_turn * identity.turns
+    # The way is that between two rests; the service, which runs for days, counts its way in the scan.
     counts = drive.read().pos_act_counts
     rest = before.rest_position_counts
     way = abs(counts - (counts if rest is None else rest)) / machine.counts_per_turn
@@ -359,15 +365,17 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
 
 
 def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retained: Retained) -> None:
-    """Put plant and memory back: the memory first, a plant without it could not be trusted."""
+    """Keep memory and plant."""
     if store is not None:
+        # The memory first: after a crash between the two, a plant without its memory could not be trusted.
         store.store_retained(retained)
         if machine.plant_is_local:
             store.store_plant(drive.plant_state())
 
 
 def leave_bus(drive: Drive) -> None:
-    """Leave a bus as it was found; a drive in this process stays as it is."""
+    """Leave a bus as it was found."""
+    # Without a bus there is nothing to leave, and `close` would let the simulated load of this process settle.
     if drive.health() is not None:
         drive.close()
 

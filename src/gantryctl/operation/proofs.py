@@ -19,8 +19,8 @@ from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Said, Words
 
+# A change in one of these tables makes the proofs void; speeds and monitors may change.
 _PROVEN: Final = ("axis", "control", "motor", "encoder", "brake", "drive", "can")
-"""Tables whose change makes the proofs void; speeds and monitors may change."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +96,7 @@ def silent_master_proof_path(directory: Path, machine: Machine) -> Path:
 
 def store_silent_master_proof(path: Path, drive_key: str, restart_marker: int | None) -> None:
     """Keep that the proof was passed just now, with the marker that was left in the drive."""
+    # The key is `mark` in files of all versions.
     proof = {"drive": drive_key, "mark": restart_marker, "date": now_text()}
     write_whole(path, json.dumps(proof) + "\n")
 
@@ -106,6 +107,7 @@ def load_silent_master_proof(path: Path) -> SilentMasterProof:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         return SilentMasterProof(str(data["drive"]), data["mark"], str(data["date"]))
+    # A proof that cannot be read is no proof: the drive is then asked to show it again, in seconds.
     except (OSError, ValueError, KeyError, TypeError):
         return SilentMasterProof("", None, "")
 
@@ -152,7 +154,7 @@ def why_silence_not_proven(proof: SilentMasterProof, health: LinkHealth) -> Word
     """Say why the proof does not hold for the drive as it is now; None when it does."""
     if proof.drive != health.drive_key:
         return Words.SILENCE_NOT_PROVEN
-    # A restart may load other parameters than those that were proven, and the drive cannot tell the controller so.
+    # A restart may load other parameters than those that were proven (6007, 605E, 1016 decide what a silence does).
     if proof.restart_marker is not None and proof.restart_marker != health.restart_marker:
         return Words.RESTARTED_SINCE(date=proof.date)
     return None

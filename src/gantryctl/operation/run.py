@@ -32,11 +32,12 @@ from gantryctl.runtime import Engine, FixedOperator, keeps_time
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
 
+# Axis time between two calls of the observer.
 SLICE_S: Final = 0.1
-"""Axis time between two calls of the observer."""
+# The same while a hold-to-run command is renewed: as often as the page does, [monitors] lease_ms is 250 by default.
 LEASE_SLICE_S: Final = 0.03
-"""The same while a hold-to-run command is renewed."""
-REST_S: Final = 120.0  # a stop on the slowest ramp from the highest speed
+# A stop on the slowest ramp from the highest speed takes less.
+REST_S: Final = 120.0
 # Power sequence and brake test have time limits of their own; these are only a net below them.
 _POWER_S: Final = 10.0
 _TEST_S: Final = 30.0
@@ -182,6 +183,7 @@ class AxisRun:
         """Make one increment in the incremental mode."""
         self._check_speed(speed_deg_s)
         self.power_up()
+        # Mode and key in two scans: a key that is down when the mode changes moves nothing.
         self._command(mode=Mode.INCREMENTAL)
         self.engine.step()
         key = {"forward" if forward else "reverse": True}
@@ -359,6 +361,7 @@ class AxisRun:
         try:
             self._observer(self.snapshot())
         except Exception:
+            # Terminal lost or pipe closed: an axis that nobody watches any more stops.
             self._observer = None
             self.stop = max(self.stop, Stop.RAMP)
 
@@ -375,14 +378,13 @@ class AxisRun:
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
         """Power down if that was not done, finish the recording, keep the state.
 
-        After a failure inside the scan the engine itself brings the axis to rest.
-
         Args:
             result: how it ended, for `status`.
             alarm: what stopped the axis; it holds the axis until it is acknowledged.
         """
         self._observer = None
         try:
+            # After an exception in a scan the engine runs its own stop program (SYS-09): these scans bring it to rest.
             if self.engine.failure is not None:
                 self.engine.run_for(_POWER_S)
             elif not self.axis.is_off:

@@ -51,7 +51,7 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
 
 
 def load_program(name: str | None) -> ProgramFactory:
-    """What makes the class behind FILE:CLASS, or the shipped program.
+    """Load the class behind FILE:CLASS; the shipped program without a name.
 
     Raises:
         UsageError: no such file or class, an error in the file, or a class that is no `AxisProgram`; when it is made,
@@ -69,9 +69,11 @@ def load_program(name: str | None) -> ProgramFactory:
     if spec is None or spec.loader is None:
         raise UsageError(f"--program {name}: {path} is not a Python file")
     module = importlib.util.module_from_spec(spec)
+    # A dataclass looks its own module up there.
     sys.modules.setdefault(path.stem, module)
     try:
         spec.loader.exec_module(module)
+    # SystemExit too: a file with a `main` at its end may leave the process.
     except (Exception, SystemExit) as error:
         raise UsageError(
             f"--program {name}: {path} cannot be run: {type(error).__name__}: {error}"

@@ -1,4 +1,4 @@
-"""Questions and acknowledgements about a machine that is not running: its retained state."""
+"""Retained state of a machine that is not running: questions and acknowledgements."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 from gantryctl.wiring.compensation import lead_deg
 
+# Retained memory is in SI units like the program; people read degrees.
 _UNITS: Final = {
     "_rad_s": (deg(1.0), "deg/s"),
     "_rad": (deg(1.0), "deg"),
@@ -32,8 +33,9 @@ _UNITS: Final = {
     "_counts": (1.0, ""),
 }
 
-
+# The witness stands in journal lines, in reports and in `retain show`: one line.
 _WITNESS_LENGTH: Final = 200
+# A master that is not us has enabled the drive: its position is nothing to set a zero by.
 _MOVABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
@@ -47,7 +49,7 @@ def operator_name() -> str:
 
 @dataclass(frozen=True)
 class MachineStatus:
-    """Where a machine stands that is not running."""
+    """State of the axis of a machine for a person who asks; `gantryctl status` in keys."""
 
     machine: str
     condition: str
@@ -65,16 +67,14 @@ class MachineStatus:
 
 
 def machine_status(machine: Machine) -> MachineStatus:
-    """The state that the last run left behind; nothing is changed.
-
-    A drive on a bus that cannot be reached is said; what is retained is shown all the same.
-    """
+    """The state that the last run left behind; nothing is changed."""
     with StateStore(machine) as store:
         try:
             with read_only(machine, store) as found:
                 pass
         except StateError:
             raise
+        # A drive that cannot be reached is no reason to hide what is retained of its machine.
         except DeviceError as fault:
             retained = None if machine.plant_is_local else store.load_retained()
             if retained is None:
@@ -152,6 +152,7 @@ def reset_machine(machine: Machine) -> str:
     Raises:
         CommandRefused: the position is not valid; a reset cannot make it so.
     """
+    # It never enables and never moves; power then needs a new rising edge (states of the axis).
     who, when = operator_name(), now_text()
     with StateStore(machine) as store, read_only(machine, store) as opened:
         retained, reading = opened.retained, opened.reading
@@ -181,7 +182,7 @@ def reset_machine(machine: Machine) -> str:
 
 
 def reset_simulation(machine: Machine, angle_deg: float) -> str:
-    """Throw the simulated machine and its memory away and put a new one there."""
+    """Replace the simulated machine and its memory by new ones."""
     if not machine.plant_is_local:
         raise UsageError(f"{machine.name}: its drive is on a bus; there is nothing simulated to reset")
     fresh = new_machine(machine, angle_deg)
@@ -243,7 +244,7 @@ class EncoderReport:
 
 
 def encoder_report(machine: Machine) -> EncoderReport:
-    """What the encoder reads and what it means."""
+    """Read the encoder and judge its reading."""
     with StateStore(machine) as store, read_only(machine, store) as opened:
         return EncoderReport(opened.reading, opened.retained, opened.scale)
 
@@ -269,6 +270,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         scale, counts = opened.scale, opened.feedback.pos_act_counts
         if opened.feedback.state in _MOVABLE:
             raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
+        # A map corrects the angle shown as well as the command (decision 0010): the motor stands ahead of the load.
         motor_deg = angle_deg + lead_deg(machine, angle_deg)
         zero = round(counts - motor_deg / scale.deg_per_count) % scale.range_counts
         retained = replace(
@@ -281,6 +283,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
             zero_set_at=now_text(),
             zero_witness=witness,
         )
+        # Refused here, the offset is not stored: a reading that jumps by the whole range in motion comes too late.
         reading = judge_reference(scale, counts, retained)
         assert reading.margin_minus_deg is not None
         assert reading.margin_plus_deg is not None

@@ -39,6 +39,7 @@ def state_root() -> Path:
     named = os.environ.get(STATE_VARIABLE)
     if named:
         return Path(named)
+    # XDG Base Directory Specification: state goes to $XDG_STATE_HOME, and to ~/.local/state where that is not set.
     base = os.environ.get("XDG_STATE_HOME")
     return (Path(base) if base else Path.home() / ".local" / "state") / "gantryctl"
 
@@ -57,7 +58,8 @@ def last_recording() -> Path:
 
 
 def plant_hash(machine: Machine) -> str:
-    """Hash of everything the simulated plant is made of: a state of another plant cannot be taken over."""
+    """Hash of everything the simulated plant is made of."""
+    # Control, speeds and monitors are left out: a change there leaves the plant standing where it stands.
     parts = {
         name: getattr(machine, name).model_dump(mode="json")
         for name in ("drive", "plant", "axis", "motor", "brake")
@@ -88,6 +90,7 @@ class StateStore:
         try:
             self._lock.__enter__()
         except StateError as taken:
+            # A second controller on one machine is impossible: the lock is held while its process lives.
             if (self.directory / SERVICE_SOCKET).exists():
                 hint = "the service runs this machine: add --service, or `gantryctl attach`"
                 raise StateError(f"{str(taken).partition(';')[0]}; {hint}") from taken
@@ -136,7 +139,8 @@ class StateStore:
             ) from fault
 
     def store_plant(self, state: dict[str, float]) -> None:
-        """Keep the simulated plant; floats survive bit for bit."""
+        """Keep the simulated plant."""
+        # Python writes the shortest decimal that reads back as the same float: the state survives bit for bit.
         text = json.dumps({"plant": self._plant_hash, "state": state}, allow_nan=False, indent=1)
         write_whole(self.directory / _PLANT_FILE, text, private=True)
 

@@ -51,6 +51,7 @@ def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionS
 
     Rows that are not finite (a program that failed computes nothing any more) are left out; None when no row is left.
     """
+    # A program that failed computes nothing any more: the rows of its stop hold no numbers.
     part = _finite(trace.slice(from_s, to_s))
     if not len(part):
         return None
@@ -59,6 +60,7 @@ def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionS
     time_s = part["time_s"]
     duration = float(time_s[moving[-1]] - time_s[moving[0]]) if len(moving) else 0.0
     load_error = load_vel_error = None
+    # Without the truth of a simulator only the drive's own reading of the speed is known.
     vel_motor = np.degrees(part["vel_act_rad_s"])
     if "pos_load_rad" in part.columns:
         load_error = _largest(ref - np.degrees(part["pos_load_rad"]))

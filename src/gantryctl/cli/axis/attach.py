@@ -20,6 +20,7 @@ def attach(config_file: Path | None) -> int:
     machine = machine_of(config_file)
     with ServiceLink(directory_of(machine)) as link:
         running = link.tags["config_hash"]
+    # Limits of this machine file would be checked against an axis with other ones.
     if running != short_hash(machine):
         raise CommandRefused(f"the service runs configuration {running}, this is {short_hash(machine)}")
     (directory_of(machine) / ATTACHED).touch()

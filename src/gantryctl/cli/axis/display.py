@@ -23,8 +23,10 @@ from gantryctl.wiring.program import ramps_deg
 if TYPE_CHECKING:
     from gantryctl.operation.summary import MotionSummary
 
-_LOG_EVERY_S: Final = 5.0  # axis time between two lines of a plain log
-_STOOD_DEG_S: Final = 0.01  # slower than this it only settled where it already was
+# Axis time between two lines of a plain log.
+_LOG_EVERY_S: Final = 5.0
+# Slower than this it only settled where it already was.
+_STOOD_DEG_S: Final = 0.01
 
 
 class RunDetails(NamedTuple):
@@ -98,6 +100,7 @@ def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummar
         f"{word}: {shown(s.start_deg, 4):.4f} -> {shown(s.end_deg, 4):.4f} deg, {s.duration_s:.2f} s, "
         f"peak {s.peak_deg_s:.2f} deg/s{_speed_hint(machine, s, report)}"
     )
+    # The load side is what the paper judges; only a simulator knows it without an instrument.
     load = s.following_error_load_deg
     yield (
         f"  following error   motor side {s.following_error_motor_deg:.5f} deg"
@@ -114,7 +117,7 @@ def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummar
 
 
 def _speed_hint(machine: Machine, s: MotionSummary, report: MotionReport | None) -> str:
-    """Why a move did not reach the speed that was asked for."""
+    """Why a move did not reach the speed that was asked for; "" where it did."""
     if report is None or not report.done or report.asked_deg_s is None:
         return ""
     if s.peak_deg_s >= report.asked_deg_s * (1.0 - 1e-6) or s.peak_deg_s < _STOOD_DEG_S:
@@ -126,8 +129,7 @@ def _speed_hint(machine: Machine, s: MotionSummary, report: MotionReport | None)
 class Display:
     """A live line on a terminal, a plain log line now and then elsewhere, nothing where JSON is asked for.
 
-    When nobody reads any more (terminal lost, pipe closed), `show` raises: the session then stops the axis. Whatever is
-    printed afterwards goes nowhere.
+    Without a reader (terminal lost, pipe closed) `show` raises, and the run stops the axis.
     """
 
     def __init__(self, *, enabled: bool) -> None:
@@ -148,6 +150,7 @@ class Display:
         self._next_s = snapshot.time_s + _LOG_EVERY_S
         try:
             if self._live:
+                # One column less than there are: the last one makes some terminals begin a new line.
                 width = shutil.get_terminal_size().columns - 1
                 click.echo(f"\r{live_line(snapshot)[:width]:{width}}", nl=False)
             else:
@@ -164,8 +167,9 @@ class Display:
 
 
 def mute() -> None:
-    """Standard output has no reader: what still comes goes nowhere, and nothing complains at the end."""
-    with suppress(OSError, ValueError):  # ValueError: standard output is no file
+    """Send what still comes to nowhere: standard output has no reader any more."""
+    # ValueError: standard output is no file. Python writes what it still buffers when it ends, and would complain.
+    with suppress(OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, sys.stdout.fileno())
         os.close(nowhere)

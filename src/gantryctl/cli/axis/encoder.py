@@ -41,6 +41,7 @@ def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool
     Only at standstill with the brake closed, which a machine that is not running is. The offset is stored with the
     encoder's serial and who set it; nothing is written into the encoder.
     """
+    # A machine that is not running stands with the brake closed: the store's lock proves that none runs here.
     from gantryctl.operation.state import set_encoder_zero
 
     said = set_encoder_zero(machine_of(config_file), angle, witness)

@@ -26,8 +26,8 @@ from gantryctl.runtime.recorder import ArrowRecorder, MemoryRecorder
 from gantryctl.trace.files import Metadata
 from gantryctl.trace.reader import read_trace
 
+# Recordings kept in the state directory; older ones are removed. --out keeps everything.
 TRACES_KEPT: Final = 50
-"""Recordings kept in the state directory; older ones are removed. --out keeps everything."""
 
 
 def run_here(
@@ -82,6 +82,7 @@ def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | 
     if out is None:
         for old in sorted(folder.glob("*.parquet"), key=lambda p: p.name.split("-")[-1])[: -TRACES_KEPT + 1]:
             old.unlink(missing_ok=True)
+    # Milliseconds, so that two runs of a script within a second do not overwrite each other.
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")[:-3]
     return folder / f"{name}-{stamp}"
 
@@ -111,6 +112,7 @@ def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary 
         assert isinstance(recorder, MemoryRecorder)
         trace = recorder.trace()
     begin_s, end_s = (report.from_s, report.to_s) if report is not None else (0.0, end_s)
+    # A recording that ended early (disk full) may hold nothing of the motion itself.
     if not len(trace.slice(begin_s, end_s)):
         begin_s, end_s = 0.0, axis.engine.time_s
     return summarise(trace, begin_s, end_s, axis.machine.axis.ratio), file

@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 
     Report = TypeVar("Report", MotionReport, BrakeTestReport)
 
+# An axis that has moved by more is not where it was when the person was asked.
 _SAME_DEG: Final = 0.01
-"""An axis that has moved by more is not where it was when the person was asked."""
+# A rotary table would go the other way round from here on; a rounding error is no longer way.
 _LONG_WAY_DEG: Final = 180.0 + 1e-7
 
 
@@ -78,7 +79,8 @@ def move(
         raise UsageError(
             "give a target angle, or --by and an angle: gantryctl move 90, gantryctl move --by -5.5"
         )
-    if not 1.0 <= override <= 100.0:  # below, a long move would take days
+    # Below 1 % a long move would take days: 180 deg at the lowest setting and 0.1 % is more than three of them.
+    if not 1.0 <= override <= 100.0:
         raise UsageError(f"--override {override:g}: from 1 to 100 percent")
 
     def action(axis: AxisClient) -> MotionReport:
@@ -119,7 +121,8 @@ def jog(direction: str, seconds: float, speed: float | None, yes: bool, **run: A
 
     def action(axis: AxisClient) -> MotionReport:
         wanted = axis.machine.speed.setting_min_deg_s if speed is None else speed
-        return axis.jog(direction == "+", wanted, seconds)  # a key that is held needs no question
+        # A key that is held needs no question: letting go stops the axis.
+        return axis.jog(direction == "+", wanted, seconds)
 
     return _run(action, "jog", **run)
 
@@ -203,6 +206,7 @@ def guarded(
     def stop() -> None:
         axis.stop = Stop.RAMP if axis.stop is Stop.NO else Stop.QUICK
 
+    # The axis is never left with torque: refused, alarm, Ctrl-C or a bug, `close` runs.
     with stop_signals(stop):
         try:
             report = action(axis)

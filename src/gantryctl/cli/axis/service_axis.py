@@ -23,10 +23,10 @@ from gantryctl.units import deg, rad
 from gantryctl.wiring.program import speed_settings, travel_settings
 
 Tags = dict[str, Any]
+# How long it waits for the second person to arm.
 _OTHER_S: Final = 120.0
-"""How long it waits for the second person."""
+# A reply comes by the scan, the tags with the next status frame (50 ms) and those on change after it.
 _SHOWS_S: Final = 0.5
-"""What was done shows in the tags within this."""
 
 
 def directory_of(machine: Machine) -> Path:
@@ -97,6 +97,7 @@ class ServiceAxis:
                 f"the service runs {tags['machine']} with configuration {tags['config_hash']}, this command has "
                 f"{short_hash(self.machine)}: name the service's machine file with --config"
             )
+        # A person at the page keeps control unless this command is told to take it (SEC-07).
         holder = tags["authority_user"]
         if holder and not self._take_over:
             raise CommandRefused(
@@ -240,6 +241,7 @@ class ServiceAxis:
 
     def _wait(self, holds: Callable[[Tags], bool]) -> None:
         """Look until the tags show something; signs of life and stop requests go out meanwhile."""
+        # Without a sign of life for 2 s control is free for others.
         sent = Stop.NO
         self._link.look()
         while not holds(self._link.look()):

@@ -59,6 +59,7 @@ def service_alarms(machine: Machine) -> tuple[list[AlarmEntry], list[str]]:
     """Alarms since the service started and those retained from before, newest first; codes of what holds the axis."""
     with ServiceLink(directory_of(machine)) as link:
         tags = link.tags
+    # The service keeps its memory at power-off: alarms since then are in the tags alone, others in both.
     fresh = [
         AlarmEntry(row["code"], row["text"], row["at"], row["time_s"], rad(row["pos_act_deg"]))
         for row in tags["alarm_history"]
@@ -85,6 +86,7 @@ def arm_for_another(machine: Machine, action: str) -> None:
     with ServiceLink(directory_of(machine)) as link:
         link.ask("arm", action=action)
         click.echo(f"{action.replace('_', '-')} is armed for 10 s: somebody else may execute it")
+        # What is armed dies with its connection, so this one stays (decision 0014).
         while link.look()["armed_client"] != link.client:  # the reply is faster than the tags
             link.alive()
         while link.look()["armed_client"] == link.client:

@@ -1,4 +1,4 @@
-"""Commands that speak of the retained state: status, alarms, explain, reset, retain, sim."""
+"""Commands about the state of the axis: status, alarms, explain, reset, retain, sim."""
 
 from __future__ import annotations
 
@@ -134,6 +134,7 @@ def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, tak
         from gantryctl.operation.state import read_retained, reset_machine
 
         axis, locked = None, locked_code(read_retained(machine))
+    # Whatever is locked takes two steps: at the service arm and execute, here a question (decision 0014).
     if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
         return 2
     said = reset_machine(machine) if axis is None else axis.reset()

@@ -32,7 +32,7 @@ def _directory(config_file: Path | None) -> Path:
 )
 @json_option
 def journal_show(config_file: Path | None, count: int, as_json: bool) -> int:
-    """The newest events, oldest of them first."""
+    """Show the newest events, oldest of them first."""
     from gantryctl.service.recorder.journal import read_journal
 
     rows = read_journal(_directory(config_file), limit=count, newest=True)
@@ -64,9 +64,10 @@ def journal_anchor(config_file: Path | None) -> int:
 @click.option("--anchor", "anchor_file", type=PATH, help="Lines of `journal anchor` that must be true.")
 @json_option
 def journal_verify(config_file: Path | None, anchor_file: Path | None, as_json: bool) -> int:
-    """Look at every event and its hash. Exit code 1 when the journal is not whole."""
+    """Check every event and its hash. Exit code 1 when the journal is not whole."""
     from gantryctl.service.recorder.journal import verify
 
+    # The chain alone proves that nothing was changed in between; only lines kept elsewhere find a journal made anew.
     anchors = [] if anchor_file is None else _anchors(anchor_file)
     verdict = verify(_directory(config_file), anchors)
     if as_json:
@@ -86,13 +87,14 @@ def journal_verify(config_file: Path | None, anchor_file: Path | None, as_json: 
         since = f" from number {verdict.first} on" if verdict.first > 1 else ""
         click.echo(f"{verdict.rows} events{since}, chain intact")
         if anchors:
+            # Events taken out by size or age leave a chain that begins later: their anchors are no fault.
             gone = "" if verdict.anchors == len(anchors) else ", the others are of events taken out since"
             click.echo(f"{verdict.anchors} of {len(anchors)} anchors found{gone}")
     return int(bool(verdict.wrong))
 
 
 def _anchors(file: Path) -> list[Anchor]:
-    """The lines of a file.
+    """Read the lines of a file.
 
     Raises:
         UsageError: it cannot be read, or one is no line of `journal anchor`.
@@ -122,7 +124,9 @@ def journal_export(config_file: Path | None, file: Path) -> int:
 
     directory, after, count = _directory(config_file), 0, 0
     try:
+        # Never over another export: it may be the only proof of events that were taken out since.
         with file.open("x", encoding="utf-8") as out:
+            # In portions: a journal may hold 500 MB.
             while rows := read_journal(directory, after):
                 for row in rows:
                     out.write(json.dumps({"seq": row.seq, **row.values, "hash": row.hash}) + "\n")

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import click
 
 from gantryctl.cli.options import PATH, config_option, proven_machine
 
-WHOLE = click.IntRange(0, 10_000_000)
+Command: TypeAlias = Callable[..., Any]
+
+
+def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Command]:
+    whole = click.IntRange(0, 10_000_000)
+    return click.option(name, type=whole, default=default, show_default=True, metavar="MB", help=text)
 
 
 @click.command()
@@ -31,14 +38,7 @@ WHOLE = click.IntRange(0, 10_000_000)
     is_flag=True,
     help="Brake test and reset of locked alarms: one user arms, another one executes.",
 )
-@click.option(
-    "--journal-size",
-    type=WHOLE,
-    default=500,
-    show_default=True,
-    metavar="MB",
-    help="The oldest events are taken out beyond this.",
-)
+@_megabytes("--journal-size", 500, "The oldest events are taken out beyond this.")
 @click.option(
     "--journal-days",
     type=click.IntRange(0, 36_500),
@@ -46,30 +46,9 @@ WHOLE = click.IntRange(0, 10_000_000)
     metavar="DAYS",
     help="Events older than this are taken out; without it none is too old.",
 )
-@click.option(
-    "--traces-size",
-    type=WHOLE,
-    default=5000,
-    show_default=True,
-    metavar="MB",
-    help="The oldest recordings are removed beyond this.",
-)
-@click.option(
-    "--reserve",
-    type=WHOLE,
-    default=64,
-    show_default=True,
-    metavar="MB",
-    help="With less free on the disk nothing is recorded.",
-)
-@click.option(
-    "--event-reserve",
-    type=WHOLE,
-    default=16,
-    show_default=True,
-    metavar="MB",
-    help="With less free no new motion begins.",
-)
+@_megabytes("--traces-size", 5000, "The oldest recordings are removed beyond this.")
+@_megabytes("--reserve", 64, "With less free on the disk nothing is recorded.")
+@_megabytes("--event-reserve", 16, "With less free no new motion begins.")
 @click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
 def serve(
     config_file: Path | None,

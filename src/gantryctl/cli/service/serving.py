@@ -53,6 +53,7 @@ def run_service(
     for check in checks:
         if not check.ok:
             click.echo(f"warning: {check.name}: {check.text}", err=True)
+    # A damaged journal is a warning: the service starts and allows no new motion, so that somebody can look at it.
     if any(check.vital and not check.ok for check in checks):
         raise StateError("the self-test failed: the service does not start")
     config = (config_file or default_machine_path()).resolve()
@@ -96,6 +97,7 @@ def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
         UsageError: the extra is not installed, or there are no users for an address beyond loopback.
     """
     host, port = split(address)
+    # An extra, because no controller needs it, and in a process of its own: a foreign stack must not disturb a scan.
     if importlib.util.find_spec("asyncua") is None:
         raise UsageError("--opcua: asyncua is not installed; pip install 'gantryctl[opcua]'")
     if not is_loopback(host) and not Users(root).all():
@@ -130,6 +132,7 @@ def _listener(page: Listen, root: Path) -> socket.socket:
     for file in (page.certificate, page.key):
         if file is not None and not file.is_file():
             raise UsageError(f"{file}: there is no such file")
+    # The page commands a heavy machine: beyond this computer it needs TLS, and somebody who may log in.
     if not is_loopback(host):
         if page.certificate is None:
             raise UsageError(
@@ -141,6 +144,7 @@ def _listener(page: Listen, root: Path) -> socket.socket:
             )
     if page.certificate is not None:
         refuse_expired(page.certificate, datetime.now(UTC))
+    # Opened by the supervisor and inherited by the gateway: one that restarts misses no connection (decision 0011).
     try:
         family, *_, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -160,15 +164,15 @@ def address_of(page: Listen, listener: socket.socket) -> str:
 
 
 def how_to_log_in(users: Users) -> str:
-    """Who can log in, or how to make it possible."""
+    """Name the users who can log in, or the command that makes one."""
     names = sorted(users.all())
     if names:
         return f"log in as: {', '.join(names)}"
-    return "nobody can log in yet: gantryctl user add NAME --role operator"
+    return "there are no users yet: gantryctl user add NAME --role operator"
 
 
 def split(address: str) -> tuple[str, int]:
-    """Host and port of HOST:PORT; UsageError when it is none."""
+    """Split HOST:PORT; UsageError for anything else."""
     host, colon, port = address.rpartition(":")
     host = host.strip("[]")
     if not colon or not host or not port.isdigit() or not int(port) <= 65535:
@@ -177,7 +181,7 @@ def split(address: str) -> tuple[str, int]:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches it."""
+    """Only this computer reaches the address."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

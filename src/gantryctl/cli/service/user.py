@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import sys
+from typing import TYPE_CHECKING
 
 import click
 
 from gantryctl.cli.options import json_option, print_json
 
+if TYPE_CHECKING:
+    from gantryctl.service.supervisor.users import Users
+
+# Stand here so that the help imports nothing of the service.
 ROLES = ("viewer", "operator", "physicist", "service", "admin")
 
 
@@ -20,12 +25,10 @@ def user() -> None:
 @click.argument("name")
 @click.option("--role", type=click.Choice(ROLES), required=True, help="What the user may do.")
 def user_add(name: str, role: str) -> int:
-    """A new user; asks for the password (12 characters at least)."""
-    from gantryctl.operation.store import state_root
+    """Add a user; asks for the password (12 characters at least)."""
     from gantryctl.service.protocol.roles import Role
-    from gantryctl.service.supervisor.users import Users
 
-    Users(state_root()).add(name, Role(role), _password())
+    _users().add(name, Role(role), _password())
     click.echo(f"user {name} may log in as {role}")
     return 0
 
@@ -33,11 +36,8 @@ def user_add(name: str, role: str) -> int:
 @user.command("passwd")
 @click.argument("name")
 def user_passwd(name: str) -> int:
-    """Another password; ends the sessions of this user."""
-    from gantryctl.operation.store import state_root
-    from gantryctl.service.supervisor.users import Users
-
-    Users(state_root()).set_password(name, _password())
+    """Change a password; ends the sessions of this user."""
+    _users().set_password(name, _password())
     click.echo(f"user {name} has a new password")
     return 0
 
@@ -45,11 +45,8 @@ def user_passwd(name: str) -> int:
 @user.command("remove")
 @click.argument("name")
 def user_remove(name: str) -> int:
-    """Take a user out; ends its sessions."""
-    from gantryctl.operation.store import state_root
-    from gantryctl.service.supervisor.users import Users
-
-    Users(state_root()).remove(name)
+    """Remove a user; ends its sessions."""
+    _users().remove(name)
     click.echo(f"user {name} is gone")
     return 0
 
@@ -57,11 +54,8 @@ def user_remove(name: str) -> int:
 @user.command("list")
 @json_option
 def user_list(as_json: bool) -> int:
-    """All users with their roles."""
-    from gantryctl.operation.store import state_root
-    from gantryctl.service.supervisor.users import Users
-
-    users = Users(state_root()).all()
+    """List users and their roles."""
+    users = _users().all()
     if as_json:
         print_json([{"name": u.name, "role": str(u.role), "password_set": u.since} for u in users.values()])
         return 0
@@ -72,8 +66,16 @@ def user_list(as_json: bool) -> int:
     return 0
 
 
+def _users() -> Users:
+    from gantryctl.operation.store import state_root
+    from gantryctl.service.supervisor.users import Users
+
+    return Users(state_root())
+
+
 def _password() -> str:
-    """Asked for twice on a terminal, one line of standard input otherwise."""
+    # On a terminal it is asked for twice and not shown; a script writes one line to standard input. Never an option:
+    # the arguments of a process are there for every user of the computer to read.
     if sys.stdin.isatty():
         found: str = click.prompt("Password", hide_input=True, confirmation_prompt="Again")
         return found
