@@ -154,15 +154,15 @@ class Journal:
 
     def locked(self) -> bool:
         """Whether it follows a damaged journal, and service has not acknowledged that yet."""
-        first = self._db.execute("SELECT text FROM events WHERE seq = 1").fetchone()
-        if first is None or not first[0].startswith(Code.JRN_05):
+        first = self._db.execute("SELECT detail FROM events WHERE seq = 1").fetchone()
+        if first is None or json.loads(first[0]).get("code") != Code.JRN_05:
             return False
         acknowledged = "SELECT 1 FROM events WHERE kind = 'journal' AND source <> ? LIMIT 1"
         return self._db.execute(acknowledged, (OWN,)).fetchone() is None
 
-    def note(self, kind: str, text: str) -> None:
+    def note(self, kind: str, text: str, **values: object) -> None:
         """Keep an event of the recorder itself."""
-        self.append(0, OWN, time.time_ns(), [file.own_record(kind, text)])
+        self.append(0, OWN, time.time_ns(), [file.own_record(kind, text, **values)])
 
     def close(self) -> None:
         """Close the file."""

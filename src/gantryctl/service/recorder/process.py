@@ -142,11 +142,11 @@ class EventWriter:
         self._prune_s = now_s if taken else now_s + _PRUNE_S
 
     def _alarm(self, code: Code, **values: object) -> None:
-        self._note("alarm", refusal(code, **values).line)
+        self._note("alarm", refusal(code, **values).line, code=str(code))
 
-    def _note(self, kind: str, text: str) -> None:
+    def _note(self, kind: str, text: str, **values: object) -> None:
         assert self._journal is not None
-        self._journal.note(kind, text)
+        self._journal.note(kind, text, **values)
 
     def _open(self) -> None:
         self._journal = Journal(self._directory, self._connect)
