@@ -28,22 +28,20 @@ from typing import Any
 
 from playwright.sync_api import sync_playwright
 
-sys.path.insert(
-    0, str(Path(__file__).resolve().parents[1] / "tests")
-)  # the service and its page as tests start them
-from browser import CHROMIUM, FLAGS, SIZE, enter
-from opcua_looker import looking, trusted_client
-from service_process import Service, add_users
-
+# The service and its page, as the tests start them.
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.service.controller.publisher import RECENT_S
 from gantryctl.service.protocol.roles import Role
+from support.browser import CHROMIUM, FLAGS, SIZE, enter
+from support.opcua_looker import looking, trusted_client
+from support.service_process import Service, add_users
 
 RATIO_MAX = 1.5
 GATEWAY_MAX_PERCENT = 5.0
 PROCESSES = ("controller", "gateway", "recorder", "gateway.opcua")
+# Of the scan, and of cyclictest.
 PRIORITY = 80
-"""Of the scan, and of cyclictest."""
 
 
 def processor_s(process: int) -> float:

@@ -1,4 +1,4 @@
-"""A program of one's own, from PLCopen blocks: to 20 deg, wait two seconds, back by 5 deg. Once on the ideal drive,
+"""A custom program from PLCopen blocks: to 20 deg, wait two seconds, back by 5 deg. Once on the ideal drive,
 where the actual position is the set-point, then unchanged on the virtual gantry.
 """
 
@@ -25,14 +25,9 @@ class ThereAndBack(AxisProgram):
 
 
 for kind in ("ideal", "sim"):
-    programs: list[ThereAndBack] = []
-
-    def make(axis: Axis, made: list[ThereAndBack] = programs) -> ThereAndBack:
-        made.append(ThereAndBack(axis))
-        return made[-1]
-
-    engine = build_engine(with_values(default_machine(), {"drive.kind": kind}), program=make)
-    program = programs[0]
+    engine = build_engine(with_values(default_machine(), {"drive.kind": kind}), program=ThereAndBack)
+    program = engine.program
+    assert isinstance(program, ThereAndBack)
     if not engine.run_until(lambda engine, program=program: program.back.done, timeout_s=60.0):
         raise SystemExit(f"{kind}: not done in 60 s")
     print(f"{kind}: done after {engine.time_s:.2f} s at {deg(program.axis.pos_act_rad):.4f} deg")

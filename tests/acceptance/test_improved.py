@@ -11,9 +11,11 @@ import pytest
 
 from gantryctl.engineering.accuracy.job import AccuracyJob, ensemble_a
 from gantryctl.engineering.batch import ClosedLoop
-from gantryctl.engineering.comparison import KEY_FIGURES, compare_report, ensemble, without_load_encoder
 from gantryctl.engineering.comparison.data import comparison_data
-from gantryctl.engineering.comparison.key_figures import chord_figures, move_figures
+from gantryctl.engineering.comparison.ensemble import ensemble
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, chord_figures, move_figures
+from gantryctl.engineering.comparison.report import compare_report
+from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.wiring.compensation import compensation

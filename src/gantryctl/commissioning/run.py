@@ -13,12 +13,7 @@ from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation.opening import read_only
-from gantryctl.operation.proofs import (
-    CommissioningRecord,
-    proven_hash,
-    record_path,
-    store_record,
-)
+from gantryctl.operation.proofs import CommissioningRecord, proven_hash, record_path, store_record
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import StateStore, now_text
 

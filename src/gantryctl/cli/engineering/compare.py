@@ -21,7 +21,7 @@ from gantryctl.cli.options import (
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
-    from gantryctl.engineering.comparison import CompareReport
+    from gantryctl.engineering.comparison.report import CompareReport
     from gantryctl.machine import Machine
 
 
@@ -47,8 +47,8 @@ def compare(
     Every compensation of the second is shown alone and all together. Takes about half a minute, and ten seconds a plant
     and processor for the ensemble.
     """
-    from gantryctl.engineering.comparison import compare_report
     from gantryctl.engineering.comparison.data import comparison_data
+    from gantryctl.engineering.comparison.report import compare_report
     from gantryctl.errors import UsageError
 
     # Before half a minute of runs, not after it.

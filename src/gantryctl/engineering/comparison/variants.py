@@ -60,10 +60,7 @@ def variants(paper: Machine, improved: Machine) -> list[Variant]:
     """
     compensation = improved.control.compensation
     off: dict[str, object] = {_AT + key: False for key in _SWITCHES} | {_AT + "latency_us": 0.0}
-    rows = [
-        Variant(f"{paper.name}, as it is", paper),
-        Variant("profile alone", with_values(improved, off)),
-    ]
+    rows = [Variant(f"{paper.name}, as it is", paper), Variant("profile alone", with_values(improved, off))]
     for name, keys in _ALONE:
         if not all(_is_on(improved, key) for key in keys):
             continue

@@ -5,14 +5,13 @@ with all compensations off; the truth of a simulated plant is read only to say h
 """
 
 from gantryctl.engineering.identification.fit import CalibrationFit, calibrate, calibration_of, fit
-from gantryctl.engineering.identification.measure import LoadInstrument, MotionRecording, record
+from gantryctl.engineering.identification.measure import LoadInstrument, record
 from gantryctl.engineering.identification.truth import Comparison, comparisons
 
 __all__ = [
     "CalibrationFit",
     "Comparison",
     "LoadInstrument",
-    "MotionRecording",
     "calibrate",
     "calibration_of",
     "comparisons",

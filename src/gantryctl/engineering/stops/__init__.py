@@ -5,21 +5,11 @@ deceleration that the machine can give.
 """
 
 from gantryctl.engineering.stops.limits import check_quick_stop, find_quick_dec
-from gantryctl.engineering.stops.run import (
-    REACTION_S,
-    StopClass,
-    StopResult,
-    StopRow,
-    run_stop,
-    stop_table,
-    worst_stop,
-)
+from gantryctl.engineering.stops.run import REACTION_S, StopClass, run_stop, stop_table, worst_stop
 
 __all__ = [
     "REACTION_S",
     "StopClass",
-    "StopResult",
-    "StopRow",
     "check_quick_stop",
     "find_quick_dec",
     "run_stop",

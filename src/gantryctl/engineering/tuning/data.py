@@ -22,11 +22,7 @@ def tuning_data(tuning: Tuning) -> dict[str, Any]:
         "start": vars(tuning.tuned.start) if tuning.tuned else None,
         "log": [trial._asdict() for trial in tuning.tuned.log] if tuning.tuned else [],
         "candidates": {
-            c.name: {
-                "gains": vars(c.gains),
-                "move": c.move._asdict(),
-                "verdict": _verdict(c.verdict),
-            }
+            c.name: {"gains": vars(c.gains), "move": c.move._asdict(), "verdict": _verdict(c.verdict)}
             for c in (tuning.configured, tuning.proposal, tuning.paper)
         },
         "difference_to_paper": differences(tuning),

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.engineering.comparison import KEY_FIGURES
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
 from gantryctl.machine import default_machine_path, load_calibration, load_machine
 from gantryctl.wiring.compensation import compensation, lead_deg
 from gantryctl.wiring.simulator import delivered_zero_counts, sim_drive

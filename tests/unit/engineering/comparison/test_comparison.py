@@ -4,16 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gantryctl.engineering.comparison import (
-    KEY_FIGURES,
-    KeyFigures,
-    check_same_plant,
-    random_plant,
-    variants,
-    without_load_encoder,
-)
-from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
-from gantryctl.engineering.comparison.key_figures import move_figures
+from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble, random_plant
+from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, KeyFigures, move_figures
+from gantryctl.engineering.comparison.variants import check_same_plant, variants, without_load_encoder
 from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine, effective_values, with_values
 from support.improved import improved_machine

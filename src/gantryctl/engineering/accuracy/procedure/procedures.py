@@ -252,11 +252,7 @@ def chord_angle_rad(chord_m: ArrayLike, radius_m: float) -> FloatArray:
 
 
 def evaluate(
-    procedure: Procedure,
-    readings_rad: ArrayLike,
-    radius_m: float,
-    sigma_m: float = 0.0,
-    seed: int = 0,
+    procedure: Procedure, readings_rad: ArrayLike, radius_m: float, sigma_m: float = 0.0, seed: int = 0
 ) -> ErrorTable:
     """The error table of one chord test as an instrument of this noise sees it.
 

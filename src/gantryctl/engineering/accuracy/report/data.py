@@ -60,10 +60,7 @@ def _asked(report: AccuracyReport) -> dict[str, Any]:
     return {
         **{name: plain(getattr(report, name)) for name in _ASKED},
         "procedure": procedure
-        and {
-            **{name: plain(getattr(procedure, name)) for name in _PROCEDURE},
-            "stops": len(procedure.stops),
-        },
+        and {**{name: plain(getattr(procedure, name)) for name in _PROCEDURE}, "stops": len(procedure.stops)},
         "settings": dict(report.settings),
     }
 

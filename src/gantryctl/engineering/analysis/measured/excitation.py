@@ -49,12 +49,7 @@ class Excitation:
 
 
 def multisine(
-    where: Input,
-    low_hz: float,
-    high_hz: float,
-    count: int,
-    scan_s: float,
-    period_s: float = 16.0,
+    where: Input, low_hz: float, high_hz: float, count: int, scan_s: float, period_s: float = 16.0
 ) -> Excitation:
     """All frequencies at once: `count` lines from low to high in about equal ratios, small crest factor (Schroeder).
 
