@@ -26,21 +26,26 @@ def write_whole(path: Path, data: bytes | str, *, private: bool = False, make_fo
     """
     mode = 0o600 if private else 0o666
     with (
-        replacing(path, make_folder=make_folder) as draft,
+        # A name of its own for each writer: two at once must not write into one draft.
+        replacing(path, f".{secrets.token_hex(4)}.part", make_folder=make_folder) as draft,
         open(draft, "xb", opener=lambda name, flags: os.open(name, flags, mode)) as file,
     ):
         file.write(data.encode() if isinstance(data, str) else data)
 
 
 @contextlib.contextmanager
-def replacing(path: Path, *, make_folder: bool = False) -> Iterator[Path]:
+def replacing(path: Path, ending: str = ".part", *, make_folder: bool = False) -> Iterator[Path]:
     """Give the name of a draft in the same folder, and put what was written there in the place of `path`.
+
+    Args:
+        path: the file.
+        ending: of the draft's name; with the same one the next writer goes over the draft of one that was killed.
+        make_folder: make the folder of the file where it is missing.
 
     Raises:
         StateError: as `write_whole`.
     """
-    # A name of its own for each writer: two at once must not write into one draft.
-    draft = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
+    draft = path.with_name(path.name + ending)
     try:
         if make_folder:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -210,3 +210,22 @@ def test_names_from_the_file_cannot_forge_a_line_or_colour_a_terminal():
     for line in caught.value.problems:
         assert line.isprintable()
         assert line.startswith("f\\n.toml: ")
+
+
+@pytest.mark.parametrize(
+    ("path", "unit"),
+    [
+        ("axis.pos_min_deg", "deg"),
+        ("virtual_axis.jerk_deg_s3", "deg/s3"),
+        ("plant.transmission.rest_stiffness_nm_per_rad", "N m/rad"),
+        ("drive.speed_loop.kvp_nm_s_per_rad", "N m s/rad"),
+        ("monitors.following_error_per_speed_s", "s"),
+        ("encoder.turns", "turns"),
+        ("encoder.lines", "1/turn"),  # named in the declaration
+        ("control.compensation.gear_map.cycles_per_turn", "-"),
+        ("axis.reducer_ratio", "-"),
+        ("plant.load.eccentric_sign", "-"),
+    ],
+)
+def test_the_unit_of_a_key_is_the_end_of_its_name(path: str, unit: str) -> None:
+    assert field_specs()[path].unit == unit
