@@ -225,7 +225,7 @@ export const WORDS: Record<string, string> = {
   NOT_JSON: "不是含有限数的 JSON 对象",
   TYPE_UNKNOWN: "未知的消息类型",
   KEY_WRONG: "{kind}：{key} 缺失、未知或类型错误",
-  NO_SUCH_ALARM: "（已）没有第 {number} 号报警",
+  NO_SUCH_ALARM: "没有第 {number} 号报警",
   JSON_NEEDED: "需要 Content-Type: application/json",
   BODY_TOO_LONG: "正文最多 {limit} 字节",
   NAME_AND_PASSWORD: "请写一个含 `user` 和 `password` 的 JSON 对象",

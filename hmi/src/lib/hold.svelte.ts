@@ -46,7 +46,7 @@ export class Hold {
     this.#timer = window.setInterval(() => this.#beat(), link.welcome?.renew_ms ?? 30);
   }
 
-  /** End it, whatever the reason; the lease is dead for ever. */
+  /** End it, whatever the reason; the lease stays dead. */
   release(why: Ending): void {
     const lease = this.#lease;
     if (lease === '') return;

@@ -26,9 +26,9 @@ export class Link {
   /** This page has control. */
   mine = $derived(this.welcome !== null && this.tags.authority_client === this.welcome.client);
   readonly history = new History();
-  /** Hears refusals that nobody waits for: those of `renew`. */
+  /** Receives refusals without a waiting caller: those of `renew`. */
   refused: (reply: Reply) => void = () => {};
-  /** Hears every status and every tick. */
+  /** Called with every status and every tick. */
   watch: () => void = () => {};
 
   #socket: WebSocket | null = null;

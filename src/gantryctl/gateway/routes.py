@@ -12,7 +12,7 @@ class RouteEntry(NamedTuple):
     """One route.
 
     Attributes:
-        action: what the role must allow; None for everybody.
+        action: what the role must allow; None for all.
         answers: status and meaning.
         query: names of whole-number parameters.
     """
@@ -36,7 +36,7 @@ ROUTES: Final = (
          503: "users.json is damaged"},
     ),
     RouteEntry("POST", "/logout", "logout", Action.VIEW, "End the session.", {204: "done", 401: "not logged in"}),
-    RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "nobody"}),
+    RouteEntry("GET", "/session", "session", Action.VIEW, "Who is logged in.", {200: "user and role", 401: "no login"}),
     RouteEntry("GET", "/tags", "tags", Action.VIEW, "The tag table.", {200: "list of tags", **_LOG_IN}),
     RouteEntry("GET", "/status", "status", Action.VIEW, "All tags as they are now.", {200: "status", **_LOG_IN}),
     RouteEntry("GET", "/alarms", "alarms", Action.VIEW, "Active alarms and history.", {200: "rows", **_LOG_IN}),

@@ -80,7 +80,7 @@ def is_loopback(host: str) -> bool:
 
 def neighbourhood(address: str) -> str:
     """The key of limits by address: an IPv4 address, or an IPv6 network of 64 bits."""
-    # One customer has a /64 at least (RFC 6177): limits by single IPv6 address would stop nobody.
+    # One customer has a /64 at least (RFC 6177): limits by single IPv6 address would be no limit.
     try:
         found = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:

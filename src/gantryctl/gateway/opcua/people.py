@@ -54,7 +54,7 @@ class People(UserManager):  # type: ignore[misc]
 
     async def end_sessions(self, server: Server) -> None:
         """End the sessions of users who are gone, or have another password or role."""
-        # A users file that cannot be read lets nobody in, and keeps nobody in.
+        # While the users file cannot be read there are no users: sessions end.
         try:
             now = self._users.all()
         except StateError:

@@ -59,7 +59,7 @@ _NUMBERS: Final = (
 
 
 class Settings(NamedTuple):
-    """What the process is told.
+    """Arguments of the process.
 
     Attributes:
         root: state root with the users. directory: the machine's state directory; certificates are in `opcua/`.

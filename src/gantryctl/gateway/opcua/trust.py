@@ -29,7 +29,7 @@ class TrustList:
 
     def never_empty(self, certificate: Path) -> None:
         """Put our own certificate there when there is none."""
-        # cryptography refuses an empty certificate store; nobody else has our private key.
+        # cryptography refuses an empty certificate store; no client has our private key.
         trusted = self._folders[0]
         if not any(trusted.iterdir()):
             (trusted / OWN).write_bytes(certificate.read_bytes())

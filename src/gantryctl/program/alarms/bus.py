@@ -11,7 +11,7 @@ _STOP: Final = Severity.STOP
 _QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
 
 _CABLE: Final = (
-    "Check bus cable, terminators and load. Reset with power off, or start again: it sets the drive up anew."
+    "Check bus cable, terminators and load. Reset with power off, or start again: the drive is set up again."
 )
 _CABLE_ZH: Final = "检查总线电缆、终端电阻和负载。断电后复位或重新启动：驱动器将被重新设置。"
 
@@ -41,7 +41,7 @@ BUS: Final = (
     Definition(
         Code.CAN_12, _STOP, _QS,
         Text("Another master on the bus",
-             "Telegrams that only this controller may send came from somebody else",
+             "Telegrams that only this controller may send came from another sender",
              "A second controller, or a service tool that takes part in control.",
              "Take it off the bus, then reset."),
         Text("总线上有另一个主站", "只有本控制器可以发送的报文来自别处",
@@ -50,7 +50,7 @@ BUS: Final = (
     Definition(
         Code.CAN_13, _STOP, _TO,
         Text("Drive not operational", "The drive has left the NMT state OPERATIONAL",
-             "The drive lost the controller's heartbeat, or somebody else stopped it.", _CABLE),
+             "The drive lost the controller's heartbeat, or another master stopped it.", _CABLE),
         Text("驱动器不在运行状态", "驱动器离开了 NMT 状态 OPERATIONAL",
              "驱动器丢失了控制器的心跳，或被他人停止。", _CABLE_ZH),
     ),
@@ -66,8 +66,8 @@ BUS: Final = (
     Definition(
         Code.DRV_09, Severity.WARNING, Reaction.HLT,
         Text("Drive parameter changed", "A parameter of the drive is not what it was set to: {measured}",
-             "Somebody changed it while the drive was run, by a service tool or at the drive itself.",
-             "Find out who. Switch power off and reset: the drive is set up anew. No motion before."),
+             "It was changed while the axis was in operation, by a service tool or at the drive itself.",
+             "Find out who. Switch power off and reset: the drive is set up again. No motion before."),
         Text("驱动器参数被改变", "驱动器的一个参数不再是设定值：{measured}",
              "有人在驱动器运行时用调试工具或在驱动器本体上改变了它。",
              "查明是谁。断电后复位：驱动器将被重新设置。此前不能运动。"),
@@ -76,8 +76,8 @@ BUS: Final = (
     Definition(
         Code.DRV_11, _STOP, _TO,
         Text("Drive restarted", "The drive has restarted by itself",
-             "Its supply failed, or somebody reset it. It has forgotten what the controller told it.",
-             "Look for the cause. Reset with power off, or start again: it sets the drive up anew."),
+             "Its supply failed, or it was reset. It has lost the settings of the controller.",
+             "Look for the cause. Reset with power off, or start again: the drive is set up again."),
         Text("驱动器重新启动", "驱动器自行重新启动", "其供电失效，或有人将其复位。它已忘记控制器的设置。",
              "查找原因。断电后复位或重新启动：驱动器将被重新设置。"),
     ),

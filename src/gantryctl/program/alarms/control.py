@@ -15,7 +15,7 @@ _INWARD_ZH: Final = "复位，然后向内移动：返回方向是开放的。"
 CONTROL: Final = (
     Definition(
         Code.CTL_02, _STOP, _QS,
-        Text("A value that is no number", "{measured} is not a finite number",
+        Text("Value not finite", "{measured} is not a finite number",
              "A reading or a computed command was not finite. It never reaches the drive.",
              "Keep the trace and report it; reset when the cause is known."),
         Text("数值不是数", "{measured} 不是有限的数",
@@ -35,7 +35,7 @@ CONTROL: Final = (
     Definition(
         Code.CTL_04, _STOP, _QS,
         Text("Overspeed", "Speed {measured:.2f} deg/s, limit {limit:.2f} deg/s",
-             "The axis runs faster than it was told: drive scaling, gains, or a load that pushes.",
+             "The axis runs faster than commanded: drive scaling, gains, or a load that pushes.",
              "Check the drive's speed scaling and ceiling, then reset."),
         Text("超速", "速度 {measured} °/s，限值 {limit} °/s",
              "轴比指令快：驱动器比例、增益，或负载在推动。", "检查驱动器的速度比例和上限，然后复位。"),

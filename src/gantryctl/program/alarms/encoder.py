@@ -17,7 +17,7 @@ ENCODER: Final = (
     Definition(
         Code.ENC_01, _STOP, _TO,
         Text("Position jumped", "Position jumped {measured:.4f} deg in one scan, limit {limit:.4f} deg",
-             "The reading changed by more than the axis can move in a scan. The position is not valid any more.",
+             "The reading changed by more than the axis can move in a scan. The position is no longer valid.",
              _CALL),
         Text("位置跳变", "一个扫描周期内位置跳变 {measured}°，限值 {limit}°",
              "读数变化超过轴在一个扫描周期内可能的运动。位置不再有效。", _CALL_ZH),
@@ -51,7 +51,7 @@ ENCODER: Final = (
     ),
     Definition(
         Code.ENC_05, _STOP, _TO,
-        Text("Encoder alarm", "The encoder reports an alarm of its own",
+        Text("Encoder alarm", "The encoder reports an alarm",
              "Lamp, signal amplitude, position error or supply inside the encoder.",
              "Do not reset. Read the encoder's alarm word with the drive's tool and call service."),
         Text("编码器报警", "编码器自身报警", "编码器内部的光源、信号幅值、位置错误或供电。",

@@ -124,7 +124,7 @@ _STEPS: Final[dict[Reaction, tuple[Words | Said, ...]]] = {
 
 
 class AlarmLog:
-    """What is wrong now, what was wrong first, and what has been wrong.
+    """Active alarms, the first-out alarm, and the history.
 
     The first alarm of a stop class is latched as `first_out` until `clear`; whatever follows is folded
     under it.
@@ -174,13 +174,13 @@ class AlarmLog:
             self.first_out = alarm
 
     def complete(self, code: Code, /, **values: object) -> None:
-        """Say of an active alarm what was not known yet when it was raised."""
+        """Complete an active alarm with values that were not known when it was raised."""
         alarm = self.active.get(code)
         if alarm is not None:
             alarm.values = values
 
     def note(self, code: Code, /, **values: object) -> Refusal:
-        """Put something worth knowing into the history; nothing is latched."""
+        """Put a note into the history; nothing is latched."""
         self.history.append(Alarm(code, self.time_s, values, ALARMS[code].reaction, self.scan, self.pos_rad))
         return Refusal(code, values)
 
@@ -228,7 +228,7 @@ def _wire(value: object) -> object:
 
 
 def from_wire(value: object) -> object:
-    """The value that travelled as this; a name or number, and words that are not known any more, stay as they are."""
+    """Restore words from the wire; names, numbers and words of another version stay as they are."""
     match value:
         case {"words": str(name), "values": dict(values)} if name in Words.__members__:
             return Words[name](**{key: from_wire(each) for key, each in values.items()})

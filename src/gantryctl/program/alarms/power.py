@@ -66,7 +66,8 @@ POWER: Final = (
     Definition(
         Code.BRK_07, _STOP, _TO,
         Text("Torque not proven",
-             "Torque {measured:.1f} N m after {time_ms:.0f} ms, at least {limit:.1f} N m wanted before the brake opens",
+             "Torque {measured:.1f} N m after {time_ms:.0f} ms, at least {limit:.1f} N m required "
+             "before the brake opens",
              "The drive is enabled but gives no torque: motor cable, current limit, torque scaling.",
              "The brake stayed closed. Check the motor cable and the drive's torque limit, then reset."),
         Text("转矩未验证", "{time_ms} ms 后转矩为 {measured} N m，制动器松开前至少需要 {limit} N m",
@@ -117,8 +118,8 @@ POWER: Final = (
     ),
     Definition(
         Code.DRV_03, _STOP, _TO,
-        Text("Drive stuck", "Drive stuck in {measured} for {time_ms:.0f} ms, wanted {command}",
-             "The drive does not make the step it was asked for: missing release, local control, wrong parameter.",
+        Text("Drive stuck", "Drive stuck in {measured} for {time_ms:.0f} ms, expected {command}",
+             "The drive does not make the commanded step: missing release, local control, wrong parameter.",
              _CHECK_DRIVE),
         Text("驱动器卡住", "驱动器停留在{measured}已 {time_ms} ms，应为{command}",
              "驱动器没有执行要求的步骤：缺少释放信号、本地控制、参数错误。", _CHECK_DRIVE_ZH),
@@ -126,7 +127,7 @@ POWER: Final = (
     Definition(
         Code.DRV_04, _STOP, _TO,
         Text("Drive lost its enable", "Drive went to {measured} without being asked",
-             "Someone or something else switched the drive off: release input, tool, supply.",
+             "Another party switched the drive off: release input, tool, supply.",
              _CHECK_DRIVE),
         Text("驱动器失去使能", "驱动器未经要求进入{measured}",
              "他人或他物关断了驱动器：释放输入、工具、供电。", _CHECK_DRIVE_ZH),

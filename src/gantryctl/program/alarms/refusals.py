@@ -105,7 +105,7 @@ REFUSALS: Final = (
     Definition(
         Code.PWR_04, _REF, Reaction.REF,
         Text("Cannot switch on", "cannot switch on: {reason}",
-             "Something that must be right before power is not.",
+             "A condition for power is not met.",
              "Remove the cause, then switch on again."),
         Text("不能上电", "不能上电：{reason}", "上电前必须满足的条件未满足。", "排除原因后重新上电。"),
     ),

@@ -173,7 +173,7 @@ SERVICE: Final = (
     Definition(
         Code.JRN_05, _WARN, _REF,
         Text("Journal damaged", "the journal was damaged and moved to {file}; service must reset",
-             "Its hash chain or its file was broken: a disk fault, or somebody changed it.",
+             "Its hash chain or its file was broken: a disk fault, or it was changed.",
              "Keep the file that was moved aside; the service role resets."),
         Text("日志损坏", "日志已损坏并移至 {file}；须由维修人员复位",
              "其哈希链或文件被破坏：磁盘故障，或被人更改。", "保留移走的文件；由维修角色复位。"),

@@ -125,7 +125,7 @@ class Words(Enum):
     HOME_AT_REST = "Home needs Standstill", "Home 需要静止状态"
     REFERENCE_AT_REST = "a new reference needs standstill", "新的参考点需要静止"
     ENCODER_WOULD_WRAP = (
-        "the encoder would wrap {margin:.2f} deg from the travel, at least {limit:.2f} deg wanted",
+        "the encoder would wrap {margin:.2f} deg from the travel, at least {limit:.2f} deg required",
         "编码器将在距行程 {margin}° 处回绕，至少需要 {limit}°",
     )
     OUTSIDE_ON_THE_WAY = (
@@ -167,7 +167,7 @@ class Words(Enum):
         "各保持 {time_s} s：{plus} 和 {minus} N m",
     )
     TEST_NOT_REACHED = (
-        "{given:+.1f} N m reached, {wanted:+.1f} N m wanted",
+        "{given:+.1f} N m reached, {wanted:+.1f} N m required",
         "达到 {given} N m，需要 {wanted} N m",
     )
     TEST_NOT_HELD = "{given:+.1f} N m held of {wanted:+.1f} N m", "保持 {given} N m，需要 {wanted} N m"
@@ -177,7 +177,7 @@ class Words(Enum):
         "测试后撤去转矩时制动器打滑",
     )
     BRAKE_CONTACT_OPEN = "the brake's contact says that it is open", "制动器触点显示松开"
-    TORQUE_NOT_FINITE = "the torque reading is no number", "转矩读数不是数值"
+    TORQUE_NOT_FINITE = "the torque reading is not finite", "转矩读数不是数值"
     BRAKE_OPENED_BY_DRIVE = (
         "the drive opened its brake when it was enabled: not testable here",
         "驱动器使能时松开了制动器：不能在此测试",
@@ -233,7 +233,7 @@ class Words(Enum):
     )
     CERTIFICATE_ENDS = "{file}: expires in {days:.0f} days, on {date}", "{file}：{days} 天后到期，{date}"
     CERTIFICATE_ENDED = "{file}: expired on {date}", "{file}：已于 {date} 到期"
-    USERS_DAMAGED = "{fault}; nobody can log in", "{fault}；无人可以登录"
+    USERS_DAMAGED = "{fault}; no login is possible", "{fault}；无人可以登录"
     NOTHING_RECORDED = (
         "{free:.0f} MB free on the disk: nothing is recorded below {limit} MB",
         "磁盘剩余 {free} MB：低于 {limit} MB 时不再记录",
@@ -256,7 +256,7 @@ class Words(Enum):
     LOG_IN_FIRST = "log in first", "请先登录"
     WRONG_PASSWORD = "wrong name or password", "用户名或密码错误"
     LOCKED_OUT = "too many wrong passwords: wait", "密码错误次数过多：请等待"
-    NO_USERS = "nobody can log in: users.json cannot be read", "无法登录：users.json 不可读"
+    NO_USERS = "no login is possible: users.json cannot be read", "无法登录：users.json 不可读"
     SEQUENCE_USED = "sequence number {number} was used before", "序号 {number} 已用过"
     FOREIGN_PAGE = "asked from a foreign page", "请求来自其他网页"
     FOREIGN_HOST = "this host name is not served here", "此处不提供该主机名"
@@ -264,7 +264,7 @@ class Words(Enum):
     NOT_JSON = "not one JSON object with finite numbers", "不是含有限数的 JSON 对象"
     TYPE_UNKNOWN = "unknown type of message", "未知的消息类型"
     KEY_WRONG = "{kind}: {key} is missing, unknown or of a wrong type", "{kind}：{key} 缺失、未知或类型错误"
-    NO_SUCH_ALARM = "there is no alarm number {number} (any more)", "（已）没有第 {number} 号报警"
+    NO_SUCH_ALARM = "there is no alarm number {number}", "没有第 {number} 号报警"
     JSON_NEEDED = "Content-Type: application/json is needed", "需要 Content-Type: application/json"
     BODY_TOO_LONG = "a body of at most {limit} bytes", "正文最多 {limit} 字节"
     NAME_AND_PASSWORD = (
