@@ -16,10 +16,11 @@ from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.controller.brake_watch import BrakeWatch
 from gantryctl.service.controller.torque_model import TorqueModel
-from gantryctl.service.memory.memory import SharedMemory, Word
+from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.protocol.limits import FRAME_S
+from gantryctl.service.protocol.messages import SETTABLE
 from gantryctl.units import deg
 
 FAST_S: Final = 0.010
@@ -144,8 +145,7 @@ class Publisher:
         }
 
     def _switched(self) -> dict[str, float]:
-        axis, operator = self._axis, self._operator
-        feedback, inputs = axis.feedback, axis.feedback.inputs
+        axis, operator, feedback = self._axis, self._operator, self._axis.feedback
         return {
             "axis_state": axis.state,
             "drive_state": feedback.state,
@@ -157,11 +157,11 @@ class Publisher:
             "in_position": axis.in_position,
             "torque_limited": feedback.torque_limited,
             "position_valid": feedback.position_valid and not operator.permit.doubts_position,
-            "estop_ok": inputs.estop_ok,
-            "enabling_switch": inputs.enabling_switch,
-            "limit_minus_ok": inputs.limit_minus_ok,
-            "limit_plus_ok": inputs.limit_plus_ok,
-            "mains_ready": inputs.mains_ready,
+            "estop_ok": feedback.inputs.estop_ok,
+            "enabling_switch": feedback.inputs.enabling_switch,
+            "limit_minus_ok": feedback.inputs.limit_minus_ok,
+            "limit_plus_ok": feedback.inputs.limit_plus_ok,
+            "mains_ready": feedback.inputs.mains_ready,
         }
 
     def _armed(self) -> Armed | None:
@@ -170,7 +170,7 @@ class Publisher:
 
     def _counted(self) -> dict[str, float]:
         axis, engine, operator, memory = self._axis, self._engine, self._operator, self._memory
-        events = memory.events[2]
+        events = memory.events[Source.CONTROLLER]
         now_s = operator.now()
         return {
             "frame": operator.frame,
@@ -195,7 +195,7 @@ class Publisher:
 
     def slow(self) -> dict[str, Any]:
         """Everything else but the alarms, as JSON values."""
-        operator, levels, axis = self._operator, self._operator.levels, self._axis
+        operator, axis = self._operator, self._axis
         holder, armed = operator.authority.holder, self._armed()
         moment, angle = self._model.eccentric()
         return {
@@ -211,10 +211,7 @@ class Publisher:
             "second_person": operator.arming.second_person,
             "reset_locked": operator.permit.reset_locked,
             "mode": Mode(self._program.mode).name.lower(),
-            "speed_setting_deg_s": rounded(deg(levels.speed_rad_s)),
-            "increment_deg": rounded(deg(levels.increment_rad)),
-            "override_percent": rounded(levels.override * 100.0),
-            "acc_setting_deg_s2": rounded(deg(axis.virtual.ramps.acc_rad_s2)),
+            **{tag: rounded(operator.setting(tag)) for tag in SETTABLE},
             "blocked_by": str(operator.permit.blocked_by),
             "blocked_by_messages": messages_to_wire(*operator.permit.blocked_by),
             "eccentric_moment_nm": rounded(moment),
