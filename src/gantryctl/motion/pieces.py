@@ -38,24 +38,18 @@ def segments(
     start: SetPoint, pieces: Sequence[Piece], pos_end_rad: float | None, vel_end_rad_s: float
 ) -> Segments:
     """Table of a plan; `pos_end_rad` None takes the end that the pieces lead to."""
-    t_start: list[float] = []
-    pos_start: list[float] = []
-    vel_start: list[float] = []
-    acc_start: list[float] = []
-    jerk: list[float] = []
+    rows: list[tuple[float, float, float, float, float]] = []
     t = 0.0
     pos, vel, acc = start
     for piece in pieces:
-        if t + piece.duration_s == t:  # shorter than the resolution of time
+        # Shorter than the resolution of time.
+        if t + piece.duration_s == t:
             continue
         acc = acc if piece.acc_rad_s2 is None else piece.acc_rad_s2
-        t_start.append(t)
-        pos_start.append(pos)
-        vel_start.append(vel)
-        acc_start.append(acc)
-        jerk.append(piece.jerk_rad_s3)
+        rows.append((t, pos, vel, acc, piece.jerk_rad_s3))
         pos, vel, acc = _advance(pos, vel, acc, piece)
         t += piece.duration_s
+    t_start, pos_start, vel_start, acc_start, jerk = ([row[index] for row in rows] for index in range(5))
     pos_end = pos if pos_end_rad is None else pos_end_rad
     return Segments(t_start, pos_start, vel_start, acc_start, jerk, t, pos_end, vel_end_rad_s)
 
