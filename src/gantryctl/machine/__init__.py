@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from gantryctl.machine.calibration import Calibration, Identified, Maps, calibration_toml, load_calibration
 from gantryctl.machine.effective import (
-    Difference,
-    Origin,
     config_hash,
     diff_machines,
     effective_values,
@@ -35,12 +33,10 @@ from gantryctl.machine.tables.model import Machine
 __all__ = [
     "RULES",
     "Calibration",
-    "Difference",
     "FieldSpec",
     "Identified",
     "Machine",
     "Maps",
-    "Origin",
     "calibration_toml",
     "check_belongs",
     "config_hash",
