@@ -132,6 +132,13 @@ class Rig:
         return self.axis.refusal.text
 
 
+def powered():
+    """Power on, in position at 0 deg, no mode chosen."""
+    rig = Rig()
+    rig.power_up()
+    return rig
+
+
 def moving_rig(at_deg=0.0, speed_deg_s=6.0, **arguments):
     """A rig in the middle of a long move at constant speed."""
     rig = Rig(at_deg=at_deg, **arguments)

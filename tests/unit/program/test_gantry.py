@@ -7,15 +7,12 @@ import pytest
 from gantryctl.image import DigitalInputs, Mode
 from gantryctl.program import AxisState
 from gantryctl.units import rad
-from unit.program.rig import Rig, moving_rig, press, settings
+from unit.program.rig import Rig, moving_rig, powered, press, settings
 
 
 @pytest.fixture
 def rig():
-    """Power on, in position at 0 deg, no mode chosen."""
-    rig = Rig()
-    rig.power_up()
-    return rig
+    return powered()
 
 
 @pytest.fixture

@@ -5,15 +5,12 @@ import pytest
 from gantryctl.image import DigitalInputs, DriveRequest, Mode
 from gantryctl.program import AxisState
 from gantryctl.units import rad
-from unit.program.rig import COUNTS_PER_DEG, RATIO, Rig, moving_rig, press
+from unit.program.rig import COUNTS_PER_DEG, RATIO, Rig, moving_rig, powered, press
 
 
 @pytest.fixture
 def rig():
-    """Power on, in position at 0 deg, no mode chosen."""
-    rig = Rig()
-    rig.power_up()
-    return rig
+    return powered()
 
 
 # --- stops ----------------------------------------------------------------------------------------
