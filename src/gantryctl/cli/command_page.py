@@ -28,6 +28,7 @@ gantry.
 
 def reference_page() -> str:
     """The page as Markdown: every command with the text of its `--help`."""
+    # Made from the commands themselves, and compared by a test: a help text and its page cannot differ.
     parts = [_HEAD]
     for path, command in _commands(cli, ("gantryctl",)):
         context = click.Context(

@@ -162,7 +162,7 @@ def run(args: list[str] | None = None) -> int:
         where = f"{fault.filename}: " if fault.filename else ""
         click.echo(f"error: {where}{fault.strerror or fault}", err=True)
         return DeviceError.exit_code
-    # A traceback helps nobody at a machine; whoever reports the fault can have it.
+    # A traceback does not help at a machine; whoever reports the fault can have it.
     except Exception as bug:
         if os.environ.get(TRACEBACK_VARIABLE):
             raise

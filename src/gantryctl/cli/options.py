@@ -1,4 +1,4 @@
-"""What commands share: options under one name each, the machine they are about, stop signals, questions, JSON."""
+"""Shared parts of commands: options under one name each, the machine they are about, stop signals, questions, JSON."""
 
 from __future__ import annotations
 
@@ -160,7 +160,8 @@ def proven_machine(config_file: Path | None) -> Machine:
 
 
 def print_json(value: object) -> None:
-    """One JSON document on standard output."""
+    """Print one JSON document on standard output."""
+    # NaN is no JSON: a number that is not finite is a fault of the command, found by its test.
     click.echo(json.dumps(value, indent=2, allow_nan=False))
 
 

@@ -36,5 +36,6 @@ def paragraph(text: str) -> None:
 
 
 def shown(value: float, digits: int) -> float:
-    """Round a number for people: no minus before a zero."""
+    """Round a number for people."""
+    # -0.0 + 0.0 is 0.0: no minus before a zero.
     return round(value, digits) + 0.0

@@ -1,4 +1,4 @@
-"""The brake test over the runs: when the next one is due, and what is retained of the last."""
+"""Brake tests over the runs of a machine: the date of the next one, and the retained result of the last."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def restore_failure(axis: Axis, retained: Retained) -> None:
 
 
 def still_failed(axis: Axis, retained: Retained) -> str:
-    """What a failed test measured, unless one has passed or service has reset since; else ""."""
+    """Measurement of a failed test, unless one has passed or service has reset since; else ""."""
     return retained.brake_failed if Code.BRK_08 in axis.alarms.active else ""
 
 

@@ -1,4 +1,4 @@
-"""What a command line asks of an axis, in this process or through the service, and the answers."""
+"""Client side of an axis: commands of a command line, and reports, in this process or through the service."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Snapshot(NamedTuple):
 
 
 class Ending(StrEnum):
-    """How a motion without an alarm ended."""
+    """End of a motion without an alarm."""
 
     DONE = "done"
     STOPPED = "stopped by the operator"
@@ -189,7 +189,7 @@ class AxisClient(Protocol):
         ...
 
     def brake_test_report(self) -> BrakeTestReport:
-        """The test of this command as far as it has got."""
+        """Report of a test that may not have ended."""
         ...
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:

@@ -1,4 +1,4 @@
-"""The absolute reference: from a raw encoder reading to an angle, and whether it can be believed after power-off."""
+"""Absolute reference: from a raw encoder reading to an angle, and its verdict after power-off."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ from gantryctl.wiring.engine import ProgramFactory, build_program, drive_of
 
 
 class ReadDrive(Protocol):
-    """What the end of a run reads from a drive."""
+    """Encoder and reading of a drive at the end of a run."""
 
     def identity(self) -> DriveIdentity:
         """Encoder."""
@@ -77,7 +77,7 @@ class OpenAxis(NamedTuple):
 
 
 class RunEnd(NamedTuple):
-    """How a run ended.
+    """End of a run, for the retained memory.
 
     Attributes:
         result: in words, for `status`.
@@ -381,6 +381,6 @@ def leave_bus(drive: Drive) -> None:
 
 
 def bus_lines(drive: Drive) -> tuple[str, ...]:
-    """How well the bus worked, and what the drive complained of; () without a bus."""
+    """Describe the health of the connection for people; () without a bus."""
     health = drive.health()
     return () if health is None else health.lines()

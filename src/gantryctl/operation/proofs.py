@@ -102,8 +102,7 @@ def store_silent_master_proof(path: Path, drive_key: str, restart_marker: int | 
 
 
 def load_silent_master_proof(path: Path) -> SilentMasterProof:
-    """Read the proof; one of no drive where there is none that can be read."""
-    """Read the proof; one of no drive where there is none that can be read."""
+    """Read the proof; the proof of no drive without a file that can be read."""
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
         return SilentMasterProof(str(data["drive"]), data["mark"], str(data["date"]))

@@ -108,7 +108,7 @@ class AxisRun:
 
     @property
     def drive(self) -> Drive:
-        """The drive that is run."""
+        """The open drive."""
         return self._open.drive
 
     @property
@@ -235,7 +235,7 @@ class AxisRun:
         return self.brake_test_report()
 
     def brake_test_report(self) -> BrakeTestReport:
-        """The brake test of this run as far as it has got."""
+        """Report of the brake test of this run, which may not have ended."""
         test, last = self.axis.brake_test, self.axis.brake_test.last
         return BrakeTestReport(
             outcome=BrakeTestOutcome.NONE if last is None else last.outcome,
@@ -361,7 +361,7 @@ class AxisRun:
         try:
             self._observer(self.snapshot())
         except Exception:
-            # Terminal lost or pipe closed: an axis that nobody watches any more stops.
+            # Terminal lost or pipe closed: an axis without anybody who watches it stops.
             self._observer = None
             self.stop = max(self.stop, Stop.RAMP)
 

@@ -40,7 +40,7 @@ _MOVABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
 def operator_name() -> str:
-    """Who gives commands: the user of the operating system."""
+    """Name of the person who gives commands: the user of the operating system."""
     try:
         return getpass.getuser()
     except (OSError, KeyError):
@@ -156,7 +156,7 @@ def reset_machine(machine: Machine) -> str:
     who, when = operator_name(), now_text()
     with StateStore(machine) as store, read_only(machine, store) as opened:
         retained, reading = opened.retained, opened.reading
-        said = []
+        done = []
         if reading.verdict is RestVerdict.MOVED:
             text = f"{Code.ENC_09} acknowledged by {who}: moved {reading.moved_deg:+.3f} deg while off"
             retained = replace(
@@ -164,21 +164,21 @@ def reset_machine(machine: Machine) -> str:
                 rest_position_counts=reading.raw_counts,
                 alarms=(*retained.alarms, AlarmEntry(str(Code.ENC_09), text, when)),
             )
-            said.append(text)
+            done.append(text)
         elif (reason := why_not_referenced(reading)) is not None:
             raise CommandRefused(reason.text)
         if retained.error_stop:
-            said.append(f"{retained.error_stop} acknowledged by {who}; the axis stays without power")
+            done.append(f"{retained.error_stop} acknowledged by {who}; the axis stays without power")
             retained = replace(
                 retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}"
             )
         if retained.brake_failed:
-            said.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
+            done.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
             retained = replace(retained, brake_failed="", last_result=f"reset of {Code.BRK_08} by {who}")
-        if not said:
+        if not done:
             return "nothing to reset"
         keep_machine(machine, store, opened.drive, retained)
-    return "; ".join(said)
+    return "; ".join(done)
 
 
 def reset_simulation(machine: Machine, angle_deg: float) -> str:

@@ -1,4 +1,4 @@
-"""The state directory: what survives between two runs of the command line.
+"""State directory: files that survive between two runs of the command line.
 
 `<root>/<machine name>/` holds the retained memory of the controller, the plant of the simulator, and traces. It is
 locked while a run uses it.
@@ -48,7 +48,7 @@ def last_recording() -> Path:
     """The newest recording that any command has left in the state directory.
 
     Raises:
-        UsageError: there is none.
+        UsageError: there is no recording.
     """
     root = state_root()
     files = [file for ending in ("parquet", "arrows") for file in root.glob(f"*/traces/*.{ending}")]
@@ -83,18 +83,17 @@ class StateStore:
                 f"state directory {self.directory} cannot be made: {fault.strerror or fault}"
             ) from fault
         self._memory = RetainedMemory(self.directory)
-        self._lock = StateLock(self.directory)
+        self._lock = StateLock(self.directory, self._advice)
         self._plant_hash = plant_hash(machine)
 
+    def _advice(self) -> str:
+        # A second controller on one machine is impossible: the service holds the lock while its process lives.
+        if (self.directory / SERVICE_SOCKET).exists():
+            return "the service runs this machine: add --service, or `gantryctl attach`"
+        return "wait for it, or use another directory or --fresh"
+
     def __enter__(self) -> StateStore:
-        try:
-            self._lock.__enter__()
-        except StateError as taken:
-            # A second controller on one machine is impossible: the lock is held while its process lives.
-            if (self.directory / SERVICE_SOCKET).exists():
-                hint = "the service runs this machine: add --service, or `gantryctl attach`"
-                raise StateError(f"{str(taken).partition(';')[0]}; {hint}") from taken
-            raise
+        self._lock.__enter__()
         return self
 
     def __exit__(
@@ -104,16 +103,16 @@ class StateStore:
 
     @property
     def traces(self) -> Path:
-        """Where recordings go unless another place is named."""
+        """Folder of recordings unless another place is named."""
         return self.directory / "traces"
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was wrong with the retained memory when it was loaded, and could be bridged."""
+        """Faults of the retained memory that loading has bridged."""
         return self._memory.notes
 
     def load_retained(self) -> Retained | None:
-        """The controller's memory; None when there is none yet."""
+        """The controller's memory; None before the first run."""
         return self._memory.load()
 
     def store_retained(self, record: Retained) -> None:
@@ -121,7 +120,7 @@ class StateStore:
         self._memory.store(record)
 
     def load_plant(self) -> tuple[dict[str, float], bool] | None:
-        """State of the simulated plant, and whether it belongs to this very plant; None when there is none.
+        """State of the simulated plant, and whether it belongs to this very plant; None before the first run.
 
         Raises:
             StateError: the file is damaged.

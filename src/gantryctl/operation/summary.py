@@ -1,4 +1,4 @@
-"""What a motion was like, from its recording."""
+"""Summary of a motion from its recording."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionS
 
 
 def _finite(part: Trace) -> Trace:
-    """The rows in which every column that is summed up has a value."""
+    """Rows with a value in every column of the summary."""
     used = [name for name in _USED if name in part.columns]
     whole = np.all([np.isfinite(part[name]) for name in used], axis=0)
     if np.all(whole):

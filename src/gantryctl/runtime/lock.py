@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 from typing import Final
@@ -20,12 +21,15 @@ _LOCKED_BYTE: Final = 1 << 20
 class StateLock:
     """Holds a state directory for one process: `with StateLock(directory):`.
 
+    Args:
+        advice: what a person can do when another process holds it.
+
     Raises:
         StateError: another run holds it, or the directory cannot be used.
     """
 
-    def __init__(self, directory: str | Path) -> None:
-        self.directory = Path(directory)
+    def __init__(self, directory: str | Path, advice: Callable[[], str] = lambda: "wait for it") -> None:
+        self.directory, self._advice = Path(directory), advice
         self._handle = -1
 
     def __enter__(self) -> StateLock:
@@ -41,8 +45,7 @@ class StateLock:
             holder = os.read(handle, 20).decode(errors="replace").strip() or "unknown"
             os.close(handle)
             raise StateError(
-                f"state directory {self.directory} is in use by process {holder}; "
-                "wait for it, or use another directory or --fresh"
+                f"state directory {self.directory} is in use by process {holder}; {self._advice()}"
             ) from None
         os.ftruncate(handle, 0)
         os.write(handle, f"{os.getpid()}\n".encode())

@@ -77,6 +77,7 @@ def _test(axis: AxisClient, *, yes: bool, as_json: bool) -> int:
             confirm(question, "no torque was given")
         return axis.test_brake()
 
+    # An alarm or a refusal ends it without a verdict; what was measured until then is still shown.
     report, failure = guarded(axis, action)
     return _print(machine.name, report or axis.brake_test_report(), failure, as_json=as_json)
 

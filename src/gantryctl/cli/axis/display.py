@@ -1,4 +1,4 @@
-"""What a person sees of a motion: a live line, the summary at the end, or its JSON."""
+"""Motion on a terminal: live line, summary at the end, or JSON."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STOOD_DEG_S: Final = 0.01
 
 
 class RunDetails(NamedTuple):
-    """What only a run in this process knows of its motion; the service has it in its journal and recordings.
+    """Part of the report that only a run in this process has; the service keeps journal and recordings itself.
 
     Attributes:
         alarms: texts of alarms and notes, oldest first.
@@ -57,6 +57,7 @@ def print_motion(
     as_json: bool,
 ) -> int:
     """Print how a motion ended; the exit code."""
+    # Exit code 1 for a motion that did not reach its end, though nothing was wrong: a script must notice.
     code = failure.exit_code if failure is not None else int(report is None or not report.done)
     if as_json:
         print_json(
@@ -90,7 +91,7 @@ def print_motion(
 
 
 def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummary | None) -> Iterator[str]:
-    """The end of a motion in words."""
+    """Describe the end of a motion."""
     word = "stopped by an alarm" if report is None else report.text
     if s is None:
         if report is not None:
@@ -139,12 +140,13 @@ class Display:
         self._shown = False
 
     def say(self, text: str) -> None:
-        """A remark before the run."""
+        """Print a remark before the run."""
         if self._enabled:
             click.echo(text)
 
     def show(self, snapshot: Snapshot) -> None:
-        """The state now."""
+        """Show the present state."""
+        # A plain log (a file, a pipe) gets a line now and then, a terminal one that is written over.
         if not self._enabled or (not self._live and snapshot.time_s < self._next_s):
             return
         self._next_s = snapshot.time_s + _LOG_EVERY_S

@@ -11,7 +11,7 @@ from gantryctl.cli.options import FINITE, config_option, json_option, machine_of
 
 @click.group()
 def encoder() -> None:
-    """The absolute encoder: what it reads, and where zero is."""
+    """Absolute encoder: reading and zero offset."""
 
 
 @encoder.command()

@@ -46,6 +46,7 @@ def run_here(
     """Open the machine, act, power down, print what happened; the exit code."""
     program = load_program(program_name)
     live = Display(enabled=not as_json)
+    # Locked from before the drive is opened until the state is kept: a second run would start from an old state.
     with nullcontext() if fresh else StateStore(machine) as store:
         path = None if no_trace else trace_path(store, out, name)
 
@@ -57,6 +58,7 @@ def run_here(
                 "seed": seed,
                 "period_s": machine.control.scan_period_ms * 1e-3,
             }
+            # Without a recording the summary still needs the rows.
             if path is None:
                 return MemoryRecorder(columns, metadata)
             return ArrowRecorder(path, columns, metadata)
@@ -75,7 +77,7 @@ def run_here(
 
 
 def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | None:
-    """Where the recording goes: --out, else the state directory; None without either."""
+    """Path of the recording: --out, else the state directory; None without either."""
     if out is None and store is None:
         return None
     folder = directory(out if out is not None else store.traces if store is not None else Path())
@@ -88,7 +90,6 @@ def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | 
 
 
 def _details(axis: AxisRun, report: MotionReport | None) -> RunDetails:
-    """What only a run in this process knows."""
     summary, file = _summary(axis, report)
     lines: list[str] = []
     if axis.engine.statistics.lateness.count and summary is not None:
@@ -99,7 +100,7 @@ def _details(axis: AxisRun, report: MotionReport | None) -> RunDetails:
 
 
 def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary | None, Path | None]:
-    """The summary, and where the recording is; a recording without a row is thrown away."""
+    """Summary and path of the recording; a recording without a row is removed."""
     recorder, end_s = axis.engine.recorder, axis.engine.time_s
     file = recorder.path if isinstance(recorder, ArrowRecorder) else None
     if not axis.engine.scan:

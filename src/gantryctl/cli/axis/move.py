@@ -40,7 +40,7 @@ _LONG_WAY_DEG: Final = 180.0 + 1e-7
 
 
 def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of a command that runs the axis."""
+    """Add the options of a command that runs the axis."""
     for option in (
         config_option,
         click.option("--program", "program_name", help="FILE:CLASS of a custom program."),
@@ -141,6 +141,7 @@ def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:
     machine = axis.machine
     require(check_setting(rad(speed), speed_settings(machine)))
     require(check_target(rad(here), rad(end), travel_settings(machine)))
+    # Of the rigid body: what compliance adds is in `gantryctl stops`.
     stop, _ = rigid_stop(speed, machine.virtual_axis.quick_dec_deg_s2, float("inf"))
     note = way_note(machine, here, end)
     return (
@@ -177,6 +178,7 @@ def _run(
     **local: Any,
 ) -> int:
     """Run one command on the axis, here or at the service; the exit code."""
+    # The machine file need not be proven here: the service has done that with its own when it started.
     if to_service(service, config_file):
         from gantryctl.cli.axis.service_axis import ServiceAxis
 
@@ -203,6 +205,7 @@ def guarded(
     alarm: AlarmStop | None = None
     result = "failed"
 
+    # Signal handlers do no more than raise a flag: the run looks at it between two slices of scans.
     def stop() -> None:
         axis.stop = Stop.RAMP if axis.stop is Stop.NO else Stop.QUICK
 
@@ -211,6 +214,7 @@ def guarded(
         try:
             report = action(axis)
             result = report.text
+            # Inside: an alarm on the way down ends the run like one on the way.
             axis.power_down()
         except AlarmStop as stopped:
             failure = alarm = stopped

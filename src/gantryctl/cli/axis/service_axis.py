@@ -59,7 +59,7 @@ class ServiceAxis:
     # --- control -------------------------------------------------------------------------------------------------
 
     def look(self) -> Tags:
-        """The tags of the service, on a connection that is left at once."""
+        """Read the tags of the service on a connection that is left at once."""
         with ServiceLink(directory_of(self.machine)) as link:
             self._check_service(link.tags)
             self.tags = link.tags
@@ -73,6 +73,7 @@ class ServiceAxis:
     def take(self) -> float:
         """Take control; what moves without a holder of it is left alone, or stopped with `take_over`."""
         self._connect()
+        # A move goes on when its holder of control has gone; a key that is held does not.
         if not self.tags["at_rest"]:
             if not self._take_over:
                 raise CommandRefused(
@@ -85,6 +86,7 @@ class ServiceAxis:
     def _connect(self) -> None:
         if self._taken:
             return
+        # Control on a connection of its own: the service ends those that do not read, as while a person thinks.
         self._link.__enter__()
         self._taken, self.tags = True, self._link.tags
         self._check_service(self.tags)
@@ -108,7 +110,8 @@ class ServiceAxis:
         """Take off the torque that was switched on here, give control back, leave."""
         if not self._taken:
             return
-        with suppress(GantryctlError):  # the service stops what moves when its holder has gone
+        # Whatever fails here, the connection ends, and with it control and every key that is held.
+        with suppress(GantryctlError):
             if self._powered:
                 self._link.ask("power", on=False)
             self._link.ask("give")
@@ -120,6 +123,7 @@ class ServiceAxis:
     def power_up(self) -> None:
         """Power on, unless it is on."""
         self.take()
+        # Power that was on before belongs to somebody else, and stays on afterwards.
         if self.tags["power"]:
             return
         self._link.ask("power", on=True)
@@ -150,6 +154,7 @@ class ServiceAxis:
             self._link.ask("move", target_deg=target_deg)
             return self._followed(start_deg, start_s)._replace(asked_deg_s=wanted * override)
         finally:
+            # Speed and override are the operator's settings; this command has only borrowed them.
             for tag in ("speed_setting_deg_s", "override_percent"):
                 self._set(tag, before[tag])
 
@@ -174,6 +179,7 @@ class ServiceAxis:
         """Give torque both ways against the closed brake, with power off."""
         self.take()
         self._arm("brake_test")
+        # The phase is back at idle a status frame before the result is in the tags, so the count is what tells.
         before = self._link.look()["brake_tests"]
         begun = self._link.ask("brake_test")["journal"]
         self._wait(lambda tags: tags["journal_sequence"] >= begun and tags["brake_test_phase"] == "idle")
@@ -183,7 +189,7 @@ class ServiceAxis:
         return self.brake_test_report()
 
     def brake_test_report(self) -> BrakeTestReport:
-        """The test of this command; values of an earlier one until it has ended."""
+        """Report of the last test at the service, without an outcome until this command has made one."""
         tags = self.tags or self.look()
         word = tags["brake_test_result"]
         return BrakeTestReport(
@@ -265,8 +271,9 @@ class ServiceAxis:
         """Arm an action, or wait until somebody else has.
 
         Raises:
-            CommandRefused: nobody did.
+            CommandRefused: it was not armed in time.
         """
+        # One user arms and another executes where the service was started with --second-person (decision 0014).
         if not self.tags["second_person"]:
             self._link.ask("arm", action=action)
             return

@@ -13,9 +13,10 @@ from gantryctl.units import deg, rad
 
 
 def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
-    """Where the axis of the service stands, and everything that it publishes."""
+    """Status of the axis of the service, and everything that it publishes."""
     with ServiceLink(directory_of(machine)) as link:
         tags = link.tags
+    # Counters are in the retained memory, which the service writes at every power-off and at its end.
     kept = RetainedMemory(directory_of(machine)).load() or Retained(machine.name, tags["config_hash"])
     status = MachineStatus(
         machine=tags["machine"],

@@ -79,6 +79,7 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
         from gantryctl.operation.state import read_retained
 
         retained = read_retained(machine_of(config_file))
+        # Retained oldest first; a person looks for the newest.
         found = list(reversed(retained.alarms)) if retained else []
         holds = [retained.error_stop] if retained else []
     if last:

@@ -74,6 +74,7 @@ def serve(
     from gantryctl.service.recorder.retention import RetentionPolicy
 
     machine = proven_machine(config_file)
+    # Loopback unless another address is named: then TLS and users are asked for (docs/explanation/security.md).
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
     keeping = RetentionPolicy(journal_size, journal_days, traces_size, reserve, event_reserve)
     return run_service(machine, config_file, page, opcua, keeping=keeping, second_person=second_person)

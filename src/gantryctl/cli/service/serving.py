@@ -24,7 +24,7 @@ from gantryctl.service.supervisor.users import Users
 
 
 class Listen(NamedTuple):
-    """Where the page listens, as given on the command line."""
+    """Address of the page, as given on the command line."""
 
     address: str
     certificate: Path | None
@@ -49,6 +49,7 @@ def run_service(
     root = state_root()
     listener = None if page is None else _listener(page, root)
     store = StateStore(machine)
+    # Before anything is started, and all of them: a person sees every fault in one go.
     checks = self_test(machine, store, root, keeping.checked())
     for check in checks:
         if not check.ok:
@@ -129,6 +130,7 @@ def _listener(page: Listen, root: Path) -> socket.socket:
     host, port = split(page.address)
     if (page.certificate is None) != (page.key is None):
         raise UsageError("--tls-cert and --tls-key belong together")
+    # Found here with its name, not as a failure of the gateway seconds later.
     for file in (page.certificate, page.key):
         if file is not None and not file.is_file():
             raise UsageError(f"{file}: there is no such file")
@@ -200,4 +202,5 @@ def gateway_command(page: Listen, listener: socket.socket, root: Path, directory
         "root": str(root.resolve()),
         "directory": str(directory.resolve()),
     }
+    # One JSON argument: the gateway is a process of its own.
     return ["gantryctl.gateway", json.dumps(settings)]

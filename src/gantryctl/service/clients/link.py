@@ -1,4 +1,4 @@
-"""The command line's end of the local socket: ask the running service, wait for the answer."""
+"""Client of the local socket of a running service, for the command line."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class ServiceLink:
         directory: the machine's state directory.
 
     Attributes:
-        tags: the newest picture.
-        client: one's own id.
+        tags: the newest values of all tags.
+        client: id of this connection.
 
     Raises:
         DeviceError: no service runs, or it does not answer.
@@ -61,7 +61,7 @@ class ServiceLink:
         self._socket.close()
 
     def look(self) -> dict[str, Any]:
-        """Wait for a picture that is newer than all so far; the tags."""
+        """Wait for a status frame that is newer than all so far; the tags."""
         frame = self.tags.get("frame", -1)
         until_s = time.monotonic() + _TIMEOUT_S
         while self.tags.get("frame", -1) == frame or not self.fresh:
@@ -90,7 +90,7 @@ class ServiceLink:
         return reply
 
     def say(self, kind: str, **values: Any) -> int:
-        """Send a command and do not wait; its number."""
+        """Send a command without waiting; its number."""
         self._seq += 1
         message = {
             "type": kind,
@@ -99,6 +99,7 @@ class ServiceLink:
             "epoch": self.tags["epoch"],
             **values,
         }
+        # Stops are judged first and never refused, whatever has happened since (decision 0011): no epoch.
         if kind in ("alive", "stop", "quick_stop", "release"):
             del message["epoch"]
         try:
@@ -122,7 +123,7 @@ class ServiceLink:
             self.ask("release", lease=lease)
 
     def alive(self) -> None:
-        """Keep control: at least twice a second."""
+        """Keep control: without a sign of life for 2 s it is free."""
         self.say("alive")
 
     def _drain(self) -> None:
