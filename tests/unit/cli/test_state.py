@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.program.alarms.explain import all_codes
+from gantryctl.program.alarms.table import all_codes
 from support.command_line import cli, done, plant_truth
 
 

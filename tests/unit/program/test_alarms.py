@@ -10,8 +10,8 @@ import pytest
 from gantryctl.errors import CommandRefused
 from gantryctl.program import ALARMS, AlarmLog, Code, Reaction, Severity
 from gantryctl.program.alarms.alarms_page import reference_page
-from gantryctl.program.alarms.explain import all_codes, explain
 from gantryctl.program.alarms.log import HISTORY_LENGTH, from_wire, messages_to_wire, refusal, to_wire
+from gantryctl.program.alarms.table import all_codes, explain
 from gantryctl.program.alarms.words import Words
 
 ROOT = Path(__file__).parents[3]

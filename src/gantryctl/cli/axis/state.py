@@ -98,8 +98,8 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
 @click.argument("code", required=False)
 def explain(code: str | None) -> int:
     """What an alarm code means, what is done and what to do. Without CODE: all codes."""
-    from gantryctl.program.alarms.explain import all_codes
-    from gantryctl.program.alarms.explain import explain as page
+    from gantryctl.program.alarms.table import all_codes
+    from gantryctl.program.alarms.table import explain as page
 
     if code is not None:
         click.echo(page(code))

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.program.alarms.definition import Definition
-from gantryctl.program.alarms.explain import describe_reaction
-from gantryctl.program.alarms.table import ALARMS
+from gantryctl.program.alarms.table import ALARMS, describe_reaction
 
 _HEAD: Final = """\
 # Alarms and refusals
