@@ -16,12 +16,14 @@ _CABLE: Final = (
 _CABLE_ZH: Final = "检查总线电缆、终端电阻和负载。断电后复位或重新启动：驱动器将被重新设置。"
 
 BUS: Final = (
+    # Fault catalogue E9: a drive that is not heard cannot be told to stop; the brake can.
     Definition(
         Code.CAN_06, _STOP, _TO,
         Text("Heartbeat of the drive lost", "The drive's heartbeat is missing",
              "The drive is switched off, has crashed, or its cable is open.", _CABLE),
         Text("驱动器心跳丢失", "没有收到驱动器的心跳", "驱动器已关机、死机，或电缆断开。", _CABLE_ZH),
     ),
+    # Fault catalogue A16, E4, E5: a late reading in the position loop is a step of the speed command.
     Definition(
         Code.CAN_07, _STOP, _QS,
         Text("Reading too old", "The drive's reading is {measured:.0f} ms old, limit {limit:.0f} ms",
@@ -30,6 +32,7 @@ BUS: Final = (
         Text("读数过旧", "驱动器的读数已有 {measured} ms，限值 {limit} ms", "驱动器的报文迟到或不来。",
              "检查总线电缆、终端电阻和负载，然后复位。"),
     ),
+    # Fault catalogue E11: the drive stops by its own watch of the controller.
     Definition(
         Code.CAN_08, _STOP, _TO,
         Text("Bus down", "The CAN controller sends or receives no more",
@@ -38,6 +41,7 @@ BUS: Final = (
         Text("总线中断", "CAN 控制器不再收发",
              "总线关闭、电缆断路或短路，或适配器被拔下。驱动器自身的监视会使轴停止。", _CABLE_ZH),
     ),
+    # Fault catalogue E15: it is unknown whose command the drive follows.
     Definition(
         Code.CAN_12, _STOP, _QS,
         Text("Another master on the bus",
@@ -47,6 +51,7 @@ BUS: Final = (
         Text("总线上有另一个主站", "只有本控制器可以发送的报文来自别处",
              "有第二个控制器，或参与控制的维修工具。", "将其从总线上移除，然后复位。"),
     ),
+    # Fault catalogue E16: outside OPERATIONAL the drive takes no process data.
     Definition(
         Code.CAN_13, _STOP, _TO,
         Text("Drive not operational", "The drive has left the NMT state OPERATIONAL",
@@ -63,6 +68,7 @@ BUS: Final = (
         Text("指令被忽略", "驱动器已使能但不跟随速度指令（6041 第 12 位为 0）",
              "本地控制、驱动器内部限值或模式错误。", "查看驱动器自身的显示，排除原因后复位。"),
     ),
+    # Fault catalogue D9: read again round robin within 60 s (decision 0012).
     Definition(
         Code.DRV_09, Severity.WARNING, Reaction.HLT,
         Text("Drive parameter changed", "A parameter of the drive is not what it was set to: {measured}",
@@ -73,6 +79,7 @@ BUS: Final = (
              "查明是谁。断电后复位：驱动器将被重新设置。此前不能运动。"),
         blocks_motion=True,
     ),
+    # Fault catalogue D11: a drive that has booted has lost mapping and settings.
     Definition(
         Code.DRV_11, _STOP, _TO,
         Text("Drive restarted", "The drive has restarted by itself",

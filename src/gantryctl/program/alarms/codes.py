@@ -12,6 +12,7 @@ class Reaction(IntEnum):
     in doubt is TORQUE_OFF: on a wrong feedback the drive's own ramp runs away.
     """
 
+    # The numbers are an order: `max` of two reactions is the one that counts.
     W = 0
     """Warning or note: keep going."""
     REF = 1
@@ -38,6 +39,7 @@ class Severity(Enum):
 class Code(StrEnum):
     """Stable codes: one cause, one page of the manual."""
 
+    # A gap is a code of the fault catalogue that this version does not raise; no number is used twice.
     ENC_01 = "ENC-01"
     ENC_02 = "ENC-02"
     ENC_03 = "ENC-03"

@@ -13,6 +13,7 @@ _QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
 _INWARD_ZH: Final = "复位，然后向内移动：返回方向是开放的。"
 
 CONTROL: Final = (
+    # Fault catalogue B2: checked before the output of each scan; no drive defines what it does with such a value.
     Definition(
         Code.CTL_02, _STOP, _QS,
         Text("Value not finite", "{measured} is not a finite number",
@@ -22,6 +23,7 @@ CONTROL: Final = (
              "某个读数或计算出的指令不是有限的数。它绝不会到达驱动器。",
              "保存记录并报告；原因清楚后复位。"),
     ),
+    # Fault catalogue B3: the band grows with the speed, as the lag of the loop does.
     Definition(
         Code.CTL_03, _STOP, _QS,
         Text("Following error",
@@ -32,6 +34,7 @@ CONTROL: Final = (
              "轴不跟随设定值：负载、摩擦、转矩限值或增益。",
              "在记录中查看转矩和跟随误差，排除原因后复位。"),
     ),
+    # Fault catalogue B4: a quick stop where the drive obeys; much faster means that it does not.
     Definition(
         Code.CTL_04, _STOP, _QS,
         Text("Overspeed", "Speed {measured:.2f} deg/s, limit {limit:.2f} deg/s",
@@ -40,6 +43,7 @@ CONTROL: Final = (
         Text("超速", "速度 {measured} °/s，限值 {limit} °/s",
              "轴比指令快：驱动器比例、增益，或负载在推动。", "检查驱动器的速度比例和上限，然后复位。"),
     ),
+    # Fault catalogue B5, B6: a drive with a wrong sign would ramp in the wrong direction.
     Definition(
         Code.CTL_05, _STOP, _TO,
         Text("Moves against command",
@@ -50,6 +54,7 @@ CONTROL: Final = (
         Text("运动与指令相反", "指令为 {command} °/s 时速度为 {measured} °/s，差值限值 {limit} °/s",
              "驱动器不服从速度指令：符号、比例或速度反馈。", "在检验速度的符号和比例之前不要再运动。"),
     ),
+    # Fault catalogue B8: the limit alone is normal while accelerating; with a growing error the load is too heavy.
     Definition(
         Code.CTL_07, _STOP, _QS,
         Text("Torque saturated",
@@ -67,6 +72,7 @@ CONTROL: Final = (
         Text("静止丧失", "静止时移动了 {measured}°，窗口 {limit}°", "轴应当静止时有东西使它移动。",
              "检查负载、制动器和驱动器，然后复位。"),
     ),
+    # Fault catalogue B11: judged by the stop point in each scan, so that the stop still ends inside.
     Definition(
         Code.CTL_10, _STOP, _QS,
         Text("Stop point beyond travel",
@@ -76,6 +82,7 @@ CONTROL: Final = (
         Text("停止点超出行程", "以 {measured} °/s 轴将停在 {position}°，限值 {limit}°",
              "按实测角度和速度，轴将越出行程。", "低速向内移动；查明轴为何超前于设定值。"),
     ),
+    # Fault catalogue B12: the set-point has arrived, so nothing would ever end the wait.
     Definition(
         Code.CTL_11, _WARN, Reaction.W,
         Text("Not in position",
@@ -95,6 +102,7 @@ CONTROL: Final = (
         Text("跟随误差偏高", "跟随误差 {measured}°，警告 {limit}°，停机 {trip}°", "轴的跟随比平时差。",
              "查看记录中的趋势；安排维修。"),
     ),
+    # Fault catalogue G2: the last limit in software before the switches.
     Definition(
         Code.LIM_02, _STOP, _QS,
         Text("Over-travel", "Angle {measured:.2f} deg, limit {limit:.2f} deg",
@@ -102,6 +110,7 @@ CONTROL: Final = (
              "Reset, then move back inward: the way back is open."),
         Text("超程", "角度 {measured}°，限值 {limit}°", "实测角度越过超程限值。", _INWARD_ZH),
     ),
+    # Fault catalogue G3: the way back is open, and only that.
     Definition(
         Code.LIM_03, _STOP, _QS,
         Text("Limit switch", "The {side} limit switch opened at {measured:.2f} deg",
@@ -110,6 +119,7 @@ CONTROL: Final = (
         Text("限位开关", "{side}限位开关在 {measured}° 断开", "轴在硬件限位处，或开关的导线断开。",
              _INWARD_ZH + "若角度远在行程之内，请检查开关。"),
     ),
+    # Fault catalogue G4: an axis is not at both ends; a common wire or supply is.
     Definition(
         Code.LIM_04, _STOP, _QS,
         Text("Both limit switches", "Both limit switches are open at {measured:.2f} deg",

@@ -14,6 +14,7 @@ _CALL: Final = "Do not reset. Check encoder cable and plug, then call service."
 _CALL_ZH: Final = "请勿复位。检查编码器电缆和插头，然后联系维修。"
 
 ENCODER: Final = (
+    # Fault catalogue A1: on a wrong count the drive's own ramp would run away, so torque off, never a quick stop.
     Definition(
         Code.ENC_01, _STOP, _TO,
         Text("Position jumped", "Position jumped {measured:.4f} deg in one scan, limit {limit:.4f} deg",
@@ -23,6 +24,7 @@ ENCODER: Final = (
              "读数变化超过轴在一个扫描周期内可能的运动。位置不再有效。", _CALL_ZH),
         lock=True,
     ),
+    # Fault catalogue A2, A3: with a frozen count the drive would accelerate on its ramp instead of braking.
     Definition(
         Code.ENC_02, _STOP, _TO,
         Text("Encoder frozen",
@@ -32,6 +34,7 @@ ENCODER: Final = (
              "编码器、其电缆或其信号处理已停止，或电机被卡住。", _CALL_ZH),
         lock=True,
     ),
+    # Fault catalogue A4: one reading is bridged by prediction, which may be wrong by 0.001 deg at most.
     Definition(
         Code.ENC_03, _WARN, Reaction.W,
         Text("One bad encoder reading", "{measured} bad encoder reading, used prediction",
@@ -49,6 +52,7 @@ ENCODER: Final = (
              "连续校验错误：电缆、屏蔽、插头或编码器。", _CALL_ZH),
         lock=True,
     ),
+    # Fault catalogue A6: what the encoder itself doubts is not judged by the controller.
     Definition(
         Code.ENC_05, _STOP, _TO,
         Text("Encoder alarm", "The encoder reports an alarm",
@@ -58,6 +62,7 @@ ENCODER: Final = (
              "请勿复位。用驱动器工具读取编码器报警字并联系维修。"),
         lock=True,
     ),
+    # Fault catalogue A7: the count is still right, so the axis goes on.
     Definition(
         Code.ENC_06, _WARN, Reaction.W,
         Text("Encoder warning", "The encoder reports a warning: lamp reserve, temperature or battery",
@@ -66,6 +71,7 @@ ENCODER: Final = (
         Text("编码器警告", "编码器发出警告：光源余量、温度或电池", "编码器仍测量正常，但不会一直如此。",
              "安排维修。轴继续运行。"),
     ),
+    # Decision 0010: the load-side encoder corrects the motor's, so a wrong one of the two is motion.
     Definition(
         Code.ENC_07, _STOP, _TO,
         Text("Encoders disagree",

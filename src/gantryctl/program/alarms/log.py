@@ -16,6 +16,7 @@ from gantryctl.program.alarms.words import Said, Words
 HISTORY_LENGTH: Final = 200
 
 
+# Made in the scan as values; the text is made by whoever reads it, in the language of the reader.
 class Refusal(NamedTuple):
     """The reason why a command was refused: a code with the values of its message."""
 
@@ -155,6 +156,7 @@ class AlarmLog:
             reaction: stronger than the table's, where the case asks for it.
             values: numbers for the message.
         """
+        # A cause that lasts is raised in every scan; only a stronger reaction counts again.
         row = ALARMS[code]
         reaction = row.reaction if reaction is None else max(reaction, row.reaction)
         known = self.active.get(code)
@@ -167,6 +169,7 @@ class AlarmLog:
         alarm = Alarm(code, self.time_s, values, reaction, self.scan, self.pos_rad)
         self.history.append(alarm)
         self.active[code] = alarm
+        # First out: a stop raises others (following error, drive states) that would hide its cause.
         if self.first_out is not None:
             self.first_out.consequences.append(alarm)
             alarm.follows = self.first_out.code
@@ -220,7 +223,8 @@ def _wire(value: object) -> object:
             return {"words": value.name, "values": {}}
         case tuple():
             return [_wire(each) for each in value]
-        case float() if not math.isfinite(value):  # JSON has no nan
+        case float() if not math.isfinite(value):
+            # JSON has no nan and no infinity (RFC 8259).
             return str(value)
         case int() | float():
             return value

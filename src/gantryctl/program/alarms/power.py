@@ -16,6 +16,7 @@ _CHECK_DRIVE_ZH: Final = "查看驱动器自身的故障显示，排除原因后
 _SECURE_ZH: Final = "人员远离。固定负载并联系维修。"
 
 POWER: Final = (
+    # Fault catalogue C1: full torque against a closed brake would wear it and heat the motor.
     Definition(
         Code.BRK_01, _STOP, _TO,
         Text("Brake does not release",
@@ -25,6 +26,7 @@ POWER: Final = (
         Text("制动器未松开", "松开指令后 {time_ms} ms 制动器仍抱紧，限值 {limit} ms",
              "制动器供电、线圈或反馈触点。", "检查制动器的供电和触点，然后复位。"),
     ),
+    # Fault catalogue C3: the motor is the only thing left that holds the load, so it keeps its torque.
     Definition(
         Code.BRK_03, _STOP, _HOLD,
         Text("Brake does not hold",
@@ -35,6 +37,7 @@ POWER: Final = (
              "制动器在负载下打滑；由电机保持。", "不要断电。固定负载并联系维修。"),
         lock=True,
     ),
+    # Fault catalogue C4: torque comes back only where the emergency-stop chain is closed.
     Definition(
         Code.BRK_04, _STOP, _HOLD,
         Text("Brake slips", "Moved {measured:.4f} deg while switched off, limit {limit:.4f} deg",
@@ -44,6 +47,7 @@ POWER: Final = (
              "抱紧的制动器让负载移动；可能时由电机保持。", _SECURE_ZH),
         lock=True,
     ),
+    # Fault catalogue C5: the drive still brakes on its ramp, and both together stop sooner.
     Definition(
         Code.BRK_05, _STOP, _QS,
         Text("Brake closed in motion",
@@ -53,6 +57,7 @@ POWER: Final = (
         Text("运动中制动器抱紧", "{measured} °/s 时制动器反馈为抱紧，跟随误差 {error}°",
              "制动器失电，或制动器指令失效。", "检查制动器的供电和接线；检查制动器，然后复位。"),
     ),
+    # Fault catalogue C6: a broken contact is not a reason to stop, but one not to start.
     Definition(
         Code.BRK_06, _WARN, Reaction.W,
         Text("Brake feedback contradicts",
@@ -63,6 +68,7 @@ POWER: Final = (
              "反馈触点或其导线，或制动器不听从指令。", "检查触点和导线，然后复位。此前不得运动。"),
         blocks_motion=True,
     ),
+    # Fault catalogue C7: a drive that is enabled without current would drop the load when the brake opens.
     Definition(
         Code.BRK_07, _STOP, _TO,
         Text("Torque not proven",
@@ -74,6 +80,7 @@ POWER: Final = (
              "驱动器已使能但没有转矩：电机电缆、电流限值、转矩比例。",
              "制动器保持抱紧。检查电机电缆和驱动器的转矩限值，然后复位。"),
     ),
+    # Fault catalogue C8 and decision 0014: a failed brake is tested again or released by service.
     Definition(
         Code.BRK_08, _WARN, Reaction.W,
         Text("Brake test failed", "Brake test failed: {measured}",
@@ -102,6 +109,7 @@ POWER: Final = (
              _SECURE_ZH),
         lock=True,
     ),
+    # Fault catalogue D1: raised by the status word; the following error would show it much later.
     Definition(
         Code.DRV_01, _STOP, _TO,
         Text("Drive fault", "The drive reports a fault: {measured}", "The drive switched itself off.",
@@ -116,6 +124,7 @@ POWER: Final = (
         Text("驱动器警告", "驱动器报告警告", "温度、过载或供电接近限值。",
              "查看驱动器的显示。轴继续运行。"),
     ),
+    # Fault catalogue D3: the brake stays closed, and no transition is tried again by itself.
     Definition(
         Code.DRV_03, _STOP, _TO,
         Text("Drive stuck", "Drive stuck in {measured} for {time_ms:.0f} ms, expected {command}",
@@ -124,6 +133,7 @@ POWER: Final = (
         Text("驱动器卡住", "驱动器停留在{measured}已 {time_ms} ms，应为{command}",
              "驱动器没有执行要求的步骤：缺少释放信号、本地控制、参数错误。", _CHECK_DRIVE_ZH),
     ),
+    # Fault catalogue D4: without torque only the brake stops the load.
     Definition(
         Code.DRV_04, _STOP, _TO,
         Text("Drive lost its enable", "Drive went to {measured} without being asked",
@@ -132,6 +142,7 @@ POWER: Final = (
         Text("驱动器失去使能", "驱动器未经要求进入{measured}",
              "他人或他物关断了驱动器：释放输入、工具、供电。", _CHECK_DRIVE_ZH),
     ),
+    # Fault catalogue D7: a drive that does not follow its ramp is braked by the brake.
     Definition(
         Code.DRV_07, _STOP, _TO,
         Text("Quick stop not obeyed",
@@ -140,6 +151,7 @@ POWER: Final = (
         Text("快速停止未执行", "快速停止中速度 {measured} °/s，斜坡允许 {limit} °/s",
              "驱动器没有按设定制动，或其速度反馈有误。", _CHECK_DRIVE_ZH),
     ),
+    # Fault catalogue G9: the hardware acts; the program mirrors it within a scan.
     Definition(
         Code.INT_03, _STOP, _TO,
         Text("Emergency stop", "The emergency-stop chain opened at {measured:.2f} deg",
@@ -156,6 +168,7 @@ POWER: Final = (
         Text("要求快速停止", "操作员要求快速停止，在 {measured}°、{speed} °/s", "由操作员要求。",
              "复位，重新上电。"),
     ),
+    # Fault catalogue G14: the brake closes by its spring; the mirror closes it in order.
     Definition(
         Code.PWR_01, _STOP, _TO,
         Text("Mains lost", "Mains no longer ready at {measured:.2f} deg, {speed:.2f} deg/s",

@@ -13,6 +13,7 @@ from gantryctl.program.alarms.table import ALARMS
 class ClearedBy(StrEnum):
     """What takes a reason away."""
 
+    # Who may clear a reason is a value: nothing is guessed from the beginning of a text.
     RESET = "reset"
     """A reset by an operator."""
     SERVICE = "service"

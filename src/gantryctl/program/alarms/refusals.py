@@ -18,6 +18,7 @@ REFUSALS: Final = (
         Text("数值超限", "{name}必须{allowed}，得到 {measured}", "指令中的数不能使用。没有任何改变。",
              "给出范围内的值。"),
     ),
+    # Fault catalogue B10: the axis is linear with a cable, so there is one way only.
     Definition(
         Code.CTL_09, _REF, Reaction.REF,
         Text("Target beyond travel",
@@ -34,6 +35,7 @@ REFUSALS: Final = (
              "Wait for standstill, or stop first."),
         Text("此状态下不允许", "{reason}", "该指令与轴正在做的事不符。", "等待静止，或先停止。"),
     ),
+    # Fault catalogue H1: the key is believed only while it renews its lease.
     Definition(
         Code.CTL_15, _INFO, Reaction.HLT,
         Text("Hold-to-run not renewed",
@@ -43,6 +45,7 @@ REFUSALS: Final = (
         Text("按住运行未续期", "按住运行 {measured} ms 未续期，限值 {limit} ms",
              "按键信号丢失：离开窗口、连接缓慢或中断。", "松开按键后重新按下。"),
     ),
+    # Fault catalogue H3: a page that hangs may renew by itself.
     Definition(
         Code.CTL_21, _INFO, Reaction.HLT,
         Text("Hold-to-run too long", "the key was held for {measured:.0f} s, limit {limit:.0f} s",

@@ -22,6 +22,7 @@ SERVICE: Final = (
              "Another task kept the processor from the controller.", _BUSY),
         Text("扫描迟到", "扫描迟到 {late_ms} ms，或一秒内超限次数过多", "其他任务占用了控制器的处理器。", _BUSY_ZH),
     ),
+    # Fault catalogue F3: what happened meanwhile is not known, so nothing resumes.
     Definition(
         Code.SYS_03, _STOP, _QS,
         Text("Controller frozen", "controller frozen for {late_s:.3f} s",
@@ -154,6 +155,7 @@ SERVICE: Final = (
         Text("Not found", "not found", "No such address or recording.", "Check the address."),
         Text("未找到", "未找到", "没有该地址或记录。", "检查地址。"),
     ),
+    # Fault catalogue F11 and decision 0011: recordings end first, then no new motion begins; events wait.
     Definition(
         Code.JRN_01, _WARN, _REF,
         Text("Disk nearly full", "{reason}",
@@ -170,6 +172,7 @@ SERVICE: Final = (
         Text("日志不可写", "{reason}", "磁盘缓慢、已满或故障。正在进行的运动继续；不启动新的运动。",
              "查看 `journal_state` 和磁盘。"),
     ),
+    # Fault catalogue F15: moved aside, never repaired: its chain is evidence.
     Definition(
         Code.JRN_05, _WARN, _REF,
         Text("Journal damaged", "the journal was damaged and moved to {file}; service must reset",

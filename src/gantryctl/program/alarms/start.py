@@ -31,6 +31,7 @@ START: Final = (
              "有人移动了它，或制动器缓慢滑动。限值以内视为齿轮回位：接受并记录。",
              "查看机架；`gantryctl reset` 以您的名义确认。"),
     ),
+    # Fault catalogue A13: without proof of the angle only a witness mark decides.
     Definition(
         Code.ENC_10, _REF, Reaction.REF,
         Text("Angle not valid", "the angle is not valid: {why}",

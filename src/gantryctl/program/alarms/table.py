@@ -17,6 +17,7 @@ from gantryctl.program.alarms.refusals import REFUSALS
 from gantryctl.program.alarms.service import SERVICE
 from gantryctl.program.alarms.start import START
 
+# In the order of the reference page.
 ALARMS: Final[dict[Code, Definition]] = {
     row.code: row for row in (*ENCODER, *BUS, *CONTROL, *POWER, *REFUSALS, *SERVICE, *START)
 }
@@ -41,6 +42,7 @@ def explain(code: str) -> str:
         hint = f"; did you mean {', '.join(near)}?" if near else "; `gantryctl explain` lists them all"
         raise CommandRefused(f"unknown code {code!r}{hint}")
     row = ALARMS[Code(wanted)]
+    # Number formats mean nothing to a reader of the manual.
     message = re.sub(r"\{\w+(:[^}]*)?\}", "...", row.english.message)
     lines = [
         f"{row.code} {row.english.title} ({row.severity.value})",
