@@ -55,6 +55,7 @@ lint: .venv/dev.stamp
 	.venv/bin/ruff format --check
 	.venv/bin/clang-format --dry-run --Werror $(CLANG_FILES)
 	.venv/bin/python tools/check_core_layers.py
+	.venv/bin/python tools/check_house.py
 
 types: setup
 	.venv/bin/mypy

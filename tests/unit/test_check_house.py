@@ -11,7 +11,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def checker() -> ModuleType:
-    path = Path(__file__).parents[2] / "tools" / "house.py"
+    path = Path(__file__).parents[2] / "tools" / "check_house.py"
     spec = importlib.util.spec_from_file_location("check_house", path)
     assert spec is not None
     assert spec.loader is not None

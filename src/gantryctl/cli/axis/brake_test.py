@@ -60,7 +60,7 @@ def brake_test(
 def _test(axis: AxisClient, *, yes: bool, as_json: bool) -> int:
     """Ask, test, print; the exit code."""
     # Torque against the closed brake of a real machine is asked for like a motion.
-    from gantryctl.cli.axis.move import guarded
+    from gantryctl.cli.axis.guard import guarded
     from gantryctl.errors import CommandRefused
     from gantryctl.wiring.program import untestable
 

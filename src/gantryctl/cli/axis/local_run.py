@@ -12,7 +12,7 @@ from typing import Final
 import click
 
 from gantryctl.cli.axis.display import Display, RunDetails, print_motion
-from gantryctl.cli.axis.move import guarded
+from gantryctl.cli.axis.guard import guarded
 from gantryctl.cli.options import directory
 from gantryctl.machine import Machine, short_hash
 from gantryctl.operation.client import AxisClient, MotionReport
