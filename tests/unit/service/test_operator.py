@@ -304,7 +304,7 @@ def test_a_shutdown_brings_the_axis_to_rest_and_takes_power_off() -> None:
     bench.until(AxisState.DISABLED, 15.0)
     bench.scans(1000)
     assert bench.axis.power.phase is PowerPhase.OFF
-    assert bench.operator.at_rest
+    assert bench.axis.at_rest
     assert not bench.engine.drive.read().brake_open
 
 
@@ -335,4 +335,4 @@ def test_random_gestures_never_leave_the_axis_moving_without_a_hand_on_the_key(s
                 b'["%s","operator","operator","loopback",{"type":"gone"}]' % who.client.encode()
             )
         bench.scans(round((LEASE_S + RAMP_S) * 1000) + 5)
-        assert bench.operator.at_rest, (number, ending)
+        assert bench.axis.at_rest, (number, ending)

@@ -78,11 +78,6 @@ class ServiceOperator:
         self._test_ended = True
 
     @property
-    def at_rest(self) -> bool:
-        """Whether no motion is under way or waiting."""
-        return self.program.axis.at_rest
-
-    @property
     def frame(self) -> int:
         """Number of the present status frame; the first is 1."""
         return int((self.now() - self.start_s) / FRAME_S) + 1
@@ -313,9 +308,9 @@ class ServiceOperator:
         """Give control to `who`."""
         held = self.authority.holder
         # Decision 0011: the local console comes first. It stops what moves, then takes control from anybody.
-        if who.local and held is not None and held.client != who.client and not self.at_rest:
+        if who.local and held is not None and held.client != who.client and not self.program.axis.at_rest:
             self.stop()
-        refused = self.authority.take(who, over, self.at_rest, now_s)
+        refused = self.authority.take(who, over, self.program.axis.at_rest, now_s)
         if refused is not None:
             raise MessageRefused(refused.code, **refused.values)
         self._set(remote=who.place == "remote")
@@ -401,7 +396,7 @@ class ServiceOperator:
         if self._testing and not self._test_ended:
             self.stop()
         if self.levels.power and not self.levels.stop and not self._stop_scans:
-            if self.at_rest:
+            if self.program.axis.at_rest:
                 self._set(power=False)
             else:
                 self.stop()

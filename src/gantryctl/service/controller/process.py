@@ -106,7 +106,14 @@ class Controller:
             real_time: the system granted scheduling and memory.
         """
         self._write_start()
-        publish_json(self.memory.columns, self._metadata())
+        metadata = {
+            "machine": self.machine.name,
+            "config_hash": short_hash(self.machine),
+            "version": version("gantryctl"),
+            "period_s": self.engine.period_s,
+        }
+        columns = {"columns": list(self._recorder.columns), "metadata": metadata}
+        publish_json(self.memory.columns, columns)
         publisher = Publisher(
             self.machine, self.engine, self.operator, self.alarms, self.brake, self._recorder, self.memory,
             real_time=real_time, version=version("gantryctl"),
@@ -149,7 +156,7 @@ class Controller:
             return False
         now_s = time.monotonic()
         self._end_s = min(self._end_s, now_s + END_S)
-        resting = self.axis.is_off and self.operator.at_rest
+        resting = self.axis.is_off and self.axis.at_rest
         return resting or now_s > self._end_s
 
     def _watch(self) -> None:
@@ -229,17 +236,6 @@ class Controller:
         self.events.put("service", f"controller started: {self.machine.name}", hash=short_hash(self.machine))
         for note in self.notes:
             self.events.put("service", note)
-
-    def _metadata(self) -> dict[str, object]:
-        return {
-            "columns": list(self._recorder.columns),
-            "metadata": {
-                "machine": self.machine.name,
-                "config_hash": short_hash(self.machine),
-                "version": version("gantryctl"),
-                "period_s": self.engine.period_s,
-            },
-        }
 
 
 def main(arguments: list[str]) -> int:

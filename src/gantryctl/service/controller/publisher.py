@@ -153,7 +153,7 @@ class Publisher:
             "power": axis.power.status,
             "brake_open": feedback.brake_open,
             "brake_open_cmd": axis.power.brake_open,
-            "at_rest": operator.at_rest,
+            "at_rest": axis.at_rest,
             "in_position": axis.in_position,
             "torque_limited": feedback.torque_limited,
             "position_valid": feedback.position_valid and not operator.permit.doubts_position,

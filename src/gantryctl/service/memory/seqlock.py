@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from typing import Final, NamedTuple
+from typing import Final
 
 from gantryctl.errors import UsageError
 
@@ -17,17 +17,6 @@ _HEADER: Final = 24
 _LENGTHS: Final = struct.Struct("<II")
 # A reader gives up after so many attempts instead of waiting for a writer that was killed inside a publication.
 _TRIES: Final = 200
-
-
-class Published(NamedTuple):
-    """One record as it was read.
-
-    Attributes:
-        version: rises by one with every publication.
-    """
-
-    version: int
-    data: bytes
 
 
 class SequenceLock:
@@ -63,7 +52,7 @@ class SequenceLock:
         """Number of publications so far."""
         return self._words[0] // 2
 
-    def read(self) -> Published | None:
+    def read(self) -> bytes | None:
         """Return the newest whole record; None before the first, or while the writer does not finish one."""
         words, memory = self._words, self._memory
         for _ in range(_TRIES):
@@ -75,5 +64,5 @@ class SequenceLock:
             length, check = _LENGTHS.unpack_from(memory, 8)
             data = bytes(memory[_HEADER : _HEADER + min(length, self.capacity)])
             if words[0] == before and len(data) == length and zlib.crc32(data) == check:
-                return Published(before // 2, data)
+                return data
         return None

@@ -48,9 +48,9 @@ class Snapshot:
     def fast(self) -> tuple[dict[str, Any], float]:
         """Read the 20 Hz tags and their age in ms; empty and inf before the controller has published any."""
         found = self._memory.fast.read()
-        if found is None or len(found.data) != _PACKED.size:
+        if found is None or len(found) != _PACKED.size:
             return {}, math.inf
-        stamp, *numbers = _PACKED.unpack(found.data)
+        stamp, *numbers = _PACKED.unpack(found)
         age_ms = (time.monotonic_ns() - stamp) * 1e-6
         return {name: decode(name, number) for name, number in zip(FAST, numbers, strict=True)}, age_ms
 
@@ -60,9 +60,9 @@ class Snapshot:
         if now != self._seen:
             slow, alarms = self._memory.slow.read(), self._memory.alarms.read()
             if slow is not None:
-                self._slow = json.loads(slow.data)
+                self._slow = json.loads(slow)
             if alarms is not None:
-                self._alarms = json.loads(alarms.data)
+                self._alarms = json.loads(alarms)
             self._seen = now
             self.version += 1
         return {**self._slow, **self._alarms}

@@ -124,7 +124,7 @@ class TraceWriter:
         about = self._memory.columns.read()
         if about is None or self._memory.words[Word.RECORDING_STOPPED]:
             return
-        found = json.loads(about.data)
+        found = json.loads(about)
         self._unpack = struct.Struct(f"<{len(found['columns']) + 1}d").unpack
         path = self._path()
         try:
