@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.encoder import ENCODER
+from gantryctl.program.alarms.start import START
 from gantryctl.program.alarms.table import ALARMS
+
+# An earlier stop (SYS-12) casts doubt on the angle only if the encoder caused it.
+_DOUBTS_POSITION: Final = frozenset(row.code for row in (*ENCODER, *START)) - {Code.SYS_12}
 
 
 class ClearedBy(StrEnum):
@@ -52,7 +57,7 @@ class Reason(NamedTuple):
     @property
     def doubts_position(self) -> bool:
         """The angle of the gantry is in doubt: the encoder's reading, the configuration or the bus is not as left."""
-        return str(self.values.get("stopped_by", self.code)).startswith(("ENC", "CFG"))
+        return self.values.get("stopped_by", self.code) in _DOUBTS_POSITION
 
 
 class Reasons(tuple[Reason | str, ...]):
