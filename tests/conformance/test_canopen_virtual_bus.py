@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 
 import can
 import pytest
 
 from conformance.drive_port import DriveBench, DriveConformance
 from conformance.test_canopen_drive import SYNC_S, CanBench
-from gantryctl.drives.virtual.loop import DriveLoop, FrameSender, running
+from gantryctl.drives.virtual.loop import DriveLoop, FrameSender
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import default_machine, with_values
@@ -19,6 +20,21 @@ from gantryctl.wiring.canopen import canopen_drive
 from gantryctl.wiring.virtual import drive_hardware
 
 CHANNELS = itertools.count()
+
+
+@contextmanager
+def running(loop: DriveLoop) -> Iterator[DriveLoop]:
+    """Boot the drive and run it in its own thread during a with block."""
+    stop = threading.Event()
+    thread = threading.Thread(target=loop.run, args=(stop,), name="virtual drive", daemon=True)
+    with loop.lock:
+        loop.node.boot()
+    thread.start()
+    try:
+        yield loop
+    finally:
+        stop.set()
+        thread.join()
 
 
 class VirtualBusBench(CanBench):

@@ -12,7 +12,6 @@ from gantryctl.image import (
     DriveIdentity,
     DriveRequest,
     DriveState,
-    EncoderFlag,
     OutputImage,
 )
 
@@ -76,20 +75,8 @@ class IdealDrive(BaseDrive):
     def read(self) -> DriveFeedback:
         """The state at the beginning of this scan."""
         counts = round(self.pos_motor_rad * self._counts_per_rad + self._zero_counts)
-        return DriveFeedback(
-            self.state,
-            counts,
-            self.vel_rad_s,
-            self.torque_nm,
-            self.brake_open,
-            False,
-            0.0,
-            EncoderFlag.NONE,
-            self.error_code,
-            False,
-            0,
-            self.inputs,
-        )
+        moving = self.state, counts, self.vel_rad_s, self.torque_nm, self.brake_open
+        return DriveFeedback(*moving, False, 0.0, error_code=self.error_code, inputs=self.inputs)
 
     def write(self, output: OutputImage) -> None:
         """Follow the request; the angle moves on by one scan of the speed."""

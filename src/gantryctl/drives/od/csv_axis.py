@@ -1,4 +1,4 @@
-"""What an axis in cyclic synchronous velocity (CSV) needs of a drive: a table, and its comparison with an EDS."""
+"""Needs of an axis in cyclic synchronous velocity (CSV): a table, and its comparison with an EDS."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from gantryctl.drives.od.standard import STANDARD, Standard
 
 
 class Need(StrEnum):
-    """How much depends on an entry."""
+    """Importance of an entry."""
 
     MUST = "must"
     """Without it there is no CSV axis."""
     STOP = "stop"
-    """Decides what happens when something breaks; without it something else has to."""
+    """Decides what happens when something breaks; without it something else must."""
     MAY = "may"
     """Makes the axis better."""
 
 
 class Pdo(StrEnum):
-    """Where an entry has to be mappable."""
+    """Direction in which an entry must be mappable."""
 
     NONE = ""
     RPDO = "RPDO"
@@ -38,22 +38,23 @@ class Wish:
     need: Need
     pdo: Pdo
     without: str
-    """What is done when the drive lacks it."""
+    """Substitute or consequence where the drive lacks it."""
 
     @property
     def standard(self) -> Standard:
-        """Name, type and access by the texts."""
+        """Name, type and access by the standards."""
         return STANDARD[self.index, self.sub]
 
     @property
     def place(self) -> str:
-        """Index and sub-index as people write them."""
+        """Index and sub-index in the usual notation."""
         return f"{self.index:04X}:{self.sub:02X}"
 
 
 _MUST, _STOP, _MAY = Need.MUST, Need.STOP, Need.MAY
 _NO, _RX, _TX = Pdo.NONE, Pdo.RPDO, Pdo.TPDO
 
+# Optional objects must stay optional: of 30 real EDS files 20 have no 603F, and in 23 60B1 is missing or not mappable.
 WISHES: Final[tuple[Wish, ...]] = (
     Wish(0x6040, 0, _MUST, _RX, "no CiA 402 drive"),
     Wish(0x6041, 0, _MUST, _TX, "no CiA 402 drive"),
@@ -103,22 +104,22 @@ WISHES: Final[tuple[Wish, ...]] = (
 
 
 class Finding(NamedTuple):
-    """One need held against a file."""
+    """Comparison of one need with a file."""
 
     wish: Wish
     entry: Entry | None
     ok: bool
     remarks: tuple[str, ...]
-    """What is odd, and what will be done without it."""
+    """Oddities, and the substitute for a missing entry."""
 
 
 def check_csv_axis(device: DeviceDescription) -> tuple[Finding, ...]:
-    """Every need of a CSV axis: what the file has, and what is done where it has it not."""
+    """Compare every need of a CSV axis with a file."""
     return tuple(_finding(device, wish) for wish in WISHES)
 
 
 def lacking(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-    """The needs without which there is no CSV axis and that the file does not meet."""
+    """Unmet needs without which there is no CSV axis."""
     return tuple(finding for finding in findings if finding.wish.need is Need.MUST and not finding.ok)
 
 
@@ -141,7 +142,8 @@ def _finding(device: DeviceDescription, wish: Wish) -> Finding:
 
 
 def _remarks(device: DeviceDescription, wish: Wish, entry: Entry) -> tuple[str, ...]:
-    """What a value in the file says; a default is no promise, so everything is read back from the drive."""
+    """Remarks on a value in the file."""
+    # A default in a file is no promise: everything is read back from the drive.
     value = entry.value if entry.value is not None else entry.default
     said = []
     match wish.index, value:

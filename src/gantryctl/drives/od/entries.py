@@ -1,4 +1,4 @@
-"""One object of an EDS or DCF: what its sections say, and what is assumed where they are silent."""
+"""Objects of an EDS or DCF from their sections, with assumptions for missing fields."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ MAX_ENTRIES: Final = 20_000
 
 
 class Reader:
-    """Sections to objects.
+    """Reader of sections.
 
     Args:
         source: name of the file, for errors.
         sections: the whole file.
-        notes: takes what is odd.
-        own_node: node id that the values of a DCF were written for.
-        node_id: node id that values are wanted for.
+        notes: takes oddities.
+        own_node: node id for which the values of a DCF were written.
+        node_id: node id of the requested values.
     """
 
     def __init__(
@@ -49,16 +49,14 @@ class Reader:
                 self._subs.setdefault(int(found[1], 16), {})[int(found[2], 16)] = section
 
     def object_of(self, index: int, section: Section) -> ObjectSpec:
-        """The object of a section such as [6040]."""
+        """Object of a section such as [6040]."""
         subs = self._subs.pop(index, {})
         kind = self._kind(section, bool(subs))
         compact = self._number(section, "compactsubobj")
         if kind in (ObjectKind.VAR, ObjectKind.DOMAIN):
             entries = {0: self._entry(index, 0, section, section, kind)}
             if subs:
-                self._notes.add(
-                    section.line, f"object {index:04X} is a variable, yet it has sub-objects; ignored"
-                )
+                self._note(section, "", f"object {index:04X} is a variable, yet it has sub-objects; ignored")
         elif compact:
             entries = self._compact(index, section, min(compact, _MAX_SUBS))
         else:
@@ -70,7 +68,7 @@ class Reader:
         return ObjectSpec(index, name, kind, entries, section.line)
 
     def orphans(self, objects: dict[int, ObjectSpec]) -> None:
-        """Sub-objects without an object become objects, so that nothing is lost."""
+        """Make objects of sub-objects without an object, so that nothing is lost."""
         for index, subs in sorted(self._subs.items()):
             first = next(iter(subs.values()))
             self._notes.add(first.line, f"[{first.name}] has no section [{index:04X}]; taken for a record")
@@ -88,19 +86,15 @@ class Reader:
         try:
             kind = ObjectKind(ObjectKind.VAR if number is None else number)
         except ValueError:
-            self._notes.add(
-                section.line_of("objecttype"), f"ObjectType {shown(section.text('objecttype'))} is unknown"
-            )
+            self._note(section, "objecttype", f"ObjectType {shown(section.text('objecttype'))} is unknown")
             kind = ObjectKind.VAR
         if kind is ObjectKind.VAR and has_subs and "datatype" not in section.keys:
-            self._notes.add(
-                section.line, f"[{section.name}] has sub-objects but no ObjectType; taken for a record"
-            )
+            self._note(section, "", f"[{section.name}] has sub-objects but no ObjectType; taken for a record")
             return ObjectKind.RECORD
         return kind
 
     def _compact(self, index: int, section: Section, count: int) -> dict[int, Entry]:
-        """CompactSubObj: one description for all sub-indices, names and values in sections of their own."""
+        """Entries of CompactSubObj: one description for all sub-indices, names and values in separate sections."""
         names = self._sections.get(f"{index:04x}name")
         values = self._sections.get(f"{index:04x}value")
         first = standard_of(index, 0)
@@ -124,7 +118,8 @@ class Reader:
     def _entry(self, index: int, sub: int, section: Section, parent: Section, kind: ObjectKind) -> Entry:
         place = f"{index:04X}:{sub:02X}"
         self._count += 1
-        if self._count > MAX_ENTRIES:  # a few bytes of CompactSubObj stand for many entries
+        # A few bytes of CompactSubObj stand for many entries.
+        if self._count > MAX_ENTRIES:
             raise EdsError(self._source, section.line, f"more than {MAX_ENTRIES} entries are not read")
         data_type = self._data_type(index, sub, section, kind)
         access = self._access(index, sub, section)
@@ -148,9 +143,8 @@ class Reader:
 
     def _data_type(self, index: int, sub: int, section: Section, kind: ObjectKind) -> DataType:
         number = self._number(section, "datatype")
-        if (
-            number is not None and number > _MAX_TYPE
-        ):  # [A0] and on: a type of the file's own; sub 1 names its base
+        # From [A0] on a type of the manufacturer, whose sub-index 1 names its base.
+        if number is not None and number > _MAX_TYPE:
             base = self._sections.get(f"{number:x}sub1")
             found = self._number(base, "defaultvalue") if base else None
             number = found if found is not None else number
@@ -158,16 +152,14 @@ class Reader:
             if number is not None:
                 return DataType(number)
         except ValueError:
-            self._notes.add(
-                section.line_of("datatype"), f"[{section.name}]: DataType 0x{number:X} is unknown"
-            )
+            self._note(section, "datatype", f"[{section.name}]: DataType 0x{number:X} is unknown")
             return DataType.DOMAIN
         known = standard_of(index, sub)
         guess = known.data_type if known else DataType.UNSIGNED8 if sub == 0 else DataType.DOMAIN
         if kind is ObjectKind.VAR and known is None:
             guess = DataType.DOMAIN
         if kind is not ObjectKind.DOMAIN:
-            self._notes.add(section.line, f"[{section.name}] has no DataType; taken for {guess.label}")
+            self._note(section, "", f"[{section.name}] has no DataType; taken for {guess.label}")
         return guess
 
     def _access(self, index: int, sub: int, section: Section) -> Access:
@@ -178,9 +170,7 @@ class Reader:
             known = standard_of(index, sub)
             guess = known.access if known else Access.RO
             said = f"AccessType {shown(text)}" if text else "no AccessType"
-            self._notes.add(
-                section.line_of("accesstype"), f"[{section.name}] has {said}; taken for {guess.value}"
-            )
+            self._note(section, "accesstype", f"[{section.name}] has {said}; taken for {guess.value}")
             return guess
 
     def _value(
@@ -194,9 +184,7 @@ class Reader:
         found = parse_value(text, data_type)
         if found is None:
             name = "DefaultValue" if key == "defaultvalue" else "ParameterValue"
-            self._notes.add(
-                section.line_of(key), f"{place}: {name} {shown(text)} is no {data_type.label}; left out"
-            )
+            self._note(section, key, f"{place}: {name} {shown(text)} is no {data_type.label}; left out")
         return found
 
     def _limit(self, section: Section, key: str, data_type: DataType, place: str) -> int | None:
@@ -206,11 +194,9 @@ class Reader:
     def _configured(
         self, value: tuple[Value, bool] | None, default: tuple[Value, bool] | None, relative: bool
     ) -> Value | None:
-        """ParameterValue for the node asked for.
-
-        $NODEID is resolved; a plain number that was written for the DCF's own node moves along when the default
-        says that it belongs to the node.
-        """
+        """ParameterValue for the requested node."""
+        # A library keeps node 1's COB-IDs whatever node is asked for (decision 0008). Here $NODEID is resolved, and a
+        # plain number written for the DCF's own node moves along if the default says that it belongs to the node.
         if value is None:
             return None
         number, is_relative = value
@@ -226,9 +212,8 @@ class Reader:
     def _check_count(self, index: int, section: Section, found: int) -> None:
         said = self._number(section, "subnumber")
         if said is not None and said != found:
-            self._notes.add(
-                section.line_of("subnumber"),
-                f"object {index:04X}: SubNumber is {said}, described are {found}",
+            self._note(
+                section, "subnumber", f"object {index:04X}: SubNumber is {said}, described are {found}"
             )
 
     def _number(self, section: Section, key: str) -> int | None:
@@ -237,11 +222,12 @@ class Reader:
             return None
         found = parse_number(text)
         if found is None:
-            self._notes.add(
-                section.line_of(key), f"[{section.name}]: {key} {shown(text)} is no number; left out"
-            )
+            self._note(section, key, f"[{section.name}]: {key} {shown(text)} is no number; left out")
             return None
         return found.value
+
+    def _note(self, section: Section, key: str, text: str) -> None:
+        self._notes.add(section.line_of(key), text)
 
     def _standard_name(self, index: int, sub: int) -> str:
         known = standard_of(index, sub)

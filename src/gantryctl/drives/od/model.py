@@ -1,7 +1,4 @@
-"""What an object dictionary is: objects, entries, and the device they belong to. Data only.
-
-The virtual drive makes its behaviour and its EDS from these; EDS import makes these from files.
-"""
+"""Model of an object dictionary: objects, entries, and the device they belong to; data only."""
 
 from __future__ import annotations
 
@@ -15,11 +12,11 @@ from gantryctl.errors import UsageError
 
 
 class EdsError(UsageError):
-    """A file that is no EDS or DCF, or one that cannot be used.
+    """File that is not an EDS or DCF, or cannot be used.
 
     Attributes:
         source: the file.
-        line: where, counted from 1; 0 when the whole file is meant.
+        line: counted from 1; 0 for the whole file.
     """
 
     def __init__(self, source: str, line: int, problem: str) -> None:
@@ -28,7 +25,7 @@ class EdsError(UsageError):
 
 
 class Access(StrEnum):
-    """Access as CiA 306 writes it."""
+    """Access types in the spelling of CiA 306."""
 
     RO = "ro"
     WO = "wo"
@@ -51,7 +48,7 @@ class Access(StrEnum):
 
 
 class ObjectKind(IntEnum):
-    """Object codes."""
+    """Object codes (CiA 301)."""
 
     DOMAIN = 0x2
     VAR = 0x7
@@ -61,7 +58,7 @@ class ObjectKind(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One entry: index and sub-index."""
+    """Entry of an object, at index and sub-index."""
 
     index: int
     sub: int
@@ -70,34 +67,34 @@ class Entry:
     access: Access
     default: Value | None = None
     node_relative: bool = False
-    """The default is an offset to which the node id is added ($NODEID+...)."""
+    """The default is an offset to the node id ($NODEID+...)."""
     mappable: bool = False
     low: int | None = None
     high: int | None = None
     value: Value | None = None
-    """ParameterValue of a DCF: what somebody configured."""
+    """ParameterValue of a DCF, the configured value."""
     volatile: bool = False
-    """Never stored by 1010 (commands and process data); not part of an EDS."""
+    """Not stored by 1010: commands and process data. Not part of an EDS."""
     line: int = 0
-    """Where the file says so; 0 for an entry that comes from no file."""
+    """Line of the file; 0 without a file."""
 
     @property
     def rpdo(self) -> bool:
-        """May be written by an RPDO."""
+        """An RPDO may write it."""
         return self.mappable and self.access in (Access.RW, Access.WO, Access.RWW)
 
     @property
     def tpdo(self) -> bool:
-        """May be sent in a TPDO."""
+        """A TPDO may send it."""
         return self.mappable and self.access in (Access.RW, Access.RO, Access.RWR, Access.CONST)
 
     @property
     def place(self) -> str:
-        """Index and sub-index as people write them."""
+        """Index and sub-index in the usual notation."""
         return f"{self.index:04X}:{self.sub:02X}"
 
     def default_for(self, node_id: int) -> Value | None:
-        """The default of one node."""
+        """Default value for a node."""
         if self.node_relative and isinstance(self.default, int):
             return self.default + node_id
         return self.default
@@ -105,7 +102,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class ObjectSpec:
-    """One object: its entries by sub-index."""
+    """Object with its entries by sub-index."""
 
     index: int
     name: str
@@ -116,7 +113,7 @@ class ObjectSpec:
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """[DeviceInfo] and [FileInfo] as far as anybody needs them."""
+    """Used part of [DeviceInfo] and [FileInfo]."""
 
     vendor_name: str = ""
     vendor_number: int | None = None
@@ -135,7 +132,7 @@ class DeviceInfo:
 
 
 class Note(NamedTuple):
-    """Something odd in a file that could be read all the same."""
+    """Oddity of a file that could be read all the same."""
 
     line: int
     text: str
@@ -146,17 +143,17 @@ class Note(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class DeviceDescription:
-    """A whole dictionary. `objects` is ordered by index."""
+    """Object dictionary of a device; `objects` is ordered by index."""
 
     objects: Mapping[int, ObjectSpec]
     info: DeviceInfo = DeviceInfo()
     node_id: int | None = None
-    """The node the values are for: the one asked for, else the DCF's own."""
+    """Node of the values: the requested one, else that of the DCF."""
     is_dcf: bool = False
     notes: tuple[Note, ...] = field(default=())
 
     def entry(self, index: int, sub: int = 0) -> Entry | None:
-        """One entry, or None."""
+        """Entry at index and sub-index, or None."""
         found = self.objects.get(index)
         return None if found is None else found.entries.get(sub)
 
@@ -167,10 +164,10 @@ class DeviceDescription:
 
 
 def described(objects: tuple[ObjectSpec, ...], info: DeviceInfo) -> DeviceDescription:
-    """A dictionary of objects in any order.
+    """Device description of objects in any order.
 
     Raises:
-        ValueError: an index is there twice.
+        ValueError: two objects have the same index.
     """
     by_index = {spec.index: spec for spec in sorted(objects, key=lambda spec: spec.index)}
     if len(by_index) != len(objects):

@@ -11,7 +11,7 @@ from gantryctl.drives.od.lines import MAX_BYTES, Notes, Section, read_sections
 from gantryctl.drives.od.model import DeviceDescription, DeviceInfo, EdsError, ObjectSpec
 from gantryctl.drives.od.values import parse_number
 
-MAX_OBJECTS: Final = 5000
+MAX_OBJECTS: Final = 5000  # decision 0008
 _OBJECT: Final = re.compile(r"[0-9a-f]{4}")
 _BIT_RATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
 _COMMISSIONING: Final = ("devicecomissioning", "devicecommissioning")  # CiA 306 spells it with one m
@@ -23,10 +23,10 @@ def read_eds(path: Path | str, node_id: int | None = None) -> DeviceDescription:
 
     Args:
         path: the file.
-        node_id: the node the values are wanted for; a DCF's own when not given.
+        node_id: node of the values; that of the DCF when not given.
 
     Raises:
-        EdsError: no such file, no EDS, or too large.
+        EdsError: no such file, not an EDS, or too large.
     """
     path = Path(path)
     try:
@@ -40,10 +40,10 @@ def read_eds(path: Path | str, node_id: int | None = None) -> DeviceDescription:
 
 
 def parse_eds(data: bytes, source: str = "EDS", node_id: int | None = None) -> DeviceDescription:
-    """Read the bytes of an EDS or DCF; `source` stands in front of the error.
+    """Read the bytes of an EDS or DCF; `source` names the file in errors.
 
     Raises:
-        EdsError: no EDS, or too large; with the line where one is to blame.
+        EdsError: not an EDS, or too large; with the line where there is one.
     """
     notes = Notes()
     sections = read_sections(data, source, notes)
@@ -111,7 +111,7 @@ def _device_info(sections: dict[str, Section]) -> DeviceInfo:
 
 
 def _check_lists(sections: dict[str, Section], objects: dict[int, ObjectSpec], notes: Notes) -> None:
-    """The lists of objects are not needed; what they promise and the file does not keep is worth a note."""
+    """Note objects that the lists name and the file does not describe; the lists are not needed otherwise."""
     for name in _LISTS:
         section = sections.get(name)
         for key, (text, line) in section.keys.items() if section else ():

@@ -1,6 +1,6 @@
-"""What CiA 301 and CiA 402 lay down about the objects of a speed-controlled axis: name, type, access.
+"""Standard objects of a speed-controlled axis by CiA 301 and CiA 402: name, type, access.
 
-Used where a file leaves a field out, and to tell a usable object from one of the same number.
+They complete a file that leaves a field out, and tell a usable object from another one of the same number.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _RO, _RW, _CONST = Access.RO, Access.RW, Access.CONST
 
 
 class Standard(NamedTuple):
-    """Name, type and access of an entry as the texts have them."""
+    """Name, type and access of an entry by the standards."""
 
     name: str
     data_type: DataType
@@ -90,7 +90,7 @@ STANDARD: Final[dict[tuple[int, int], Standard]] = {
 
 
 def standard_of(index: int, sub: int) -> Standard | None:
-    """What the texts say of an entry, or None. Sub-index 0 of records and arrays counts the entries."""
+    """Standard of an entry, or None; sub-index 0 of records and arrays counts the entries."""
     found = STANDARD.get((index, sub))
     if found is None and sub == 0 and any((index, other) in STANDARD for other in (1, 2, 5)):
         return Standard("Highest sub-index supported", _U8, _RO)

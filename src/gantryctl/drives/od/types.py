@@ -1,4 +1,4 @@
-"""CiA 301 data types: codes, sizes, ranges, bytes."""
+"""Data types of CiA 301: codes, sizes, ranges, bytes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ Value = int | float | str | bytes
 
 
 class DataType(IntEnum):
-    """Codes of the static data types."""
+    """Codes of the static data types (CiA 301, objects 0001h to 001Bh)."""
 
     BOOLEAN = 0x01
     INTEGER8 = 0x02
@@ -49,7 +49,7 @@ class DataType(IntEnum):
 
 
 class Number(NamedTuple):
-    """How a number is laid out."""
+    """Layout of an integer type."""
 
     bits: int
     signed: bool
@@ -69,7 +69,7 @@ STRINGS: Final = frozenset({DataType.VISIBLE_STRING, DataType.UNICODE_STRING, Da
 
 
 def bit_length(data_type: DataType) -> int | None:
-    """Size on the wire; None where it varies (strings, domains)."""
+    """Size in bits; None for strings and domains."""
     number = INTEGERS.get(data_type)
     if number is not None:
         return number.bits
@@ -79,7 +79,7 @@ def bit_length(data_type: DataType) -> int | None:
 
 
 def limits(data_type: DataType) -> tuple[int, int] | None:
-    """Smallest and largest value of an integer type."""
+    """Range of an integer type."""
     number = INTEGERS.get(data_type)
     if number is None:
         return None
@@ -111,7 +111,7 @@ def encode(data_type: DataType, value: Value) -> bytes:
 
 
 def decode(data_type: DataType, data: bytes) -> Value:
-    """The value of little-endian bytes.
+    """Value of little-endian bytes.
 
     Raises:
         ValueError: wrong number of bytes for the type.

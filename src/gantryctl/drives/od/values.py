@@ -1,4 +1,4 @@
-"""Numbers and values as EDS and DCF files write them."""
+"""Numbers and values in the notation of EDS and DCF files (CiA 306)."""
 
 from __future__ import annotations
 
@@ -13,21 +13,14 @@ _MAX_TEXT: Final = 200
 
 
 class Number(NamedTuple):
-    """A number, and whether the node id is to be added."""
+    """Number, and whether the node id is to be added."""
 
     value: int
     relative: bool = False
 
-    def of_node(self, node_id: int | None) -> int:
-        """The number of one node; without a node the bare offset."""
-        return self.value + (node_id or 0) if self.relative else self.value
-
 
 def parse_number(text: str) -> Number | None:
-    """A sum of numbers and at most one $NODEID, in any order and spelling; None when it is anything else.
-
-    0x is hexadecimal, a leading 0 is octal (CiA 306) unless a digit 8 or 9 shows that nobody meant that.
-    """
+    """Sum of numbers and at most one $NODEID, in any order and spelling; None for any other text."""
     compact = "".join(text.split()).upper()
     if not compact or len(compact) > _MAX_TEXT:
         return None
@@ -54,6 +47,7 @@ def _integer(term: str) -> int | None:
             return sign * int(digits[:-1], 16) if _plain(digits[:-1]) else None
         if not digits.isdigit():
             return None
+        # A leading 0 is octal (CiA 306), unless a digit 8 or 9 shows that it was not meant so.
         octal = len(digits) > 1 and digits[0] == "0" and not set("89") & set(digits)
         return sign * int(digits, 8 if octal else 10)
     except ValueError:
@@ -65,10 +59,7 @@ def _plain(digits: str) -> bool:
 
 
 def parse_value(text: str, data_type: DataType) -> tuple[Value, bool] | None:
-    """A value of a type, and whether it is relative to the node id (then it is the bare offset).
-
-    None for a text that is no such value.
-    """
+    """Value of a type, and whether it is an offset to the node id; None for a text that is not of the type."""
     if data_type in STRINGS:
         return (_octets(text) if data_type is DataType.OCTET_STRING else text), False
     if data_type in REALS:
@@ -83,7 +74,8 @@ def parse_value(text: str, data_type: DataType) -> tuple[Value, bool] | None:
     low = -(1 << (number.bits - 1)) if number.signed else 0
     value = found.value
     if number.signed and (1 << (number.bits - 1)) <= value < (1 << number.bits):
-        value -= 1 << number.bits  # 0xFFFFFFFF of an I32 is -1
+        # 0xFFFFFFFF of an I32 is -1: many files write signed values in hexadecimal.
+        value -= 1 << number.bits
     if not low <= value < (1 << number.bits):
         return None
     return value, found.relative

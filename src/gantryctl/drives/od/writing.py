@@ -1,4 +1,4 @@
-"""EDS out of a device description, by CiA 306. The same description gives the same bytes."""
+"""Write a device description as EDS (CiA 306); the same description gives the same bytes."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from gantryctl.drives.od.types import INTEGERS, DataType, Value
 
 _MANDATORY: Final = (0x1000, 0x1001, 0x1018)
 _BIT_RATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
-_DATE: Final = "11-20-2026"  # of the format, not of the run: equal tables give equal files
+# A date of the format, not of the run: equal tables give equal files.
+_DATE: Final = "11-20-2026"
 
 
 def write_eds(device: DeviceDescription) -> str:
-    """The text of the EDS."""
+    """Text of the EDS."""
     lines = [*_file_info(device.info), *_device_info(device.info), *_dummies(), "[Comments]", "Lines=0", ""]
-    groups = {"MandatoryObjects": [], "OptionalObjects": [], "ManufacturerObjects": []}  # type: dict[str, list[int]]
+    groups: dict[str, list[int]] = {"MandatoryObjects": [], "OptionalObjects": [], "ManufacturerObjects": []}
     for index in device.objects:
         if index in _MANDATORY:
             groups["MandatoryObjects"].append(index)

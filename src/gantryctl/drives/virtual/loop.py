@@ -5,8 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Final
 
 import can
@@ -175,18 +174,3 @@ class DriveLoop:
             return None
         self._errors = 0
         return message
-
-
-@contextmanager
-def running(loop: DriveLoop) -> Iterator[DriveLoop]:
-    """Boot the drive and run it in its own thread during a with block."""
-    stop = threading.Event()
-    thread = threading.Thread(target=loop.run, args=(stop,), name="virtual drive", daemon=True)
-    with loop.lock:
-        loop.node.boot()
-    thread.start()
-    try:
-        yield loop
-    finally:
-        stop.set()
-        thread.join()

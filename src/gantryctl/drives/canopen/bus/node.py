@@ -17,7 +17,6 @@ SYNC: Final = 0x080
 _EMCY: Final = 0x080
 _HEARTBEAT: Final = 0x700
 _SDO_REQUEST: Final = 0x600
-_BOOT_S: Final = 3.0
 _LISTEN_S: Final = 0.02
 
 
@@ -165,20 +164,6 @@ class RemoteNode:
         # Nothing confirms an NMT command but a later heartbeat: wait a moment.
         self.nmt(NmtCommand.ENTER_PRE_OPERATIONAL)
         self.listen_for(_LISTEN_S)
-
-    def restart(self) -> None:
-        """Reset the node and wait for its boot-up.
-
-        Raises:
-            DeviceError: it does not come back.
-        """
-        before = self.boots
-        self.nmt(NmtCommand.RESET_NODE)
-        end = self.link.now_s() + _BOOT_S
-        while self.boots == before:
-            if self.link.now_s() >= end:
-                raise DeviceError(f"node {self.node}: no boot-up within {_BOOT_S:g} s after its reset")
-            self.listen_for(_LISTEN_S)
 
     def identity(self) -> NodeIdentity:
         """Read the identity.

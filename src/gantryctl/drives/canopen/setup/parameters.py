@@ -8,9 +8,9 @@ from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.setup.opening import write_restart_marker
-from gantryctl.drives.od.model import DeviceDescription
+from gantryctl.drives.od.model import DeviceDescription, Entry
 from gantryctl.drives.od.standard import STANDARD
-from gantryctl.drives.od.types import DataType, decode
+from gantryctl.drives.od.types import decode
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveState
 
@@ -43,23 +43,11 @@ class ObjectValue(NamedTuple):
     shown: str
 
 
-class _Place(NamedTuple):
-    number: int
-    sub: int
-    name: str
-    data_type: DataType
-    writable: bool
-
-
-def _places(device: DeviceDescription | None) -> list[_Place]:
+def _entries(device: DeviceDescription | None) -> list[Entry]:
     """Entries of an EDS, or of a speed axis by CiA 301 and CiA 402."""
-    if device is None:
-        return [_Place(i, s, e.name, e.data_type, e.access.writable) for (i, s), e in STANDARD.items()]
-    return [
-        _Place(index, sub, entry.name, entry.data_type, entry.access.writable)
-        for index, spec in device.objects.items()
-        for sub, entry in spec.entries.items()
-    ]
+    if device is not None:
+        return list(device.entries())
+    return [Entry(i, s, e.name, e.data_type, e.access) for (i, s), e in STANDARD.items()]
 
 
 def read_objects(sdo: SdoClient, device: DeviceDescription | None) -> tuple[ObjectValue, ...]:
@@ -68,29 +56,29 @@ def read_objects(sdo: SdoClient, device: DeviceDescription | None) -> tuple[Obje
     Raises:
         DeviceError: the drive does not answer any more.
     """
-    return tuple(_read(sdo, place) for place in _places(device))
+    return tuple(_read(sdo, entry) for entry in _entries(device))
 
 
-def _read(sdo: SdoClient, place: _Place) -> ObjectValue:
+def _read(sdo: SdoClient, entry: Entry) -> ObjectValue:
     try:
-        data = sdo.read(place.number, place.sub)
+        data = sdo.read(entry.index, entry.sub)
     except SdoError as refused:
         if refused.silent:
             raise
-        return ObjectValue(place.number, place.sub, place.name, "", f"- ({str(refused).partition(': ')[2]})")
+        return ObjectValue(entry.index, entry.sub, entry.name, "", f"- ({str(refused).partition(': ')[2]})")
     try:
-        value = decode(place.data_type, data)
+        value = decode(entry.data_type, data)
     except ValueError:
         value = data
     shown = f"{value} ({value:X}h)" if isinstance(value, int) and value > 9 else str(value)
-    return ObjectValue(place.number, place.sub, place.name, data.hex(), shown)
+    return ObjectValue(entry.index, entry.sub, entry.name, data.hex(), shown)
 
 
 def backup(node: RemoteNode, device: DeviceDescription | None) -> dict[str, Any]:
     """Read all writable entries as plain values for a JSON file."""
     who = node.identity()
-    places = [p for p in _places(device) if p.writable and p.number not in _LEFT_OUT]
-    found = [_read(node.sdo, place) for place in places]
+    entries = [e for e in _entries(device) if e.access.writable and e.index not in _LEFT_OUT]
+    found = [_read(node.sdo, entry) for entry in entries]
     values = {f"{v.obj:04X}:{v.sub:02X}": v.raw for v in found if v.raw}
     return {"drive": who.key, "name": who.name, "software": who.software, "values": values}
 

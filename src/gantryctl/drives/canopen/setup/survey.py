@@ -17,6 +17,11 @@ _PROBE: Final = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # read 1000:00
 _NO_MASTER: Final = 0
 _SDO_S: Final = 0.3
 _CIA_402: Final = 402
+_DANGEROUS_AT_0: Final = {
+    0x6007: "6007 = 0: a silent master lets this axis run on · gantryctl writes 1 before it enables",
+    0x605E: "605E = 0: a fault takes the torque off without a ramp · gantryctl writes 2",
+    0x605A: "605A = 0: a quick stop takes the torque off without a ramp · gantryctl writes 6",
+}
 
 
 class Found(NamedTuple):
@@ -91,12 +96,7 @@ def _remarks(
         said.append("no 6502: whether it has CSV must be shown by a test")
     elif not modes & CSV_BIT:
         said.append("6502 has no CSV (bit 8): the drive may accept mode 9 and never move")
-    if optional(0x6007) == 0:
-        said.append("6007 = 0: a silent master lets this axis run on · gantryctl writes 1 before it enables")
-    if optional(0x605E) == 0:
-        said.append("605E = 0: a fault takes the torque off without a ramp · gantryctl writes 2")
-    if optional(0x605A) == 0:
-        said.append("605A = 0: a quick stop takes the torque off without a ramp · gantryctl writes 6")
+    said += [text for index, text in _DANGEROUS_AT_0.items() if optional(index) == 0]
     if not optional(0x1016, 1) and not optional(0x1400, 5):
         said.append("1016 and 1400:05 = 0: nothing watches the controller · gantryctl writes both")
     sync = optional(0x1005)

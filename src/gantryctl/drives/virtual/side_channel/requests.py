@@ -112,7 +112,7 @@ class Requests:
 
     def _inject(self, request: Mapping[str, Any]) -> Answer:
         node, name = self._node, str(request.get("fault"))
-        for_s = _number(request, "for_s", None, 0.0, _MAX_S)
+        for_s = None if request.get("for_s") is None else _number(request, "for_s", 0.0, _MAX_S)
         if name == "tpdo":
             number = _whole(request, "tpdo", 1, 1, 4)
             node.faults.tpdo[number] = tpdo_fault(
@@ -167,7 +167,7 @@ class Requests:
 
     def _reset(self, request: Mapping[str, Any]) -> None:
         """off_s: the drive restarts by itself, as after a power failure, and is away that long."""
-        off_s = _number(request, "off_s", 0.0, 0.0, _MAX_S) or 0.0
+        off_s = _number(request, "off_s", 0.0, _MAX_S)
         self._node.reset(communication_only=False, off_us=round(off_s * 1e6))
 
     def _lose_turns(self, request: Mapping[str, Any]) -> None:
@@ -178,7 +178,7 @@ class Requests:
     def _plant(self, request: Mapping[str, Any]) -> None:
         """name, value: another parameter of the plant (eccentric_moment_nm, brake_torque_nm, half_backlash_rad ...)."""
         name = str(request.get("name"))
-        value = _number(request, "value", 0.0, -1e12, 1e12) or 0.0
+        value = _number(request, "value", -1e12, 1e12)
         self._node.plant.change_plant(name, value)
 
     def _frame(self, request: Mapping[str, Any]) -> None:
@@ -217,7 +217,7 @@ class Requests:
         node = self._node
         if not node.stepped:
             raise UsageError("this drive runs in real time; only a stepped one can be advanced")
-        seconds = _number(request, "s", 0.0, 0.0, _MAX_S) or 0.0
+        seconds = _number(request, "s", 0.0, _MAX_S)
         node.advance(round(seconds * 1e6))
         return {"time_s": node.time_us * 1e-6}
 
@@ -236,12 +236,8 @@ def _whole(request: Mapping[str, Any], key: str, default: int, low: int, high: i
     return value
 
 
-def _number(
-    request: Mapping[str, Any], key: str, default: float | None, low: float, high: float
-) -> float | None:
-    value = request.get(key, default)
-    if value is None:
-        return None
+def _number(request: Mapping[str, Any], key: str, low: float, high: float) -> float:
+    value = request.get(key, 0.0)
     if not isinstance(value, int | float) or isinstance(value, bool) or not math.isfinite(value):
         raise UsageError(f"{key} is a number, got {value!r}")
     if not low <= value <= high:
