@@ -15,16 +15,17 @@ from gantryctl.machine import Machine
 from gantryctl.ports import Drive
 from gantryctl.units import rad
 
+# A drive stepped by SYNC needs as long as its process computes; the longest such answer only ends a run that hangs.
 _STEPPED_ANSWER_S: Final = 1.0
 
 
 def canopen_settings(machine: Machine) -> CanopenSettings:
-    """What the master has to know; nothing of [plant]."""
+    """Settings of the master; reads nothing of [plant]."""
     c, motor, ratio = machine.can, machine.motor, machine.axis.ratio
     bits = {name: None if bit < 0 else bit for name, bit in c.inputs.model_dump().items()}
     answer_s = c.answer_ms * 1e-3
     if c.simulated:
-        answer_s = 0.0  # it has answered when `send` returns
+        answer_s = 0.0  # a virtual drive in this process has answered when `send` returns
     elif c.stepped:
         answer_s = _STEPPED_ANSWER_S
     return CanopenSettings(
@@ -53,17 +54,18 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
 
 
 def can_link(machine: Machine) -> BusLink:
-    """The bus of the machine file, with its drive for this process alone until the link is closed.
+    """Bus of the machine file, its drive locked for this process until the link is closed.
 
     A virtual drive of this process is new and booted.
 
     Raises:
-        DeviceError, UsageError: it cannot be opened, or another process has the drive.
+        DeviceError, UsageError: the bus cannot be opened, or another process has the drive.
     """
     if machine.can.simulated:
         from gantryctl.wiring.virtual import virtual_node
 
         return virtual_node(machine)[0]
+    # `can scan` and `drive status` take the lock too: they would ask the drive between two scans of a controller.
     c = machine.can
     lock = DriveLock(f"{c.interface} {c.channel}, node {c.node}".replace(" ,", ","))
     try:
@@ -80,10 +82,10 @@ def canopen_drive(
     state: Mapping[str, float] | None = None,
     quirks: Sequence[str] = (),
 ) -> CanopenDrive:
-    """The drive of a CAN machine, set up and started, not enabled.
+    """Drive of a CAN machine, set up and started, not enabled.
 
     Args:
-        angle_deg, state, quirks: of a virtual drive in this process; a real one stands where it stands.
+        angle_deg, state, quirks: of a virtual drive in this process; a real drive ignores them.
 
     Raises:
         DeviceError: bus or drive cannot be used.
@@ -91,6 +93,7 @@ def canopen_drive(
     settings = canopen_settings(machine)
     plant: SimulatedPlant | None = None
     if machine.can.simulated:
+        # Loaded in this branch only: the controller of a real gantry loads no simulator.
         from gantryctl.wiring.virtual import virtual_node
 
         link, plant = virtual_node(machine, angle_deg, state, quirks)
@@ -108,10 +111,10 @@ def canopen_drive(
 
 
 def read_only_drive(machine: Machine) -> Drive:
-    """A drive on a bus as it stands, read by SDO; nothing is written and it is not started.
+    """Read-only access to a drive on a bus: nothing is written, and it is not started.
 
     Raises:
-        DeviceError: it cannot be reached.
+        DeviceError: the drive cannot be reached.
     """
     from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 

@@ -1,4 +1,4 @@
-"""[control.compensation] and the calibration file to the laws of the core. Nothing of [plant] is read here."""
+"""[control.compensation] and the calibration file to the laws of the core; reads nothing of [plant]."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from gantryctl.machine import Calibration, Machine, check_belongs
 from gantryctl.program.settings import CompensationSettings
 from gantryctl.units import deg, rad
 
+# A simulation that feeds its own parameters to the controller removes the load error without merit: every number comes
+# from the calibration file, measured by `gantryctl identify` (decision 0010).
 _MS: Final = 1e-3
 _US: Final = 1e-6
 
 
 def check_calibration(machine: Machine, encoder_serial: str | None = None) -> Calibration:
-    """The calibration of this machine.
+    """Calibration of this machine.
 
     Raises:
-        ConfigError: there is none, or it was measured on another machine.
+        ConfigError: it is missing, or was measured on another machine.
     """
     calibration = machine.calibration
     if calibration is None:
@@ -35,11 +37,10 @@ def check_calibration(machine: Machine, encoder_serial: str | None = None) -> Ca
 
 
 def compensation(machine: Machine) -> _core.Compensation | None:
-    """The compensations that are on, at the beginning of their life; None where all are off, and on the ideal
-    drive, which has nothing to compensate.
+    """Compensation laws that are on, in their initial state; None if all are off or the drive is ideal.
 
     Raises:
-        ConfigError: one that is on needs a calibration, and there is none for this machine.
+        ConfigError: a law that is on needs a calibration, and this machine has none.
     """
     config = machine.control.compensation
     if not config.any_active or machine.drive.kind == "ideal":
@@ -55,6 +56,7 @@ def compensation(machine: Machine) -> _core.Compensation | None:
         "damping": config.damping.active,
     }
     numbers = _numbers(machine)
+    # A machine file that needs a calibration loads without it, or it could never be identified; here it is refused.
     if not config.needs_calibration:
         return _core.Compensation(switches, numbers)
     calibration = check_calibration(machine)
@@ -70,13 +72,13 @@ def compensation(machine: Machine) -> _core.Compensation | None:
 
 
 def lead_deg(machine: Machine, angle_deg: float) -> float:
-    """How far the motor leads a load at rest at this angle, by the maps that are on, deg at the gantry."""
+    """Lead of the motor over a load at rest at this angle, by the maps that are on, deg at the gantry."""
     laws = compensation(machine)
     return 0.0 if laws is None else deg(laws.lead(rad(angle_deg)))
 
 
 def compensation_settings(machine: Machine) -> CompensationSettings | None:
-    """The same for the PLC program, with its watch over the second encoder."""
+    """Compensation settings of the PLC program, with the supervision of the second encoder."""
     laws = compensation(machine)
     if laws is None:
         return None
@@ -90,7 +92,7 @@ def compensation_settings(machine: Machine) -> CompensationSettings | None:
 
 
 def _numbers(machine: Machine) -> dict[str, float]:
-    """What the machine file says."""
+    """Values from the machine file."""
     config = machine.control.compensation
     period_s = machine.control.scan_period_ms * _MS
     damping = config.damping
@@ -104,6 +106,7 @@ def _numbers(machine: Machine) -> dict[str, float]:
         "encoder_dead_band_rad": rad(config.load_encoder.dead_band_deg),
         "encoder_limit_rad": rad(config.load_encoder.limit_deg),
         "damping_gain": damping.gain,
+        # First-order filters as exact discrete gains, 1 - exp(-T/tau).
         "damping_filter": -math.expm1(-period_s / (damping.filter_ms * _MS)),
         "damping_slow": -math.expm1(-period_s / damping.slow_s),
         "latency_s": config.latency_us * _US,
@@ -111,7 +114,7 @@ def _numbers(machine: Machine) -> dict[str, float]:
 
 
 def _identified(calibration: Calibration) -> dict[str, float]:
-    """What was measured."""
+    """Values from the identification."""
     found = calibration.identified
     return {
         "moment_sine_nm": found.moment_sine_nm,

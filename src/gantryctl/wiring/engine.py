@@ -16,14 +16,14 @@ RecorderFactory = Callable[[tuple[str, ...]], Recorder]
 
 
 def drive_of(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> Drive:
-    """A drive of the kind that the machine file names; a real one on a bus as it stands.
+    """Drive of the kind in the machine file; a real one on a bus as it stands.
 
     Args:
-        angle_deg: where a new simulated gantry stands.
-        state: a kept `plant_state` of such a drive, to go on from; `angle_deg` is ignored then.
+        angle_deg: angle of a new simulated gantry.
+        state: an earlier `plant_state` of such a drive, to go on from; `angle_deg` is ignored then.
 
     Raises:
-        ValueError, KeyError: a state that lacks a value or has a non-finite one.
+        ValueError, KeyError: the state lacks a value or has a non-finite one.
     """
     # Imported here: a controller on a bus loads no simulator, and a simulation no bus.
     if machine.on_bus:
@@ -44,13 +44,13 @@ def build_program(
     holding_torque_nm: float = 0.0,
     keep_plans: bool = False,
 ) -> AxisProgram:
-    """The program of a machine around its axis, standing with power off.
+    """Program of a machine with its axis, standing with power off.
 
     Args:
         drive: open; a calibration must belong to its encoder.
         program: the shipped program, or a class derived from `AxisProgram`.
         zero_counts: encoder count at 0 deg (retained memory); that of a new machine when not given.
-        holding_torque_nm: what held the load last time: the preload of the first release of the brake.
+        holding_torque_nm: torque that held the load last time, the preload of the first release of the brake.
         keep_plans: keep every set-point plan with its start scan in `axis.virtual.plans`.
 
     Raises:
@@ -102,6 +102,7 @@ def build_engine(
         period_s,
         recorder=recorder(trace_columns(program, truth)) if recorder is not None else None,
         truth=truth,
-        # the simulated plant waits for a late scan: nothing runs away; a drive on a bus does not
+        # A simulated plant waits for a late scan and nothing is missed; a drive on a bus goes on with the last command
+        # (decision 0005).
         overrun_policy=OverrunPolicy.QUICK_STOP if machine.on_bus and real_time else OverrunPolicy.CONTINUE,
     )

@@ -1,4 +1,4 @@
-"""Machine file to the settings of the PLC program, in SI. Nothing of [plant] is read here."""
+"""Machine file to the settings of the PLC program, in SI; reads nothing of [plant]."""
 
 from __future__ import annotations
 
@@ -22,13 +22,15 @@ from gantryctl.program.settings import (
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation_settings
 
+# The program does not know the machine file (decision 0003), and nothing that controls may read [plant]: a test
+# changes [plant] and finds the same settings.
 _MS: Final = 1e-3
 
 
 def axis_settings(
     machine: Machine, holding_torque_nm: float = 0.0, torque_preload: bool = True
 ) -> AxisSettings:
-    """The settings of one axis.
+    """Settings of one axis.
 
     Args:
         holding_torque_nm: learned holding torque from retained memory, motor side: the preload at the first
@@ -62,7 +64,7 @@ def travel_settings(machine: Machine) -> TravelSettings:
 
 
 def speed_settings(machine: Machine) -> SpeedSettings:
-    """The speed chain."""
+    """Speed chain."""
     speed = machine.speed
     return SpeedSettings(
         setting_min_rad_s=rad(speed.setting_min_deg_s),
@@ -104,10 +106,10 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
 
 
 def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | None:
-    """Why the controller cannot test the brake, or nothing: it must keep it closed while the drive gives torque.
-
-    The simulated drive of this process always does what the brake command says, whoever owns the brake.
-    """
+    """Reason why the controller cannot test the brake, or None."""
+    # A test keeps the brake closed while the drive gives torque. A drive that owns its brake opens it whenever it is
+    # enabled, and without 60B2 and 6077 there is no torque to prove. The simulated drive always obeys the brake
+    # command.
     if not machine.on_bus:
         return None
     if machine.brake.owner != "object_60FE":
@@ -138,7 +140,8 @@ def _monitors(machine: Machine) -> MonitorSettings:
 
 
 def position_law(machine: Machine) -> _core.PositionLaw:
-    """The position loop of the controller (eq. 4); reads nothing of [plant]."""
+    """Position loop of the controller."""
+    # Equation 4 of the paper: w_cmd = i (Kpp (r - y/i) + Kvf r'), y the motor angle.
     ratio = machine.axis.ratio
     return _core.PositionLaw(
         kpp_per_s=machine.control.kpp_per_s,
@@ -165,9 +168,10 @@ def motion_limits(machine: Machine, vel_deg_s: float | None = None) -> MotionLim
 
 
 def ramps_deg(machine: Machine, speed_deg_s: float) -> float:
-    """Way to reach a speed and to stop again, deg: the shortest move that reaches it."""
+    """Shortest move that reaches a speed, deg: the way of both ramps."""
     axis = machine.virtual_axis
     way = 0.5 * speed_deg_s**2 * (1.0 / axis.acc_deg_s2 + 1.0 / axis.dec_deg_s2)
     if axis.profile == "jerk_limited":
+        # A jerk-limited ramp takes acc/jerk longer than a trapezoid, at half of the speed on average.
         way += 0.5 * speed_deg_s * (axis.acc_deg_s2 + axis.dec_deg_s2) / axis.jerk_deg_s3
     return way

@@ -1,4 +1,4 @@
-"""Machine file to kernel parameters of the simulator: the one conversion to SI."""
+"""Machine file to the simulated gantry: parameters of the compiled plant in SI, and the drives in front of it."""
 
 from __future__ import annotations
 
@@ -14,22 +14,27 @@ from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTab
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import lead_deg
 
-_RIPPLE_FULL_TORQUE_NM: Final = 20.0  # plant equations S5: below this the ripple shrinks with the torque
+# Below this torque the ripple shrinks with the torque (plant equations S5).
+_RIPPLE_FULL_TORQUE_NM: Final = 20.0
+_FRICTION: Final = ("coulomb_nm", "breakaway_nm", "viscous_nm_s_per_rad", "presliding_rad", "micro_damping")
 
 
 def eccentric_moment_nm(machine: Machine) -> float:
-    """T_u, signed: the torque on the load is T_u sin(theta - eccentric angle) (plant equations S1)."""
+    """Eccentric moment T_u with its sign."""
+    # The torque on the load is T_u sin(theta - eccentric angle), so a negative moment restores at 0 (plant equations
+    # S1).
     load = machine.plant.load
     return load.eccentric_sign * load.eccentric_moment_nm
 
 
 def plant_params(machine: Machine) -> _core.PlantParams:
-    """The plant of the simulator; a switch that is off makes its effect exactly absent (plant equations S6)."""
+    """Parameters of the plant; a switch that is off makes its effect exactly absent (plant equations S6)."""
     plant, switch = machine.plant, machine.plant.switches
     p = _core.PlantParams()
     p.ratio = machine.axis.ratio
     p.reducer_ratio = machine.axis.reducer_ratio
     p.inertia_load_kg_m2 = plant.load.inertia_kg_m2
+    # Jm includes the wave generator; the paper's Js = J/i^2 + J_motor leaves it out (plant equations S1).
     p.inertia_motor_kg_m2 = machine.motor.inertia_kg_m2 + plant.motor.wave_generator_inertia_kg_m2
     p.eccentric_moment_nm = eccentric_moment_nm(machine) if switch.eccentric_moment else 0.0
     p.eccentric_angle_rad = rad(plant.load.eccentric_angle_deg)
@@ -54,16 +59,15 @@ def _transmission(p: _core.PlantParams, machine: Machine) -> None:
     t, switch = machine.plant.transmission, machine.plant.switches
     ring = machine.axis.ring_ratio
 
+    # K = 1/(1/(i2^2 K_reducer) + 1/K_rest) for each slope of the reducer alone, and c = 2 zeta sqrt(K1 J) (S1).
     def at_gantry(reducer_stiffness: float) -> float:
         return 1.0 / (1.0 / (ring * ring * reducer_stiffness) + 1.0 / t.rest_stiffness_nm_per_rad)
 
     p.stiffness_1_nm_per_rad = at_gantry(t.reducer_stiffness_1_nm_per_rad)
-    p.stiffness_2_nm_per_rad = (
-        at_gantry(t.reducer_stiffness_2_nm_per_rad) if switch.three_slopes else p.stiffness_1_nm_per_rad
-    )
-    p.stiffness_3_nm_per_rad = (
-        at_gantry(t.reducer_stiffness_3_nm_per_rad) if switch.three_slopes else p.stiffness_1_nm_per_rad
-    )
+    p.stiffness_2_nm_per_rad = p.stiffness_3_nm_per_rad = p.stiffness_1_nm_per_rad
+    if switch.three_slopes:
+        p.stiffness_2_nm_per_rad = at_gantry(t.reducer_stiffness_2_nm_per_rad)
+        p.stiffness_3_nm_per_rad = at_gantry(t.reducer_stiffness_3_nm_per_rad)
     p.torque_1_nm = t.reducer_torque_1_nm * ring
     p.torque_2_nm = t.reducer_torque_2_nm * ring
     p.damping_nm_s_per_rad = (
@@ -74,12 +78,15 @@ def _transmission(p: _core.PlantParams, machine: Machine) -> None:
     p.hysteresis_load_ratio = t.hysteresis_load_ratio
     p.hysteresis_length_rad = t.hysteresis_length_rad
     p.backlash = switch.backlash and t.backlash_mm > 0.0
+    # The gap between the flanks is b = backlash/R at the ring; the mesh takes half of it to either side (S1, S3).
     p.half_backlash_rad = (
         0.5 * t.backlash_mm * 1e-3 / machine.plant.gear_error.ring_radius_m if p.backlash else 0.0
     )
 
 
 def _gear_error(p: _core.PlantParams, g: GearErrorTable, ring_ratio: float) -> None:
+    # Amplitudes of the gear-error map (plant equations S2). Those on the motor side act through the ring ratio i2,
+    # those in micrometres through the pitch radius R; the scale of the machine file multiplies all of them.
     phases = g.phases_rad
     per_um = g.scale * 1e-6 / g.ring_radius_m
     ring = [um * per_um for um in g.ring_um]
@@ -101,25 +108,20 @@ def _gear_error(p: _core.PlantParams, g: GearErrorTable, ring_ratio: float) -> N
 
 
 def _friction(p: _core.PlantParams, plant: PlantTable) -> None:
-    roller, motor = plant.roller_friction, plant.motor_friction
-    p.roller_friction = plant.switches.roller_friction and roller.coulomb_nm > 0.0
-    p.roller_coulomb_nm = roller.coulomb_nm
-    p.roller_breakaway_nm = roller.breakaway_nm
-    p.roller_stribeck_rad_s = rad(roller.stribeck_deg_s)
-    p.roller_viscous_nm_s_per_rad = roller.viscous_nm_s_per_rad
-    p.roller_presliding_rad = roller.presliding_rad
-    p.roller_micro_damping = roller.micro_damping
-    p.motor_friction = plant.switches.motor_friction and motor.coulomb_nm > 0.0
-    p.motor_coulomb_nm = motor.coulomb_nm
-    p.motor_breakaway_nm = motor.breakaway_nm
-    p.motor_stribeck_rad_s = motor.stribeck_rad_s
-    p.motor_viscous_nm_s_per_rad = motor.viscous_nm_s_per_rad
+    # One elasto-plastic element for rollers and motor (plant equations S4). Without Coulomb friction it is left out:
+    # its state divides by that friction.
+    roller, motor, switch = plant.roller_friction, plant.motor_friction, plant.switches
+    p.roller_friction = switch.roller_friction and roller.coulomb_nm > 0.0
+    p.motor_friction = switch.motor_friction and motor.coulomb_nm > 0.0
+    p.roller_stribeck_rad_s, p.motor_stribeck_rad_s = rad(roller.stribeck_deg_s), motor.stribeck_rad_s
     p.motor_load_ratio = motor.load_ratio
-    p.motor_presliding_rad = motor.presliding_rad
-    p.motor_micro_damping = motor.micro_damping
+    for side, table in (("roller", roller), ("motor", motor)):
+        for name in _FRICTION:
+            setattr(p, f"{side}_{name}", getattr(table, name))
 
 
 def _base(p: _core.PlantParams, plant: PlantTable) -> None:
+    # kb = Jb (2 pi f)^2, cb = 2 zeta (2 pi f) Jb (plant equations S1).
     omega = 2.0 * math.pi * plant.base.frequency_hz
     p.base = plant.switches.base
     p.base_inertia_kg_m2 = plant.base.inertia_kg_m2
@@ -128,11 +130,12 @@ def _base(p: _core.PlantParams, plant: PlantTable) -> None:
 
 
 def drive_params(machine: Machine) -> _core.DriveParams:
-    """The simulated drive: speed PI, torque limit, encoder evaluation, brake times."""
+    """Parameters of the simulated drive: speed PI, torque limit, encoder evaluation, brake times."""
     loop, motor, encoder = machine.drive.speed_loop, machine.motor, machine.encoder
     ratio = machine.axis.ratio
     fine = 2.0 * math.pi / machine.encoder.fine_counts_per_turn
     coarse = 2.0 * math.pi / encoder.counts_per_turn
+    # The speed loop sees the true angle, the interpolated sine (2048 lines x 2048), or the absolute steps (S6).
     count = {"ideal": 0.0, "interpolated": fine, "counts": coarse}[loop.feedback]
     p = _core.DriveParams()
     p.cycle_s = loop.cycle_us * 1e-6
@@ -155,7 +158,7 @@ def drive_params(machine: Machine) -> _core.DriveParams:
 def gantry_sim(
     machine: Machine, plant: _core.PlantParams | None = None, drive: _core.DriveParams | None = None
 ) -> _core.GantrySim:
-    """Drive and plant behind a simulated drive port; of the machine file unless other parameters are given."""
+    """Compiled drive and plant, by the machine file unless other parameters are given."""
     integration = machine.plant.integration
     sim = _core.GantrySim(
         plant or plant_params(machine),
@@ -180,14 +183,14 @@ def fit_load_encoder(machine: Machine, sim: _core.GantrySim) -> None:
 
 
 def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:
-    """The simulated drive with its gantry, torque off and the brake closed.
+    """Simulated drive with its gantry, torque off and the brake closed.
 
     Args:
-        angle_deg: where the gantry stands.
-        state: a state kept by `SimDrive.sim.state`, to go on from; `angle_deg` is ignored then.
+        angle_deg: angle of the standing gantry.
+        state: an earlier `SimDrive.plant_state`, to go on from; `angle_deg` is ignored then.
 
     Raises:
-        ValueError: a state that lacks a value or has a non-finite one.
+        ValueError: the state lacks a value or has a non-finite one.
     """
     sim = gantry_sim(machine)
     if state is None:
@@ -198,7 +201,7 @@ def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, floa
 
 
 def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
-    """The simulated drive around a plant in any state."""
+    """Simulated drive around a plant in any state."""
     return SimDrive(
         sim,
         serial=machine.plant.encoder.serial,
@@ -212,6 +215,7 @@ def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
     """Encoder reading at gantry angle 0 of a new machine, zeroed with the load standing at `angle_deg`."""
     if machine.drive.kind == "ideal":
         return _ideal_zero_counts(machine)
+    # Maps that are on make the motor lead the load at rest (decision 0010): the lead belongs to the zero.
     drive = sim_drive(machine, angle_deg)
     at_angle = drive.read().pos_act_counts
     motor_deg = angle_deg + lead_deg(machine, angle_deg)
@@ -223,7 +227,7 @@ def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
 def ideal_drive(
     machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None
 ) -> IdealDrive:
-    """The drive whose actual speed is the command, for trying programs without any plant; as `sim_drive`."""
+    """Ideal drive: its speed is the command, for trying programs without a plant. Arguments as of `sim_drive`."""
     return IdealDrive(
         machine.control.scan_period_ms * 1e-3,
         machine.counts_per_turn,
@@ -236,5 +240,5 @@ def ideal_drive(
 
 
 def _ideal_zero_counts(machine: Machine) -> int:
-    """The middle of the encoder's range."""
+    # The middle of the encoder's range: as far from its wrap as it can be.
     return machine.encoder.turns * machine.counts_per_turn // 2

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 
 def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
-    """Motor, brake, encoder and gantry of a machine, standing still at an angle with the brake closed.
+    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed.
 
     Raises:
-        UsageError: the brake hangs on an output of the controller, which a virtual drive cannot have.
+        UsageError: an output of the controller works the brake, and no wire leads from it to a virtual drive.
     """
     owner = machine.brake.owner
     if owner == "controller_output":
@@ -64,14 +64,15 @@ def virtual_node(
     state: Mapping[str, float] | None = None,
     quirks: Sequence[str] = (),
 ) -> tuple[BusLink, DriveNode]:
-    """A virtual drive in this process, booted, and the bus that leads to it.
+    """Bus and booted virtual drive in this process.
 
     Args:
-        angle_deg: where the gantry stands.
-        state: a state kept from an earlier run, to go on from.
-        quirks: personalities.
+        angle_deg: angle of the standing gantry.
+        state: plant state of an earlier run, to go on from.
+        quirks: names of personalities.
     """
-    from gantryctl.drives.canopen.bus.link import BusLink  # the virtual drive itself needs no master
+    # Only this pairing needs the master: the virtual drive itself knows it as little as a real one (decision 0008).
+    from gantryctl.drives.canopen.bus.link import BusLink
 
     bus = DirectBus()
     node = DriveNode(
@@ -89,9 +90,9 @@ def virtual_node(
 
 
 def remote_plant(machine: Machine) -> RemotePlant:
-    """The gantry of a virtual drive in another process.
+    """Gantry of a virtual drive in another process.
 
     Raises:
-        DeviceError: nothing listens at [can] side_channel.
+        DeviceError: no drive listens at [can] side_channel.
     """
     return RemotePlant(ControlClient(Path(machine.can.side_channel)))
