@@ -1,7 +1,4 @@
-"""The ports of the scan engine: what it needs from the world, and nothing concrete.
-
-Parameters are the nominal period and integers; no port reads a clock except `Clock`.
-"""
+"""Ports of the scan engine: interfaces to drive, operator, program, clock and recorder."""
 
 from __future__ import annotations
 
@@ -11,6 +8,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from gantryctl.image import DriveFeedback, DriveIdentity, InputImage, LinkHealth, OperatorCommand, OutputImage
 
 
+# No port reads a clock except `Clock`: the same images make the same outputs again (decision 0005).
 @runtime_checkable
 class Drive(Protocol):
     """A servo drive with its motor, encoder, brake and hard-wired inputs.
@@ -53,15 +51,15 @@ class Drive(Protocol):
         ...
 
     def identity(self) -> DriveIdentity:
-        """What is connected; raises DeviceError when it cannot be read."""
+        """Identity of the connected drive; raises DeviceError when it cannot be read."""
         ...
 
     def read(self) -> DriveFeedback:
-        """The state at the beginning of this scan."""
+        """State at the beginning of this scan."""
         ...
 
     def write(self, output: OutputImage) -> None:
-        """The command of this scan."""
+        """Send the command of this scan."""
         ...
 
     def close(self) -> None:
@@ -71,18 +69,20 @@ class Drive(Protocol):
 
 @runtime_checkable
 class Truth(Protocol):
-    """What only a simulator knows (the load side). Never part of an input image: it goes to traces and instruments."""
+    """True state of a simulated load; for traces and instruments, never part of an input image."""
+
+    # A controller that knew the plant would remove the load error without merit (decision 0010).
 
     truth_columns: tuple[str, ...]
     """Column names as in the trace, e.g. pos_load_rad, vel_load_rad_s, pos_base_rad, torque_mesh_nm."""
 
     def truth(self) -> tuple[float, ...]:
-        """The true state at the beginning of this scan, in the order of `truth_columns`."""
+        """True state at the beginning of this scan, in the order of `truth_columns`."""
         ...
 
 
 class Instrument(Protocol):
-    """What measures the angle of the load from outside the control loop: tracker, load-side encoder, a person."""
+    """Measurement of the load angle outside the control loop: tracker, load-side encoder, a person."""
 
     name: str
     measures_load: bool
@@ -94,38 +94,38 @@ class Instrument(Protocol):
 
 
 class Operator(Protocol):
-    """Where commands come from: a command line, a script, the gateway."""
+    """Source of commands: a command line, a script, the gateway."""
 
     def poll(self, time_s: float) -> OperatorCommand:
-        """The command levels valid at this scan."""
+        """Command levels valid in this scan."""
         ...
 
 
 class Program(Protocol):
-    """A PLC program: one call per scan, a pure function of its retained state and the image."""
+    """PLC program: one call per scan, a pure function of its retained state and the image."""
 
     trace_columns: tuple[str, ...]
 
     def scan(self, image: InputImage) -> OutputImage:
-        """One scan."""
+        """Compute the outputs of one scan."""
         ...
 
     def trace_row(self) -> tuple[float, ...]:
-        """The values of the last scan, in the order of `trace_columns`."""
+        """Values of the last scan, in the order of `trace_columns`."""
         ...
 
 
 class ScanStart(NamedTuple):
-    """When a scan begins, as its clock says."""
+    """Start of a scan by its clock."""
 
     deadline: int
-    """The deadline that it begins at: a later one than was asked for when that was missed."""
+    """Deadline at which it begins; a later one than requested where that was missed."""
     late_s: float
-    """How long after the deadline that was asked for the clock could look, s."""
+    """Delay after the requested deadline, s."""
 
 
 class Clock(Protocol):
-    """Paces the scans: virtual (returns at once) or real (absolute deadlines, numbered, one a period)."""
+    """Pace of the scans: virtual (returns at once) or real (absolute deadlines, numbered, one a period)."""
 
     def start(self) -> None:
         """Time zero of the first scan."""
@@ -141,10 +141,10 @@ class Clock(Protocol):
 
 
 class Recorder(Protocol):
-    """Takes one row per scan."""
+    """Recording with one row per scan."""
 
     def record(self, row: tuple[float, ...]) -> None:
-        """Append one row (columns fixed at construction)."""
+        """Append one row; the columns are fixed at construction."""
         ...
 
     def close(self) -> None:

@@ -1,1 +1,1 @@
-"""Drives: each a `Drive` port, strangers to each other."""
+"""Drives: each behind the `Drive` port, strangers to each other."""

@@ -1,4 +1,4 @@
-"""What every drive answers unless it knows better, and what simulated drives have in common."""
+"""Default answers of a drive without a bus, and the common part of simulated drives."""
 
 from __future__ import annotations
 
@@ -17,11 +17,14 @@ TRUTH_COLUMNS: Final = (
     "vel_base_rad_s",
     "torque_mesh_nm",
 )
-"""What the compiled plant knows, in the order of its `truth()`."""
+"""True state of the compiled plant, in the order of its `truth()`."""
 
-_SETTLE_S: Final = 30.0  # a swinging load has come to rest long before
-_CALM_S: Final = 0.6  # more than a period of the swing
-_CALM_RAD_S: Final = 1e-5  # of the load: it still swings by some 0.0001 deg
+# A load swings on for some 6 s after an emergency stop from 6 deg/s (plant equations, brake).
+_SETTLE_S: Final = 30.0
+# More than a period of the swing: the first mode of the gantry is near 2 Hz.
+_CALM_S: Final = 0.6
+# Speed of the load that still swings by some 0.0001 deg.
+_CALM_RAD_S: Final = 1e-5
 
 
 class SimulatedPlant(Truth, Protocol):
@@ -32,12 +35,12 @@ class SimulatedPlant(Truth, Protocol):
         ...
 
     def settle(self) -> None:
-        """The master has left: let the load come to rest where nothing else advances it."""
+        """Let the load come to rest after the master has left, where nothing else advances it."""
         ...
 
 
 class BaseDrive:
-    """The answers of a drive without a bus and without a simulated load."""
+    """Answers of a drive without a bus and without a simulated load."""
 
     refusals: tuple[str, ...] = ()
     torque_preload = True
@@ -45,7 +48,7 @@ class BaseDrive:
 
     @property
     def truth_source(self) -> Truth | None:
-        """None: nothing but the drive knows the load."""
+        """None: the load is not simulated."""
         return None
 
     def set_up_again(self) -> None:
@@ -56,7 +59,7 @@ class BaseDrive:
         return None
 
     def plant_state(self) -> dict[str, float]:
-        """{}: there is no plant to keep."""
+        """{}: no plant is simulated."""
         return {}
 
 

@@ -19,10 +19,10 @@ _ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
 class IdealDrive(BaseDrive):
-    """A drive that does exactly what it is told: its angle is the integral of the speed command.
+    """Drive without any deviation: its angle is the integral of the speed command.
 
-    Torque is what the preload asks for, the brake follows its command at once, the load has no inertia. A
-    quick stop ramps down; torque off stands still at once.
+    Its torque is the preload, the brake follows its command at once, the load has no inertia. A quick stop ramps
+    down; with the torque off the axis stands still at once.
 
     Args:
         period_s: scan period.
@@ -34,7 +34,7 @@ class IdealDrive(BaseDrive):
         quick_dec_rad_s2: quick-stop deceleration at the gantry.
 
     Attributes:
-        inputs: what the hard-wired inputs say; a test may change it.
+        inputs: hard-wired inputs; a test may change them.
         error_code: above 0: the drive is in fault.
     """
 
@@ -79,7 +79,7 @@ class IdealDrive(BaseDrive):
         return DriveFeedback(*moving, False, 0.0, error_code=self.error_code, inputs=self.inputs)
 
     def write(self, output: OutputImage) -> None:
-        """Follow the request; the angle moves on by one scan of the speed."""
+        """Follow the request and advance the angle by one scan of the speed."""
         self._walk(output.request)
         enabled = self.state in _ENABLED
         self.brake_open = enabled and output.brake_open
@@ -100,7 +100,7 @@ class IdealDrive(BaseDrive):
         self.brake_open = False
 
     def plant_state(self) -> dict[str, float]:
-        """The angle as the encoder reads it."""
+        """Angle as the encoder reads it."""
         counts = self.read().pos_act_counts - self._zero_counts
         return {"pos_ideal": counts * math.tau / (self._identity.counts_per_turn * self._ratio)}
 

@@ -1,8 +1,4 @@
-"""The simulated drive: CiA 402 states, brake and encoder around the compiled gantry.
-
-To the program it is a drive like any other. What only a simulator can do (look at the load, spoil the encoder, pull the
-mains) has names of its own and is not part of the `Drive` port.
-"""
+"""Simulated drive: CiA 402 states, brake and encoder around the compiled gantry."""
 
 from __future__ import annotations
 
@@ -22,6 +18,7 @@ from gantryctl.image import (
 )
 from gantryctl.ports import Truth
 
+# Modes of the compiled scan (core/plant).
 _OFF: Final = 0
 _SPEED: Final = 1
 _QUICK_STOP: Final = 2
@@ -29,15 +26,14 @@ _TWO_PI: Final = 6.283185307179586
 
 
 class SimDrive(BaseDrive):
-    """A servo drive with the gantry behind it; `write` advances both by one scan.
+    """Servo drive with the gantry behind it; `write` advances both by one scan.
 
-    States (CiA 402), one transition a scan: ENABLE walks Switch on disabled -> Ready to switch on -> Switched on ->
-    Operation enabled; QUICK_STOP leads from Operation enabled to Quick stop active, which holds zero speed until
-    DISABLE (option code 6); a fault, an open emergency stop or missing mains takes the torque off and closes the brake.
+    To the program it is a drive like any other. A fault, an open emergency stop or missing mains takes the torque off
+    and closes the brake. `trip`, `lose_turns` and the inputs are for tests and not part of the `Drive` port.
 
     Args:
         sim: drive loops and plant; its state moves on.
-        serial: what the encoder calls itself.
+        serial: serial number of the encoder.
         counts_per_turn: fine counts per motor turn.
         turns: multiturn range of the encoder.
         limit_switch_rad: gantry angle of both limit switches, rad.
@@ -66,12 +62,12 @@ class SimDrive(BaseDrive):
         self.power_on()
 
     def power_on(self) -> None:
-        """Read the encoder afresh, as after mains on: only the absolute value within its range is known."""
+        """Read the encoder as after mains on: only the absolute value within its range is known."""
         counts = self._feedback(self._count_rad)[0]
         self._wrap_counts = counts // self._range_counts * self._range_counts
 
     def identity(self) -> DriveIdentity:
-        """The encoder's serial and resolution."""
+        """Serial number and resolution of the encoder."""
         return self._identity
 
     def read(self) -> DriveFeedback:
@@ -95,7 +91,10 @@ class SimDrive(BaseDrive):
 
     def write(self, output: OutputImage) -> None:
         """Follow the request and advance drive and gantry by one scan."""
+        # The reading of scan k is the state at k x period, its command acts from then on, and the plant advances here
+        # by one period: no transport delay between controller and drive (decision 0005).
         request = output.request
+        # Nearly every scan of a move needs no transition: the state machine is left out then.
         if (
             request is not DriveRequest.ENABLE
             or self.state is not DriveState.OPERATION_ENABLED
@@ -113,11 +112,11 @@ class SimDrive(BaseDrive):
 
     @property
     def truth_source(self) -> Truth:
-        """The drive itself."""
+        """The drive itself: it holds the plant."""
         return self
 
     def plant_state(self) -> dict[str, float]:
-        """Everything that a later run needs to go on."""
+        """State of drive loops, motor, load and base."""
         return dict(self.sim.state)
 
     def truth(self) -> tuple[float, ...]:
@@ -125,18 +124,18 @@ class SimDrive(BaseDrive):
         return self.sim.truth()
 
     def close(self) -> None:
-        """Torque off and brake closed; the plant goes on until the brake has closed and the load has come to rest."""
+        """Torque off and brake closed; the plant advances until the load is at rest."""
         self.state = DriveState.SWITCH_ON_DISABLED
         settle(lambda: self._scan(_OFF, 0.0, 0.0, False), lambda: self.sim.truth()[1], self.sim.scan_period_s)
 
     def trip(self, error_code: int) -> None:
-        """A fault inside the drive: torque off, brake closed, until a fault reset."""
+        """Raise a fault inside the drive: torque off, brake closed, until a fault reset."""
         if error_code <= 0:
             raise DeviceError(f"an error code is a number above 0, got {error_code}")
         self.error_code = error_code
 
     def lose_turns(self, turns: int) -> None:
-        """The multiturn part of the encoder is wrong from now on, as after a gear or battery fault."""
+        """Shift the multiturn part of the encoder, as after a fault of its gear or battery."""
         self.sim.count_offset += turns * self._identity.counts_per_turn
 
     def _digital_inputs(self) -> DigitalInputs:
