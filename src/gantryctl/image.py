@@ -1,8 +1,4 @@
-"""What a scan sees and says.
-
-A scan is a function of the retained state and one frozen `InputImage`; it returns one whole `OutputImage` whose
-defaults are safe. All images are NamedTuples: cheap to build, impossible to change by accident.
-"""
+"""Images of a scan: the frozen `InputImage` and the whole `OutputImage`, whose defaults are safe."""
 
 from __future__ import annotations
 
@@ -10,8 +6,9 @@ from enum import IntEnum, IntFlag
 from typing import NamedTuple
 
 
+# All images are NamedTuples: cheap to build in a scan of some 10 us, and impossible to change by accident.
 class DriveState(IntEnum):
-    """CiA 402 drive states. UNKNOWN is a state of its own and leads to a safe word."""
+    """Drive states of CiA 402; UNKNOWN leads to a safe controlword."""
 
     UNKNOWN = 0
     NOT_READY_TO_SWITCH_ON = 1
@@ -25,7 +22,7 @@ class DriveState(IntEnum):
 
 
 class DriveRequest(IntEnum):
-    """What the program asks of the drive. The device walks the CiA 402 states; the program never sees a controlword."""
+    """Request of the program to the drive, which walks the CiA 402 states; the program never sees a controlword."""
 
     DISABLE = 0
     """Torque off; a brake owned by the drive closes."""
@@ -47,22 +44,22 @@ class EncoderFlag(IntFlag):
 
 
 class LinkFlag(IntFlag):
-    """What is wrong with the connection to a drive on a bus; a drive in this process has none of it."""
+    """Faults of the connection to a drive on a bus."""
 
     NONE = 0
     HEARTBEAT_LOST = 1
     RESTARTED = 2
-    """The drive has booted by itself: it has lost its mapping."""
+    """The drive has booted by itself and lost its mapping."""
     NOT_OPERATIONAL = 4
     BUS_DOWN = 8
     OTHER_MASTER = 16
-    """Somebody else sends what only the controller may send."""
+    """Another node sends frames that only the controller may send."""
     IGNORES_COMMAND = 32
     """The drive is enabled and does not follow the speed command."""
 
 
 class DigitalInputs(NamedTuple):
-    """Hard-wired inputs. The safe state of every one is False."""
+    """Hard-wired inputs; False is the safe state of each."""
 
     estop_ok: bool = True
     enabling_switch: bool = True
@@ -72,14 +69,12 @@ class DigitalInputs(NamedTuple):
 
 
 class DriveFeedback(NamedTuple):
-    """What a drive reports once per scan. Motor side; the unit of position is the encoder's own fine count."""
+    """Feedback of a drive in one scan, motor side; the unit of position is the fine count of the encoder."""
 
     state: DriveState
     pos_act_counts: float
-    """Unwrapped count since the encoder's own zero, `DriveIdentity.counts_per_turn` to a motor turn.
-
-    A whole number, exact up to 2^53; only the ideal encoder of a simulator gives fractions.
-    """
+    """Continuous count since the zero of the encoder, `DriveIdentity.counts_per_turn` to a motor turn."""
+    # A whole number, exact up to 2^53; only the ideal encoder of a simulator gives fractions.
     vel_act_rad_s: float
     torque_act_nm: float
     brake_open: bool
@@ -94,14 +89,14 @@ class DriveFeedback(NamedTuple):
     """Age of this reading in scans: 0 when it belongs to this scan."""
     inputs: DigitalInputs = DigitalInputs()
     pos_ring_rad: float = 0.0
-    """Second, load-side encoder at the gantry, zeroed at 0 deg; 0 without one, NaN where it gives no reading."""
+    """Second, load-side encoder at the gantry, zeroed at 0 deg; 0 without one, NaN for an invalid reading."""
     link: LinkFlag = LinkFlag.NONE
     changed: str = ""
-    """A parameter of the drive that is not what it was set to any more: which, want, have."""
+    """Parameter of the drive that differs from its set value: which, want, have."""
 
 
 class DriveIdentity(NamedTuple):
-    """What is behind a drive port; read once, before the first scan."""
+    """Identity of the drive behind a port; read once, before the first scan."""
 
     name: str
     encoder_serial: str
@@ -115,9 +110,9 @@ class LinkHealth(NamedTuple):
     """State of the connection to a drive on a bus; ages in scans, one figure per telegram (TPDO) of the drive."""
 
     drive_key: str
-    """Vendor, product and serial number: what tells one drive from another."""
+    """Vendor, product and serial number, which distinguish one drive from another."""
     software: str = ""
-    """Version of the drive's firmware, where it tells."""
+    """Firmware version of the drive, "" where it has none."""
     restart_marker: int | None = None
     """Number that the controller has left in the drive; a restart of the drive erases it."""
     heartbeat_age_scans: int = 0
@@ -162,7 +157,9 @@ class Mode(IntEnum):
 
 
 class OperatorCommand(NamedTuple):
-    """What the operator wants now: levels, not events; the program finds the edges. Angles at the gantry."""
+    """Command levels of the operator, angles at the gantry."""
+
+    # Levels, not events: the program finds the edges, so a command that is read twice acts once.
 
     power: bool = False
     mode: Mode = Mode.NONE
@@ -184,16 +181,16 @@ class OperatorCommand(NamedTuple):
     override: float = 1.0
     """Speed override 0..1."""
     lease: int = 0
-    """Hold-to-run: any new value renews the 250 ms lease; an unchanged value lets it run out."""
+    """Hold-to-run: a new value renews the lease ([monitors] lease_ms); an unchanged value lets it run out."""
     remote: bool = False
-    """Whoever commands sits at a remote screen: moves need the enabling switch as motion by hand does."""
+    """The operator sits at a remote screen: moves need the enabling switch as motion by hand does."""
 
 
 class InputImage(NamedTuple):
-    """Everything one scan may know."""
+    """Everything one scan may know; with the retained state it determines the outputs."""
 
     scan: int
-    """One more than before; further on where scans were missed while the axis went on by itself."""
+    """One more than before; more than one where scans were missed while the axis went on (decision 0005)."""
     time_s: float
     """Nominal time of this scan: `scan * scan period`."""
     drive: DriveFeedback
@@ -201,7 +198,7 @@ class InputImage(NamedTuple):
 
 
 class OutputImage(NamedTuple):
-    """Everything one scan says to the drive. The defaults are safe: torque off, brake closed, no speed."""
+    """Outputs of one scan to the drive; the defaults are safe: torque off, brake closed, no speed."""
 
     request: DriveRequest = DriveRequest.DISABLE
     vel_cmd_rad_s: float = 0.0

@@ -25,7 +25,8 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
     bits = {name: None if bit < 0 else bit for name, bit in c.inputs.model_dump().items()}
     answer_s = c.answer_ms * 1e-3
     if c.simulated:
-        answer_s = 0.0  # a virtual drive in this process has answered when `send` returns
+        # A virtual drive in this process has answered when `send` returns.
+        answer_s = 0.0
     elif c.stepped:
         answer_s = _STEPPED_ANSWER_S
     return CanopenSettings(

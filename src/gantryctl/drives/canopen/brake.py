@@ -10,7 +10,8 @@ from gantryctl.image import DriveRequest, DriveState
 
 _ENABLED: Final = DriveState.OPERATION_ENABLED
 _TURNING: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
-_RESERVE_S: Final = 0.2  # beyond the closing time of the machine file
+# Beyond the closing time of the machine file; after that the torque goes off whether the drive has followed or not.
+_RESERVE_S: Final = 0.2
 
 
 class BrakeControl:

@@ -17,6 +17,8 @@ from typing import Final
 
 from gantryctl.image import DriveRequest, DriveState
 
+# Controlwords (CiA 402): bit 0 switch on, 1 enable voltage, 2 quick stop (0 = active), 3 enable operation, 7 fault
+# reset.
 DISABLE_VOLTAGE: Final = 0x00
 QUICK_STOP: Final = 0x02
 SHUTDOWN: Final = 0x06
@@ -25,10 +27,11 @@ DISABLE_OPERATION: Final = 0x07
 ENABLE_OPERATION: Final = 0x0F
 FAULT_RESET: Final = 0x80
 
+# Bits of the statusword beside the state.
 WARNING: Final = 1 << 7
 INTERNAL_LIMIT: Final = 1 << 11
+# Mode specific; in CSV 1 = the drive follows 60FF, and 0 while Operation enabled is a fault.
 FOLLOWS_COMMAND: Final = 1 << 12
-"""In cyclic synchronous velocity: the drive follows 60FF."""
 
 # Statusword patterns of CiA 402 (IEC 61800-7-201). Of the 128 patterns of the low seven bits 24 are states: the others
 # decode to UNKNOWN, which leads to a safe word.

@@ -132,7 +132,8 @@ class CanopenDrive:
         Raises:
             DeviceError: it does not answer, is enabled, or is another drive; it stays lost then.
         """
-        # Blocking SDO: nobody scans for some tenths of a second, so only a reset by a person does this (decision 0012).
+        # Blocking SDO: nobody scans for some tenths of a second, so only a reset by a person does this (decision
+        # 0012).
         node = self.node
         node.drain()
         self._take_the_watch_off()
@@ -195,9 +196,10 @@ class CanopenDrive:
         """The command of this scan; it acts at the next SYNC."""
         if self._closed:
             return
+        # From the first heartbeat on the drive watches the controller, so none is sent before the program commands.
         if not self.commanded:
             self._synced_s = self.link.now_s()
-            self.commanded = True  # from the first heartbeat on, the drive watches the controller
+            self.commanded = True
             self.node.forget_boots()
         state = self._last.state
         request = DriveRequest.DISABLE if self.refusals or self._flags & LOST else output.request
@@ -209,6 +211,8 @@ class CanopenDrive:
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
             self.process.send(word, vel, torque, self._brake.released)
+            # A fault without EMCY, and without 603F in a telegram, is completed by an SDO read of 603F (decision
+            # 0012).
             unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
             self.parameter_watch.scan(self._passed, unknown)
         self._due = True
@@ -240,6 +244,8 @@ class CanopenDrive:
 
     def _periods(self) -> int:
         """SYNC periods since the last SYNC, those that were missed included: ages and time-outs count them too."""
+        # A controller that was held up leaves scans out, and the time-outs of the drive go on meanwhile (decision
+        # 0005).
         before, self._synced_s = self._synced_s, self.link.now_s()
         if self.link.stepped or not self.commanded:
             return 1

@@ -7,8 +7,9 @@ from typing import Final, NamedTuple
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.errors import DeviceError
 
-SYNCHRONOUS: Final = 1  # transmission type: at every SYNC
-_INVALID: Final = 0x8000_0000  # bits 31 and 30 of a PDO identifier (CiA 301)
+# Transmission type 1: at every SYNC. Bits 31 and 30 of a PDO identifier: not valid, no remote request (CiA 301).
+SYNCHRONOUS: Final = 1
+_INVALID: Final = 0x8000_0000
 _NO_RTR: Final = 0x4000_0000
 _PDOS: Final = 4
 
@@ -153,6 +154,7 @@ def _switch_off(sdo: SdoClient, communication: int, cob_id: int) -> None:
 
 
 def _read_back(sdo: SdoClient, node: int, plan: Mapping) -> None:
+    # Read back and compared: what a drive has accepted is not always what it does.
     wrong = []
     for communication, cob_id, pdo in _rows(node, plan):
         if pdo is None:

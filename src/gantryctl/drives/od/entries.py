@@ -13,6 +13,7 @@ from gantryctl.drives.od.types import DataType, Value
 from gantryctl.drives.od.values import parse_number, parse_value
 
 _SUB: Final = re.compile(r"([0-9a-f]{4})sub([0-9a-f]{1,2})")
+# The last static data type of CiA 301; sub-index 255 describes the structure and is no entry.
 _MAX_TYPE: Final = 0x1B
 _MAX_SUBS: Final = 254
 MAX_ENTRIES: Final = 20_000

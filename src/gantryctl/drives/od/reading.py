@@ -11,10 +11,12 @@ from gantryctl.drives.od.lines import MAX_BYTES, Notes, Section, read_sections
 from gantryctl.drives.od.model import DeviceDescription, DeviceInfo, EdsError, ObjectSpec
 from gantryctl.drives.od.values import parse_number
 
-MAX_OBJECTS: Final = 5000  # decision 0008
+# A bound against files that are not an EDS (decision 0008).
+MAX_OBJECTS: Final = 5000
 _OBJECT: Final = re.compile(r"[0-9a-f]{4}")
 _BIT_RATES_K: Final = (10, 20, 50, 125, 250, 500, 800, 1000)
-_COMMISSIONING: Final = ("devicecomissioning", "devicecommissioning")  # CiA 306 spells it with one m
+# CiA 306 spells the section with one m.
+_COMMISSIONING: Final = ("devicecomissioning", "devicecommissioning")
 _LISTS: Final = ("mandatoryobjects", "optionalobjects", "manufacturerobjects")
 
 

@@ -23,6 +23,7 @@ class Standard(NamedTuple):
     access: Access
 
 
+# 1000h to 1FFFh by CiA 301, 6000h to 9FFFh by CiA 402.
 STANDARD: Final[dict[tuple[int, int], Standard]] = {
     (0x1000, 0): Standard("Device type", _U32, _RO),
     (0x1001, 0): Standard("Error register", _U8, _RO),

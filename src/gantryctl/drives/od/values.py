@@ -55,7 +55,8 @@ def _integer(term: str) -> int | None:
 
 
 def _plain(digits: str) -> bool:
-    return digits.isalnum()  # int() would take underscores and signs as well
+    # int() would take underscores and signs as well.
+    return digits.isalnum()
 
 
 def parse_value(text: str, data_type: DataType) -> tuple[Value, bool] | None:

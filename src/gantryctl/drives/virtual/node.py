@@ -33,6 +33,7 @@ _NMT: Final = 0x000
 _SDO_REQUEST: Final = 0x600
 _SDO_RESPONSE: Final = 0x580
 _HEARTBEAT: Final = 0x700
+# Error codes of CiA 301 (8240 unexpected SYNC data length) and CiA 402 (5530 EEPROM, 6310 loss of parameters).
 _SYNC_LENGTH: Final = 0x8240
 _NMT_ABORT: Final = 0x8100
 _STORE_FAILED: Final = 0x5530

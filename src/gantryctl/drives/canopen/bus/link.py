@@ -14,7 +14,8 @@ from gantryctl.errors import DeviceError, UsageError
 # Failures one after the other: a full transmit queue recovers, a dead controller does not.
 _DOWN_AFTER: Final = 3
 _ECHOES_KEPT: Final = 256
-_BUS_OFF: Final = 0x40  # error class of SocketCAN error frames (linux/can/error.h)
+# Error class of SocketCAN error frames (linux/can/error.h).
+_BUS_OFF: Final = 0x40
 
 
 # python-can's IPv4 group; its default, the IPv6 one, is lost on many hosts.

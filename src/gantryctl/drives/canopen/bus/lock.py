@@ -9,7 +9,8 @@ from typing import Final
 
 from gantryctl.errors import DeviceError
 
-_PEER: Final = struct.Struct("3i")  # process, user and group of the other end (SO_PEERCRED)
+# Process, user and group of the other end (SO_PEERCRED, unix(7)).
+_PEER: Final = struct.Struct("3i")
 
 
 class DriveLock:

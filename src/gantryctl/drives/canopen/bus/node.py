@@ -12,6 +12,7 @@ from gantryctl.drives.canopen.emergency import EmergencyLog
 from gantryctl.errors import DeviceError
 from gantryctl.image import LinkFlag
 
+# Pre-defined connection set of CiA 301; EMCY, SDO and heartbeat (NMT error control) plus the node id.
 NMT: Final = 0x000
 SYNC: Final = 0x080
 _EMCY: Final = 0x080

@@ -145,7 +145,7 @@ class SdoClient:
     # --- transfers ---------------------------------------------------------------------------------------------
 
     def read(self, index: int, sub: int) -> bytes:
-        """Upload."""
+        """Upload an object; a read without an answer is tried again."""
         for left in reversed(range(_TRIES)):
             try:
                 return self._read(index, sub)
@@ -156,10 +156,13 @@ class SdoClient:
 
     def _read(self, index: int, sub: int) -> bytes:
         answer = self._ask(struct.pack("<BHB4x", 0x40, index, sub), index, sub, expect=0x40)
+        # Initiate upload (CiA 301): bit 1 expedited, bit 0 size indicated, bits 2 and 3 bytes without data. An
+        # expedited answer without a size has four bytes.
         command = answer[0]
         if command & 2:
             size = 4 - (command >> 2 & 3) if command & 1 else 4
             return answer[4 : 4 + size]
+        # Upload segments: bit 4 toggles, bits 1 to 3 are bytes without data, bit 0 marks the last one.
         data, toggle = b"", 0
         while True:
             answer = self._ask(bytes((0x60 | toggle,)).ljust(8, b"\0"), index, sub)
@@ -171,7 +174,8 @@ class SdoClient:
             toggle ^= 0x10
 
     def write(self, index: int, sub: int, data: bytes) -> None:
-        """Download."""
+        """Download an object."""
+        # Initiate download, expedited up to four bytes; then segments of seven with the bits of the upload.
         head = struct.pack("<HB", index, sub)
         if 0 < len(data) <= 4:
             request = bytes((0x23 | (4 - len(data)) << 2,)) + head + data.ljust(4, b"\0")
@@ -186,11 +190,13 @@ class SdoClient:
             toggle ^= 0x10
 
     def _ask(self, request: bytes, index: int, sub: int, expect: int | None = None) -> bytes:
-        """One request, its answer; an answer to an earlier request that had timed out is passed over.
+        """Send a request and wait for its answer.
 
         Args:
-            expect: command of an answer that names its object; None for segments, which name none.
+            expect: command of an answer that names its object; None for segments, which do not.
         """
+        # An answer to an earlier request that had timed out names another object, or another command: it is passed
+        # over.
         head = struct.pack("<HB", index, sub)
         self._link.send(self.request_id, request)
         end = self._link.now_s() + self.timeout_s

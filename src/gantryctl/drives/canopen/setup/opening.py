@@ -127,6 +127,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:
+    # Writing the mapping of an enabled drive would take it from the controller that runs it.
     state = decode_statusword(node.sdo.number(0x6041))
     if state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
         raise DeviceError(
@@ -139,7 +140,8 @@ def _select_csv(node: RemoteNode) -> tuple[str, ...]:
     """Write 6060 = 9 and wait until 6061 shows it; a refusal where it does not."""
     sdo = node.sdo
     # Written afresh: after a quick stop some drives report Operation enabled and stand until 6060 changes.
-    with suppress(DeviceError):  # a drive that knows no "no mode"
+    # Not every drive knows mode 0, "no mode".
+    with suppress(DeviceError):
         sdo.set(0x6060, 0, 0)
     sdo.set(0x6060, 0, CSV)
     waited = 0.0

@@ -14,8 +14,9 @@ from gantryctl.drives.od.types import decode
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveState
 
-_SAVE: Final = 0x65766173  # "save", the signature of 1010 (CiA 301)
-_SAVE_S: Final = 5.0  # drives take more than 1 s to store
+# The signature of 1010 (CiA 301), "save". Drives take more than 1 s to store.
+_SAVE: Final = 0x65766173
+_SAVE_S: Final = 5.0
 _LONGEST: Final = 4096
 # Commands, actual values, and what acts when it is written: never kept and never written back.
 _LEFT_OUT: Final = frozenset(

@@ -13,7 +13,8 @@ from gantryctl.image import DriveState
 
 _HEARTBEATS: Final = range(0x701, 0x780)
 _ANSWERS: Final = range(0x581, 0x600)
-_PROBE: Final = b"\x40\x00\x10\x00\x00\x00\x00\x00"  # read 1000:00
+# SDO upload of 1000:00, which every CANopen node has (CiA 301).
+_PROBE: Final = b"\x40\x00\x10\x00\x00\x00\x00\x00"
 _NO_MASTER: Final = 0
 _SDO_S: Final = 0.3
 _CIA_402: Final = 402

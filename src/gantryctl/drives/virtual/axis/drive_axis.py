@@ -40,6 +40,7 @@ from gantryctl.drives.virtual.communication.emergency import Emergency
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.drives.virtual.side_channel.faults import Faults
 
+# Error codes of CiA 402: DC link undervoltage; load level warning.
 UNDERVOLTAGE: Final = 0x3220
 LOAD_WARNING: Final = 0x2351
 ENABLE_WORD: Final = 0x0F
@@ -174,8 +175,9 @@ class DriveAxis:
         if self._faults.stuck_state:
             return
         enabled = self.state is State.ENABLED and self.stage.phase is Phase.RUNNING
+        # Nearly every tick of an enabled drive ends here.
         if enabled and word & _PLAIN_ENABLE == ENABLE_WORD:
-            return  # nearly every tick of a drive's life
+            return
         if word & FAULT_RESET_BIT:
             if kind.reset_by_level:
                 self._reset_fault()
@@ -199,7 +201,8 @@ class DriveAxis:
                 if self.stage.phase is Phase.OFF and (self.stage.start() or self._kind.enabled_before_brake):
                     self.state = State.ENABLED
             case State.ENABLED, State.ENABLED:
-                if self.stage.phase is Phase.STOPPING:  # the way out was called off
+                # 0F while the drive still ramps down revokes the shutdown or the disable operation.
+                if self.stage.phase is Phase.STOPPING:
                     self._run()
             case State.ENABLED, State.QUICK_STOP:
                 self._quick_stop()

@@ -12,7 +12,8 @@ from gantryctl.drives.virtual.side_channel.faults import Faults
 from gantryctl.errors import UsageError
 
 _UNLIMITED_S: Final = 1e9
-_RELEASE: Final = 0.9  # of the overload budget: below it the peak torque is available again
+# Part of the overload budget below which the peak torque is available again.
+_RELEASE: Final = 0.9
 
 
 class StageMode(IntEnum):
@@ -141,6 +142,8 @@ class DrivePlant:
         self.brake_open, self.limited = brake_open, limited
 
     def _count_overload(self) -> None:
+        # I2t: the account grows with (T/T_rated)^2 - 1; the budget is what the highest torque uses in the overload
+        # time.
         load = self.torque_nm / self._hardware.torque_rated_nm
         account = self._account + (load * load - 1.0) * self._hardware.tick_s
         self._account = account = min(max(account, 0.0), self._budget)

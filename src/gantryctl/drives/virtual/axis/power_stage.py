@@ -24,7 +24,8 @@ from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, StageCommand
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 
-_REST_US: Final = 10_000  # the shaft is at rest after this time below the threshold 606F
+# The shaft is at rest after this time below the velocity threshold 606F.
+_REST_US: Final = 10_000
 _IDLE: Final = StageCommand(StageMode.OFF, 0.0)
 _STAND: Final = StageCommand(StageMode.SPEED, 0.0)
 

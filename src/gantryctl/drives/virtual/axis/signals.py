@@ -16,6 +16,7 @@ from gantryctl.drives.virtual.communication.drive_objects import MODE_CSV, MODE_
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.drives.virtual.side_channel.faults import Faults
 
+# 400 V mains, rectified.
 _DC_LINK_MV: Final = 560_000
 
 # Bits of 60FD: 0 to 3 by CiA 402, from 16 on manufacturer-specific, here those of this drive.

@@ -16,7 +16,8 @@ _QUEUE: Final = 16
 _NO_ERROR: Final = 0x0000
 
 GENERIC: Final = 0x01
-# Class of an error code (its highest hex digit) -> bit of the error register.
+# Class of an error code (its highest hex digit) -> bit of the error register 1001 (CiA 301): 1 current, 2 voltage,
+# 3 temperature, 4 communication, 7 manufacturer-specific; bit 0 is the generic error.
 _REGISTER: Final = {2: 0x02, 3: 0x04, 4: 0x08, 8: 0x10, 9: 0x10, 0xF: 0x80}
 
 

@@ -11,6 +11,7 @@ from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import CONSUMERS
 
+# Error code "life guard error or heartbeat error" (CiA 301).
 HEARTBEAT_LOST: Final = 0x8130
 
 

@@ -15,6 +15,7 @@ MAPPED: Final = 8
 CONSUMERS: Final = 4
 ERRORS: Final = 8
 """Length of the error history 1003."""
+# Bits 31 and 30 of a PDO identifier (CiA 301).
 PDO_INVALID: Final = 0x8000_0000
 NO_RTR: Final = 0x4000_0000
 

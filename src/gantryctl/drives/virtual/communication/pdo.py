@@ -10,6 +10,7 @@ from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.mapping import PdoParameters
 from gantryctl.drives.virtual.communication.objects import MAPPED, PDOS
 
+# Transmission types (CiA 301): 0 acyclic at SYNC, 1 to 240 every n-th SYNC, 254 and 255 event-driven.
 _LAST_SYNC_TYPE: Final = 240
 # Objects whose change is an event for the transmission types 0, 254 and 255 (CiA 301 leaves the events to the device
 # profile); position, speed and torque change all the time and are no events.
@@ -179,6 +180,7 @@ class Tpdo:
             self._send(self._number, self.can_id, self.pack())
 
 
+# Bits of 1005 (CiA 301): 30 the device generates SYNC, 29 an identifier of 29 bits. This drive does neither.
 _PRODUCE: Final = 0x4000_0000
 _EXTENDED: Final = 0x2000_0000
 _ID: Final = 0x7FF

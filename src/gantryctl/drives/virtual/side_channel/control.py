@@ -198,6 +198,7 @@ def _remove_stale(path: Path) -> None:
 
 
 def _hang_up(end: socket.socket) -> None:
-    with contextlib.suppress(OSError):  # not connected: closing is enough
+    # A socket that is not connected cannot be shut down; closing it is enough.
+    with contextlib.suppress(OSError):
         end.shutdown(socket.SHUT_RDWR)
     end.close()
