@@ -86,7 +86,7 @@ def test_a_quota_holds_however_many_events_come(tmp_path: Path) -> None:
     ("edit", "wrong"),
     [
         ("DELETE FROM events WHERE seq <= 50; UPDATE base SET seq = 50, hash = (SELECT hash FROM kept)",
-         "rows up to 50 were taken out, and no event says so"),
+         "rows up to 50 were removed, and no event records it"),
         ("DELETE FROM events WHERE seq = 41", "row 41 is missing"),
         ("UPDATE base SET hash = 'x'", "row 41 was changed, or one before it was taken out or put in"),
         ("UPDATE base SET seq = 0", "row 1 is missing"),

@@ -239,7 +239,7 @@ def _verified(rows: _Rows, anchors: dict[int, Anchor], newest: int) -> Verdict:
         written_down = written_down or row[-2] == said
     wrong = _end(rows, anchors, count, last)
     if not (wrong or written_down):
-        wrong = f"rows up to {base} were taken out, and no event says so"
+        wrong = f"rows up to {base} were removed, and no event records it"
     return verdict(wrong)
 
 

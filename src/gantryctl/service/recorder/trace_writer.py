@@ -56,7 +56,7 @@ class TraceWriter:
         if len(ring) < FLUSH_ROWS and now_s < self._due_s and not at_once:
             return
         self._due_s = now_s + BLOCK_S
-        self._look_at_disk()
+        self._check_room()
         while records := ring.peek(FLUSH_ROWS):
             for record in records:
                 if record is not None:
@@ -66,7 +66,7 @@ class TraceWriter:
             # the same file, leaving out the rows that are there already (decision 0011).
             ring.advance(len(records))
 
-    def _look_at_disk(self) -> None:
+    def _check_room(self) -> None:
         """Leave the recording under way when room is short; go on with it when there is room again."""
         self._apply_quota()
         words = self._memory.words
