@@ -6,7 +6,7 @@ The standard wants target positions approached from both directions at least fiv
   back. Deviations of both are referred to the base as it stood on the way up, so reversal is real reversal.
 - `Layout.APART` (procedures A, B, D): the ccw stops lie at base + d, the cw stops at base - d. A "position"
   is then only a displacement from a base, and what the formulas call reversal holds the gear error between
-  the two sides as well. `same_positions` says so.
+  the two sides as well. `same_positions` is then False.
 
 Every base is its own zero (deviation 0 by definition), as in the chord test; a single zero for the whole
 axis would need an instrument that spans it. Names follow the standard: up = increasing angle =
@@ -104,7 +104,7 @@ class IsoFigures:
 
 
 def iso230_2(table: ErrorTable, min_runs: int = MIN_RUNS) -> IsoFigures:
-    """ISO 230-2:2014 figures of a table, or the reason why there are none."""
+    """ISO 230-2:2014 figures of a table, or the reason against them."""
     reason = _why_not(table, min_runs)
     same = table.layout is Layout.RETURN
     if reason is not None:

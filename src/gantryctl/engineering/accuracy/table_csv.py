@@ -262,7 +262,7 @@ def _lines(text: str) -> list[tuple[int, str]]:
     return [
         (number, line)
         for number, line in numbered
-        # `sep=;` is the line by which a spreadsheet is told its separator.
+        # `sep=;` is a spreadsheet's own line for the separator.
         if line.strip(" \t;,") and not line.lstrip().startswith("#") and not line.lower().startswith("sep=")
     ]
 

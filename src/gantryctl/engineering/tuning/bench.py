@@ -1,6 +1,6 @@
 """Experiments on the simulated axis: those of a commissioning engineer with a drive's scope and a level on the gantry.
 
-Every trial starts from a new, quiet axis. Nothing of [plant] is looked at but what can be seen on a real gantry: motor
+Every trial starts from a new, quiet axis. Of [plant] only those values count that show on a real gantry: motor
 angle and speed, torque, and with instruments on gantry and base their movement.
 """
 
@@ -197,7 +197,7 @@ class Bench:
         loop = self._standing(gains, 0.0, gains.kvf)
         plan = plan_move(SetPoint(0.0, 0.0, 0.0), rad(way_deg), self._limits(gains))
         log = loop.run(plan, plan.duration + _AFTER_S)
-        return _judged(self.machine, log, plan)
+        return _evaluate(self.machine, log, plan)
 
     def _limits(self, gains: Gains) -> MotionLimits:
         acc = rad(gains.acc_deg_s2)
@@ -239,7 +239,7 @@ def _speed_after(sim: _core.GantrySim, vel_cmd_rad_s: float) -> float:
     return sim.truth()[3]
 
 
-def _judged(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
+def _evaluate(machine: Machine, log: Log, plan: _core.Segments) -> TrialMove:
     ratio = machine.axis.ratio
     ref, motor, load = log["vel_ref_rad_s"], log["vel_motor_rad_s"] / ratio, log["vel_load_rad_s"]
     top = float(np.max(np.abs(ref)))

@@ -54,7 +54,7 @@ class Conditions(NamedTuple):
     step_torque: float = 0.01
 
 
-# What is meant when nothing is said.
+# The conditions unless a caller states others.
 STATED: Final = Conditions()
 
 

@@ -47,7 +47,9 @@ class GainsVerdict:
         return self.margins.stable
 
 
-def judged(machine: Machine, gains: Gains, plants: Sequence[UncertainPlant] | None = None) -> GainsVerdict:
+def judge_gains(
+    machine: Machine, gains: Gains, plants: Sequence[UncertainPlant] | None = None
+) -> GainsVerdict:
     """Judge gains on the uncertain plant.
 
     Args:

@@ -41,7 +41,7 @@ class Criteria(NamedTuple):
     base_um: float = 150.0
 
 
-# What is meant when nothing is said.
+# The criteria unless a caller states others: a quarter of the step, twice.
 QUARTERS: Final = Criteria()
 
 
@@ -49,7 +49,7 @@ class Trial(NamedTuple):
     """One line of the log.
 
     Attributes:
-        phase: which value is raised. value: it, in `unit`. measured, limit: what the criterion looks at, in
+        phase: which value is raised. value: it, in `unit`. measured, limit: the quantity of the criterion, in
             `measured_unit`. kept: the criterion holds. note: why a trial counts as too much although it does.
     """
 

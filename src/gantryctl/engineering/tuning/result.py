@@ -9,7 +9,7 @@ from gantryctl.engineering.analysis.models.robust import uncertain_plants
 from gantryctl.engineering.tuning.bench import Bench, TrialMove, bench_of_paper
 from gantryctl.engineering.tuning.by_margins import STATED, Conditions, Designed, by_margins
 from gantryctl.engineering.tuning.gains import PAPER, POOR, Gains, configured
-from gantryctl.engineering.tuning.judge import GainsVerdict, judged
+from gantryctl.engineering.tuning.judge import GainsVerdict, judge_gains
 from gantryctl.engineering.tuning.procedure import QUARTERS, Criteria, Tuned, paper_procedure
 from gantryctl.machine import Machine
 
@@ -84,7 +84,7 @@ def tune(
     assert found is not None
 
     def candidate(name: str, gains: Gains) -> Candidate:
-        return Candidate(name, gains, bench.move(gains), judged(linear, gains, plants))
+        return Candidate(name, gains, bench.move(gains), judge_gains(linear, gains, plants))
 
     # The acceleration is the user's: the paper's gains are compared at the same one.
     present = configured(machine)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.engineering.analysis.data import measured_data
 from gantryctl.engineering.analysis.measured.excitation import multisine, sine
-from gantryctl.engineering.analysis.measured.probe import Probe, ProbeLimits, fitted, measure
+from gantryctl.engineering.analysis.measured.probe import Probe, ProbeLimits, fit_amplitude, measure
 from gantryctl.engineering.analysis.measured.response import (
     Condition,
     measure_simulated,
@@ -55,7 +55,7 @@ def ready(machine=LINEAR, angle_deg=0.0):
 def test_without_friction_the_axis_is_the_model(where):
     """The strongest check of the sampled model: the compiled loop itself, scan by scan, at 25 frequencies."""
     probe = ready()
-    signal = fitted(probe, multisine(where, 0.5, 150.0, 25, **SHORT), 5.0)
+    signal = fit_amplitude(probe, multisine(where, 0.5, 150.0, 25, **SHORT), 5.0)
     result = measure(probe, signal, settle_periods=9)
     model = model_ratios(LINEAR, Friction.NONE, 0.0, result.hz)
     if where is Input.SPEED:
@@ -71,7 +71,7 @@ def test_without_friction_the_axis_is_the_model(where):
 
 def test_one_sine_measures_one_frequency():
     probe = ready()
-    signal = fitted(probe, sine(Input.SPEED, 20.0, 20, 1.0, 1e-3), 5.0)
+    signal = fit_amplitude(probe, sine(Input.SPEED, 20.0, 20, 1.0, 1e-3), 5.0)
     result = measure(probe, signal, settle_periods=4)
     assert result.hz == pytest.approx([20.0])
     assert result.torque_nm == pytest.approx([5.0], rel=0.15)
@@ -154,7 +154,7 @@ def test_too_few_periods_are_refused():
 @pytest.mark.parametrize("torque", [0.0, -1.0, 128.5, math.nan])
 def test_a_test_torque_beyond_the_limit_is_refused(torque):
     with pytest.raises(UsageError, match=r"above 0 and below the limit of 128\.5"):
-        fitted(ready(), sine(Input.SPEED, 10.0, 10, 1.0, 1e-3), torque)
+        fit_amplitude(ready(), sine(Input.SPEED, 10.0, 10, 1.0, 1e-3), torque)
 
 
 def test_too_much_torque_stops_the_axis():

@@ -18,7 +18,7 @@ from gantryctl.engineering.accuracy.paper import (
 from gantryctl.engineering.accuracy.report import figures
 from gantryctl.engineering.accuracy.report.data import report_json
 from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport
-from gantryctl.engineering.accuracy.report.text import ISO_NAMES, angle_text, iso_text
+from gantryctl.engineering.accuracy.report.text import ISO_NAMES, STATISTICS, angle_text, iso_text
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.accuracy.table_csv import format_error_table
@@ -186,10 +186,9 @@ def _table_view(table: ErrorTable) -> dict[str, Any]:
 
 def _statistics_view(ours: TableStatistics, beside: bool) -> list[tuple[str, list[float], list[float]]]:
     paper = statistics(PAPER_TABLE)
-    names = (("X", "mean_deg"), ("3 S", "three_s_deg"), ("X + 3 S", "upper_deg"), ("X − 3 S", "lower_deg"))
     return [
-        (name, list(getattr(ours, key)[1:]), list(getattr(paper, key)[1:]) if beside else [])
-        for name, key in names
+        (signed(name), list(getattr(ours, key)[1:]), list(getattr(paper, key)[1:]) if beside else [])
+        for name, key in STATISTICS
     ]
 
 
@@ -199,7 +198,7 @@ def _paper_printed(table: ErrorTable) -> str:
         return ""
     mean = ", ".join(f"{value:.4f}" for value in PAPER_MEAN_DEG[1:])
     three_s = ", ".join(f"{value:.4f}" for value in PAPER_THREE_S_DEG[1:])
-    # Shown beside the printed values, so that nobody looks for an error in the last digit.
+    # Shown beside the printed values, because the last digits differ.
     lower = signed(f"{PAPER_LOWER_DEG:.4f}")
     return (
         f"The paper's statistics are computed here from its six printed rows. It prints X = {mean}, "

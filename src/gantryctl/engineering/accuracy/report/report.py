@@ -103,7 +103,7 @@ class GearEnsemble:
 
 @dataclass(frozen=True)
 class AccuracyVerdict:
-    """Pass or fail against the requirement, or why there is none.
+    """Pass or fail against the requirement, or the reason for no verdict.
 
     Attributes:
         passed: None = no verdict.
@@ -201,7 +201,7 @@ class AccuracyReport:
 
     @property
     def verdict(self) -> AccuracyVerdict:
-        """The criterion: 0.1 deg, for everything that was measured at the load."""
+        """The criterion: 0.1 deg, for everything measured at the load."""
         if not self.measures_load:
             text = "the readings are motor side: the gear is outside of what the motor encoder sees"
             return AccuracyVerdict(None, {}, REQUIREMENT_DEG, text)

@@ -31,6 +31,9 @@ ISO_NAMES = (
     ("accuracy_deg", "A (ISO)", "accuracy, both ways"),
 )
 
+# Rows under the paper's table 2: name and attribute of `TableStatistics`.
+STATISTICS = (("X", "mean_deg"), ("3 S", "three_s_deg"), ("X + 3 S", "upper_deg"), ("X - 3 S", "lower_deg"))
+
 
 def angle_text(value_deg: float) -> str:
     """An error with sign and four decimals, as the paper prints; no minus sign before zero."""
@@ -153,12 +156,7 @@ def speed_lines(runs: Sequence[SpeedRun]) -> str:
 def _statistics_lines(figures: TableStatistics, beside: ErrorTable | None) -> list[str]:
     other = statistics(beside) if beside is not None else None
     lines = []
-    for name, attribute in (
-        ("X", "mean_deg"),
-        ("3 S", "three_s_deg"),
-        ("X + 3 S", "upper_deg"),
-        ("X - 3 S", "lower_deg"),
-    ):
+    for name, attribute in STATISTICS:
         paper = getattr(other, attribute) if other is not None else None
         line = f"{name:<12}{_angles(getattr(figures, attribute))}{_beside(paper)}"
         lines.append(line.replace("+", " ") if name == "3 S" else line)

@@ -163,7 +163,7 @@ class Probe:
         )
 
 
-def fitted(probe: Probe, excitation: Excitation, torque_nm: float) -> Excitation:
+def fit_amplitude(probe: Probe, excitation: Excitation, torque_nm: float) -> Excitation:
     """Fit the amplitude of a signal, so that the motor torque swings by +-`torque_nm`.
 
     Begins with a fiftieth of what moves an inertia that is not there and grows at most tenfold a trial, so the torque

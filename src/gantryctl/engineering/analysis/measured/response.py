@@ -18,7 +18,7 @@ from gantryctl.engineering.analysis.measured.probe import (
     FrequencyResponse,
     Probe,
     ProbeLimits,
-    fitted,
+    fit_amplitude,
     measure,
 )
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
@@ -165,7 +165,9 @@ def measure_simulated(machine: Machine, condition: Condition) -> MeasuredRespons
     probe.enable()
     if condition.vel_deg_s:
         probe.turn(rad(condition.vel_deg_s))
-    return MeasuredResponse(machine, condition, measure(probe, fitted(probe, signal, condition.torque_nm)))
+    return MeasuredResponse(
+        machine, condition, measure(probe, fit_amplitude(probe, signal, condition.torque_nm))
+    )
 
 
 def starts_at_deg(machine: Machine, condition: Condition) -> float:

@@ -18,7 +18,7 @@ _GRID_PER_DECADE: Final = 250
 # Half-widths on either side of a mode, with eight points in each: a peak of 1.6 % damping is not missed.
 _HALF_WIDTHS: Final = 12.0
 _AROUND_MODE: Final = 193
-# A loop that bears a thousandfold gain has no limit that anybody would meet.
+# A loop that bears a thousandfold gain has no limit within reach of any drive.
 _LARGEST_GAIN: Final = 1e3
 
 

@@ -48,7 +48,6 @@ class RigidLoop:
         return np.polyadd([self.js_kg_m2, 0.0, 0.0, 0.0], np.polymul(self._pi, [1.0, self.kpp_per_s]))
 
     # --- transfer functions
-    # -------------------------------------------------------------------------------------
 
     @property
     def position(self) -> TransferFunction:
@@ -89,7 +88,6 @@ class RigidLoop:
         return TransferFunction.of([1.0, 0.0], self._denominator)
 
     # --- figures
-    # ------------------------------------------------------------------------------------------------
 
     @property
     def velocity_wn_rad_s(self) -> float:
@@ -124,7 +122,7 @@ class RigidLoop:
 
     @property
     def gain_margin(self) -> float | None:
-        """Factor on Kpp that reaches the stability limit; None when there is none."""
+        """Factor on Kpp that reaches the stability limit; None without a limit."""
         margins = self.position_open.gain_margins()
         rising = margins[margins > 1.0]
         return float(rising[0]) if rising.size else None
@@ -153,7 +151,6 @@ class RigidLoop:
         return self.tvi_s / (self.kpp_per_s * self.kvp_nm_s_per_rad)
 
     # --- responses; the unit of the reference is the unit of the result
-    # -----------------------------------------
 
     def step(self, times_s: list[float]) -> FloatArray:
         """y(t) for r = 1(t)."""

@@ -88,7 +88,6 @@ class SampledLoop:
     settings: LoopSettings
 
     # --- one drive cycle, one scan
-    # ---------------------------------------------------------------------------
 
     @cached_property
     def held(self) -> tuple[FloatArray, FloatArray]:
@@ -160,7 +159,6 @@ class SampledLoop:
         return np.concatenate([plant_row, np.zeros(3)])
 
     # --- poles
-    # -----------------------------------------------------------------------------------------------
 
     @cached_property
     def poles(self) -> ComplexArray:
@@ -188,7 +186,6 @@ class SampledLoop:
         return bool(np.max(np.abs(z)) < limit)
 
     # --- frequency responses
-    # ---------------------------------------------------------------------------------
 
     def angle_per_torque(self, w_rad_s: FloatArray) -> ComplexArray:
         """Encoder angle per torque set-point that acts, sampled at the drive cycle, rad/(N m)."""
