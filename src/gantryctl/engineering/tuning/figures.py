@@ -50,18 +50,13 @@ def trials(tuned: Tuned, folder: Path) -> Path:
 def _phase(axis: Axes, log: list[Trial]) -> None:
     first = log[0]
     kept, stopped = [t for t in log if t.kept], [t for t in log if not t.kept]
-    axis.plot(
-        [t.value for t in kept], [t.measured for t in kept], "o", color=BLUE, markersize=4, label="kept"
-    )
-    if stopped:
-        axis.plot(
-            [t.value for t in stopped],
-            [t.measured for t in stopped],
-            "x",
-            color=RED,
-            markersize=6,
-            label="too much",
-        )
+    for trials, marker, colour, size, label in (
+        (kept, "o", BLUE, 4, "kept"),
+        (stopped, "x", RED, 6, "too much"),
+    ):
+        if trials:
+            values, measured = [t.value for t in trials], [t.measured for t in trials]
+            axis.plot(values, measured, marker, color=colour, markersize=size, label=label)
     axis.axhline(first.limit, color=INK, linewidth=0.8, linestyle="--")
     if first.phase != "Kvf":
         axis.set_xscale("log")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gantryctl.drives.ideal import IdealDrive
 from gantryctl.engineering.analysis.data import measured_data
-from gantryctl.engineering.analysis.measured.excitation import multisine, sine
+from gantryctl.engineering.analysis.measured.excitation import Excitation, multisine
 from gantryctl.engineering.analysis.measured.probe import Probe, ProbeLimits, fit_amplitude, measure
 from gantryctl.engineering.analysis.measured.response import (
     Condition,
@@ -28,6 +28,14 @@ from gantryctl.wiring.program import motion_limits, position_law
 from gantryctl.wiring.simulator import sim_drive
 
 MACHINE = default_machine()
+
+
+def sine(where: Input, hz: float, cycles: int, amplitude: float, scan_s: float) -> Excitation:
+    """One frequency, moved to the nearest one of which `cycles` cycles are whole scans."""
+    scans = max(2 * cycles + 1, round(cycles / hz / scan_s))
+    return Excitation(where, scans * scan_s, (cycles,), (1.0,), (0.0,), amplitude)
+
+
 OFF = (
     "gear_error",
     "backlash",

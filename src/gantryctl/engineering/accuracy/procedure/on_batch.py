@@ -25,6 +25,11 @@ REST_S: Final = 2.0
 # Phases of the gear-error map: twelve ring harmonics, five of reducer and pinion, one unused.
 PHASES: Final = 18
 
+# Leg statistics in the order of the fields of `Readings`.
+_MEASURED: Final = (
+    "mean_pos_load_rad", "mean_pos_ring_rad", "mean_pos_act_rad", "max_vel_err_motor_rad_s", "max_vel_err_load_rad_s",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Readings:
@@ -118,18 +123,10 @@ def run_procedure(
                 between(index, loop)
             statistics += run_legs(loops, [leg], workers)
     # The first leg is the rest before the run, not a stop.
-    columns = {
-        name: np.array([getattr(s, name) for s in statistics[1:]]).T
-        for name in ("mean_pos_load_rad", "mean_pos_ring_rad", "mean_pos_act_rad")
-    }
-    return Readings(
-        load_rad=columns["mean_pos_load_rad"],
-        ring_rad=columns["mean_pos_ring_rad"],
-        motor_rad=columns["mean_pos_act_rad"],
-        vel_err_motor_rad_s=np.array([s.max_vel_err_motor_rad_s for s in statistics[1:]]).T,
-        vel_err_load_rad_s=np.array([s.max_vel_err_load_rad_s for s in statistics[1:]]).T,
-        axis_time_s=sum(leg.duration_s for leg in legs),
+    load, ring, motor, vel_motor, vel_load = (
+        np.array([getattr(stop, name) for stop in statistics[1:]]).T for name in _MEASURED
     )
+    return Readings(load, ring, motor, vel_motor, vel_load, sum(leg.duration_s for leg in legs))
 
 
 def lose_turns(loop: ClosedLoop, turns: int) -> None:

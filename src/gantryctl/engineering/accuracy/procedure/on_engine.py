@@ -35,36 +35,26 @@ def run_on_engine(
         AlarmStop: an alarm stopped the axis.
     """
     check_travel(machine, procedure)
-    with nullcontext() if machine.plant_is_local else StateStore(machine) as store:
-        return _driven(machine, procedure, store, real_time, progress)
-
-
-def _driven(
-    machine: Machine,
-    procedure: Procedure,
-    store: StateStore | None,
-    real_time: bool,
-    progress: Progress | None,
-) -> Readings:
-    session = AxisRun(machine, store, recorder=MemoryRecorder, real_time=real_time)
-    recorder = session.engine.recorder
-    assert isinstance(recorder, MemoryRecorder)
     rows: list[tuple[float, float, float, float, float]] = []
-    try:
-        session.power_up()
-        session.move(procedure.start_deg)
-        session.engine.run_for(REST_S)
-        for index, stop in enumerate(procedure.stops):
-            if progress is not None:
-                progress(index, stop.target_deg)
-            recorder.forget()
-            if index or stop.target_deg != procedure.start_deg:
-                session.move(stop.target_deg)
-            session.engine.run_for(machine.accuracy.dwell_s)
-            rows.append(_reading(recorder.trace(), machine))
-        session.power_down()
-    finally:
-        session.close("accuracy run")
+    with nullcontext() if machine.plant_is_local else StateStore(machine) as store:
+        session = AxisRun(machine, store, recorder=MemoryRecorder, real_time=real_time)
+        recorder = session.engine.recorder
+        assert isinstance(recorder, MemoryRecorder)
+        try:
+            session.power_up()
+            session.move(procedure.start_deg)
+            session.engine.run_for(REST_S)
+            for index, stop in enumerate(procedure.stops):
+                if progress is not None:
+                    progress(index, stop.target_deg)
+                recorder.forget()
+                if index or stop.target_deg != procedure.start_deg:
+                    session.move(stop.target_deg)
+                session.engine.run_for(machine.accuracy.dwell_s)
+                rows.append(_reading(recorder.trace(), machine))
+            session.power_down()
+        finally:
+            session.close("accuracy run")
     load, ring, motor, vel_motor, vel_load = np.array(rows).T[:, np.newaxis, :]
     return Readings(load, ring, motor, vel_motor, vel_load, session.engine.time_s)
 

@@ -76,9 +76,3 @@ def multisine(
     return Excitation(
         where, period_s, tuple(lines.tolist()), tuple(weights.tolist()), tuple(phases.tolist()), 1.0
     )
-
-
-def sine(where: Input, hz: float, cycles: int, amplitude: float, scan_s: float) -> Excitation:
-    """One frequency, moved to the nearest one of which `cycles` cycles are whole scans."""
-    scans = max(2 * cycles + 1, round(cycles / hz / scan_s))
-    return Excitation(where, scans * scan_s, (cycles,), (1.0,), (0.0,), amplitude)

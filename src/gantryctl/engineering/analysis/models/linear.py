@@ -97,7 +97,8 @@ class TransferFunction:
         """Largest |G(jw)| over w >= 0 (Mr of a closed loop)."""
         n, d = _square(self.num), _square(self.den)
         # |G|^2 = n(x)/d(x) with x = w^2 peaks where n' d - n d' = 0.
-        slope = np.polysub(np.polymul(_derivative(n), d), np.polymul(n, _derivative(d)))
+        rise, fall = np.asarray(np.polyder(n)), np.asarray(np.polyder(d))
+        slope = np.polysub(np.polymul(rise, d), np.polymul(n, fall))
         return max(abs(self(1j * w)) for w in [0.0, *_positive_frequencies(slope)])
 
 
@@ -213,10 +214,6 @@ def _mirror(coefficients: Sequence[float]) -> FloatArray:
     """p(-s)."""
     c = np.array(coefficients, dtype=np.float64)
     return np.asarray(c * (-1.0) ** np.arange(len(c) - 1, -1, -1))
-
-
-def _derivative(coefficients: FloatArray) -> FloatArray:
-    return np.asarray(coefficients[:-1] * np.arange(len(coefficients) - 1, 0, -1))
 
 
 def _even_powers_as_x(coefficients: ArrayLike, odd: bool = False) -> FloatArray:
