@@ -17,8 +17,8 @@ MAP_HARMONICS: Final = 16
 REVERSAL_HARMONICS: Final = 12
 SCALE_HARMONICS: Final = 40
 
-Waves = Annotated[tuple[Annotated[float, Field(ge=-0.1, le=0.1)], ...], Field(min_length=1)]
 _Amplitude = Annotated[float, Field(ge=-0.1, le=0.1)]
+Waves = Annotated[tuple[_Amplitude, ...], Field(min_length=1)]
 FastWave = tuple[Annotated[float, Field(ge=1.0, le=1e5)], _Amplitude, _Amplitude]
 
 
@@ -79,9 +79,7 @@ class Maps(Table):
 
     gear_rad: Waves = Field(max_length=2 * MAP_HARMONICS + 1)
     reversal_rad: Waves = Field(max_length=2 * REVERSAL_HARMONICS + 1)
-    scale_rad: tuple[Annotated[float, Field(ge=-0.1, le=0.1)], ...] = Field(
-        max_length=2 * SCALE_HARMONICS + 1
-    )
+    scale_rad: tuple[_Amplitude, ...] = Field(max_length=2 * SCALE_HARMONICS + 1)
     fast: tuple[FastWave, ...] = Field(max_length=6)
 
 
@@ -123,13 +121,9 @@ def calibration_toml(calibration: Calibration) -> str:
 
 
 def _value(value: object) -> str:
-    if isinstance(value, tuple):
-        if value and isinstance(value[0], tuple):
-            return "[\n" + "".join(f"  {_row(row)},\n" for row in value) + "]"
-        rows = [value[k : k + 4] for k in range(0, len(value), 4)]
-        return "[\n" + "".join(f"  {', '.join(repr(x) for x in row)},\n" for row in rows) + "]"
-    return json.dumps(value)
-
-
-def _row(row: tuple[float, ...]) -> str:
-    return f"[{', '.join(repr(x) for x in row)}]"
+    if not isinstance(value, tuple):
+        return json.dumps(value)
+    nested = bool(value) and isinstance(value[0], tuple)
+    rows = value if nested else [value[k : k + 4] for k in range(0, len(value), 4)]
+    lines = (", ".join(repr(x) for x in row) for row in rows)
+    return "[\n" + "".join(f"  [{line}],\n" if nested else f"  {line},\n" for line in lines) + "]"

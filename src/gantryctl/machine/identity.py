@@ -32,19 +32,15 @@ def check_belongs(calibration: Calibration, machine: Machine, encoder_serial: st
         ConfigError: ratios, motor, reducer or encoder differ, or the encoder has another serial number.
     """
     origin, wanted = calibration.origin, identity_hash(machine)
-    what = f"calibration of {printable(origin.machine)}, {origin.date}"
-    again = "run `gantryctl identify` on this machine"
     if origin.identity != wanted:
-        raise ConfigError(
-            [
-                f"{what}: measured on another machine (identity {origin.identity}, this one is {wanted}: "
-                f"ratios, motor, reducer or encoder differ); {again}"
-            ]
+        wrong = (
+            f"on another machine (identity {origin.identity}, this one is {wanted}: ratios, motor, reducer or encoder "
+            "differ)"
         )
-    if encoder_serial is not None and encoder_serial != origin.encoder_serial:
-        raise ConfigError(
-            [
-                f"{what}: measured with encoder {printable(origin.encoder_serial)!r}, the drive has "
-                f"{printable(encoder_serial)!r}; {again}"
-            ]
-        )
+    elif encoder_serial is not None and encoder_serial != origin.encoder_serial:
+        known, found = printable(origin.encoder_serial), printable(encoder_serial)
+        wrong = f"with encoder {known!r}, the drive has {found!r}"
+    else:
+        return
+    what = f"calibration of {printable(origin.machine)}, {origin.date}"
+    raise ConfigError([f"{what}: measured {wrong}; run `gantryctl identify` on this machine"])

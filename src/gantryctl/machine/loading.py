@@ -117,17 +117,13 @@ def default_machine() -> Machine:
 
 def _as_json(data: Data) -> str:
     # A date has no JSON form; null, which every field refuses, stands in for it.
-    return json.dumps(data, default=_null)
+    return json.dumps(data, default=lambda _: None)
 
 
 def _validate(text: str) -> Machine:
     # JSON in strict mode: lax mode takes "5" and true as numbers, strict Python mode refuses arrays for tuples
     # (decision 0004).
     return Machine.model_validate_json(text, strict=True, context={RULES_LATER: True})
-
-
-def _null(_: object) -> None:
-    return None
 
 
 def _without(error: ValidationError, data: Data) -> Machine:
