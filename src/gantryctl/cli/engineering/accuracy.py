@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.machine import Machine
 
+# A folder of its own: a report is three files.
 DEFAULT_OUT = Path("accuracy_report")
 
 
@@ -121,6 +122,7 @@ def _with_instrument(machine: Machine, radius_m: float | None, noise_um: float |
 
     changes: dict[str, object] = {}
     if radius_m is not None:
+        # Through the machine file's own rules: a radius of 0 is refused there.
         changes["accuracy.chord_radius_m"] = radius_m
     if noise_um is not None:
         changes["accuracy.tracker_noise_um"] = noise_um
@@ -221,6 +223,7 @@ def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
     from gantryctl.engineering.accuracy.report.text import text_report
     from gantryctl.engineering.accuracy.table_csv import read_error_table
 
+    # The statistics need no machine: any table of errors will do.
     errors = read_error_table(_shipped(table), radius_m)
     if as_json:
         print_json(table_data(errors))
@@ -259,10 +262,12 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
 
+    # Figure 5 comes from the compiled loop, which needs a plant to turn.
     machine = simulated_machine(config_file, "speed-test")
     file = directory(out) / "speed_test.svg" if out is not None else None
     runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
     if file is not None:
+        # Vectors, like the figures of the report.
         file.write_text(svg(speed_errors(runs), "speed"), encoding="utf-8")
     if as_json:
         print_json([speed_data(run) for run in runs])

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from gantryctl.engineering.analysis.models.robust import RobustReport
     from gantryctl.engineering.analysis.study import Study
 
+# Pictures and data go here when --plot names no folder.
 DEFAULT_OUT = Path("analysis")
 
 
@@ -147,6 +148,7 @@ def _show(study: Study, robust: RobustReport | None, measured: list[MeasuredResp
     click.echo(
         f"poles {_roots(loop.position.poles.tolist())}; zeros {_roots(loop.position.zeros.tolist())} rad/s"
     )
+    # A rigid plant has no modes: empty tables are left out.
     for table in text.study_tables(study) + ([text.robust_table(robust.margins)] if robust else []):
         if table.rows:
             print_table(table)
@@ -158,5 +160,6 @@ def _show(study: Study, robust: RobustReport | None, measured: list[MeasuredResp
 
 def _roots(roots: list[complex]) -> str:
     """One of each pair, as text."""
+    # Complex roots come in pairs; the lower half plane says nothing new.
     shown = [root for root in roots if root.imag >= 0.0]
     return ", ".join(f"{r.real:.4g}" + (f" ± {r.imag:.4g}j" if r.imag else "") for r in shown)

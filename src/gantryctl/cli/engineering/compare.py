@@ -54,6 +54,7 @@ def compare(
     # Before half a minute of runs, not after it.
     if plants == 1:
         raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
+    # Before the runs: an ensemble may take hours.
     folder = None if out is None else directory(out)
     report = compare_report(
         _machine(first),
@@ -77,6 +78,7 @@ def compare(
 
 def _progress(plants: int) -> Callable[[int], None] | None:
     """Progress of the ensemble on a terminal: it may take hours."""
+    # In a log file the counting lines would only stand between the results.
     if not sys.stderr.isatty():
         return None
     return lambda done: click.echo(f"plant {done} of {plants}", err=True) if done % 10 == 0 else None

@@ -69,6 +69,7 @@ def _usual_place(machine: Machine, config_file: Path | None) -> Path:
     # The controller reads the calibration beside the machine file, so it is written there.
     if named and config_file is not None:
         return config_file.parent / named
+    # A shipped machine has no folder to write to: here, then.
     return Path(f"{machine.name}.calibration.toml")
 
 
@@ -77,6 +78,7 @@ def _next_version(path: Path, force: bool) -> int:
     from gantryctl.errors import ConfigError, UsageError
     from gantryctl.machine import load_calibration
 
+    # Before 17 minutes of axis time: a folder that is missing, a file that exists, a file of another kind.
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no directory {path.parent}")
     if not path.exists():

@@ -47,6 +47,7 @@ def size(
     sheet_path, motor_paths = _sorted_files(files, motor_files)
     sheet = _sheet(sheet_path)
     fits = [fit(sheet, motor) for motor in load_motors(motor_paths)]
+    # The figures of a motor that fits, or of the first one to show what is missing.
     shown = next((fitted for fitted in fits if fitted.fits), fits[0])
     machine = machine_of(config_file)
     if destination is not None:
@@ -82,6 +83,7 @@ def _expanded(path: Path) -> list[Path]:
 
     from gantryctl.errors import UsageError
 
+    # Quoted patterns, and shells that expand none.
     if not glob.has_magic(str(path)) or path.exists():
         return [path]
     found = sorted(Path(name) for name in glob.glob(str(path)))
@@ -115,6 +117,7 @@ def _write(machine: Machine, shown: Fit, path: Path) -> None:
     text = to_toml(sized_machine(machine, shown))
     head = f"# {machine.name} with requirement sheet {shown.train.sheet.sheet.name} and motor {shown.motor.name}\n"
     try:
+        # Never over a file that exists: a machine file is a person's work.
         with path.open("x", encoding="utf-8") as file:
             file.write(head + text)
     except FileExistsError:

@@ -27,6 +27,7 @@ def stops(config_file: Path | None, speeds: tuple[float, ...], find_quick: bool,
     from gantryctl.errors import UsageError
 
     machine = machine_of(config_file)
+    # Speeds above the setting are no stops of this machine.
     for speed in speeds:
         if not 0.0 < speed <= machine.speed.setting_max_deg_s:
             raise UsageError(

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from gantryctl.engineering.tuning.result import Tuning
 
 DEFAULT_OUT = Path("tuning")
+# A whole machine file: --config takes it as it is.
 PROPOSAL = "proposal.toml"
 
 
@@ -124,6 +125,7 @@ def _write(result: Tuning, folder: Path, config_file: Path | None, plot: bool) -
 def _show(result: Tuning, with_log: bool) -> None:
     from gantryctl.engineering.tuning import text
 
+    # The method by margins has no trials, and no claim to end at the paper's gains.
     if result.tuned is not None:
         if with_log:
             print_table(text.log_table(result.tuned))

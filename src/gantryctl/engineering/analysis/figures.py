@@ -14,7 +14,7 @@ from gantryctl.engineering.analysis.measured.response import MeasuredResponse
 from gantryctl.engineering.analysis.models.linear import MINUS_3_DB, ComplexArray, FloatArray
 from gantryctl.engineering.analysis.models.mechanics import LOAD, MOTOR, PlantKind
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop
-from gantryctl.engineering.analysis.models.responses import Reference, TimeResponse, time_response
+from gantryctl.engineering.analysis.models.responses import SetPointStep, TimeResponse, time_response
 from gantryctl.engineering.analysis.models.robust import (
     DAMPINGS,
     STIFFNESS_NM_PER_RAD,
@@ -176,19 +176,20 @@ def time_responses(study: Study, folder: Path) -> Path:
     """Errors at motor and load behind a step of angle, speed and acceleration, with eq. (5) beside a rigid plant."""
     path = folder / "responses.png"
     machine = study.machine
+    acc_deg_s2 = machine.virtual_axis.acc_deg_s2
     sizes = {
-        Reference.STEP: rad(STEP_DEG),
-        Reference.RAMP: rad(machine.speed.setting_min_deg_s),
-        Reference.PARABOLA: rad(machine.virtual_axis.acc_deg_s2),
+        SetPointStep.STEP: rad(STEP_DEG),
+        SetPointStep.RAMP: rad(machine.speed.setting_min_deg_s),
+        SetPointStep.PARABOLA: rad(acc_deg_s2),
     }
     duration = _SHORT_S if study.kind is PlantKind.RIGID else _SWING_S
     titles = {
-        Reference.STEP: f"angle jumps by {STEP_DEG:g} deg (no set-point speed)",
-        Reference.RAMP: f"speed jumps to {machine.speed.setting_min_deg_s:g} deg/s, the lowest setting",
-        Reference.PARABOLA: f"acceleration jumps to {machine.virtual_axis.acc_deg_s2:.3g} deg/s2: a profile's corner",
+        SetPointStep.STEP: f"angle jumps by {STEP_DEG:g} deg (no set-point speed)",
+        SetPointStep.RAMP: f"speed jumps to {machine.speed.setting_min_deg_s:g} deg/s, the lowest setting",
+        SetPointStep.PARABOLA: f"acceleration jumps to {acc_deg_s2:.3g} deg/s2: a profile's corner",
     }
     with png_figure(path, f"Following error: {study_name(study)}", 3, 1, figsize=(8.6, 7.4)) as axes:
-        for axis, reference in zip(axes, Reference, strict=True):
+        for axis, reference in zip(axes, SetPointStep, strict=True):
             response = time_response(study.loop, reference, sizes[reference], duration)
             time = response.time_s
             axis.plot(time, 1e3 * deg(1.0) * response.pos_err_load_rad, color=ORANGE, label="load")
@@ -209,9 +210,9 @@ def _equation_5(axis: Axes, machine: Machine, response: TimeResponse) -> None:
     """The continuous rigid loop of the paper under the same reference."""
     times = response.time_s[1::5].tolist()
     size = response.size
-    if response.reference is Reference.STEP:
+    if response.reference is SetPointStep.STEP:
         values = size * (1.0 - rigid_loop(machine, kvf=0.0).step(times))
-    elif response.reference is Reference.RAMP:
+    elif response.reference is SetPointStep.RAMP:
         values = rigid_loop(machine).error_behind(1, size, times)
     else:
         values = rigid_loop(machine).error_behind(2, size, times)

@@ -18,7 +18,7 @@ from gantryctl.engineering.analysis.models.mechanics import (
 )
 from gantryctl.engineering.analysis.models.modes import Oscillation, least_damped, modes, nearest
 from gantryctl.engineering.analysis.models.paper_loop import rigid_loop, two_mass_loop
-from gantryctl.engineering.analysis.models.responses import Reference, time_response
+from gantryctl.engineering.analysis.models.responses import SetPointStep, time_response
 from gantryctl.engineering.analysis.models.sampled import Cut, Input, LoopSettings, SampledLoop, loop_settings
 from gantryctl.engineering.analysis.study import cut_figures, grid_of
 from gantryctl.machine import default_machine, with_values
@@ -106,12 +106,16 @@ def test_python_control_gets_the_same_margins_and_poles():
     np.testing.assert_allclose(closed, subject.poles, rtol=1e-5)
 
 
-@pytest.mark.parametrize("reference", list(Reference))
+@pytest.mark.parametrize("reference", list(SetPointStep))
 def test_python_control_gets_the_same_time_responses(reference):
     subject = loop()
     found = time_response(subject, reference, 1e-3, 0.5)
-    pos = {Reference.STEP: 1.0, Reference.RAMP: found.time_s, Reference.PARABOLA: found.time_s**2 / 2.0}
-    vel = {Reference.STEP: 0.0, Reference.RAMP: 1.0, Reference.PARABOLA: found.time_s}
+    pos = {
+        SetPointStep.STEP: 1.0,
+        SetPointStep.RAMP: found.time_s,
+        SetPointStep.PARABOLA: found.time_s**2 / 2.0,
+    }
+    vel = {SetPointStep.STEP: 0.0, SetPointStep.RAMP: 1.0, SetPointStep.PARABOLA: found.time_s}
     inputs = [1e-3 * part[reference] * np.ones_like(found.time_s) for part in (pos, vel)]
     theirs = control.forced_response(control_models(subject).closed, found.time_s, inputs).outputs
     for row, ours in ((0, found.pos_err_motor_rad), (1, found.pos_err_load_rad)):

@@ -12,7 +12,7 @@ from gantryctl.engineering.analysis.models.mechanics import LOAD
 from gantryctl.engineering.analysis.models.sampled import SampledLoop
 
 
-class Reference(Enum):
+class SetPointStep(Enum):
     """Course of the set-point from t = 0."""
 
     STEP = "step of the angle"
@@ -29,14 +29,14 @@ class TimeResponse:
         pos_err_motor_rad, pos_err_load_rad: set-point minus angle.
     """
 
-    reference: Reference
+    reference: SetPointStep
     size: float
     time_s: FloatArray
     pos_err_motor_rad: FloatArray
     pos_err_load_rad: FloatArray
 
 
-def time_response(loop: SampledLoop, reference: Reference, size: float, duration_s: float) -> TimeResponse:
+def time_response(loop: SampledLoop, reference: SetPointStep, size: float, duration_s: float) -> TimeResponse:
     """Response from standstill.
 
     The step has no speed: the controller is given a new angle and r' = 0, unlike eq. (5), which
@@ -45,9 +45,9 @@ def time_response(loop: SampledLoop, reference: Reference, size: float, duration
     s, ratio = loop.settings, loop.plant.ratio
     time = s.scan_s * np.arange(round(duration_s / s.scan_s) + 1, dtype=np.float64)
     pos, vel = {
-        Reference.STEP: (np.full_like(time, size), np.zeros_like(time)),
-        Reference.RAMP: (size * time, np.full_like(time, size)),
-        Reference.PARABOLA: (0.5 * size * time**2, size * time),
+        SetPointStep.STEP: (np.full_like(time, size), np.zeros_like(time)),
+        SetPointStep.RAMP: (size * time, np.full_like(time, size)),
+        SetPointStep.PARABOLA: (0.5 * size * time**2, size * time),
     }[reference]
     # Eq. (4): v_cmd = i (Kpp r + Kvf r') - Kpp y, held over the scan; `closed` holds the feedback part.
     closed, command = loop.closed(), loop.scan()[1]
