@@ -76,6 +76,7 @@ def load_progress(path: Path) -> Progress | None:
         return None
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
+        # The hash follows from the results: a stored one could only disagree.
         data.pop("hash", None)
         return TypeAdapter(Progress).validate_python(data)
     except (OSError, ValueError, TypeError, AttributeError) as fault:

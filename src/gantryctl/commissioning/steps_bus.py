@@ -20,6 +20,7 @@ from gantryctl.wiring.canopen import can_link, canopen_settings
 _WATCH_S: Final = 2.0
 # One SYNC in a hundred: rarer gaps are bridged by the master for 30 ms (decision 0012).
 _MISSED_MAX: Final = 0.01
+# Nothing is enabled in these steps: whatever moves the gantry further is a fault.
 _LEASH_DEG: Final = 0.02
 
 
@@ -78,6 +79,7 @@ def parameters(c: Context) -> StepResult:
         return failed("parameters", str(refused), "set them with the drive maker's tool, then go on")
     file = c.folder / f"{c.machine.name}.drive.json"
     file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
+    # A sparse drive may lack optional objects; the proof names them.
     lacking = [row.place for row in rows if row.verdict.value == "not in this drive"]
     without = f"; this drive has no {', '.join(lacking)}" if lacking else ""
     return passed(

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Final
 
 import numpy as np
 
@@ -30,46 +32,46 @@ _MARGIN_DEG: Final = 2.0
 _WHOLE_DEG: Final = 300.0
 
 
-class _Run(NamedTuple):
-    trace: Trace
-    end_deg: float
-    done: bool
-
-
-def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> _Run:
-    """Power up, move to every target, power down."""
-    session = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
-    recorder = session.engine.recorder
+@contextmanager
+def _recorded_run(c: Context) -> Iterator[tuple[AxisRun, MemoryRecorder]]:
+    """A run and its recorder, powered down at its end."""
+    run = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
+    recorder = run.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
-    result, alarm, done = "commissioning", None, True
+    alarm = None
     try:
-        start = session.angle_deg
-        for target in targets:
-            done = session.move(start + target if by else target, speed_deg_s).done and done
-        end = session.angle_deg
-        session.power_down()
+        yield run, recorder
+        run.power_down()
     except AlarmStop as stopped:
+        # An alarm holds the axis until it is acknowledged, as in operation.
         alarm = stopped
         raise
     finally:
-        session.close(result, alarm)
-    return _Run(recorder.trace(), end, done)
+        run.close("commissioning", alarm)
+
+
+def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> tuple[Trace, bool]:
+    """Power up, move to every target, power down; the trace, and whether every move was done."""
+    done = True
+    with _recorded_run(c) as (run, recorder):
+        start = run.angle_deg
+        for target in targets:
+            done = run.move(start + target if by else target, speed_deg_s).done and done
+    return recorder.trace(), done
 
 
 def loop(c: Context) -> StepResult:
     """Move a degree there and back with the position loop closed."""
     speed = c.machine.speed.setting_min_deg_s
-    run = _move(c, (_SMALL_DEG, 0.0), speed, by=True)
-    error = deg(float(np.max(np.abs(run.trace["pos_err_rad"]))))
+    trace, done = _move(c, (_SMALL_DEG, 0.0), speed, by=True)
+    error = deg(float(np.max(np.abs(trace["pos_err_rad"]))))
     band = (
         c.machine.monitors.following_error_base_deg + c.machine.monitors.following_error_per_speed_s * speed
     )
-    rest = _rest_error_deg(run.trace)
+    rest = _rest_error_deg(trace)
     proof = f"largest following error {error:.5f} deg at {speed:g} deg/s (band {band:.3f}), {rest:.6f} deg at rest"
     to_do = "gains of the drive, [control] kpp_per_s, dead time"
-    return judged(
-        run.done and error < band, "loop", proof, to_do, following_error_deg=error, rest_error_deg=rest
-    )
+    return judged(done and error < band, "loop", proof, to_do, following_error_deg=error, rest_error_deg=rest)
 
 
 def _rest_error_deg(trace: Trace) -> float:
@@ -135,14 +137,8 @@ def _measured_stop(c: Context, what: str, speed: float) -> float:
 
 def _jog_release(c: Context, speed: float) -> float:
     """Measure a jog release: from the end of constant speed to rest."""
-    session = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
-    recorder = session.engine.recorder
-    assert isinstance(recorder, MemoryRecorder)
-    try:
-        session.jog(session.angle_deg < 0.0, speed, 3.0)
-        session.power_down()
-    finally:
-        session.close("commissioning")
+    with _recorded_run(c) as (run, recorder):
+        run.jog(run.angle_deg < 0.0, speed, 3.0)
     trace = recorder.trace()
     vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
     # From the last scan at full speed, as the jog key is let go there.
@@ -154,7 +150,7 @@ def slow_turn(c: Context) -> StepResult:
     """Fit friction and eccentric moment to the torque over the angle, both ways."""
     low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
     speed = min(_TURN_SPEED, c.machine.speed.setting_max_deg_s)
-    trace = _move(c, (low, high, low, 0.0), speed).trace
+    trace, _ = _move(c, (low, high, low, 0.0), speed)
     ratio = c.machine.axis.ratio
     vel = trace["vel_ref_rad_s"]
     # Constant speed only: inertia has no part in it.

@@ -78,6 +78,7 @@ def reset(axis: OpenLoopAxis) -> None:
     for _ in range(round(1.0 / axis.period_s)):
         if axis.scan(DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED:
             return
+    # Silence made the fault on purpose: within a second it must be gone.
     raise DeviceError(f"the drive's fault does not go away: {axis.feedback.error_code:04X}h")
 
 
@@ -114,6 +115,7 @@ def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
     while test.running:
         torque = test.scan(seen.torque_act_nm, rad(axis.angle_deg))
         seen = axis.scan(DriveRequest.ENABLE, torque_nm=torque, brake=False)
+    # The torque ends behind the closed brake, before the drive is disabled.
     axis.run(0.3, torque_nm=torque - seen.torque_act_nm, brake=False)
     axis.run(0.2, DriveRequest.DISABLE, brake=False)
     return test.result

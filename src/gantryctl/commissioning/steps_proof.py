@@ -19,6 +19,7 @@ _CRITERION_DEG: Final = 0.1
 
 def bands(c: Context) -> StepResult:
     """Propose bands of twice the measured errors, beside those of the machine file."""
+    # Errors at rest come from `loop`, those at speed from `turn`.
     if not {"loop", "turn"} <= set(c.results):
         return failed("bands", "nothing to propose from", "run the steps loop and turn first")
     rest = c.results["loop"].figures["rest_error_deg"]
