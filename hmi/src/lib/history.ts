@@ -1,7 +1,7 @@
 import type { Tags } from './tables';
 
 /** What the strip chart shows and exports, named as in the tag table. */
-export const COLUMNS = [
+const COLUMNS = [
   'time_s',
   'pos_act_deg',
   'pos_ref_deg',

@@ -9,9 +9,9 @@ const PRESS_AGE_MS = 200;
 /** A lease that the controller has not shown by now will not live any more. */
 const GRACE_MS = 400;
 
-export type Ending = '' | 'released' | 'both' | 'left' | 'stale' | 'late' | 'refused' | 'lost';
+type Ending = '' | 'released' | 'both' | 'left' | 'stale' | 'late' | 'refused' | 'lost';
 
-export class Hold {
+class Hold {
   direction = $state<Direction | null>(null);
   ended = $state<Ending>('');
   #lease = '';

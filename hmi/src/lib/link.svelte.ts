@@ -10,9 +10,9 @@ const MARGIN_MS = 100;
 const ALIVE_MS = 400;
 const NO_ANSWER_MS = 2000;
 
-export type Note = Pick<Reply, 'ok' | 'code' | 'text' | 'values'>;
+type Note = Pick<Reply, 'ok' | 'code' | 'text' | 'values'>;
 
-export class Link {
+class Link {
   session = $state.raw<Session | null>(null);
   /** False until the service was asked who we are. */
   asked = $state(false);

@@ -141,12 +141,27 @@ The address is `http://127.0.0.1:8650` unless `--listen` says otherwise; another
 """
 
 
+_VALUES: Final = """\
+### Values and messages
+
+`values` of an alarm row and of a reply are the fields of the message of its code (`gantryctl explain CODE`), so that a client can say it in
+another language. A tag of type `messages` is a list; each message, and each value that is not a number or a name, has one of these forms:
+
+| form | is |
+|---|---|
+| `{"code": "CTL-04", "values": {...}}` | the message of a code |
+| `{"reason": "ENC-10", "values": {...}}` | a reason against power: code, message, what to do |
+| `{"words": "ESTOP_OPEN", "values": {...}}` | words of `program/alarms/words.py` |
+| text | English without values |
+"""
+
+
 def reference_page() -> str:
     """Write the page."""
     socket = _SOCKET.substitute(_NUMBERS, messages=_messages(), codes=_codes())
     rows = _table(("key", "meaning"), ((f"`{key}`", words) for key, words in ALARM_ROW.items()))
     alarms = f"### Rows of `alarms` and `alarm_history`\n\n{rows}"
-    return "\n".join([_HEAD, _tags(), alarms, socket, _HTTP, _roles()])
+    return "\n".join([_HEAD, _tags(), alarms, _VALUES, socket, _HTTP, _roles()])
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
