@@ -28,7 +28,7 @@ _CALM_RAD_S: Final = 1e-5
 
 
 class SimulatedPlant(Truth, Protocol):
-    """The simulated gantry behind a drive on a bus; a real drive has none."""
+    """Simulated gantry behind a virtual drive on a bus."""
 
     def plant_state(self) -> dict[str, float]:
         """State from which a later run goes on; {} where another process keeps it."""

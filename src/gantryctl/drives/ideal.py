@@ -1,4 +1,4 @@
-"""The ideal drive: actual = set-point. For trying programs without any plant."""
+"""Ideal drive: actual = set-point, for trying programs without a plant."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class IdealDrive(BaseDrive):
         return self._identity
 
     def read(self) -> DriveFeedback:
-        """The state at the beginning of this scan."""
+        """State at the beginning of this scan."""
         counts = round(self.pos_motor_rad * self._counts_per_rad + self._zero_counts)
         moving = self.state, counts, self.vel_rad_s, self.torque_nm, self.brake_open
         return DriveFeedback(*moving, False, 0.0, error_code=self.error_code, inputs=self.inputs)

@@ -71,7 +71,7 @@ class SimDrive(BaseDrive):
         return self._identity
 
     def read(self) -> DriveFeedback:
-        """The state at the beginning of this scan."""
+        """State at the beginning of this scan."""
         counts, vel, torque, brake_open, limited, overload, _ = self._feedback(self._count_rad)
         return DriveFeedback(
             self.state,

@@ -76,7 +76,7 @@ def build_engine(
     real_time: bool = False,
     keep_plans: bool = False,
 ) -> Engine:
-    """An engine with the machine's drive, standing with power off.
+    """Engine with the machine's drive, standing with power off.
 
     Args:
         drive: an open drive; a new machine standing at 0 deg when not given.

@@ -35,9 +35,9 @@ def scan(
     eds_file: Path | None,
     as_json: bool,
 ) -> int:
-    """Every node that answers: identity, versions, modes, state, and what is dangerous. Only reads.
+    """List every node that answers: identity, versions, modes, state, and dangers; only reads.
 
-    Exit code 1 when nobody answers.
+    Exit code 1 when no node answers.
     """
     from gantryctl.drives.canopen.setup.survey import survey
     from gantryctl.machine import with_values
@@ -59,12 +59,12 @@ def scan(
         for node in found:
             _print(node, promised)
         if not found:
-            click.echo("nobody answers: supply, cable, terminators, bit rate?")
+            click.echo("no node answers: supply, cable, terminators, bit rate?")
     return int(not found)
 
 
 def _promised(eds_file: Path | None) -> tuple[int | None, int | None] | None:
-    """Vendor and product of an EDS."""
+    """Vendor and product number of an EDS."""
     if eds_file is None:
         return None
     from gantryctl.drives.od.reading import read_eds

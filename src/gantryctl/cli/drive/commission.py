@@ -35,9 +35,9 @@ def commission(
     yes: bool,
     out: Path | None,
 ) -> int:
-    """Guided, step by step: what it does, what could move and how far, the proof, the result.
+    """Commission a CAN machine step by step: what a step does, what could move and how far, its proof and result.
 
-    An interrupted commissioning goes on where it ended, as long as configuration and drive are the same. The end is a
+    An interrupted commissioning goes on where it ended, as long as configuration and drive are the same. It ends with a
     report (HTML and JSON, with a hash) and the record without which the machine does not move. Exit code 1 when a step
     has failed.
     """

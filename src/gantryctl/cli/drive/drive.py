@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.drive.drive_sim import sim
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json, write_text
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.bus.node import RemoteNode
@@ -30,7 +30,7 @@ drive.add_command(sim)
 
 @contextmanager
 def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSettings, Machine]]:
-    """The drive of a machine file, for SDO; the bus is left again."""
+    """SDO access to the drive of a machine file, within a with block."""
     from gantryctl.drives.canopen.bus.node import RemoteNode
     from gantryctl.errors import UsageError
     from gantryctl.wiring.canopen import can_link, canopen_settings
@@ -50,7 +50,7 @@ def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSetting
 @config_option
 @json_option
 def status(config_file: Path | None, as_json: bool) -> int:
-    """Identity, state, mode, error and position of the drive."""
+    """Show identity, state, mode, error and position of the drive."""
     from gantryctl.drives.canopen.cia402 import decode_statusword
     from gantryctl.drives.canopen.emergency import emergency_text
 
@@ -87,7 +87,7 @@ def status(config_file: Path | None, as_json: bool) -> int:
 @config_option
 @json_option
 def diff(config_file: Path | None, as_json: bool) -> int:
-    """The parameters that decide what happens when something breaks: want, have, verdict. Nothing is written.
+    """Compare the parameters that decide what happens when something breaks: want, have, verdict; only reads.
 
     Exit code 1 when one of them differs. Before it enables, the controller writes them itself.
     """
@@ -131,14 +131,10 @@ def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> i
 def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
     """Read every writable object from the drive into FILE (JSON)."""
     from gantryctl.drives.canopen.setup.parameters import backup as read_all
-    from gantryctl.errors import UsageError
 
     with _node(config_file) as (node, _, machine):
         kept = read_all(node, _entries(machine, eds_file))
-    try:
-        file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
-    except OSError as fault:
-        raise UsageError(f"{file}: cannot be written: {fault.strerror or fault}") from None
+    write_text(file, json.dumps(kept, indent=1) + "\n")
     click.echo(f"wrote {file}: {len(kept['values'])} values of {kept['drive']}")
     return 0
 
@@ -150,7 +146,7 @@ def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
 def restore(config_file: Path | None, yes: bool, file: Path) -> int:
     """Write the values of a backup to the drive and read them back; refused while it is enabled.
 
-    What it refuses is listed. Exit code 1 when a value did not take. The drive forgets them at power off: see `save`.
+    Values that the drive refuses are listed, with exit code 1. The drive forgets them at power off: see `save`.
     """
     from gantryctl.drives.canopen.setup.parameters import restore as write_all
 

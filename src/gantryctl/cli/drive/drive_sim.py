@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import FINITE, PATH, config_option, machine_of, stop_signals
+from gantryctl.cli.options import FINITE, PATH, config_option, machine_of, stop_signals, write_text
 
 if TYPE_CHECKING:
     import threading
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     import can
 
     from gantryctl.drives.virtual.loop import DriveLoop
-    from gantryctl.drives.virtual.node import DriveNode
     from gantryctl.drives.virtual.personality import Personality
 
 
@@ -79,14 +78,10 @@ def _list() -> None:
 def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
     from gantryctl.drives.od.writing import write_eds
     from gantryctl.drives.virtual.communication.drive_objects import device_tables
-    from gantryctl.errors import UsageError
     from gantryctl.wiring.virtual import drive_hardware
 
     _, visible = device_tables(drive_hardware(machine_of(config_file)), kind)
-    try:
-        file.write_text(write_eds(visible), encoding="ascii")
-    except OSError as fault:
-        raise UsageError(f"--write-eds {file}: cannot be written: {fault.strerror or fault}") from None
+    write_text(file, write_eds(visible))
     click.echo(f"wrote {file}: {len(visible.objects)} objects, personality {kind.name}")
 
 
@@ -128,10 +123,6 @@ def _run(loop: DriveLoop, stop: threading.Event, interface: str, given: dict[str
         node.boot()
     with nullcontext() if node.stepped else keeps_time():
         loop.run(stop)
-    _farewell(loop, node)
-
-
-def _farewell(loop: DriveLoop, node: DriveNode) -> None:
     lost = f"; {loop.lost_us / 1000:.0f} ms lost to a slow computer" if loop.lost_us else ""
     refused = f"; {loop.link.refused} frames refused by the bus" if loop.link.refused else ""
     click.echo(f"virtual drive: stopped after {node.time_us * 1e-6:.3f} s of its own time{lost}{refused}")

@@ -1,4 +1,4 @@
-"""`gantryctl eds`: what an EDS or DCF promises, held against what a speed axis needs."""
+"""`gantryctl eds`: an EDS or DCF compared with the needs of a speed axis."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ def eds() -> None:
 )
 @json_option
 def check(file: Path, node_id: int | None, as_json: bool) -> int:
-    """What a CSV axis needs, what FILE has and lacks, and what is done without it.
+    """Compare FILE with the needs of a CSV axis, with the substitute for each missing object.
 
-    Exit code 1 when something is lacking without which there is no CSV axis.
+    Exit code 1 when an object is missing without which there is no CSV axis.
     """
     from gantryctl.drives.od.csv_axis import check_csv_axis, lacking
     from gantryctl.drives.od.reading import read_eds

@@ -34,7 +34,7 @@ class BrakeControl:
         """Release command for 60FE; always False for a brake that the drive owns."""
 
     def word(self, word: int, state: DriveState, request: DriveRequest, brake_open: bool) -> int:
-        """The controlword, with an orderly way down where the drive owns the brake."""
+        """Controlword with an orderly way down where the drive owns the brake."""
         if self._by_60fe:
             self.released = brake_open and state in _TURNING
             return word

@@ -62,12 +62,12 @@ _STOPPABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 
 
 def decode_statusword(word: int) -> DriveState:
-    """The state that 6041 shows; UNKNOWN for a pattern outside the table."""
+    """State that 6041 shows; UNKNOWN for a pattern outside the table."""
     return _STATES[word & 0x7F]
 
 
 def next_controlword(state: DriveState, request: DriveRequest, previous: int) -> int:
-    """The word for 6040.
+    """Word for 6040.
 
     Args:
         state: as decoded from the last statusword.

@@ -54,5 +54,5 @@ class TpdoWatch:
         return True
 
     def end(self) -> None:
-        """The scan has stopped waiting."""
+        """End the wait of this scan: note the longest age."""
         self.longest_age = max(self.longest_age, self.age)

@@ -1,4 +1,4 @@
-"""A CiA 402 drive in cyclic synchronous velocity on a CANopen bus, behind the `Drive` port.
+"""CiA 402 drive in cyclic synchronous velocity on a CANopen bus, behind the `Drive` port.
 
 One scan: `read` sends SYNC and takes the answers that belong to it, `write` sends the RPDO, which acts at the next
 SYNC. So the feedback of scan k is the state at its SYNC, and a command acts one period later.
@@ -62,7 +62,7 @@ _ENERGISED: Final = (
 
 
 class CanopenDrive:
-    """One drive; made by `CanopenDrive(...)`, set up by `open()`.
+    """Drive on a CANopen bus, set up by `open()`.
 
     Args:
         link: the bus; closed by `close`.
@@ -123,7 +123,7 @@ class CanopenDrive:
 
     @property
     def lost(self) -> bool:
-        """The connection was lost or a parameter changed: only a new set-up makes the drive usable again."""
+        """Connection lost or a parameter changed: only a new set-up makes the drive usable again."""
         return bool(self._flags & LATCHED) or bool(self.parameter_watch.differs)
 
     def set_up_again(self) -> None:
@@ -186,14 +186,14 @@ class CanopenDrive:
     # --- the scan ----------------------------------------------------------------------------------------------
 
     def read(self) -> DriveFeedback:
-        """The state at this scan's SYNC; the same until the next `write`."""
+        """State at this scan's SYNC; the same until the next `write`."""
         if self._due and not self._closed:
             self._exchange(self.settings.answer_s)
             self._last = self._feedback()
         return self._last
 
     def write(self, output: OutputImage) -> None:
-        """The command of this scan; it acts at the next SYNC."""
+        """Send the command of this scan, which acts at the next SYNC."""
         if self._closed:
             return
         # From the first heartbeat on the drive watches the controller, so none is sent before the program commands.
@@ -329,11 +329,11 @@ class CanopenDrive:
 
     @property
     def truth_source(self) -> Truth | None:
-        """The gantry of a virtual drive."""
+        """Gantry of a virtual drive."""
         return self.plant
 
     def plant_state(self) -> dict[str, float]:
-        """That of a virtual drive in this process."""
+        """State of a virtual drive's gantry in this process."""
         return {} if self.plant is None else self.plant.plant_state()
 
     # --- the end -----------------------------------------------------------------------------------------------

@@ -38,7 +38,7 @@ _CLASSES: Final = {
 
 
 class Emergency(NamedTuple):
-    """One message."""
+    """Emergency message."""
 
     scan: int
     code: int

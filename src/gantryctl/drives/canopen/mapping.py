@@ -15,7 +15,7 @@ _PDOS: Final = 4
 
 
 class Signal(NamedTuple):
-    """One object in a telegram."""
+    """Object in a telegram."""
 
     obj: int
     sub: int
@@ -41,7 +41,7 @@ ERROR: Final = Signal(0x603F, 0, 16, False)
 
 
 class Pdo(NamedTuple):
-    """One telegram: number 0 is the first of its direction."""
+    """Telegram; number 0 is the first of its direction."""
 
     number: int
     signals: tuple[Signal, ...]

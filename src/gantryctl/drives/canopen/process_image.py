@@ -48,7 +48,7 @@ class Unwrap:
         self._counts = 0
 
     def __call__(self, raw: int) -> int:
-        """The reading without wraps."""
+        """Continuous position of a reading."""
         last, self._raw = self._raw, raw
         if last is None:
             self._counts = raw % self._range

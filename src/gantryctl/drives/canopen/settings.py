@@ -36,7 +36,7 @@ _NOTHING_WIRED: Final = InputBits()
 
 @dataclass(frozen=True, slots=True)
 class CanopenSettings:
-    """One drive on one bus."""
+    """Settings of one drive on one bus."""
 
     period_s: float
     """Scan and SYNC period."""

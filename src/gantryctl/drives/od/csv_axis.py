@@ -31,7 +31,7 @@ class Pdo(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """One line of the table of needs."""
+    """Row of the table of needs."""
 
     index: int
     sub: int
@@ -59,7 +59,7 @@ WISHES: Final[tuple[Wish, ...]] = (
     Wish(0x6040, 0, _MUST, _RX, "no CiA 402 drive"),
     Wish(0x6041, 0, _MUST, _TX, "no CiA 402 drive"),
     Wish(0x6060, 0, _MUST, _NO, "CSV cannot be selected"),
-    Wish(0x6061, 0, _MUST, _NO, "nobody can tell which mode is in force"),
+    Wish(0x6061, 0, _MUST, _NO, "the mode in force cannot be read"),
     Wish(0x6064, 0, _MUST, _TX, "no position feedback"),
     Wish(0x60FF, 0, _MUST, _RX, "no speed command"),
     Wish(0x1400, 1, _MUST, _NO, "no RPDO that could be set up"),

@@ -29,7 +29,7 @@ class Key(NamedTuple):
 
 @dataclass(slots=True)
 class Section:
-    """One [section] with its keys by lower-case name."""
+    """Section with its keys by lower-case name."""
 
     # Of a doubled key the first counts, as Windows reads INI files (decision 0008).
 

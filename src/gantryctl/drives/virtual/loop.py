@@ -1,4 +1,4 @@
-"""The virtual drive on a python-can bus: in real time, or stepped by SYNC."""
+"""Virtual drive on a python-can bus, in real time or stepped by SYNC."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ Send = Callable[[int, bytes], None]
 
 
 class DriveNode:
-    """One drive on a bus.
+    """Drive on a bus.
 
     Args:
         hardware: motor, brake, encoder and gantry behind it.

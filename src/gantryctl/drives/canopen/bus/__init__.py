@@ -1,1 +1,1 @@
-"""The bus below the drive: adapter, link, one owner per drive, node with NMT and SDO."""
+"""Bus below the drive: adapter, link, one owner per drive, node with NMT and SDO."""

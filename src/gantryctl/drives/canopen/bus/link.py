@@ -1,4 +1,4 @@
-"""One python-can bus, opened by name; the scan itself reads and writes it, without a thread."""
+"""Link to a python-can bus, opened by name; the scan itself reads and writes it, without a thread."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ECHOING: Final = ("udp_multicast",)
 
 
 class Frame(NamedTuple):
-    """A classic data frame with an 11-bit identifier."""
+    """Classic data frame with an 11-bit identifier."""
 
     can_id: int
     data: bytes
@@ -54,7 +54,7 @@ def open_bus(interface: str, channel: str | None = None, bitrate: int | None = N
 
 
 class BusLink:
-    """A python-can bus as the master uses it.
+    """Link of the master to a python-can bus.
 
     Args:
         bus: open.
@@ -116,7 +116,7 @@ class BusLink:
             self.bus_off = False
 
     def receive(self, timeout_s: float) -> Frame | None:
-        """The next plain frame that is not our own echo."""
+        """Receive the next classic data frame that is not an echo; None when the time is over."""
         end = self.now_s() + timeout_s
         while self._open:
             message = self._next(max(0.0, end - self.now_s()))

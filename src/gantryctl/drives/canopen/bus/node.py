@@ -66,7 +66,7 @@ class NodeIdentity(NamedTuple):
 
 
 class RemoteNode:
-    """One node on a link.
+    """Remote node on a link.
 
     Args:
         link: the bus.

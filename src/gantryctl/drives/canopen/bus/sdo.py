@@ -44,7 +44,7 @@ _TEXTS: Final = {
 
 
 class SdoError(DeviceError):
-    """A request that the drive refused or did not answer.
+    """Request that the drive refused or did not answer.
 
     Attributes:
         code: abort code of CiA 301.
@@ -118,7 +118,7 @@ class SdoClient:
             return None
 
     def text(self, index: int) -> str:
-        """A string object, or ""."""
+        """Read a string object, or ""."""
         try:
             return self.read(index, 0).split(b"\0", 1)[0].decode("latin-1").strip()
         except SdoError as refused:

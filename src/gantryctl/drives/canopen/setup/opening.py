@@ -39,7 +39,7 @@ RESTART_MARKERS: Final = range(0x181, 0x400)
 
 
 def read_restart_marker(sdo: SdoClient) -> int | None:
-    """The marker; None where the drive has none, or no place for one."""
+    """Read the marker; None where the drive has none, or no object for one."""
     for index, _ in _UNUSED:
         found = sdo.optional(index, 1)
         if found is not None:
@@ -66,7 +66,7 @@ def write_restart_marker(sdo: SdoClient, node: int, marker: int | None) -> bool:
 
 
 class NodeSetup(NamedTuple):
-    """A drive as set up before the first scan."""
+    """Drive as set up before the first scan."""
 
     identity: NodeIdentity
     units: BusUnits

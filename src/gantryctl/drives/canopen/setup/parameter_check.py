@@ -29,12 +29,12 @@ class ParameterVerdict(Enum):
 
     @property
     def refuses(self) -> bool:
-        """The axis may not be enabled."""
+        """Forbids enabling the axis."""
         return self in (ParameterVerdict.DIFFERS, ParameterVerdict.LACKING)
 
 
 class WantedParameter(NamedTuple):
-    """One parameter and its set value."""
+    """Parameter and its set value."""
 
     obj: int
     sub: int
@@ -49,7 +49,7 @@ class WantedParameter(NamedTuple):
 
 
 class ParameterRow(NamedTuple):
-    """One parameter with set value, actual value and verdict."""
+    """Parameter with set value, actual value and verdict."""
 
     place: str
     name: str
@@ -132,7 +132,7 @@ def check_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> tuple
 
 
 def _watchdog(rows: Iterable[ParameterRow]) -> tuple[ParameterRow, ...]:
-    """A refusal where nothing stops the axis of a silent controller."""
+    """Refusal where nothing stops the axis of a silent controller."""
     # In CSV the drive ramps nothing: without a watch in the drive the last speed goes on for as long as the motor
     # turns.
     have = {row.place for row in rows if row.verdict is ParameterVerdict.OK}

@@ -48,7 +48,7 @@ class ParameterWatch:
 
     @property
     def line(self) -> str:
-        """The first difference, or ""."""
+        """First difference, or ""."""
         return next(iter(self.differs.values()), "")
 
     def scan(self, periods: int, unknown_fault: bool = False) -> None:

@@ -30,7 +30,7 @@ _ENERGISED: Final = (
 
 
 class ObjectValue(NamedTuple):
-    """One entry and its value.
+    """Entry and its value.
 
     Attributes:
         raw: bytes in hexadecimal; "" for a refused read.
@@ -85,7 +85,7 @@ def backup(node: RemoteNode, device: DeviceDescription | None) -> dict[str, Any]
 
 
 def check_backup(data: object) -> dict[str, Any]:
-    """The same data, checked to be a backup.
+    """Check that data are a backup and return them.
 
     Raises:
         ValueError: they are not.

@@ -26,7 +26,7 @@ _DANGEROUS_AT_0: Final = {
 
 
 class Found(NamedTuple):
-    """One node.
+    """Node that answers.
 
     Attributes:
         nmt: state of its heartbeat, "silent" without one.

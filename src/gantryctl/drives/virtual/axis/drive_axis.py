@@ -1,4 +1,4 @@
-"""The axis: the CiA 402 machine on top of the power stage. How a state is left is up to the option codes.
+"""Drive axis: the CiA 402 state machine on top of the power stage, with the option codes for leaving a state.
 
 | from                  | to                 | by                                                                  |
 |-----------------------|--------------------|---------------------------------------------------------------------|
@@ -49,7 +49,7 @@ _FAULTY: Final = (State.FAULT, State.FAULT_REACTION)
 
 
 class DriveAxis:
-    """One drive axis; `tick` is one period of its state machine and of everything behind it.
+    """Drive axis; `tick` is one period of its state machine and of everything behind it.
 
     Args:
         hardware: name plates.

@@ -17,7 +17,7 @@ _RELEASE: Final = 0.9
 
 
 class StageMode(IntEnum):
-    """What the power stage asks of the speed loop for one tick."""
+    """Request of the power stage to the speed loop for one tick."""
 
     OFF = 0
     SPEED = 1
@@ -154,7 +154,7 @@ class DrivePlant:
 
     @property
     def exhausted(self) -> bool:
-        """The overload budget is used up: rated torque at most."""
+        """Overload budget used up: rated torque at most."""
         return self._exhausted
 
     def _apply_torque(self) -> None:

@@ -57,7 +57,7 @@ class PowerStage:
         hardware: who owns the brake.
         od: brake times, 60FE.
         plant: the plant.
-        reference: what is followed while RUNNING.
+        reference: speed reference while RUNNING.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class PowerStage:
 
     @property
     def energised(self) -> bool:
-        """The power stage gives torque."""
+        """Torque is on."""
         return self.phase is not Phase.OFF
 
     def start(self) -> bool:

@@ -32,7 +32,7 @@ class SpeedReference:
         plant: for its speed and its ramp.
         scaling: units.
         kind: quirks.
-        faults: what is spoiled.
+        faults: injected faults.
         tick_s: period of `run`.
     """
 
@@ -80,7 +80,7 @@ class SpeedReference:
 
     @property
     def follows(self) -> bool:
-        """The drive follows its mode's command value (CSV: bit 12 of an enabled drive)."""
+        """Following the command value of the mode (CSV: bit 12 of an enabled drive)."""
         return not self._faults.ignore_target and not self.halted and self._can_follow()
 
     def _can_follow(self) -> bool:
@@ -138,7 +138,7 @@ class SpeedReference:
         return max(-ceiling, min(ceiling, vel))
 
     def _profiled(self, wanted: float) -> float:
-        """One tick towards the target on 6083 and 6084."""
+        """Speed after one tick towards the target on the ramps 6083 and 6084."""
         vel = self.vel_rad_s
         speeding_up = abs(wanted) > abs(vel) and wanted * vel >= 0.0
         rate = self._scaling.rad_s(self._od.number(0x6083 if speeding_up else 0x6084))

@@ -17,7 +17,7 @@ HEARTBEAT_LOST: Final = 0x8130
 
 @dataclass(slots=True)
 class _Watched:
-    """One watched node."""
+    """Watched node."""
 
     # CiA 301: monitoring starts with the first heartbeat of the producer.
 

@@ -27,7 +27,7 @@ _RESTRICTED: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Mapped:
-    """One mapped entry and its bytes."""
+    """Mapped entry and its bytes."""
 
     entry: Entry
     size: int

@@ -22,7 +22,7 @@ DEADLINE: Final = 0x8250
 
 
 class Rpdo:
-    """One RPDO.
+    """Receive PDO.
 
     Args:
         od: takes the values.
@@ -102,7 +102,7 @@ class Rpdo:
 
 
 class Tpdo:
-    """One TPDO.
+    """Transmit PDO.
 
     Args:
         od: gives the values.

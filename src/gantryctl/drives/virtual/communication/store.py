@@ -1,4 +1,4 @@
-"""Stored parameters (1010, 1011): a file, or memory when there is none."""
+"""Stored parameters (1010, 1011), in a file or in memory."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Faults:
     command_sign: Literal[1, -1] = 1
     """-1: turns the other way; feedback is true."""
     mode_display: _U32 | None = None
-    """What 6061 says."""
+    """Value that 6061 shows."""
     status_set: _U32 = 0
     """Bits of 6041 that are always 1."""
     status_clear: _U32 = 0
@@ -56,9 +56,9 @@ class Faults:
     no_torque: bool = False
     """Enabled, but the power stage gives nothing."""
     brake: Literal["closed", "open"] | None = None
-    """Where the brake is stuck."""
+    """Position in which the brake is stuck."""
     brake_feedback: bool | None = None
-    """What the brake's contact says."""
+    """State that the brake contact reports."""
     heartbeat_off: bool = False
     heartbeat_state: _U32 | None = None
     """NMT state that the heartbeat shows."""
@@ -72,7 +72,7 @@ class Faults:
     warning: bool = False
     """Bit 7 of 6041."""
     estop_ok: bool = True
-    """The hard-wired input; False: safe torque off."""
+    """Hard-wired input; False: safe torque off."""
     enabling_switch: bool = True
     mains_ready: bool = True
     limit_minus_ok: bool | None = None

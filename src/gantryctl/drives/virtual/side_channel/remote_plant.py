@@ -1,4 +1,4 @@
-"""The simulated gantry of a virtual drive in another process, known by its side channel."""
+"""Simulated gantry of a virtual drive in another process, known by its side channel."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from gantryctl.drives.virtual.side_channel.control import ControlClient
 
 
 class RemotePlant:
-    """The gantry of a virtual drive in another process."""
+    """Gantry of a virtual drive in another process."""
 
     truth_columns: tuple[str, ...] = TRUTH_COLUMNS
 
