@@ -105,7 +105,7 @@ def stopped(tmp_path: Path) -> None:
     async def script(page: PageInProcess) -> None:
         await set_going(page)
         assert (await page.ask("stop"))["ok"]
-        await page.until(lambda: page.controller.operator.at_rest)
+        await page.until(lambda: page.controller.axis.at_rest)
 
     with_page(default_machine(), tmp_path, script)
 
@@ -139,7 +139,7 @@ async def set_going(page: PageInProcess) -> None:
         assert (await page.ask(kind, **values))["ok"]
     await page.until(lambda: page.controller.axis.state is AxisState.STANDSTILL)
     assert (await page.ask("move", target_deg=90.0))["ok"]
-    await page.until(lambda: not page.controller.operator.at_rest)
+    await page.until(lambda: not page.controller.axis.at_rest)
 
 
 RUNS: dict[str, Callable[[Path], None]] = {

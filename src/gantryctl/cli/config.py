@@ -137,8 +137,10 @@ def diff(first: Path, second: Path | None, as_json: bool) -> None:
     """Compare the values in force of two machine files, defaults included; A alone: with the reference gantry."""
     from gantryctl.machine import default_machine_path, diff_machines, field_specs, load_machine, show_value
 
+    # One file is compared with the reference gantry, from which `config init` made it.
     if second is None:
         first, second = default_machine_path(), first
+    # Defaults count: two files may differ in text and mean the same machine.
     differences = diff_machines(load_machine(first), load_machine(second))
     if as_json:
         print_json([difference._asdict() for difference in differences])

@@ -115,6 +115,7 @@ class LazyGroup(click.Group):
 
 def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
     if wanted and not ctx.resilient_parsing:
+        # Takes some 14 ms to import (python -X importtime), so only here.
         from importlib.metadata import version
 
         click.echo(f"gantryctl {version('gantryctl')}")
@@ -158,6 +159,7 @@ def run(args: list[str] | None = None) -> int:
     except GantryctlError as wrong:
         click.echo(f"error: {wrong}", err=True)
         return wrong.exit_code
+    # A full disk or a missing right is trouble of the computer, not a fault of the command.
     except OSError as fault:
         where = f"{fault.filename}: " if fault.filename else ""
         click.echo(f"error: {where}{fault.strerror or fault}", err=True)

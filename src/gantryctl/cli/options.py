@@ -53,6 +53,9 @@ service_option = click.option(
 real_time_option = click.option(
     "--real-time", is_flag=True, help="Run on the real clock instead of virtual time."
 )
+take_over_option = click.option(
+    "--take-over", is_flag=True, help="With the service: take control from whoever has it."
+)
 fresh_option = click.option(
     "--fresh", is_flag=True, help="Start from a new machine at 0 deg; read and write no retained state."
 )
@@ -157,6 +160,14 @@ def proven_machine(config_file: Path | None) -> Machine:
     machine = machine_of(config_file)
     check_quick_stop(machine)
     return machine
+
+
+def print_done(done: str, as_json: bool, **values: object) -> None:
+    """Print what was done: as JSON the values, or a sentence."""
+    if as_json:
+        print_json(values)
+    else:
+        click.echo(done)
 
 
 def print_json(value: object) -> None:

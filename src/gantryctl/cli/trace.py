@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, NamedPath, json_option, print_json
+from gantryctl.cli.options import PATH, NamedPath, json_option, print_done, print_json
 
 if TYPE_CHECKING:
     from gantryctl.trace.summary import ColumnSummary
@@ -118,10 +118,7 @@ def plot(
     title = _title(file, recording)
     out = out or _beside(file, ".png")
     save(draw(recording, panels, title), out, recording, title)
-    if as_json:
-        print_json({"written": [str(out)]})
-        return
-    click.echo(f"wrote {out}")
+    print_done(f"wrote {out}", as_json, written=[str(out)])
 
 
 def _part(recording: Trace, start_s: float | None, end_s: float | None) -> Trace:
@@ -143,6 +140,7 @@ def _part(recording: Trace, start_s: float | None, end_s: float | None) -> Trace
 
 
 def _span(recording: Trace) -> str:
+    # A run that was refused before its first scan leaves no row.
     if not len(recording):
         return "so there is nothing to see"
     return f"from {recording.time_s[0]:.3f} s to {recording.time_s[-1]:.3f} s"
@@ -185,7 +183,5 @@ def export(file: Path, kind: str, degrees: bool, out: Path | None, as_json: bool
         recording.to_csv(out)
     else:
         recording.to_parquet(out)
-    if as_json:
-        print_json({"written": [str(out)]})
-        return
-    click.echo(f"wrote {out}: {len(recording)} rows, {len(recording.columns)} columns")
+    done = f"wrote {out}: {len(recording)} rows, {len(recording.columns)} columns"
+    print_done(done, as_json, written=[str(out)])

@@ -23,6 +23,7 @@ def attach(config_file: Path | None) -> int:
     # Limits of this machine file would be checked against an axis with other ones.
     if running != short_hash(machine):
         raise CommandRefused(f"the service runs configuration {running}, this is {short_hash(machine)}")
+    # Kept on the disk: it holds for all terminals and outlives this one.
     (directory_of(machine) / ATTACHED).touch()
     click.echo(f"commands for {machine.name} go to its service; gantryctl detach ends that")
     return 0

@@ -18,6 +18,7 @@ from gantryctl.cli.options import (
     proven_machine,
     refuse_local_options,
     service_option,
+    take_over_option,
     to_service,
 )
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 @json_option
 @service_option
 @click.option("--yes", is_flag=True, help="Do not ask before a real drive, or the service, gives torque.")
-@click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it.")
+@take_over_option
 def brake_test(
     config_file: Path | None, fresh: bool, as_json: bool, service: bool, yes: bool, take_over: bool
 ) -> int:
@@ -52,6 +53,7 @@ def brake_test(
     from gantryctl.operation.run import AxisRun
     from gantryctl.operation.store import StateStore
 
+    # The failed test of an earlier run refuses motion, not the next test, which is the way out of it.
     machine = proven_machine(config_file)
     with nullcontext() if fresh else StateStore(machine) as store:
         return _test(AxisRun(machine, store, brake_test=True), yes=yes, as_json=as_json)
@@ -60,7 +62,7 @@ def brake_test(
 def _test(axis: AxisClient, *, yes: bool, as_json: bool) -> int:
     """Ask, test, print; the exit code."""
     # Torque against the closed brake of a real machine is asked for like a motion.
-    from gantryctl.cli.axis.guard import guarded
+    from gantryctl.cli.axis.move import guarded
     from gantryctl.errors import CommandRefused
     from gantryctl.wiring.program import untestable
 
@@ -119,6 +121,7 @@ def _print(name: str, report: BrakeTestReport, failure: GantryctlError | None, *
 
 def known(value: float) -> float | None:
     """A number for JSON, or None."""
+    # Torque that was not held is NaN inside and null in JSON, which has no NaN.
     return value if math.isfinite(value) else None
 
 

@@ -35,7 +35,7 @@ class RunDetails(NamedTuple):
     Attributes:
         alarms: texts of alarms and notes, oldest first.
         lines: timing and bus, for a terminal.
-        trace: the recording.
+        trace: the recording. recording_fault: why it ended early, or "".
     """
 
     summary: MotionSummary | None = None
@@ -43,6 +43,7 @@ class RunDetails(NamedTuple):
     alarms: tuple[str, ...] = ()
     lines: tuple[str, ...] = ()
     trace: Path | None = None
+    recording_fault: str = ""
 
 
 _NO_DETAILS: Final = RunDetails()
@@ -85,6 +86,8 @@ def print_motion(
             click.echo(f"  {line}")
         if details.trace is not None:
             click.echo(f"  trace             {details.trace}")
+    if details.recording_fault:
+        click.echo(f"warning: {details.recording_fault}", err=True)
     if failure is not None:
         click.echo(f"error: {failure}", err=True)
     return code

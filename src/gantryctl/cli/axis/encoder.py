@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, print_done, print_json
 
 
 @click.group()
@@ -44,9 +44,6 @@ def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool
     # A machine that is not running stands with the brake closed: the store's lock proves that none runs here.
     from gantryctl.operation.state import set_encoder_zero
 
-    said = set_encoder_zero(machine_of(config_file), angle, witness)
-    if as_json:
-        print_json({"set_zero": said})
-    else:
-        click.echo(said)
+    done = set_encoder_zero(machine_of(config_file), angle, witness)
+    print_done(done, as_json, set_zero=done)
     return 0

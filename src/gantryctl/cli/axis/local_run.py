@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import nullcontext
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
-import click
-
-from gantryctl.cli.axis.display import Display, RunDetails, print_motion
-from gantryctl.cli.axis.guard import guarded
+from gantryctl.cli.axis.display import Display, RunDetails
 from gantryctl.cli.options import directory
 from gantryctl.machine import Machine, short_hash
-from gantryctl.operation.client import AxisClient, MotionReport
+from gantryctl.operation.client import MotionReport
 from gantryctl.operation.opening import bus_lines
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.scripting import load_program
@@ -30,9 +27,28 @@ from gantryctl.trace.reader import read_trace
 TRACES_KEPT: Final = 50
 
 
-def run_here(
+class LocalRun(NamedTuple):
+    """An open machine of this process, and the display of its run."""
+
+    axis: AxisRun
+    live: Display
+
+    def details(self, report: MotionReport | None) -> RunDetails:
+        """End the live line; summary, alarms, timing and bus of the run, and its recording."""
+        self.live.end()
+        axis = self.axis
+        summary, file = _summary(axis, report)
+        lines: list[str] = []
+        if axis.engine.statistics.lateness.count and summary is not None:
+            lines += axis.engine.statistics.report(summary.peak_deg_s).splitlines()
+        lines += [f"bus               {line}" for line in bus_lines(axis.drive)]
+        alarms = tuple(alarm.text for alarm in axis.axis.alarms.history)
+        return RunDetails(summary, axis.notes, alarms, tuple(lines), file, axis.engine.recording_fault or "")
+
+
+@contextmanager
+def local_run(
     machine: Machine,
-    action: Callable[[AxisClient], MotionReport],
     name: str,
     *,
     program_name: str | None,
@@ -42,8 +58,8 @@ def run_here(
     fresh: bool,
     real_time: bool,
     as_json: bool,
-) -> int:
-    """Open the machine, act, power down, print what happened; the exit code."""
+) -> Iterator[LocalRun]:
+    """Open a machine with its program, recording and live line; the caller runs and closes the axis."""
     program = load_program(program_name)
     live = Display(enabled=not as_json)
     # Locked from before the drive is opened until the state is kept: a second run would start from an old state.
@@ -68,12 +84,7 @@ def run_here(
         )
         for note in axis.notes:
             live.say(note)
-        report, failure = guarded(axis, action)
-        live.end()
-        code = print_motion(machine, report, failure, _details(axis, report), as_json=as_json)
-        if axis.engine.recording_fault:
-            click.echo(f"warning: {axis.engine.recording_fault}", err=True)
-        return code
+        yield LocalRun(axis, live)
 
 
 def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | None:
@@ -87,16 +98,6 @@ def trace_path(store: StateStore | None, out: Path | None, name: str) -> Path | 
     # Milliseconds, so that two runs of a script within a second do not overwrite each other.
     stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")[:-3]
     return folder / f"{name}-{stamp}"
-
-
-def _details(axis: AxisRun, report: MotionReport | None) -> RunDetails:
-    summary, file = _summary(axis, report)
-    lines: list[str] = []
-    if axis.engine.statistics.lateness.count and summary is not None:
-        lines += axis.engine.statistics.report(summary.peak_deg_s).splitlines()
-    lines += [f"bus               {line}" for line in bus_lines(axis.drive)]
-    alarms = tuple(alarm.text for alarm in axis.axis.alarms.history)
-    return RunDetails(summary, axis.notes, alarms, tuple(lines), file)
 
 
 def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary | None, Path | None]:

@@ -1,14 +1,13 @@
-"""`gantryctl move` and `gantryctl jog`."""
+"""`gantryctl move` and `gantryctl jog`, and the guarded run of a command that gives torque."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import click
 
-from gantryctl.cli.axis.guard import guarded
 from gantryctl.cli.options import (
     FINITE,
     SignedCommand,
@@ -23,12 +22,17 @@ from gantryctl.cli.options import (
     refuse_local_options,
     seed_option,
     service_option,
+    stop_signals,
+    take_over_option,
     to_service,
 )
 
 if TYPE_CHECKING:
+    from gantryctl.errors import GantryctlError
     from gantryctl.machine import Machine
-    from gantryctl.operation.client import AxisClient, MotionReport
+    from gantryctl.operation.client import AxisClient, BrakeTestReport, MotionReport
+
+    Report = TypeVar("Report", MotionReport, BrakeTestReport)
 
 # An axis that has moved by more is not where it was when the person was asked.
 _SAME_DEG: Final = 0.01
@@ -51,7 +55,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
         click.option(
             "--yes", is_flag=True, help="Do not ask before a real gantry moves, here or at the service."
         ),
-        click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it."),
+        take_over_option,
     ):
         command = option(command)
     return command
@@ -185,6 +189,43 @@ def _run(
         from gantryctl.cli.axis.display import print_motion
 
         return print_motion(axis.machine, report, failure, as_json=as_json)
-    from gantryctl.cli.axis.local_run import run_here
+    from gantryctl.cli.axis.display import print_motion
+    from gantryctl.cli.axis.local_run import local_run
 
-    return run_here(proven_machine(config_file), action, name, as_json=as_json, **local)
+    machine = proven_machine(config_file)
+    with local_run(machine, name, as_json=as_json, **local) as run:
+        report, failure = guarded(run.axis, action)
+        return print_motion(machine, report, failure, run.details(report), as_json=as_json)
+
+
+def guarded(
+    axis: AxisClient, action: Callable[[AxisClient], Report]
+) -> tuple[Report | None, GantryctlError | None]:
+    """Run an action under stop signals; whatever happens, the axis is left without torque and its state kept."""
+    from gantryctl.errors import AlarmStop, CommandRefused
+    from gantryctl.operation.client import Stop
+
+    report: Report | None = None
+    failure: GantryctlError | None = None
+    alarm: AlarmStop | None = None
+    result = "failed"
+
+    # Signal handlers do no more than raise a flag: the run looks at it between two slices of scans.
+    def stop() -> None:
+        axis.stop = Stop.RAMP if axis.stop is Stop.NO else Stop.QUICK
+
+    # The axis is never left with torque: refused, alarm, Ctrl-C or a bug, `close` runs.
+    with stop_signals(stop):
+        try:
+            report = action(axis)
+            result = report.text
+            # Inside: an alarm on the way down ends the run like one on the way.
+            axis.power_down()
+        except AlarmStop as stopped:
+            failure = alarm = stopped
+            result = f"stopped by an alarm: {alarm}"
+        except CommandRefused as refused:
+            failure, result = refused, f"refused: {refused}"
+        finally:
+            axis.close(result, alarm)
+    return report, failure

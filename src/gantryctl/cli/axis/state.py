@@ -13,8 +13,10 @@ from gantryctl.cli.options import (
     config_option,
     json_option,
     machine_of,
+    print_done,
     print_json,
     service_option,
+    take_over_option,
     to_service,
 )
 
@@ -42,6 +44,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
 
         found = machine_status(machine)
     if as_json:
+        # The same keys with and without a service; what only a running one knows stands apart.
         print_json(asdict(found) | {"tags": tags})
         return 0
     click.echo(f"{found.machine}: {found.condition}")
@@ -114,7 +117,7 @@ def explain(code: str | None) -> int:
 @json_option
 @service_option
 @click.option("--yes", is_flag=True, help="Do not ask before what is locked is reset.")
-@click.option("--take-over", is_flag=True, help="With the service: take control from whoever has it.")
+@take_over_option
 def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, take_over: bool) -> int:
     """Acknowledge what holds the axis: the alarm of the last stop, a failed brake test, a small motion while off.
 
@@ -138,11 +141,8 @@ def reset(config_file: Path | None, as_json: bool, service: bool, yes: bool, tak
     # Whatever is locked takes two steps: at the service arm and execute, here a question (decision 0014).
     if locked and not yes and not click.confirm(f"{locked}: locked. Has the cause been removed?", err=True):
         return 2
-    said = reset_machine(machine) if axis is None else axis.reset()
-    if as_json:
-        print_json({"reset": said})
-    else:
-        click.echo(said)
+    done = reset_machine(machine) if axis is None else axis.reset()
+    print_done(done, as_json, reset=done)
     return 0
 
 
@@ -166,6 +166,7 @@ def retain_show(config_file: Path | None, as_json: bool, service: bool) -> int:
         retained = service_retained(machine)
     else:
         retained = read_retained(machine)
+    # Before the first run there is no memory, which is no fault.
     if retained is None:
         if as_json:
             print_json(None)
@@ -193,9 +194,6 @@ def sim_reset(config_file: Path | None, angle: float, as_json: bool) -> int:
     """Throw the simulated machine and its memory away and put a new one there, brake closed."""
     from gantryctl.operation.state import reset_simulation
 
-    said = reset_simulation(machine_of(config_file), angle)
-    if as_json:
-        print_json({"reset": said, "angle_deg": angle})
-    else:
-        click.echo(said)
+    done = reset_simulation(machine_of(config_file), angle)
+    print_done(done, as_json, reset=done, angle_deg=angle)
     return 0

@@ -44,6 +44,7 @@ def scan(
     from gantryctl.wiring.canopen import can_link
 
     machine = machine_of(config_file)
+    # Over the machine file, so that a bus can be scanned before there is one for it.
     given = {"can.interface": interface, "can.channel": channel, "can.bitrate": bitrate}
     machine = with_values(machine, {path: value for path, value in given.items() if value is not None})
     eds_path = eds_file or (Path(machine.can.eds) if machine.can.eds else None)
@@ -76,6 +77,7 @@ def _promised(eds_file: Path | None) -> tuple[int | None, int | None] | None:
 def _match(node: Found, promised: tuple[int | None, int | None] | None) -> str | None:
     if promised is None or node.identity is None:
         return None
+    # Object 1018, sub-indices 1 and 2.
     same = promised == (node.identity.vendor, node.identity.product)
     return "EDS belongs to it" if same else "EDS is of another device"
 
@@ -90,6 +92,7 @@ def _print(node: Found, promised: tuple[int | None, int | None] | None) -> None:
             f"  identity    vendor {who.vendor:08X}h, product {who.product:08X}h, revision {who.revision:08X}h"
         )
     if node.state is not None:
+        # Object 6502, supported drive modes: bit 8 is cyclic synchronous velocity (IEC 61800-7-201).
         modes = (
             "not said"
             if node.modes is None

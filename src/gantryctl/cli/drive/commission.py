@@ -50,11 +50,13 @@ def commission(
     if dry_run:
         _announce()
         return 0
+    # Records of a virtual drive go to a place of their own: they prove nothing of a real one.
     root = state_root() / "simulated" if with_sim else None
     folder = directory(out or DEFAULT_OUT)
     with StateStore(machine, root) as store:
         from gantryctl.commissioning import Commissioning
 
+        # A virtual gantry hurts no one, so its steps are not asked for.
         work = Commissioning(machine, store, folder, click.echo, lambda step: yes or with_sim or _ask(step))
         return _run(work, only, again, folder)
 
@@ -62,6 +64,7 @@ def commission(
 def _with_virtual_drive(machine: Machine) -> Machine:
     from gantryctl.machine import with_values
 
+    # In virtual time: the bus, its side channel and its adapter are left out, everything else is as commissioned.
     return with_values(
         machine,
         {"can.interface": "simulated", "can.stepped": False, "can.side_channel": "", "can.channel": ""},
@@ -83,12 +86,14 @@ def _ask(step: Step) -> bool:
 def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> int:
     from gantryctl.commissioning import Outcome, write_report
 
+    # Asked twice: another drive than before begins from the start, and which drive it is shows on the bus.
     steps = work.left(only)
     work.start(again)
     steps = steps if only else work.left()
     if work.resumed and not again and not only and steps:
         click.echo(f"goes on with: {steps[0].title}")
     ended_badly = False
+    # In this order and not beyond a failure: each step relies on what the ones before it have proven.
     for step in steps:
         click.echo(f"{step.title}: {step.does}")
         result = work.do(step)

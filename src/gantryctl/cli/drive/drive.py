@@ -38,6 +38,7 @@ def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSetting
     machine = machine_of(config_file)
     if not machine.on_bus:
         raise UsageError(f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"')
+    # The lock of the drive is taken with the link: no second master beside a running controller.
     settings = canopen_settings(machine)
     link = can_link(machine)
     try:
@@ -57,6 +58,7 @@ def status(config_file: Path | None, as_json: bool) -> int:
     with _node(config_file) as (node, settings, _):
         who, sdo = node.identity(), node.sdo
         word = sdo.number(0x6041)
+        # 603F and 6061 are not in every drive: None then.
         error = sdo.optional(0x603F)
         found = {
             "node": settings.node,
@@ -93,6 +95,7 @@ def diff(config_file: Path | None, as_json: bool) -> int:
     """
     from gantryctl.drives.canopen.setup.opening import read_only_check
 
+    # The same table by which a controller refuses to enable a drive (CFG-CAN-01).
     with _node(config_file) as (node, settings, _):
         _, rows = read_only_check(node, settings)
     if as_json:
@@ -150,6 +153,7 @@ def restore(config_file: Path | None, yes: bool, file: Path) -> int:
     """
     from gantryctl.drives.canopen.setup.parameters import restore as write_all
 
+    # Read before the question: a file that is no backup is refused without one.
     kept = _backup_file(file)
     if not yes:
         click.confirm(f"write {len(kept['values'])} values of {kept['drive']} to the drive?", abort=True)

@@ -80,6 +80,7 @@ def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
     from gantryctl.drives.virtual.communication.drive_objects import device_tables
     from gantryctl.wiring.virtual import drive_hardware
 
+    # The table that the drive answers from is what is written: behaviour and file cannot differ (decision 0008).
     _, visible = device_tables(drive_hardware(machine_of(config_file)), kind)
     write_text(file, write_eds(visible))
     click.echo(f"wrote {file}: {len(visible.objects)} objects, personality {kind.name}")
@@ -119,8 +120,10 @@ def _run(loop: DriveLoop, stop: threading.Event, interface: str, given: dict[str
     click.echo(f"virtual drive: node {node.node_id} on {where}, {how}, personality {node.kind.name}")
     if given["control"] is not None:
         click.echo(f"side channel: {given['control']}")
+    # The side channel answers in a thread of its own: the lock keeps the node whole.
     with loop.lock:
         node.boot()
+    # Stepped, every SYNC is a period: the clock of the computer has no part in it.
     with nullcontext() if node.stepped else keeps_time():
         loop.run(stop)
     lost = f"; {loop.lost_us / 1000:.0f} ms lost to a slow computer" if loop.lost_us else ""

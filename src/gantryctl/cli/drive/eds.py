@@ -52,6 +52,7 @@ def check(file: Path, node_id: int | None, as_json: bool) -> int:
         for finding in findings:
             if finding.wish.need == need:
                 _line(finding)
+    # Real files break the standard in many ways (decision 0008): read all the same, but not in silence.
     if device.notes:
         click.echo("\nOdd in this file, read all the same")
         for note in device.notes:
@@ -62,6 +63,7 @@ def check(file: Path, node_id: int | None, as_json: bool) -> int:
 
 def _heading(device: DeviceDescription, file: Path) -> None:
     info = device.info
+    # CiA 306: an EDS describes a type of device, a DCF one device with the values of its node.
     kind = "DCF" if device.is_dcf else "EDS"
     maker = " ".join(part for part in (info.vendor_name, info.product_name) if part) or "no names in it"
     rates = ", ".join(f"{rate // 1000}" for rate in info.bit_rates)
@@ -91,6 +93,7 @@ def _have(entry: Entry) -> str:
 
 
 def _shown(value: object, relative: bool) -> str:
+    # CiA 306 lets a file give values relative to the node id, COB-IDs above all: $NODEID+0x180.
     text = f"0x{value:X}" if isinstance(value, int) and (relative or value > 0xFFF) else str(value)
     return f"$NODEID+{text}" if relative else text
 
@@ -100,6 +103,8 @@ def _verdict(findings: tuple[Finding, ...], missing: tuple[Finding, ...]) -> str
         names = ", ".join(finding.wish.place for finding in missing)
         return f"No CSV axis by this file: {names} lacking."
     stop = [finding.wish.place for finding in findings if finding.wish.need == "stop" and not finding.ok]
+    # Consumer heartbeat time and event timer of RPDO 1 (CiA 301): one of them must end the motion of a drive that no
+    # longer hears its controller.
     if {"1016:01", "1400:05"} <= set(stop):
         return (
             "A CSV axis by this file, but nothing in it stops the axis of a silent controller "

@@ -73,6 +73,7 @@ def serve(
     from gantryctl.cli.service.serving import Listen, run_service
     from gantryctl.service.recorder.retention import RetentionPolicy
 
+    # A quick stop that motor or reducer cannot give is found before anything runs, not when it is needed.
     machine = proven_machine(config_file)
     # Loopback unless another address is named: then TLS and users are asked for (docs/explanation/security.md).
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)

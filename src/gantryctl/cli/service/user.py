@@ -55,6 +55,7 @@ def user_remove(name: str) -> int:
 @json_option
 def user_list(as_json: bool) -> int:
     """List users and their roles."""
+    # Passwords are kept as hashes only; what is shown is when each was set.
     users = _users().all()
     if as_json:
         print_json([{"name": u.name, "role": str(u.role), "password_set": u.since} for u in users.values()])
