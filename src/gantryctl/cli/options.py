@@ -84,11 +84,9 @@ class FiniteFloat(click.ParamType[float]):
 FINITE = FiniteFloat()
 
 
-def choice_option(name: str, choices: Sequence[str], help: str, default: str | None = None) -> Option:
-    """An option with a few words as values; the first is the default unless another one is given."""
-    return click.option(
-        name, type=click.Choice(choices), default=default or choices[0], show_default=True, help=help
-    )
+def choice_option(name: str, choices: Sequence[str], help: str) -> Option:
+    """An option with a few words as values, of which the first is the default."""
+    return click.option(name, type=click.Choice(choices), default=choices[0], show_default=True, help=help)
 
 
 def number_option(names: Sequence[str], default: float, help: str) -> Option:

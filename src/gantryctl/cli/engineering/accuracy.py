@@ -21,6 +21,7 @@ from gantryctl.cli.options import (
     real_time_option,
     seed_option,
     simulated_machine,
+    write_text,
 )
 
 if TYPE_CHECKING:
@@ -268,7 +269,7 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
     if file is not None:
         # Vectors, like the figures of the report.
-        file.write_text(svg(speed_errors(runs), "speed"), encoding="utf-8")
+        write_text(file, svg(speed_errors(runs), "speed"))
     if as_json:
         print_json([speed_data(run) for run in runs])
     else:
