@@ -233,26 +233,18 @@ def _motor_friction(p: _core.PlantParams, friction: Friction) -> tuple[float, fl
     """Stiffness and damping of the motor friction, at the motor."""
     if not p.motor_friction:
         return 0.0, 0.0
-    inertia, stiffness = p.inertia_motor_kg_m2, p.motor_coulomb_nm / p.motor_presliding_rad
-    return _element(
-        friction,
-        stiffness,
-        p.motor_micro_damping * math.sqrt(stiffness * inertia),
-        p.motor_viscous_nm_s_per_rad,
-    )
+    stiffness = p.motor_coulomb_nm / p.motor_presliding_rad
+    micro_damping = p.motor_micro_damping * math.sqrt(stiffness * p.inertia_motor_kg_m2)
+    return _element(friction, stiffness, micro_damping, p.motor_viscous_nm_s_per_rad)
 
 
 def _roller_friction(p: _core.PlantParams, friction: Friction) -> tuple[float, float]:
     """Stiffness and damping of the rollers, at the gantry."""
     if not p.roller_friction:
         return 0.0, 0.0
-    inertia, stiffness = p.inertia_load_kg_m2, p.roller_coulomb_nm / p.roller_presliding_rad
-    return _element(
-        friction,
-        stiffness,
-        p.roller_micro_damping * math.sqrt(stiffness * inertia),
-        p.roller_viscous_nm_s_per_rad,
-    )
+    stiffness = p.roller_coulomb_nm / p.roller_presliding_rad
+    micro_damping = p.roller_micro_damping * math.sqrt(stiffness * p.inertia_load_kg_m2)
+    return _element(friction, stiffness, micro_damping, p.roller_viscous_nm_s_per_rad)
 
 
 def _hysteresis(p: _core.PlantParams, friction: Friction, angle_rad: float) -> float:
