@@ -112,7 +112,7 @@ def open_axis(
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
     found = open_machine(machine, store)
-    try:  # a drive that was set up is not left behind on its bus, whatever goes wrong below
+    with _left_on_failure(found.drive):
         reasons = _reasons(found, bus_reasons(machine, store, found.drive, commissioning=commissioning))
         retained, notes = _with_accepted_motion(found, reasons)
         made = build_program(
@@ -122,9 +122,6 @@ def open_axis(
             zero_counts=_zero_counts(found),
             holding_torque_nm=retained.holding_torque_nm or 0.0,
         )
-    except BaseException:
-        leave_bus(found.drive)
-        raise
     restore_failure(made.axis, retained)
     return OpenAxis(found.drive, retained, found.reading, made, notes, reasons)
 
@@ -189,20 +186,22 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> OpenMachine:
     from gantryctl.wiring.simulator import delivered_zero_counts  # a controller on a bus loads no simulator
 
     drive = drive_of(machine, angle_deg)
-    retained = Retained(
-        machine=machine.name,
-        config_hash=config_hash(machine),
-        encoder_serial=drive.identity().encoder_serial,
-        zero_offset_counts=delivered_zero_counts(machine),
-        zero_set_by="simulator",
-        zero_witness="new simulated machine, zeroed at 0 deg",
-        rest_position_counts=int(drive.read().pos_act_counts),
-    )
+    with _left_on_failure(drive):
+        retained = Retained(
+            machine=machine.name,
+            config_hash=config_hash(machine),
+            encoder_serial=drive.identity().encoder_serial,
+            zero_offset_counts=delivered_zero_counts(machine),
+            zero_set_by="simulator",
+            zero_witness="new simulated machine, zeroed at 0 deg",
+            rest_position_counts=int(drive.read().pos_act_counts),
+        )
     return _opened(machine, drive, retained)
 
 
 def _opened(machine: Machine, drive: Drive, retained: Retained, notes: tuple[str, ...] = ()) -> OpenMachine:
-    scale, feedback = _encoder_scale(machine, drive.identity()), drive.read()
+    with _left_on_failure(drive):
+        scale, feedback = _encoder_scale(machine, drive.identity()), drive.read()
     reading = judge_reference(scale, feedback.pos_act_counts, retained)
     return OpenMachine(drive, retained, feedback, scale, reading, notes)
 
@@ -371,6 +370,16 @@ def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retai
         store.store_retained(retained)
         if machine.plant_is_local:
             store.store_plant(drive.plant_state())
+
+
+@contextmanager
+def _left_on_failure(drive: Drive) -> Iterator[None]:
+    # A drive that was set up is not left behind on its bus, whatever goes wrong while its machine is opened.
+    try:
+        yield
+    except BaseException:
+        leave_bus(drive)
+        raise
 
 
 def leave_bus(drive: Drive) -> None:
