@@ -56,8 +56,7 @@ class IdealDrive(BaseDrive):
         self._quick_step = quick_dec_rad_s2 * ratio * period_s
         self._zero_counts = zero_counts
         self.pos_motor_rad = pos_rad * ratio
-        self.vel_rad_s = 0.0
-        self.torque_nm = 0.0
+        self.vel_rad_s = self.torque_nm = 0.0
         self.brake_open = False
         self.state = DriveState.SWITCH_ON_DISABLED
         self.inputs = DigitalInputs()

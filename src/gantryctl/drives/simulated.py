@@ -48,9 +48,7 @@ class SimDrive(BaseDrive):
         self.state = DriveState.SWITCH_ON_DISABLED
         self.encoder_flags = EncoderFlag.NONE
         self.error_code = 0
-        self.estop_ok = True
-        self.mains_ready = True
-        self.enabling_switch = True
+        self.estop_ok = self.mains_ready = self.enabling_switch = True
         self._identity = DriveIdentity("simulated drive", serial, counts_per_turn, turns)
         self._count_rad = _TWO_PI / counts_per_turn
         self._range_counts = counts_per_turn * turns

@@ -81,8 +81,7 @@ class CanopenDrive:
         self.link, self.settings, self.plant = link, settings, plant
         self.node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
         self.silent_process_data = self.silent_heartbeat = False
-        self.scan = 0
-        self._heartbeat_due = 0
+        self.scan = self._heartbeat_due = 0
         self.commanded = self._due = self._closed = False
         self._flags = LinkFlag.NONE
         self._synced_s = 0.0

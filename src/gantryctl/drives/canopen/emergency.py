@@ -71,8 +71,7 @@ class EmergencyLog:
 
     def __init__(self) -> None:
         self.messages: deque[Emergency] = deque(maxlen=HISTORY)
-        self.code = 0
-        self.count = 0
+        self.code = self.count = 0
 
     def take(self, data: bytes, scan: int) -> None:
         """Take one frame; some drives send fewer than the eight bytes of CiA 301, two carry the code."""

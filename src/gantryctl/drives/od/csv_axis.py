@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 from gantryctl.drives.od.model import DeviceDescription, Entry, ObjectKind
 from gantryctl.drives.od.standard import STANDARD, Standard
@@ -21,14 +21,6 @@ class Need(StrEnum):
     """Makes the axis better."""
 
 
-class Pdo(StrEnum):
-    """Direction in which an entry must be mappable."""
-
-    NONE = ""
-    RPDO = "RPDO"
-    TPDO = "TPDO"
-
-
 @dataclass(frozen=True, slots=True)
 class Wish:
     """Row of the table of needs."""
@@ -36,7 +28,8 @@ class Wish:
     index: int
     sub: int
     need: Need
-    pdo: Pdo
+    pdo: Literal["", "RPDO", "TPDO"]
+    """Direction in which the entry must be mappable."""
     without: str
     """Substitute or consequence where the drive lacks it."""
 
@@ -52,7 +45,9 @@ class Wish:
 
 
 _MUST, _STOP, _MAY = Need.MUST, Need.STOP, Need.MAY
-_NO, _RX, _TX = Pdo.NONE, Pdo.RPDO, Pdo.TPDO
+_NO: Final = ""
+_RX: Final = "RPDO"
+_TX: Final = "TPDO"
 
 # Optional objects must stay optional: of 30 real EDS files 20 have no 603F, and in 23 60B1 is missing or not mappable.
 WISHES: Final[tuple[Wish, ...]] = (
@@ -134,8 +129,8 @@ def _finding(device: DeviceDescription, wish: Wish) -> Finding:
         wrong.append("cannot be written")
     if not wish.standard.access.writable and not entry.access.readable:
         wrong.append("cannot be read")
-    if (wish.pdo is Pdo.RPDO and not entry.rpdo) or (wish.pdo is Pdo.TPDO and not entry.tpdo):
-        wrong.append(f"cannot be mapped into a {wish.pdo.value}")
+    if (wish.pdo == _RX and not entry.rpdo) or (wish.pdo == _TX and not entry.tpdo):
+        wrong.append(f"cannot be mapped into a {wish.pdo}")
     if wrong:
         return Finding(wish, entry, False, (*wrong, wish.without))
     return Finding(wish, entry, True, _remarks(device, wish, entry))

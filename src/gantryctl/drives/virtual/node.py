@@ -82,11 +82,9 @@ class DriveNode:
         self._out = send
         self._tick_us = round(hardware.tick_s * 1e6)
         self._owed_us = 0
-        self._synced = False
-        self._wrong_sync = False
+        self._synced = self._wrong_sync = False
         self._later: list[tuple[int, Callable[[], object]]] = []
-        self._answer_delay_us = 0
-        self._silent_until_us = 0
+        self._answer_delay_us = self._silent_until_us = 0
         self._store_failed = False
         full, self.device = device_tables(hardware, kind)
         self.scaling = scaling = Scaling(hardware, kind)

@@ -53,12 +53,8 @@ class DrivePlant:
         self._account = 0.0
         self._exhausted = False
         self._allowed_nm = hardware.torque_max_nm
-        self.wrap_counts = 0.0
-        self.counts = 0.0
-        self.vel_rad_s = 0.0
-        self.torque_nm = 0.0
-        self.brake_open = False
-        self.limited = False
+        self.wrap_counts = self.counts = self.vel_rad_s = self.torque_nm = 0.0
+        self.brake_open = self.limited = False
         self._read()
         self.power_on()
 

@@ -61,8 +61,7 @@ class SpeedReference:
         """Begin at the present speed, enabled for the first time or again."""
         # 606B, the demand, is `vel_rad_s`.
         self.vel_rad_s = self._plant.vel_rad_s if abs(self._plant.vel_rad_s) > self.threshold_rad_s else 0.0
-        self.clamped = False
-        self.halted = False
+        self.clamped = self.halted = False
         self._reached_s = 0.0
         self._held: float | None = None
 

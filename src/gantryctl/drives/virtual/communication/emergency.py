@@ -39,8 +39,7 @@ class Emergency:
         self._od, self._send, self.short = od, send, short
         self._active: list[int] = []
         self._queue: deque[bytes] = deque(maxlen=_QUEUE)
-        self._free_us = 0
-        self._now_us = 0
+        self._free_us = self._now_us = 0
         od.readers[0x1001, 0] = self.register
         od.checks[0x1003, 0] = self._check_clear
         od.actions[0x1003, 0] = self._clear_history

@@ -52,8 +52,7 @@ class Rpdo:
         """Discard the waiting data and the deadline: OPERATIONAL was left, or the PDO changed."""
         self._waiting: bytes | None = None
         self._deadline_us: int | None = None
-        self._overdue = False
-        self._short = False
+        self._overdue = self._short = False
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Take one frame: refuse a short one whole (EMCY 8210), read a long one as far as it is mapped."""
