@@ -34,6 +34,7 @@ class DriveRequest(IntEnum):
     """Clear a drive fault; never enables."""
 
 
+# A checksum error is bridged by a prediction once; an alarm takes the torque off (ENC-03 to ENC-05).
 class EncoderFlag(IntFlag):
     """Status of the encoder reading (EnDat style)."""
 
@@ -77,6 +78,7 @@ class DriveFeedback(NamedTuple):
     # A whole number, exact up to 2^53; only the ideal encoder of a simulator gives fractions.
     vel_act_rad_s: float
     torque_act_nm: float
+    # Without a contact the drive reports what the brake must have done.
     brake_open: bool
     """Brake feedback contact: True when the brake is open."""
     torque_limited: bool
@@ -148,6 +150,7 @@ class LinkHealth(NamedTuple):
         return (*rows, rest, *self.messages)
 
 
+# The mode is not retained: after a start the operator chooses it again.
 class Mode(IntEnum):
     """Motion mode of `GantryProgram`. After a start the mode is NONE and nothing moves."""
 
@@ -189,6 +192,7 @@ class OperatorCommand(NamedTuple):
 class InputImage(NamedTuple):
     """Everything one scan may know; with the retained state it determines the outputs."""
 
+    # Scan k stands for t = k x period, never for a sum of periods (decision 0005).
     scan: int
     """One more than before; more than one where scans were missed while the axis went on (decision 0005)."""
     time_s: float

@@ -124,6 +124,7 @@ class ScanStart(NamedTuple):
     """Delay after the requested deadline, s."""
 
 
+# Missed scans are never caught up: a real axis goes on meanwhile, and the next scan has the number of its deadline.
 class Clock(Protocol):
     """Pace of the scans: virtual (returns at once) or real (absolute deadlines, numbered, one a period)."""
 

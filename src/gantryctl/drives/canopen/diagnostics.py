@@ -43,6 +43,7 @@ class TpdoWatch:
         if len(data) != self.size:
             self.wrong_length += 1
             return False
+        # A drive sends one telegram for each SYNC: a second one would date the position by a wrong SYNC.
         if not self.waiting:
             self.duplicated += 1
             return False

@@ -80,6 +80,7 @@ class EmergencyLog:
         self.count += 1
         code = int.from_bytes(data[:2], "little")
         self.code = code
+        # A flood of one code in one scan is one line.
         last = self.messages[-1] if self.messages else None
         if last is None or (last.code, last.scan) != (code, scan):
             self.messages.append(Emergency(scan, code, data[2] if len(data) > 2 else 0, bytes(data[3:8])))

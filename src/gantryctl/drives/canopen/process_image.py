@@ -159,6 +159,7 @@ class ProcessImage:
             self.answer_times_s.append(link.now_s() - end + answer_s)
         for watch in self.watches:
             watch.end()
+        # Without 606C the speed is the difference of 6064 over the time between two telegrams.
         if not self._has_velocity and self._counts_before is not None and not self.watches[0].age:
             step = self.counts - self._counts_before
             self._vel_rad_s = step / self._span_s * self._units.rad_per_increment

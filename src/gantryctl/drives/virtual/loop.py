@@ -13,6 +13,7 @@ import can
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.errors import DeviceError
 
+# In real time the drive's clock goes on between frames too: it wakes at least that often.
 _WAKE_S: Final = 0.005
 _IDLE_S: Final = 0.1
 # More than this at once is not made up for: a held-up process would see deadlines pass that frames still in its queue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from gantryctl.drives.base import TRUTH_COLUMNS, settle
@@ -98,15 +99,11 @@ class DriveNode:
         self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving)
         self._sdo = SdoServer(od)
         self._gate = TpdoGate(self.faults, self.send)
-        self.process_data = ProcessData(
-            od,
-            self._gate.send,
-            self._error,
-            lambda: self.axis.communication_lost(DEADLINE),
-            lambda: self.time_us,
-        )
+        late = partial(self.axis.communication_lost, DEADLINE)
+        report, now = self.emergency.report, lambda: self.time_us
+        self.process_data = ProcessData(od, self._gate.send, report, late, now)
         self._producer = HeartbeatProducer(od, self.send_heartbeat)
-        self._consumer = HeartbeatConsumer(od, self._error, self._heartbeat_lost)
+        self._consumer = HeartbeatConsumer(od, self.emergency.report, self._heartbeat_lost)
 
     # --- time --------------------------------------------------------------------------------------------------
 
@@ -286,12 +283,6 @@ class DriveNode:
     def _send_emcy(self, can_id: int, data: bytes) -> None:
         if self.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             self.send(can_id, data)
-
-    def _error(self, code: int, active: bool) -> None:
-        if active:
-            self.emergency.raise_error(code)
-        else:
-            self.emergency.clear_error(code)
 
     def _heartbeat_lost(self) -> None:
         """React to a lost heartbeat: the axis by 6007, the NMT state by 1029."""

@@ -91,12 +91,8 @@ class BusLink:
     @property
     def down(self) -> bool:
         """Sending or receiving has failed several times in a row, or the controller is bus-off."""
-        return (
-            not self._open
-            or self.bus_off
-            or self._send_failures >= _DOWN_AFTER
-            or self._receive_failures >= _DOWN_AFTER
-        )
+        failures = max(self._send_failures, self._receive_failures)
+        return not self._open or self.bus_off or failures >= _DOWN_AFTER
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send one frame; a refusal of the bus is counted, not raised."""

@@ -139,16 +139,8 @@ def _watchdog(rows: Iterable[ParameterRow]) -> tuple[ParameterRow, ...]:
     if have & {"1016:01", "1400:05"}:
         return ()
     text = "nothing in this drive stops the axis of a silent controller: not without a hard-wired watchdog"
-    return (
-        ParameterRow(
-            "1016:01",
-            "Consumer heartbeat time or RPDO deadline",
-            "one of them",
-            "none",
-            ParameterVerdict.LACKING,
-            text,
-        ),
-    )
+    name = "Consumer heartbeat time or RPDO deadline"
+    return (ParameterRow("1016:01", name, "one of them", "none", ParameterVerdict.LACKING, text),)
 
 
 def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> None:
@@ -185,14 +177,9 @@ def compare(wanted: WantedParameter, have: int | None) -> ParameterRow:
         verdict = ParameterVerdict.LACKING if wanted.needed else ParameterVerdict.ACCEPTED
     else:
         verdict = ParameterVerdict.OK if _equal(wanted, have) else ParameterVerdict.DIFFERS
-    return ParameterRow(
-        f"{wanted.obj:04X}:{wanted.sub:02X}",
-        name,
-        _shown(wanted.obj, wanted.value),
-        "nothing" if have is None else _shown(wanted.obj, have),
-        verdict,
-        wanted.meaning,
-    )
+    place = f"{wanted.obj:04X}:{wanted.sub:02X}"
+    seen = "nothing" if have is None else _shown(wanted.obj, have)
+    return ParameterRow(place, name, _shown(wanted.obj, wanted.value), seen, verdict, wanted.meaning)
 
 
 def _shown(index: int, value: int) -> str:

@@ -31,6 +31,7 @@ class ReadOnlyDrive(BaseDrive):
         node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
         self.who, self.rows = read_only_check(node, settings)
         self._identity = drive_identity(settings, self.who.text, self.who.key)
+        # Only what a question about a standing machine needs: speed, torque and inputs would be from another moment.
         raw = node.sdo.number(0x6064)
         span = self._identity.counts_per_turn * self._identity.turns
         counts = Unwrap(span)(-raw if settings.inverted else raw)

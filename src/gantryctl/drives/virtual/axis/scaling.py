@@ -57,6 +57,7 @@ class Scaling:
 
     def increments(self, fine_counts: float) -> int:
         """Whole increments of 6064, unwrapped."""
+        # An encoder counts completed increments: the fraction is cut towards minus infinity on both sides of zero.
         return math.floor(fine_counts * self.counts_per_turn / self._fine)
 
     def velocity(self, rad_s: float) -> int:

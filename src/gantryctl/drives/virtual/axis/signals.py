@@ -29,6 +29,7 @@ MAINS_READY: Final = 1 << 18
 BRAKE_IS_OPEN: Final = 1 << 19
 
 
+# On a real drive model 6041 and 6061 follow a write by 10 ms.
 class Lagging:
     """Value that shows later than it changes."""
 

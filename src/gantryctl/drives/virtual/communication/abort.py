@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 
 
+# The master has a table of its own: two readings of CiA 301 share no mistake (decision 0008).
 class Abort(IntEnum):
     """Abort codes that this server sends."""
 

@@ -59,6 +59,13 @@ class Emergency:
             bits |= register_bits(code)
         return bits
 
+    def report(self, code: int, active: bool) -> None:
+        """Begin or end an error."""
+        if active:
+            self.raise_error(code)
+        else:
+            self.clear_error(code)
+
     def raise_error(self, code: int) -> None:
         """Report an error: register, history, message."""
         if code not in self._active:

@@ -16,8 +16,7 @@ _ID: Final = 0x7FF
 _MAX_BITS: Final = 64
 # Restricted identifiers (CiA 301): NMT, the default of SYNC, SDO, NMT error control. No PDO may take them.
 _RESTRICTED: Final = (
-    range(0x000, 0x080),
-    range(0x080, 0x081),
+    range(0x000, 0x081),
     range(0x101, 0x181),
     range(0x581, 0x600),
     range(0x601, 0x680),

@@ -23,6 +23,7 @@ from enum import IntEnum
 from typing import assert_never
 
 
+# Written against CiA 301 and sharing no code with the master, so that either can be tested against the other.
 class NmtState(IntEnum):
     """NMT states with their value in the heartbeat; INITIALISING is the boot-up message."""
 

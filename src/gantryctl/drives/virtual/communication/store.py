@@ -65,6 +65,7 @@ class ParameterStore:
         except FileNotFoundError:
             return
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            # As a real drive with a damaged memory: defaults are in force, and EMCY 6310 tells (CiA 402).
             self.damaged = True
 
 

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gantryctl.errors import UsageError
 
+# Every value that an object of up to 32 bits can show, signed or not.
 _U32 = Annotated[int, Field(ge=-(1 << 31), lt=1 << 32)]
 TpdoKind = Literal["drop", "delay", "duplicate", "swap", "length"]
 TPDO_KINDS: Final = get_args(TpdoKind)

@@ -20,6 +20,7 @@ class RemotePlant:
 
     def truth(self) -> tuple[float, ...]:
         """True state of load, motor and base: the last answer. A scan does not wait for a side channel."""
+        # One request is under way at a time; a scan takes its answer when it is there.
         if not self._asked:
             self._channel.send("truth")
             self._asked = True
