@@ -193,6 +193,11 @@ def reset_simulation(machine: Machine, angle_deg: float) -> str:
     return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
 
 
+_ZERO_KEYS: Final = (
+    "zero_offset_counts", "rest_position_counts", "zero_set_by", "zero_set_at", "zero_witness",
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class EncoderReport:
     """The absolute reference in words and numbers."""
@@ -203,14 +208,8 @@ class EncoderReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
-        return self.reading._asdict() | {
-            "verdict": self.reading.verdict.value,
-            "zero_offset_counts": self.retained.zero_offset_counts,
-            "rest_position_counts": self.retained.rest_position_counts,
-            "zero_set_by": self.retained.zero_set_by,
-            "zero_set_at": self.retained.zero_set_at,
-            "zero_witness": self.retained.zero_witness,
-        }
+        kept = {name: getattr(self.retained, name) for name in _ZERO_KEYS}
+        return self.reading._asdict() | {"verdict": self.reading.verdict.value} | kept
 
     def rows(self) -> list[tuple[str, str]]:
         """Name and value for a terminal."""
@@ -219,25 +218,17 @@ class EncoderReport:
         margins = "-"
         if r.margin_minus_deg is not None and r.margin_plus_deg is not None:
             margins = f"{r.margin_minus_deg:.1f} deg below the travel, {r.margin_plus_deg:.1f} deg above"
-        fine = identity.counts_per_turn
+        zero, rest = kept.zero_offset_counts, kept.rest_position_counts
+        sizes = f"{self.scale.coarse_per_turn} steps x {identity.turns} turns"
         return [
-            (
-                "encoder",
-                f"{r.serial}: {self.scale.coarse_per_turn} steps x {identity.turns} turns, {fine} fine counts/turn",
-            ),
+            ("encoder", f"{r.serial}: {sizes}, {identity.counts_per_turn} fine counts/turn"),
             ("reading", f"turn {r.multi_turn}, step {r.single_turn} (fine count {r.raw_counts})"),
-            (
-                "zero offset",
-                "not set" if kept.zero_offset_counts is None else f"fine count {kept.zero_offset_counts}",
-            ),
+            ("zero offset", "not set" if zero is None else f"fine count {zero}"),
             ("zero set by", f"{kept.zero_set_by or '-'} {kept.zero_set_at}".strip()),
             ("witness", kept.zero_witness or "-"),
             ("angle", "unknown" if r.angle_deg is None else f"{r.angle_deg:+.5f} deg"),
             ("wrap margin", margins),
-            (
-                "stored rest position",
-                "-" if kept.rest_position_counts is None else f"fine count {kept.rest_position_counts}",
-            ),
+            ("stored rest position", "-" if rest is None else f"fine count {rest}"),
             ("moved while off", "-" if r.moved_deg is None else f"{r.moved_deg:+.5f} deg"),
             ("verdict", r.verdict.value if held is None else held.text),
         ]
