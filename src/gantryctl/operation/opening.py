@@ -112,7 +112,7 @@ def open_axis(
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
     found = open_machine(machine, store)
-    with _left_on_failure(found.drive):
+    with left_on_failure(found.drive):
         reasons = _reasons(found, bus_reasons(machine, store, found.drive, commissioning=commissioning))
         retained, notes = _with_accepted_motion(found, reasons)
         made = build_program(
@@ -186,7 +186,7 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> OpenMachine:
     from gantryctl.wiring.simulator import delivered_zero_counts  # a controller on a bus loads no simulator
 
     drive = drive_of(machine, angle_deg)
-    with _left_on_failure(drive):
+    with left_on_failure(drive):
         retained = Retained(
             machine=machine.name,
             config_hash=config_hash(machine),
@@ -200,9 +200,9 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> OpenMachine:
 
 
 def _opened(machine: Machine, drive: Drive, retained: Retained, notes: tuple[str, ...] = ()) -> OpenMachine:
-    with _left_on_failure(drive):
+    with left_on_failure(drive):
         scale, feedback = _encoder_scale(machine, drive.identity()), drive.read()
-    reading = judge_reference(scale, feedback.pos_act_counts, retained)
+        reading = judge_reference(scale, feedback.pos_act_counts, retained)
     return OpenMachine(drive, retained, feedback, scale, reading, notes)
 
 
@@ -373,7 +373,8 @@ def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retai
 
 
 @contextmanager
-def _left_on_failure(drive: Drive) -> Iterator[None]:
+def left_on_failure(drive: Drive) -> Iterator[None]:
+    """Leave the bus of a drive if what is done with it fails."""
     # A drive that was set up is not left behind on its bus, whatever goes wrong while its machine is opened.
     try:
         yield

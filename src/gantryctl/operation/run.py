@@ -16,7 +16,7 @@ from gantryctl.image import Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_failed
 from gantryctl.operation.client import BrakeTestReport, Ending, MotionReport, Snapshot, Stop
-from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, open_axis
+from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, left_on_failure, open_axis
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, Reaction
@@ -81,13 +81,13 @@ class AxisRun:
         self._open = opened = open_axis(machine, store, program=program, commissioning=commissioning)
         failed = None if brake_test else why_brake_failed(opened.retained)
         reasons = opened.reasons if failed is None else (*opened.reasons, failed)
-        if reasons:
-            leave_bus(opened.drive)
-            raise CommandRefused(reasons[0].text)
         self.notes, self.axis, self.operator = opened.notes, opened.program.axis, FixedOperator()
-        self.engine: Engine = build_engine(
-            machine, opened.drive, opened.program, self.operator, recorder=recorder, real_time=real_time
-        )
+        with left_on_failure(opened.drive):  # a recording that cannot be opened, for one
+            if reasons:
+                raise CommandRefused(reasons[0].text)
+            self.engine: Engine = build_engine(
+                machine, opened.drive, opened.program, self.operator, recorder=recorder, real_time=real_time
+            )
         self.brake_due = judge_due(machine, self.axis, opened.retained, opened.retained.power_ups)
         self._power_ups = self._moves = 0
         self._powered = False

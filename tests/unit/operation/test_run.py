@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gantryctl.drives.simulated import SimDrive
-from gantryctl.errors import AlarmStop, CommandRefused, UsageError
+from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.image import DriveState, InputImage
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.operation import opening
 from gantryctl.operation.client import MotionReport, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status, read_retained, reset_machine
@@ -354,3 +356,26 @@ def test_the_snapshot_says_what_a_display_needs() -> None:
     assert lefts == sorted(lefts, reverse=True)  # type: ignore[type-var]
     assert max(s.speed_deg_s for s in moving) == pytest.approx(1.0, abs=0.05)
     assert all(s.time_left_s is None for s in looker.seen if s.state != "discrete motion")
+
+
+@pytest.mark.can
+@pytest.mark.parametrize("what", ["the recording", "the first reading"])
+def test_a_run_that_cannot_begin_leaves_the_bus(monkeypatch: pytest.MonkeyPatch, what: str) -> None:
+    from gantryctl.drives.canopen.drive import CanopenDrive
+
+    def fails(*_: object) -> Any:
+        raise DeviceError("not now")
+
+    closed: list[CanopenDrive] = []
+    close = CanopenDrive.close
+
+    def leave(drive: CanopenDrive) -> None:
+        closed.append(drive)
+        close(drive)
+
+    monkeypatch.setattr(CanopenDrive, "close", leave)
+    if what == "the first reading":
+        monkeypatch.setattr(opening, "judge_reference", fails)
+    with pytest.raises(DeviceError, match="not now"):
+        AxisRun(load_machine(configs_folder() / "hust_can.toml"), recorder=fails)
+    assert len(closed) == 1

@@ -167,6 +167,22 @@ def test_a_late_scan_is_acknowledged_by_a_reset_together_with_what_was_held_befo
         assert desk.ask("power", on=True) == ""
 
 
+def test_a_reset_does_not_acknowledge_a_stop_of_its_own_scan() -> None:
+    """Nobody has seen it yet: it is reported, and holds the axis until the next reset."""
+    delivered()
+    with opened() as desk:
+        desk.scans(3)
+        assert desk.ask("take", over=False) == ""
+        desk.engine.overrun_stop = LATE
+        assert desk.ask("reset") == ""
+        assert desk.engine.overrun_stop is LATE
+        assert str(desk.permit.blocked_by) == str(LATE)
+        assert texts(desk.memory).count(str(LATE)) == 1
+        assert desk.ask("reset") == ""
+        assert desk.engine.overrun_stop is None
+        assert str(desk.permit.blocked_by) == ""
+
+
 @pytest.mark.parametrize(("change", "code"), [(lost_turns, "ENC-08"), (moved_while_off, "ENC-09")])
 def test_a_service_that_is_started_anew_asks_again(change: Callable[[Retained], Retained], code: str) -> None:
     """What nobody has acknowledged is not forgotten by ending the service."""

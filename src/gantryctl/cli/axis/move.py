@@ -87,6 +87,9 @@ def move(
     def action(axis: AxisClient) -> MotionReport:
         wanted = axis.machine.speed.setting_max_deg_s if speed is None else speed
         end = target
+        if axis.must_ask:
+            # First of all: control at a service may stop what moves (--take-over).
+            _check_speed(axis.machine, wanted)
         if axis.must_ask and not yes:
             # Without a claim on the axis: at a service, control is lost after 2 s of silence.
             here = axis.angle_deg
@@ -128,19 +131,26 @@ def jog(direction: str, seconds: float, speed: float | None, yes: bool, **run: A
     return _run(action, "jog", **run)
 
 
+def _check_speed(machine: Machine, speed: float) -> None:
+    from gantryctl.program.axis.command_checks import check_setting, require
+    from gantryctl.units import rad
+    from gantryctl.wiring.program import speed_settings
+
+    require(check_setting(rad(speed), speed_settings(machine)))
+
+
 def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:
     """Say what a move would do and what a stop takes.
 
     Raises:
-        CommandRefused: target or speed are not possible.
+        CommandRefused: the target is not possible.
     """
     from gantryctl.machine.derived import rigid_stop
-    from gantryctl.program.axis.command_checks import check_setting, check_target, require
+    from gantryctl.program.axis.command_checks import check_target, require
     from gantryctl.units import rad
-    from gantryctl.wiring.program import speed_settings, travel_settings
+    from gantryctl.wiring.program import travel_settings
 
     machine = axis.machine
-    require(check_setting(rad(speed), speed_settings(machine)))
     require(check_target(rad(here), rad(end), travel_settings(machine)))
     # Of the rigid body: what compliance adds is in `gantryctl stops`.
     stop, _ = rigid_stop(speed, machine.virtual_axis.quick_dec_deg_s2, float("inf"))

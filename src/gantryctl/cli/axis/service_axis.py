@@ -25,8 +25,8 @@ from gantryctl.wiring.program import speed_settings, travel_settings
 Tags = dict[str, Any]
 # How long it waits for the second person to arm.
 _OTHER_S: Final = 120.0
-# A reply comes by the scan, the tags with the next status frame (50 ms) and those on change after it.
-_SHOWS_S: Final = 0.5
+# A reply comes by the scan, the tags with the next status frame (50 ms) and those on change after it: shown in 0.5 s.
+SHOWN_FRAMES: Final = math.ceil(0.5 / FRAME_S)
 
 
 def directory_of(machine: Machine) -> Path:
@@ -108,13 +108,12 @@ class ServiceAxis:
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
         """Take off the torque that was switched on here, give control back, leave."""
-        if not self._taken:
-            return
         # Whatever fails here, the connection ends, and with it control and every key that is held.
         with suppress(GantryctlError):
             if self._powered:
                 self._link.ask("power", on=False)
-            self._link.ask("give")
+            if self._taken:
+                self._link.ask("give")
         self._link.__exit__()
         self._taken = self._powered = False
 
@@ -258,7 +257,7 @@ class ServiceAxis:
 
     def _until(self, holds: Callable[[Tags], bool]) -> None:
         """Look until what was done shows, but not for long: the reply is faster than the tags."""
-        for _ in range(math.ceil(_SHOWS_S / FRAME_S)):
+        for _ in range(SHOWN_FRAMES):
             if holds(self._link.look()):
                 return
 

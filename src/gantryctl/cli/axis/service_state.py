@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from gantryctl.cli.axis.service_axis import Tags, brake_due, directory_of, held_codes
+from gantryctl.cli.axis.service_axis import SHOWN_FRAMES, Tags, brake_due, directory_of, held_codes
 from gantryctl.machine import Machine
 from gantryctl.operation.state import MachineStatus
 from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
@@ -88,8 +88,11 @@ def arm_for_another(machine: Machine, action: str) -> None:
         link.ask("arm", action=action)
         click.echo(f"{action.replace('_', '-')} is armed for 10 s: somebody else may execute it")
         # What is armed dies with its connection, so this one stays (decision 0014).
-        while link.look()["armed_client"] != link.client:  # the reply is faster than the tags
-            link.alive()
-        while link.look()["armed_client"] == link.client:
+        # The reply is faster than the tags; it may also be used or over before they show it.
+        for _ in range(SHOWN_FRAMES):
+            if link.look()["armed_client"] == link.client:
+                break
+        while link.tags["armed_client"] == link.client:
+            link.look()
             link.alive()
     click.echo("not armed any more")

@@ -94,6 +94,7 @@ class Controller:
         self._recorder = self.engine.recorder
         self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
         self._powered = False
+        self._late: AlarmStop | None = None
         self._resets = self._lost_rows = 0
         self._end_s = math.inf
 
@@ -175,14 +176,16 @@ class Controller:
             self._powered = on
             self._switched(on)
         if engine.overrun_stop is not None and permit.late is None:
-            permit.late = engine.overrun_stop
+            permit.late = self._late = engine.overrun_stop
             self.events.put("alarm", str(engine.overrun_stop))
         retainer.scan()
 
     def _after_reset(self) -> None:
         """Follow a reset between two scans: forget acknowledged stops, and set up a lost drive again."""
         if not self.permit.held:
-            self.engine.overrun_stop = None
+            # What has stopped the axis in this very scan is not what was acknowledged.
+            if self.engine.overrun_stop is self._late:
+                self.engine.overrun_stop = None
             self.retainer.retained = replace(self.retainer.retained, error_stop="")
         if not self.axis.is_off:
             return
