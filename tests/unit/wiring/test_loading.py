@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+import gantryctl.wiring
 
 MODULES_MAX = 165
 """Of the controller of a machine on a bus; 213 before the rooms were told apart."""
@@ -74,3 +78,14 @@ def test_a_simulation_loads_no_bus() -> None:
         of(("can", "gantryctl.drives.canopen", "gantryctl.drives.virtual", "gantryctl.service"), modules)
         == []
     )
+
+
+def test_the_wiring_has_no_classes() -> None:
+    """It chooses parts and is none itself: a class there would be a part that nobody finds."""
+    for file in Path(gantryctl.wiring.__path__[0]).glob("*.py"):
+        classes = [
+            n.name
+            for n in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+            if isinstance(n, ast.ClassDef)
+        ]
+        assert classes == [], file

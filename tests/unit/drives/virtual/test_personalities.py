@@ -7,6 +7,7 @@ import pytest
 
 from gantryctl.drives.od.csv_axis import check_csv_axis, lacking
 from gantryctl.drives.od.reading import parse_eds
+from gantryctl.drives.od.standard import STANDARD
 from gantryctl.drives.od.writing import write_eds
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.communication.nmt import NmtState
@@ -300,3 +301,11 @@ def test_personalities_combine_and_unknown_ones_are_refused() -> None:
     assert joined.silent_faults
     with pytest.raises(UsageError, match="there is no personality 'nonsense'"):
         personality(["nonsense"])
+
+
+def test_the_objects_have_the_names_of_cia_402() -> None:
+    visible = Bench().node.device
+    for (index, sub), standard in STANDARD.items():
+        entry = visible.entry(index, sub)
+        if index >= 0x6000 and entry is not None:
+            assert entry.name == standard.name, f"{index:04X}:{sub:02X}"
