@@ -24,7 +24,7 @@ from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.image import SAFE_OUTPUT
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 from gantryctl.runtime import RealClock, keeps_time
 from gantryctl.wiring.canopen import canopen_drive
 

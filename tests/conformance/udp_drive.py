@@ -18,7 +18,7 @@ from conformance.test_canopen_drive import SYNC_S, CanBench
 from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import default_machine, with_values
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 from gantryctl.wiring.canopen import canopen_drive
 
 MACHINE = with_values(

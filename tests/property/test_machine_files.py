@@ -19,8 +19,8 @@ from gantryctl.machine import (
     parse_machine,
     with_values,
 )
+from gantryctl.machine.effective import to_toml
 from gantryctl.machine.loading import check
-from gantryctl.machine.writing import to_toml
 
 MACHINE = default_machine()
 VALUES = effective_values(MACHINE)

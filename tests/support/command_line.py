@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 from gantryctl.cli.main import run
 from gantryctl.machine import default_machine, with_values
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 from gantryctl.operation.store import StateStore
 
 

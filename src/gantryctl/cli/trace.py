@@ -11,8 +11,7 @@ import click
 from gantryctl.cli.options import PATH, NamedPath, json_option, print_done, print_json
 
 if TYPE_CHECKING:
-    from gantryctl.trace.summary import ColumnSummary
-    from gantryctl.trace.table import Trace
+    from gantryctl.trace.table import ColumnSummary, Trace
 
 
 class Recording(NamedPath):
@@ -49,7 +48,7 @@ def show(file: Path, as_json: bool) -> None:
     In degrees; as JSON in radians, as recorded.
     """
     from gantryctl.trace.reader import read_trace
-    from gantryctl.trace.summary import summarize
+    from gantryctl.trace.table import summarize
 
     recording = read_trace(file)
     if as_json:

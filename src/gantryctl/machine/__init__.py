@@ -8,14 +8,15 @@ from __future__ import annotations
 
 from gantryctl.machine.calibration import Calibration, Identified, Maps, calibration_toml, load_calibration
 from gantryctl.machine.effective import (
+    check_belongs,
     config_hash,
     diff_machines,
     effective_values,
+    identity_hash,
     json_schema,
     origins,
     short_hash,
 )
-from gantryctl.machine.identity import check_belongs, identity_hash
 from gantryctl.machine.loading import (
     configs_folder,
     default_machine,
@@ -25,8 +26,7 @@ from gantryctl.machine.loading import (
     parse_machine,
     with_values,
 )
-from gantryctl.machine.problems import show_value
-from gantryctl.machine.rules.lines import RULES
+from gantryctl.machine.problems import RULES, show_value
 from gantryctl.machine.specs import FieldSpec, field_specs
 from gantryctl.machine.tables.model import Machine
 

@@ -1,11 +1,16 @@
-"""Values in force: with their origin, the hash over them, differences, the JSON schema."""
+"""Values in force: with their origin, the hashes over them, differences, as the text of a file, the JSON schema."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Mapping
 from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
+from gantryctl.errors import ConfigError
+from gantryctl.machine.calibration import Calibration
+from gantryctl.machine.problems import show_value
+from gantryctl.machine.reading import printable
 from gantryctl.machine.specs import Value, field_specs, value_at
 from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import Machine
@@ -35,6 +40,41 @@ def config_hash(machine: Machine) -> str:
 def short_hash(machine: Machine) -> str:
     """The first digits of `config_hash`, for people."""
     return config_hash(machine)[:SHORT_HASH]
+
+
+def identity_hash(machine: Machine) -> str:
+    """Hash of ratios, motor, reducer and encoder; not of gains, limits or [plant]."""
+    # Gains, limits and [plant] may change without a new calibration; what was measured hangs on these parts.
+    ratios = {"reducer_ratio": machine.axis.reducer_ratio, "ring_ratio": machine.axis.ring_ratio}
+    tables = {
+        name: getattr(machine, name).model_dump(mode="json") for name in ("motor", "reducer", "encoder")
+    }
+    text = json.dumps({"axis": ratios, **tables}, sort_keys=True, allow_nan=False)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()[:16]
+
+
+def check_belongs(calibration: Calibration, machine: Machine, encoder_serial: str | None = None) -> None:
+    """Refuse a calibration of another machine.
+
+    Args:
+        encoder_serial: what the drive says about its encoder; None where there is no drive to ask.
+
+    Raises:
+        ConfigError: ratios, motor, reducer or encoder differ, or the encoder has another serial number.
+    """
+    origin, wanted = calibration.origin, identity_hash(machine)
+    if origin.identity != wanted:
+        wrong = (
+            f"on another machine (identity {origin.identity}, this one is {wanted}: ratios, motor, reducer or encoder "
+            "differ)"
+        )
+    elif encoder_serial is not None and encoder_serial != origin.encoder_serial:
+        known, found = printable(origin.encoder_serial), printable(encoder_serial)
+        wrong = f"with encoder {known!r}, the drive has {found!r}"
+    else:
+        return
+    what = f"calibration of {printable(origin.machine)}, {origin.date}"
+    raise ConfigError([f"{what}: measured {wrong}; run `gantryctl identify` on this machine"])
 
 
 def origins(machine: Machine) -> dict[str, Origin]:
@@ -82,3 +122,33 @@ def _canonical(value: Value) -> Value:
     if isinstance(value, tuple):
         return tuple(item + 0.0 for item in value)
     return value + 0.0 if isinstance(value, float) else value
+
+
+def to_toml(machine: Machine) -> str:
+    """Text that `parse_machine` turns back into an equal machine with the same hash."""
+    return toml_tables(effective_values(machine))
+
+
+def toml_tables(values: Mapping[str, Value], *, units: bool = False) -> str:
+    """Values by dotted path as tables of a machine file; with `units` each has its unit in a comment."""
+    lines: list[str] = []
+    table = ""
+    for path, value in values.items():
+        spec = field_specs()[path]
+        if spec.table != table:
+            table = spec.table
+            lines += ["", f"[{table}]"] if lines else [f"[{table}]"]
+        unit = f"  # {spec.unit}" if units and spec.unit != "-" else ""
+        lines.append(f"{spec.key} = {_toml(value)}{unit}")
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Value) -> str:
+    return f'"{"".join(map(_escaped, value))}"' if isinstance(value, str) else show_value(value, None)
+
+
+def _escaped(character: str) -> str:
+    # A TOML string in quotes: what is not printable becomes a code point.
+    if character in '"\\':
+        return "\\" + character
+    return character if character.isprintable() else f"\\U{ord(character):08X}"

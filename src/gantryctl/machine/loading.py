@@ -13,9 +13,8 @@ from pydantic import ValidationError
 
 from gantryctl.errors import ConfigError
 from gantryctl.machine.calibration import load_calibration
-from gantryctl.machine.problems import describe, unknown_path
+from gantryctl.machine.problems import contradictions, describe, unknown_path
 from gantryctl.machine.reading import Data, parse_toml, printable, read_text
-from gantryctl.machine.rules.lines import contradictions
 from gantryctl.machine.specs import field_specs
 from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import RULES_LATER, Machine

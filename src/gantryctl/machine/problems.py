@@ -6,12 +6,14 @@ import difflib
 import json
 import math
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from types import UnionType
 from typing import Any, Final, TypeAlias
 
 from gantryctl.machine.reading import Data, printable
-from gantryctl.machine.specs import FieldSpec, field_specs, table_models
+from gantryctl.machine.rules import axis, can, compensation, monitors, parts, plant
+from gantryctl.machine.rules.book import REGISTERED, Limit, Rule, violations
+from gantryctl.machine.specs import FieldSpec, field_specs, table_models, value_at
 from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import Machine
 
@@ -42,6 +44,14 @@ _FACTORS: Final = {
     180.0 / math.pi: "degrees instead of radians?",
     math.pi / 180.0: "radians instead of degrees?",
 }
+
+
+# In the order of the reference page and of the messages, whatever order the chapters are imported in.
+_CHAPTERS: Final = [module.__name__ for module in (axis, parts, monitors, can, plant, compensation)]
+
+RULES: Final[tuple[Rule, ...]] = tuple(
+    sorted(REGISTERED, key=lambda rule: _CHAPTERS.index(rule.check.__module__))
+)
 
 
 def show_value(value: object, longest: int | None = 60) -> str:
@@ -215,3 +225,23 @@ def _float(value: object) -> float | None:
     except OverflowError:
         return None
     return number if math.isfinite(number) else None
+
+
+def contradictions(machine: Machine, name: str, unusable: Collection[str] = ()) -> list[str]:
+    """One line per broken rule: `FILE: [table] key = value: what must hold; against [table] key = value`.
+
+    Rules about a key in `unusable` are left out: its value is a stand-in for one that was refused already.
+    """
+    keys = {path for rule in RULES for path in rule.paths}
+    silent = {path for path in keys if any(f"{path}.".startswith(f"{bad}.") for bad in unusable)}
+    usable = [rule for rule in RULES if silent.isdisjoint(rule.paths)]
+    return [f"{name}: {_broken(machine, rule, wrong)}" for rule, wrong in violations(machine, usable)]
+
+
+def _broken(machine: Machine, rule: Rule, wrong: Limit | str) -> str:
+    specs = [field_specs()[path] for path in rule.paths]
+    first, *others = (
+        f"{spec.place} = {show_value(value_at(machine, spec.path))}{spec.unit_text}" for spec in specs
+    )
+    demand = wrong.text(specs[0].unit_text) if isinstance(wrong, Limit) else wrong
+    return f"{first}: {demand}" + (f"; against {', '.join(others)}" if others else "")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from gantryctl.errors import UsageError
-from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees
+from gantryctl.trace.columns import TIME_COLUMN, degree_factor, in_degrees, unit_of
 from gantryctl.trace.files import (
     Floats,
     Metadata,
@@ -137,3 +139,32 @@ class Trace:
             record_batch(schema, self.rows(start, start + step)) for start in range(0, len(self), step)
         )
         write_parquet(Path(path), schema, batches)
+
+
+class ColumnSummary(NamedTuple):
+    """Extremes and root mean square of one column over its finite values, in the unit of the column."""
+
+    name: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    rms: float | None
+    not_finite: int
+    """Values that are NaN or infinite."""
+
+
+def summarize(trace: Trace) -> list[ColumnSummary]:
+    """Summarise every column, in their order; None where there is no finite value."""
+    return [_summary(name, trace[name]) for name in trace.columns]
+
+
+def _summary(name: str, values: Floats) -> ColumnSummary:
+    finite = values[np.isfinite(values)]
+    missing = len(values) - len(finite)
+    unit = unit_of(name).symbol
+    if not len(finite):
+        return ColumnSummary(name, unit, None, None, None, missing)
+    # Squares of large values would overflow.
+    scale = float(np.max(np.abs(finite))) or 1.0
+    rms = scale * math.sqrt(float(np.mean((finite / scale) ** 2)))
+    return ColumnSummary(name, unit, float(finite.min()), float(finite.max()), rms, missing)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.machine import configs_folder, load_machine, with_values
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 from support.command_line import cli
 
 pytestmark = pytest.mark.can

@@ -19,7 +19,7 @@ from gantryctl.machine import (
     parse_machine,
 )
 from gantryctl.machine.derived import derived
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 
 ROOT = Path(__file__).parents[3]
 REQUIRED = {

@@ -112,7 +112,7 @@ def _print_limits(machine: Machine, shown: Fit) -> int:
 def _write(machine: Machine, shown: Fit, path: Path) -> None:
     from gantryctl.engineering.sizing.chain import sized_machine
     from gantryctl.errors import UsageError
-    from gantryctl.machine.writing import to_toml
+    from gantryctl.machine.effective import to_toml
 
     text = to_toml(sized_machine(machine, shown))
     head = f"# {machine.name} with requirement sheet {shown.train.sheet.sheet.name} and motor {shown.motor.name}\n"

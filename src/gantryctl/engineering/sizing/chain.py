@@ -10,9 +10,9 @@ from gantryctl.engineering.sizing.motors import MotorFile
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, field_specs, with_values
+from gantryctl.machine.effective import toml_tables
 from gantryctl.machine.specs import Value
 from gantryctl.machine.tables.fields import Table
-from gantryctl.machine.writing import toml_tables
 from gantryctl.units import DEG_S_PER_R_MIN
 
 _SPEED_CHAIN: Final = ("command_clamp_deg_s", "drive_ceiling_deg_s", "overspeed_trip_deg_s")

@@ -5,10 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from gantryctl.engineering.sizing.duty import treatment_time_s
+from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
 from gantryctl.engineering.sizing.sheet import Sheet
-from gantryctl.engineering.sizing.sheet_rules import contradictions
+from gantryctl.engineering.sizing.train import REACTION_S
 from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, load_table
+from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
 DEFAULT_SHEET: Final = "hust_gantry.toml"
 
@@ -29,3 +32,91 @@ def load_sheet(path: Path | str) -> Sheet:
     if lines:
         raise ConfigError([f"{path}: {line}" for line in lines])
     return sheet
+
+
+def contradictions(sheet: Sheet) -> list[str]:
+    """One line per contradiction: `[table] key = value: what must hold, against what`."""
+    return [*_travel(sheet), *_motion(sheet), *_gears(sheet), *_duty(sheet)]
+
+
+def _travel(sheet: Sheet) -> list[str]:
+    low, high = sheet.range.pos_min_deg, sheet.range.pos_max_deg
+    if high - low < 1.0:
+        return [
+            f"[range] pos_min_deg = {low:g} deg: must lie at least 1 deg below pos_max_deg = {high:g} deg"
+        ]
+    return []
+
+
+def _motion(sheet: Sheet) -> list[str]:
+    m, lines = sheet.motion, []
+    travel = sheet.range.pos_max_deg - sheet.range.pos_min_deg
+    speed = m.speed_max_r_min * DEG_S_PER_R_MIN
+    # A normal move may not ask for more than the motor is sized for.
+    sizing = deg(mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s))
+    if m.speed_min_r_min >= m.speed_max_r_min:
+        lines.append(
+            f"[motion] speed_min_r_min = {m.speed_min_r_min:g} r/min: must be below speed_max_r_min = "
+            f"{m.speed_max_r_min:g} r/min"
+        )
+    if m.acc_deg_s2 > sizing * (1.0 + 1e-9):
+        lines.append(
+            f"[motion] acc_deg_s2 = {m.acc_deg_s2:g} deg/s2: must be at most {sizing:.4g} deg/s2, the acceleration "
+            f"that sizes the motor: {m.speed_max_r_min:g} r/min in sizing_time_s = {m.sizing_time_s:g} s"
+        )
+    if speed**2 / m.acc_deg_s2 > travel:
+        lines.append(
+            f"[motion] speed_max_r_min = {m.speed_max_r_min:g} r/min: is never reached: with acc_deg_s2 = "
+            f"{m.acc_deg_s2:g} deg/s2 it takes {speed**2 / m.acc_deg_s2:.4g} deg to reach and leave it, the travel "
+            f"is {travel:g} deg"
+        )
+    if speed * REACTION_S >= m.stopping_angle_max_deg:
+        lines.append(
+            f"[motion] stopping_angle_max_deg = {m.stopping_angle_max_deg:g} deg: the axis travels "
+            f"{speed * REACTION_S:.3g} deg at {speed:g} deg/s before any stop begins ({1e3 * REACTION_S:g} ms)"
+        )
+    return lines
+
+
+def _gears(sheet: Sheet) -> list[str]:
+    g, load, lines = sheet.gears, sheet.load, []
+    if g.torque_momentary_nm < g.torque_rated_nm:
+        lines.append(
+            f"[gears] torque_momentary_nm = {g.torque_momentary_nm:g} N m: must be at least torque_rated_nm = "
+            f"{g.torque_rated_nm:g} N m"
+        )
+    nominal = load.mass_kg * GRAVITY_M_S2 * load.eccentricity_m
+    if nominal > load.eccentric_check_moment_nm:
+        lines.append(
+            f"[load] eccentric_check_moment_nm = {load.eccentric_check_moment_nm:g} N m: must be at least the "
+            f"eccentric moment itself, mass x {GRAVITY_M_S2:g} x eccentricity = {nominal:.4g} N m"
+        )
+    sizing = mean_acceleration_rad_s2(sheet.motion.speed_max_r_min, sheet.motion.sizing_time_s)
+    for what, acc, key in (
+        (f"sizing_time_s = {sheet.motion.sizing_time_s:g} s", sizing, "torque_momentary_nm"),
+        (f"acc_deg_s2 = {sheet.motion.acc_deg_s2:g} deg/s2", rad(sheet.motion.acc_deg_s2), "torque_rated_nm"),
+    ):
+        # Without rotor and losses, which a motor would add: so no motor can be blamed for it, and none can help.
+        at_ring = load.inertia_kg_m2 * acc + load.eccentric_check_moment_nm + load.friction_coulomb_nm
+        need, limit = at_ring / g.ring_ratio, getattr(g, key)
+        if need > limit:
+            lines.append(
+                f"[motion] {what}: the load alone puts {need:.4g} N m on the reducer (acceleration, largest eccentric "
+                f"moment, rollers), [gears] {key} = {limit:g} N m; no motor can change that"
+            )
+    return lines
+
+
+def _duty(sheet: Sheet) -> list[str]:
+    duty, lines = sheet.duty, []
+    low, high = sheet.range.pos_min_deg, sheet.range.pos_max_deg
+    for stop in duty.stops_deg:
+        if not low <= stop <= high:
+            lines.append(f"[duty] stops_deg = {stop:g} deg: must lie within [range] {low:g}..{high:g} deg")
+    hours = duty.treatments * treatment_time_s(sheet) / 3600.0
+    if hours > duty.hours:
+        lines.append(
+            f"[duty] treatments = {duty.treatments}: take {hours:.3g} h with moves at the highest speed and hold_s = "
+            f"{duty.hold_s:g} s at every stop; hours = {duty.hours:g} h"
+        )
+    return lines

@@ -9,7 +9,7 @@ from gantryctl.engineering.tuning.result import Tuning
 from gantryctl.engineering.tuning.text import before_after_table
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, short_hash
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 
 
 def proposed_machine(tuning: Tuning) -> Machine:

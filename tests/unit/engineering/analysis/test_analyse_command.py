@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, GantryctlError, UsageError
 from gantryctl.machine import default_machine, default_machine_path, with_values
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 
 EXPECTED = json.loads((Path(__file__).parents[3] / "data" / "expected.json").read_text(encoding="utf-8"))
 

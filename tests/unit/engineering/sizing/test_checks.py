@@ -9,7 +9,7 @@ from gantryctl.engineering.sizing.loading import load_sheet
 from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
 from gantryctl.errors import ConfigError
 from gantryctl.machine import config_hash, default_machine, effective_values, parse_machine
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 
 
 def test_the_paper_s_motor_fits_with_its_overload(sheet, paper_motor):

@@ -17,7 +17,7 @@ from gantryctl.machine import (
     load_machine,
     with_values,
 )
-from gantryctl.machine.writing import to_toml
+from gantryctl.machine.effective import to_toml
 
 
 def run(*arguments):
