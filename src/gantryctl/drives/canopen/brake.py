@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.drives.canopen.cia402 import DISABLE_OPERATION
+from gantryctl.drives.canopen.cia402 import DISABLE_OPERATION, TURNING
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.image import DriveRequest, DriveState
 
 _ENABLED: Final = DriveState.OPERATION_ENABLED
-_TURNING: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 # Beyond the closing time of the machine file; after that the torque goes off whether the drive has followed or not.
 _RESERVE_S: Final = 0.2
 
@@ -36,7 +35,7 @@ class BrakeControl:
     def word(self, word: int, state: DriveState, request: DriveRequest, brake_open: bool) -> int:
         """Controlword with an orderly way down where the drive owns the brake."""
         if self._by_60fe:
-            self.released = brake_open and state in _TURNING
+            self.released = brake_open and state in TURNING
             return word
         if request is not DriveRequest.ENABLE or brake_open:
             self._closed_in_order = False
@@ -58,4 +57,4 @@ class BrakeControl:
         """State of the brake contact; without one, what the drive must have done."""
         if contact is not None:
             return contact
-        return self.released if self._by_60fe else state in _TURNING
+        return self.released if self._by_60fe else state in TURNING

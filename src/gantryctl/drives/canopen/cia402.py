@@ -58,7 +58,8 @@ _TO_ENABLED: Final = {
     # Only DISABLE ends a quick stop: 0F would enable again with the option codes 5 to 8 of 605A.
     DriveState.QUICK_STOP_ACTIVE: QUICK_STOP,
 }
-_STOPPABLE: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+TURNING: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+ENERGISED: Final = (*TURNING, DriveState.FAULT_REACTION_ACTIVE)
 
 
 def decode_statusword(word: int) -> DriveState:
@@ -78,7 +79,7 @@ def next_controlword(state: DriveState, request: DriveRequest, previous: int) ->
     # never enables: both were seen on drives, or in libraries (decision 0012).
     if request is DriveRequest.ENABLE:
         return _TO_ENABLED.get(state, DISABLE_VOLTAGE)
-    if request is DriveRequest.QUICK_STOP and state in _STOPPABLE:
+    if request is DriveRequest.QUICK_STOP and state in TURNING:
         return QUICK_STOP
     if request is DriveRequest.FAULT_RESET and state is DriveState.FAULT and not previous & FAULT_RESET:
         return FAULT_RESET

@@ -17,6 +17,7 @@ from gantryctl.drives.canopen.bus.node import LATCHED, LOST, NmtCommand, RemoteN
 from gantryctl.drives.canopen.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,
+    ENERGISED,
     FOLLOWS_COMMAND,
     INTERNAL_LIMIT,
     WARNING,
@@ -54,11 +55,6 @@ _TORQUE_TAKEN: Final = (
     DriveState.QUICK_STOP_ACTIVE,
 )
 _IN_FAULT: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
-_ENERGISED: Final = (
-    DriveState.OPERATION_ENABLED,
-    DriveState.QUICK_STOP_ACTIVE,
-    DriveState.FAULT_REACTION_ACTIVE,
-)
 
 
 class CanopenDrive:
@@ -264,7 +260,7 @@ class CanopenDrive:
             process.vel_rad_s,
             process.torque_nm,
             brake_open,
-            bool(status & INTERNAL_LIMIT) and state in _ENERGISED,
+            bool(status & INTERNAL_LIMIT) and state in ENERGISED,
             0.0,
             EncoderFlag.NONE,
             code if state in _IN_FAULT else 0,
@@ -366,6 +362,6 @@ class CanopenDrive:
             self.write(SAFE_OUTPUT)
             self.link.pace(period)
             seen = self.read()
-            still = seen.state not in _ENERGISED and not seen.brake_open
+            still = seen.state not in ENERGISED and not seen.brake_open
             if seen.link or (still and abs(seen.vel_act_rad_s) < _REST_RAD_S):
                 return

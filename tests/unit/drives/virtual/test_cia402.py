@@ -10,7 +10,7 @@ from gantryctl.drives.virtual.axis.cia402 import (
     next_state,
     statusword,
 )
-from gantryctl.drives.virtual.axis.options import Ramp, fault_plan, halt_ramp, leave_plan, quick_stop_plan
+from gantryctl.drives.virtual.axis.options import Ramp, leave_ramp, quick_stop_plan, stop_ramp
 
 S, C = State, Command
 TRANSITIONS = {
@@ -83,8 +83,8 @@ def test_option_codes_mean_what_cia_402_says() -> None:
         Ramp.NONE, Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT, Ramp.LIMIT, Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT, Ramp.LIMIT,
     ]  # fmt: skip
     assert [quick_stop_plan(code).stay for code in range(9)] == [False] * 5 + [True] * 4
-    assert [leave_plan(code).ramp for code in (0, 1)] == [Ramp.NONE, Ramp.SLOW]
-    assert [fault_plan(code).ramp for code in range(5)] == [
+    assert [leave_ramp(code) for code in (0, 1)] == [Ramp.NONE, Ramp.SLOW]
+    assert [stop_ramp(code) for code in range(5)] == [
         Ramp.NONE, Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT, Ramp.LIMIT,
     ]  # fmt: skip
-    assert [halt_ramp(code) for code in (1, 2, 3)] == [Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT]
+    assert [stop_ramp(code) for code in (1, 2, 3)] == [Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT]

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.node import NmtCommand, NodeIdentity, RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient
-from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.cia402 import TURNING, decode_statusword
 from gantryctl.drives.canopen.mapping import Mapping, configure
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
@@ -22,7 +22,6 @@ from gantryctl.drives.canopen.setup.parameter_check import (
     write_parameters,
 )
 from gantryctl.errors import DeviceError
-from gantryctl.image import DriveState
 
 # 6061 may follow a write to 6060 later: by 10 ms on a real drive model.
 _LAG_S: Final = 0.2
@@ -129,7 +128,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
 def _refuse_a_running_drive(node: RemoteNode) -> None:
     # Writing the mapping of an enabled drive would take it from the controller that runs it.
     state = decode_statusword(node.sdo.number(0x6041))
-    if state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+    if state in TURNING:
         raise DeviceError(
             f"node {node.node} is in {state.name.replace('_', ' ').lower()} already: another controller runs it, or "
             "one was lost and the drive does not watch it · stop it with the emergency stop before you go on"

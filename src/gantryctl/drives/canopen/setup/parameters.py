@@ -6,13 +6,12 @@ from typing import Any, Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
-from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.cia402 import ENERGISED, decode_statusword
 from gantryctl.drives.canopen.setup.opening import write_restart_marker
 from gantryctl.drives.od.model import DeviceDescription, Entry
 from gantryctl.drives.od.standard import STANDARD
 from gantryctl.drives.od.types import decode
 from gantryctl.errors import CommandRefused, DeviceError
-from gantryctl.image import DriveState
 
 # The signature of 1010 (CiA 301), "save". Drives take more than 1 s to store.
 _SAVE: Final = 0x65766173
@@ -21,11 +20,6 @@ _LONGEST: Final = 4096
 # Commands, actual values, and what acts when it is written: never kept and never written back.
 _LEFT_OUT: Final = frozenset(
     {0x1003, 0x1010, 0x1011, 0x1016, 0x1017, 0x6040, 0x6060, 0x60B1, 0x60B2, 0x60FE, 0x60FF, 0x607A, 0x6071}
-)
-_ENERGISED: Final = (
-    DriveState.OPERATION_ENABLED,
-    DriveState.QUICK_STOP_ACTIVE,
-    DriveState.FAULT_REACTION_ACTIVE,
 )
 
 
@@ -109,7 +103,7 @@ def _place_of(text: str) -> tuple[int, int]:
 
 def _refuse_energised(node: RemoteNode) -> None:
     state = decode_statusword(node.sdo.number(0x6041))
-    if state in _ENERGISED:
+    if state in ENERGISED:
         raise CommandRefused(
             f"the drive is in {state.name.lower().replace('_', ' ')}: parameters wait until it is off"
         )

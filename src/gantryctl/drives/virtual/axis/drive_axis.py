@@ -27,10 +27,9 @@ from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.axis.options import (
     AbortConnection,
     Ramp,
-    StopPlan,
-    fault_plan,
-    leave_plan,
+    leave_ramp,
     quick_stop_plan,
+    stop_ramp,
 )
 from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.axis.power_stage import Event, Phase, PowerStage
@@ -136,12 +135,12 @@ class DriveAxis:
         if self.state in _FAULTY:
             return
         self.error_code = 0 if self._kind.silent_faults else code
-        plan = fault_plan(self._od.number(0x605E))
-        if not ramp or plan.ramp is Ramp.NONE or self.stage.phase in (Phase.OFF, Phase.STARTING):
+        reaction = stop_ramp(self._od.number(0x605E))
+        if not ramp or reaction is Ramp.NONE or self.stage.phase in (Phase.OFF, Phase.STARTING):
             self._off(State.FAULT)
             return
         self.state = State.FAULT_REACTION
-        self._stop(plan.ramp, State.FAULT)
+        self._stop(reaction, State.FAULT)
 
     # --- one tick ----------------------------------------------------------------------------------------------
 
@@ -207,9 +206,9 @@ class DriveAxis:
             case State.ENABLED, State.QUICK_STOP:
                 self._quick_stop()
             case State.ENABLED, State.READY:
-                self._leave(target, leave_plan(self._od.number(0x605B)))
+                self._leave(target, leave_ramp(self._od.number(0x605B)))
             case State.ENABLED, State.SWITCHED_ON:
-                self._leave(target, leave_plan(self._od.number(0x605C)))
+                self._leave(target, leave_ramp(self._od.number(0x605C)))
             case State.QUICK_STOP, State.ENABLED:
                 self.reference.dead = self._kind.dead_after_quick_stop
                 self._run()
@@ -224,11 +223,11 @@ class DriveAxis:
         self._after = None
         self.stage.run()
 
-    def _leave(self, target: State, plan: StopPlan) -> None:
-        if plan.ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
+    def _leave(self, target: State, ramp: Ramp) -> None:
+        if ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
             self._off(target)
         elif self._after is not target:
-            self._stop(plan.ramp, target)
+            self._stop(ramp, target)
 
     def _quick_stop(self) -> bool:
         """Transition 11; False if the torque went off at once."""

@@ -35,35 +35,20 @@ class AbortConnection(IntEnum):
     QUICK_STOP = 3
 
 
-# 605A: 1 to 4 end in Switch on disabled, 5 to 8 stay in Quick stop active; 3 and 4 are current and voltage limit.
-_QUICK_STOP: Final = {
-    0: StopPlan(Ramp.NONE),
-    1: StopPlan(Ramp.SLOW),
-    2: StopPlan(Ramp.QUICK),
-    3: StopPlan(Ramp.LIMIT),
-    4: StopPlan(Ramp.LIMIT),
-    5: StopPlan(Ramp.SLOW, stay=True),
-    6: StopPlan(Ramp.QUICK, stay=True),
-    7: StopPlan(Ramp.LIMIT, stay=True),
-    8: StopPlan(Ramp.LIMIT, stay=True),
-}
+# By option code; 3 and 4 are current limit and voltage limit.
+_RAMPS: Final = (Ramp.NONE, Ramp.SLOW, Ramp.QUICK, Ramp.LIMIT, Ramp.LIMIT)
 
 
 def quick_stop_plan(code: int) -> StopPlan:
-    """Reaction of 605A."""
-    return _QUICK_STOP[code]
+    """Reaction of 605A: 0 to 4 end in Switch on disabled, 5 to 8 are 1 to 4 and stay in Quick stop active."""
+    return StopPlan(_RAMPS[code - 4 if code > 4 else code], stay=code > 4)
 
 
-def leave_plan(code: int) -> StopPlan:
-    """605B shutdown and 605C disable operation: 0 torque off, 1 slow-down ramp."""
-    return StopPlan(Ramp.SLOW if code == 1 else Ramp.NONE)
+def leave_ramp(code: int) -> Ramp:
+    """Ramp of 605B shutdown and 605C disable operation: 0 torque off, 1 slow-down ramp."""
+    return Ramp.SLOW if code == 1 else Ramp.NONE
 
 
-def fault_plan(code: int) -> StopPlan:
-    """605E: 0 torque off, 1 slow-down ramp, 2 quick-stop ramp, 3 and 4 at the limits."""
-    return StopPlan(_QUICK_STOP[code].ramp)
-
-
-def halt_ramp(code: int) -> Ramp:
-    """605D: 1 slow-down ramp, 2 quick-stop ramp, 3 and 4 at the limits; the drive stays enabled."""
-    return _QUICK_STOP[code].ramp
+def stop_ramp(code: int) -> Ramp:
+    """Ramp of 605E fault reaction and 605D halt, where the drive stays enabled."""
+    return _RAMPS[code]

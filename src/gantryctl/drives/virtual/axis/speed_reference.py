@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from gantryctl.drives.virtual.axis.cia402 import HALT_BIT
-from gantryctl.drives.virtual.axis.options import Ramp, halt_ramp
+from gantryctl.drives.virtual.axis.options import Ramp, stop_ramp
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.axis.scaling import Scaling, rad_s_of_r_min
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
@@ -120,7 +120,7 @@ class SpeedReference:
     def _halt(self) -> StageCommand:
         self.halted = True
         self.vel_rad_s = 0.0
-        ramp = halt_ramp(self._od.number(0x605D))
+        ramp = stop_ramp(self._od.number(0x605D))
         if ramp is Ramp.LIMIT:
             return StageCommand(StageMode.SPEED, 0.0)
         self._plant.set_ramp(self.deceleration(ramp))
