@@ -10,8 +10,7 @@ from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import personality
-from gantryctl.drives.virtual.side_channel.control import ControlClient
-from gantryctl.drives.virtual.side_channel.remote_plant import RemotePlant
+from gantryctl.drives.virtual.side_channel.control import ControlClient, RemotePlant
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.units import rad, rad_s_from_r_min

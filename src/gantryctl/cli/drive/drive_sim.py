@@ -77,7 +77,7 @@ def _list() -> None:
 
 def _write_eds(file: Path, config_file: Path | None, kind: Personality) -> None:
     from gantryctl.drives.od.writing import write_eds
-    from gantryctl.drives.virtual.communication.drive_objects import device_tables
+    from gantryctl.drives.virtual.communication.objects import device_tables
     from gantryctl.wiring.virtual import drive_hardware
 
     # The table that the drive answers from is what is written: behaviour and file cannot differ (decision 0008).
@@ -90,7 +90,7 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
     import threading
     from contextlib import nullcontext
 
-    from gantryctl.drives.virtual.communication.store import ParameterStore
+    from gantryctl.drives.virtual.communication.parameters import ParameterStore
     from gantryctl.drives.virtual.loop import DriveLoop, FrameSender
     from gantryctl.drives.virtual.node import DriveNode
     from gantryctl.drives.virtual.side_channel.control import ControlServer

@@ -8,24 +8,25 @@ from typing import Final
 
 from gantryctl.drives.base import TRUTH_COLUMNS, settle
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
-from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.axis.hardware import Hardware, Scaling
 from gantryctl.drives.virtual.axis.plant import DrivePlant
-from gantryctl.drives.virtual.axis.scaling import Scaling
 from gantryctl.drives.virtual.axis.signals import Signals
 from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, interpolation_us
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
-from gantryctl.drives.virtual.communication.drive_objects import device_tables
 from gantryctl.drives.virtual.communication.emergency import Emergency
-from gantryctl.drives.virtual.communication.heartbeat import (
+from gantryctl.drives.virtual.communication.nmt import (
     HEARTBEAT_LOST,
     HeartbeatConsumer,
     HeartbeatProducer,
+    NmtCommand,
+    NmtState,
+    command_for,
+    next_nmt,
 )
-from gantryctl.drives.virtual.communication.nmt import NmtCommand, NmtState, command_for, next_nmt
-from gantryctl.drives.virtual.communication.parameters import Parameters
+from gantryctl.drives.virtual.communication.objects import device_tables
+from gantryctl.drives.virtual.communication.parameters import Parameters, ParameterStore
 from gantryctl.drives.virtual.communication.pdo import DEADLINE, ProcessData
 from gantryctl.drives.virtual.communication.sdo import SdoServer, abort_frame
-from gantryctl.drives.virtual.communication.store import ParameterStore
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.drives.virtual.side_channel.faults import Faults, TpdoGate
 from gantryctl.errors import UsageError

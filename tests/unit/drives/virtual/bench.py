@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.communication.store import ParameterStore
+from gantryctl.drives.virtual.communication.parameters import ParameterStore
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import personality
 from gantryctl.drives.virtual.side_channel.requests import Requests

@@ -4,13 +4,16 @@ import pytest
 
 from gantryctl.drives.virtual.axis.cia402 import (
     Command,
+    Ramp,
     State,
     command_of,
     is_fault_reset,
+    leave_ramp,
     next_state,
+    quick_stop_plan,
     statusword,
+    stop_ramp,
 )
-from gantryctl.drives.virtual.axis.options import Ramp, leave_ramp, quick_stop_plan, stop_ramp
 
 S, C = State, Command
 TRANSITIONS = {

@@ -11,7 +11,7 @@ import canopen
 import pytest
 
 from gantryctl.drives.od.writing import write_eds
-from gantryctl.drives.virtual.communication.drive_objects import device_tables
+from gantryctl.drives.virtual.communication.objects import device_tables
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import personality

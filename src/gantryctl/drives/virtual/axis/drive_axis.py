@@ -17,20 +17,18 @@ from typing import Final
 
 from gantryctl.drives.virtual.axis.cia402 import (
     FAULT_RESET_BIT,
+    AbortConnection,
     Command,
+    Ramp,
     State,
     command_of,
     is_fault_reset,
-    next_state,
-)
-from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.axis.options import (
-    AbortConnection,
-    Ramp,
     leave_ramp,
+    next_state,
     quick_stop_plan,
     stop_ramp,
 )
+from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.axis.plant import DrivePlant
 from gantryctl.drives.virtual.axis.power_stage import Event, Phase, PowerStage
 from gantryctl.drives.virtual.axis.speed_reference import SpeedReference

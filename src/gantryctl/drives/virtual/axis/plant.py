@@ -51,10 +51,9 @@ class DrivePlant:
             (hardware.torque_max_nm / hardware.torque_rated_nm) ** 2 - 1.0
         ) * hardware.overload_time_s
         self._account = 0.0
-        self._exhausted = False
+        self.exhausted = False
+        """Overload budget used up: rated torque at most."""
         self._allowed_nm = hardware.torque_max_nm
-        self.wrap_counts = self.counts = self.vel_rad_s = self.torque_nm = 0.0
-        self.brake_open = self.limited = False
         self._read()
         self.power_on()
 
@@ -131,11 +130,9 @@ class DrivePlant:
         self._stale = False
 
     def _read(self) -> None:
-        counts, vel, torque, brake_open, limited, _, _ = self.sim.feedback(self._count_rad)
-        self.counts = counts
-        self.vel_rad_s = vel
-        self.torque_nm = torque
-        self.brake_open, self.limited = brake_open, limited
+        self.counts, self.vel_rad_s, self.torque_nm, self.brake_open, self.limited, _, _ = self.sim.feedback(
+            self._count_rad
+        )
 
     def _count_overload(self) -> None:
         # I2t: the account grows with (T/T_rated)^2 - 1; the budget is what the highest torque uses in the overload
@@ -143,18 +140,13 @@ class DrivePlant:
         load = self.torque_nm / self._hardware.torque_rated_nm
         account = self._account + (load * load - 1.0) * self._hardware.tick_s
         self._account = account = min(max(account, 0.0), self._budget)
-        exhausted = account >= self._budget or (self._exhausted and account > _RELEASE * self._budget)
-        if exhausted is not self._exhausted and self._budget > 0.0:
-            self._exhausted = exhausted
+        exhausted = account >= self._budget or (self.exhausted and account > _RELEASE * self._budget)
+        if exhausted is not self.exhausted and self._budget > 0.0:
+            self.exhausted = exhausted
             self._apply_torque()
 
-    @property
-    def exhausted(self) -> bool:
-        """Overload budget used up: rated torque at most."""
-        return self._exhausted
-
     def _apply_torque(self) -> None:
-        limit = min(self._allowed_nm, self._hardware.torque_rated_nm) if self._exhausted else self._allowed_nm
+        limit = min(self._allowed_nm, self._hardware.torque_rated_nm) if self.exhausted else self._allowed_nm
         if limit != self._drive.torque_max_nm:
             self._drive.torque_max_nm = limit
             self._stale = True

@@ -18,8 +18,8 @@ from __future__ import annotations
 from enum import Enum
 from typing import Final, assert_never
 
+from gantryctl.drives.virtual.axis.cia402 import Ramp
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.axis.options import Ramp
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, StageCommand
 from gantryctl.drives.virtual.communication.dictionary import Dictionary

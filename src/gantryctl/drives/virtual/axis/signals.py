@@ -8,11 +8,10 @@ from typing import Final
 from gantryctl.drives.virtual.axis import cia402
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
-from gantryctl.drives.virtual.axis.hardware import Hardware
+from gantryctl.drives.virtual.axis.hardware import Hardware, Scaling, clamp_int, wrap_i32
 from gantryctl.drives.virtual.axis.power_stage import Phase
-from gantryctl.drives.virtual.axis.scaling import Scaling, clamp_int, wrap_i32
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
-from gantryctl.drives.virtual.communication.drive_objects import MODE_CSV, MODE_PV
+from gantryctl.drives.virtual.communication.objects import MODE_CSV, MODE_PV
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.drives.virtual.side_channel.faults import Faults
 

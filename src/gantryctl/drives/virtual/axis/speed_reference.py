@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.drives.virtual.axis.cia402 import HALT_BIT
-from gantryctl.drives.virtual.axis.options import Ramp, stop_ramp
+from gantryctl.drives.virtual.axis.cia402 import HALT_BIT, Ramp, stop_ramp
+from gantryctl.drives.virtual.axis.hardware import Scaling, rad_s_of_r_min
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
-from gantryctl.drives.virtual.axis.scaling import Scaling, rad_s_of_r_min
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
-from gantryctl.drives.virtual.communication.drive_objects import MODE_CSV, MODE_PV
+from gantryctl.drives.virtual.communication.objects import MODE_CSV, MODE_PV
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.drives.virtual.side_channel.faults import Faults
 

@@ -1,18 +1,83 @@
-"""Actions of written parameters: commands to the axis, limits, storing and restoring."""
+"""Parameters: actions of written ones (commands to the axis, limits), and those stored by 1010 and 1011."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
-from gantryctl.drives.virtual.axis.scaling import Scaling
+from gantryctl.drives.virtual.axis.hardware import Scaling
 from gantryctl.drives.virtual.axis.speed_reference import MODES
-from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
-from gantryctl.drives.virtual.communication.dictionary import Dictionary
-from gantryctl.drives.virtual.communication.store import ParameterStore
+from gantryctl.drives.virtual.communication.dictionary import Abort, Dictionary, Key, SdoAbort
 from gantryctl.errors import StateError
+from gantryctl.files import write_whole
+
+_FORMAT: Final = 1
+
+
+class ParameterStore:
+    """Values by index and sub-index that survive a reset, and in a file the end of the process.
+
+    Args:
+        path: the file; None keeps them in memory.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._values: dict[Key, int] = {}
+        self.damaged = False
+        """The file exists but could not be read: defaults are in force."""
+        if path is not None:
+            self._load(path)
+
+    def values(self) -> Mapping[Key, int]:
+        """Stored values."""
+        return self._values
+
+    def save(self, values: Mapping[Key, int], first: int, last: int) -> None:
+        """Replace the stored values of a range of indices.
+
+        Raises:
+            StateError: the file cannot be written.
+        """
+        self._replace(
+            {key: v for key, v in self._values.items() if not first <= key[0] <= last} | dict(values)
+        )
+
+    def drop(self, first: int, last: int) -> None:
+        """Delete the stored values of a range of indices.
+
+        Raises:
+            StateError: the file cannot be written.
+        """
+        self._replace({key: v for key, v in self._values.items() if not first <= key[0] <= last})
+
+    def _replace(self, values: dict[Key, int]) -> None:
+        if self._path is not None:
+            text = {f"{index:04X}:{sub:02X}": value for (index, sub), value in sorted(values.items())}
+            write_whole(self._path, json.dumps({"format": _FORMAT, "values": text}, indent=1))
+        self._values = values
+
+    def _load(self, path: Path) -> None:
+        try:
+            data = json.loads(path.read_text())
+            if data["format"] != _FORMAT:
+                raise ValueError
+            self._values = {_key(place): int(value) for place, value in data["values"].items()}
+        except FileNotFoundError:
+            return
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            # As a real drive with a damaged memory: defaults are in force, and EMCY 6310 tells (CiA 402).
+            self.damaged = True
+
+
+def _key(place: str) -> Key:
+    index, _, sub = place.partition(":")
+    return int(index, 16), int(sub, 16)
+
 
 # Signatures of 1010 and 1011 (CiA 301): the bytes "save" and "load".
 SAVE: Final = 0x65766173

@@ -8,11 +8,11 @@ import os
 import select
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Final
 
+from gantryctl.drives.base import TRUTH_COLUMNS
 from gantryctl.errors import DeviceError, UsageError
 
 _MAX_LINE: Final = 65536
@@ -42,9 +42,7 @@ class ControlServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_raised: object) -> None:
         self.path.unlink(missing_ok=True)
         for end in (self._listener, *list(self._clients)):
             _hang_up(end)
@@ -146,9 +144,7 @@ class ControlClient:
     def __enter__(self) -> ControlClient:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_raised: object) -> None:
         self._lines.close()
         self._socket.close()
 
@@ -202,3 +198,35 @@ def _hang_up(end: socket.socket) -> None:
     with contextlib.suppress(OSError):
         end.shutdown(socket.SHUT_RDWR)
     end.close()
+
+
+class RemotePlant:
+    """Gantry of a virtual drive in another process."""
+
+    truth_columns: tuple[str, ...] = TRUTH_COLUMNS
+
+    def __init__(self, channel: ControlClient) -> None:
+        self._channel = channel
+        self._true = self._values(channel.ask("truth"))
+        self._asked = False
+
+    def truth(self) -> tuple[float, ...]:
+        """True state of load, motor and base: the last answer. A scan does not wait for a side channel."""
+        # One request is under way at a time; a scan takes its answer when it is there.
+        if not self._asked:
+            self._channel.send("truth")
+            self._asked = True
+        elif (answer := self._channel.poll()) is not None:
+            self._true = self._values(answer)
+            self._asked = False
+        return self._true
+
+    def plant_state(self) -> dict[str, float]:
+        """{}: the other process keeps its plant."""
+        return {}
+
+    def settle(self) -> None:
+        """Nothing: the other process goes on by itself."""
+
+    def _values(self, answer: Mapping[str, float]) -> tuple[float, ...]:
+        return tuple(float(answer[name]) for name in self.truth_columns)
