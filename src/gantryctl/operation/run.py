@@ -158,7 +158,9 @@ class AxisRun:
             )
 
     def power_down(self) -> None:
-        """Come to rest, close the brake, take the torque off."""
+        """Come to rest, close the brake, take the torque off; nothing when that was done."""
+        if not self._powered and self.axis.is_off:
+            return
         self._powered = False
         self._command(power=False, forward=False, reverse=False, move=False)
         self._follow(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)

@@ -379,3 +379,17 @@ def test_a_run_that_cannot_begin_leaves_the_bus(monkeypatch: pytest.MonkeyPatch,
     with pytest.raises(DeviceError, match="not now"):
         AxisRun(load_machine(configs_folder() / "hust_can.toml"), recorder=fails)
     assert len(closed) == 1
+
+
+def test_power_that_was_never_on_is_not_taken_off() -> None:
+    """A brake test leaves power off by itself: not a scan is made after it."""
+    session = AxisRun(IDEAL)
+    session.engine.step()
+    session.power_down()
+    assert session.engine.scan == 1
+    session.move(0.5)
+    session.power_down()
+    off = session.engine.scan
+    session.power_down()
+    session.close("done")
+    assert session.engine.scan == off
