@@ -6,9 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from gantryctl.commissioning import steps_bus, steps_motion, steps_power, steps_proof
-from gantryctl.commissioning.context import Context
-from gantryctl.commissioning.results import Outcome, StepResult
+from gantryctl.commissioning import steps_bus, steps_motion, steps_power
+from gantryctl.commissioning.results import Context, Outcome, StepResult
 
 
 @dataclass(frozen=True)
@@ -55,8 +54,8 @@ STEPS: Final = (
     Step("turn", "Slow turn", "one turn each way: eccentric moment and friction", "the whole travel",
          steps_motion.slow_turn),
     Step("bands", "Bands", "proposes in-position and following-error bands from what was measured", "",
-         steps_proof.bands),
-    Step("accuracy", "Accuracy", "the chord test by an instrument", "the whole travel", steps_proof.accuracy,
+         steps_motion.bands),
+    Step("accuracy", "Accuracy", "the chord test by an instrument", "the whole travel", steps_motion.accuracy,
          required=False),
 )  # fmt: skip
 

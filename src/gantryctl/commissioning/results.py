@@ -1,9 +1,10 @@
-"""Results of the steps, and the file by which an interrupted commissioning resumes."""
+"""What a step gets and gives: its context, its result, and the file by which an interrupted commissioning resumes."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
@@ -13,6 +14,8 @@ from pydantic import TypeAdapter
 
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
+from gantryctl.machine import Machine
+from gantryctl.operation.store import StateStore
 
 
 class Outcome(StrEnum):
@@ -88,3 +91,35 @@ def load_progress(path: Path) -> Progress | None:
 def store_progress(path: Path, progress: Progress) -> None:
     """Store the results, whole or not at all."""
     write_whole(path, json.dumps(progress.as_dict(), indent=1, allow_nan=False) + "\n")
+
+
+@dataclass(frozen=True)
+class Context:
+    """Commissioning in progress.
+
+    Attributes:
+        folder: for files that steps write.
+        results: of the steps before.
+        say: a line for the person who watches.
+    """
+
+    machine: Machine
+    store: StateStore
+    folder: Path
+    results: Mapping[str, StepResult]
+    say: Callable[[str], None]
+
+
+def passed(key: str, proof: str, **figures: float) -> StepResult:
+    """Result of a proof that succeeded."""
+    return StepResult(key, Outcome.PASSED, proof, figures)
+
+
+def failed(key: str, proof: str, to_do: str, **figures: float) -> StepResult:
+    """Result of a proof that failed."""
+    return StepResult(key, Outcome.FAILED, proof, figures, to_do)
+
+
+def judged(ok: bool, key: str, proof: str, to_do: str, **figures: float) -> StepResult:
+    """Result by the outcome of a proof."""
+    return passed(key, proof, **figures) if ok else failed(key, proof, to_do, **figures)

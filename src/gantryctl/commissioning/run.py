@@ -7,9 +7,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from gantryctl.commissioning.context import Context
 from gantryctl.commissioning.plan import STEPS, Step, complete
-from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
+from gantryctl.commissioning.results import (
+    Context,
+    Outcome,
+    Progress,
+    StepResult,
+    load_progress,
+    store_progress,
+)
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation.opening import read_only

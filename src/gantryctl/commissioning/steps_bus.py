@@ -5,9 +5,8 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from gantryctl.commissioning.context import Context, failed, judged, passed
 from gantryctl.commissioning.open_loop_axis import open_loop_axis
-from gantryctl.commissioning.results import StepResult
+from gantryctl.commissioning.results import Context, StepResult, failed, judged, passed
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.errors import CommandRefused

@@ -8,9 +8,8 @@ from typing import Final
 
 import numpy as np
 
-from gantryctl.commissioning.context import Context, judged
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
-from gantryctl.commissioning.results import Outcome, StepResult
+from gantryctl.commissioning.results import Context, Outcome, StepResult, judged
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake_policy import after_test

@@ -11,7 +11,6 @@ import json
 import os
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from gantryctl.errors import StateError, UsageError
@@ -96,10 +95,8 @@ class StateStore:
         self._lock.__enter__()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
-    ) -> None:
-        self._lock.__exit__(kind, error, traceback)
+    def __exit__(self, *_raised: object) -> None:
+        self._lock.__exit__(None, None, None)
 
     @property
     def traces(self) -> Path:

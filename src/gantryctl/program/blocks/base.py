@@ -5,7 +5,7 @@ from __future__ import annotations
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.command import CommandStatus, MotionCommand
+from gantryctl.program.axis.commands import CommandStatus, MotionCommand
 
 
 class Block:

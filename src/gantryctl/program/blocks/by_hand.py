@@ -6,7 +6,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.command import CommandStatus, MotionCommand
+from gantryctl.program.axis.commands import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
 from gantryctl.units import deg
 

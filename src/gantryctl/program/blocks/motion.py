@@ -6,7 +6,7 @@ The ramps are the machine's: no block changes them.
 from __future__ import annotations
 
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.command import CommandStatus, MotionCommand
+from gantryctl.program.axis.commands import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
 
 

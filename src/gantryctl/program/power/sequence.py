@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final, assert_never
+from typing import Final
 
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
@@ -189,7 +189,7 @@ class PowerSequence:
 
     # --- one scan ---------------------------------------------------------------------------------
 
-    def step(self, pos_rad: float) -> None:  # noqa: C901  one row per phase
+    def step(self, pos_rad: float) -> None:
         """One scan, at most one change of phase."""
         self._pos_rad = pos_rad
         phase = self.phase
@@ -202,35 +202,7 @@ class PowerSequence:
         if phase in TORQUE_ON and self._feedback.state not in ENABLED:
             self._lost()
             return
-        match phase:
-            case PowerPhase.OFF | PowerPhase.PARKED:
-                self._off(pos_rad)
-            case PowerPhase.ENABLING:
-                self._enabling()
-            case PowerPhase.PROVING:
-                self._proving(pos_rad)
-            case PowerPhase.SETTLING:
-                self._settling()
-            case PowerPhase.RELEASING:
-                self._releasing(pos_rad)
-            case PowerPhase.SAG_WATCH:
-                self._sag_watch(pos_rad)
-            case PowerPhase.CLOSING:
-                self._closing()
-            case PowerPhase.UNLOADING:
-                self._unloading(pos_rad)
-            case PowerPhase.DISABLING:
-                self._disabling()
-            case PowerPhase.QUICK_STOPPING:
-                self._quick_stopping()
-            case PowerPhase.TORQUE_OFF:
-                self._torque_off()
-            case PowerPhase.TORQUE_HOLD:
-                self._torque_hold()
-            case PowerPhase.TESTING:
-                self._testing(pos_rad)
-            case _:
-                assert_never(phase)
+        _STEPS[phase](self, pos_rad)
 
     def _enter(self, phase: PowerPhase) -> None:
         """Change the phase; outputs follow from it."""
@@ -254,7 +226,7 @@ class PowerSequence:
 
     # --- the way up -------------------------------------------------------------------------------
 
-    def _enabling(self) -> None:
+    def _enabling(self, _pos_rad: float) -> None:
         feedback, holding = self._feedback, self.holding
         if feedback.state is not _OPERATION_ENABLED:
             if self._count > self._power_up_scans:
@@ -295,7 +267,7 @@ class PowerSequence:
             time_ms = self._milliseconds(self._count)
             self._alarms.raise_(Code.BRK_07, measured=given, limit=wanted, time_ms=time_ms)
 
-    def _settling(self) -> None:
+    def _settling(self, _pos_rad: float) -> None:
         """Ramp from the proof torque to the preload, then wait as long again for it to settle."""
         share = min(1.0, self._count / self._settle_scans)
         proof_nm = self.holding.proof_nm
@@ -320,7 +292,7 @@ class PowerSequence:
 
     # --- the way down -----------------------------------------------------------------------------
 
-    def _closing(self) -> None:
+    def _closing(self, _pos_rad: float) -> None:
         """Hold zero speed while the brake closes."""
         if self._drive_owns_brake:  # it closes the brake itself, when it is disabled
             self._enter(PowerPhase.DISABLING)
@@ -352,7 +324,7 @@ class PowerSequence:
             self._enter(PowerPhase.DISABLING)
             self._unloaded = True
 
-    def _disabling(self) -> None:
+    def _disabling(self, _pos_rad: float) -> None:
         if self._feedback.state not in ENABLED:
             self._enter(PowerPhase.PARKED if self._parking else PowerPhase.OFF)
         elif self._count > self._power_up_scans:
@@ -371,7 +343,7 @@ class PowerSequence:
 
     # --- stops ------------------------------------------------------------------------------------
 
-    def _quick_stopping(self) -> None:
+    def _quick_stopping(self, _pos_rad: float) -> None:
         """Follow the ramp of the drive; a drive slower than its ramp does not obey."""
         speed = abs(self._feedback.vel_rad_s)
         elapsed_s = self._count * self._period_s
@@ -384,7 +356,7 @@ class PowerSequence:
         elif self._at_rest():
             self._enter(PowerPhase.CLOSING)
 
-    def _torque_off(self) -> None:
+    def _torque_off(self, _pos_rad: float) -> None:
         elapsed_s = self._count * self._period_s
         if not self._feedback.position_valid:
             if elapsed_s > _BLIND_STOP_S:
@@ -398,7 +370,7 @@ class PowerSequence:
             speed = deg(abs(self._feedback.vel_rad_s))
             self._alarms.raise_(Code.BRK_11, measured=speed, time_s=elapsed_s)
 
-    def _torque_hold(self) -> None:
+    def _torque_hold(self, _pos_rad: float) -> None:
         """Give the preload back, at zero speed, once the drive is enabled."""
         if self._feedback.state in ENABLED:
             self.torque_ff_nm = self.holding.preload_nm
@@ -496,3 +468,22 @@ class PowerSequence:
     def _brake_still_open(self) -> None:
         time_ms = self._milliseconds(self._count)
         self._alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)
+
+
+# One row per phase but ON, which has no step of its own.
+_STEPS: Final = {
+    PowerPhase.OFF: PowerSequence._off,
+    PowerPhase.PARKED: PowerSequence._off,
+    PowerPhase.ENABLING: PowerSequence._enabling,
+    PowerPhase.PROVING: PowerSequence._proving,
+    PowerPhase.SETTLING: PowerSequence._settling,
+    PowerPhase.RELEASING: PowerSequence._releasing,
+    PowerPhase.SAG_WATCH: PowerSequence._sag_watch,
+    PowerPhase.CLOSING: PowerSequence._closing,
+    PowerPhase.UNLOADING: PowerSequence._unloading,
+    PowerPhase.DISABLING: PowerSequence._disabling,
+    PowerPhase.QUICK_STOPPING: PowerSequence._quick_stopping,
+    PowerPhase.TORQUE_OFF: PowerSequence._torque_off,
+    PowerPhase.TORQUE_HOLD: PowerSequence._torque_hold,
+    PowerPhase.TESTING: PowerSequence._testing,
+}
