@@ -52,9 +52,9 @@ class ServiceAxis:
     def __init__(self, machine: Machine, *, take_over: bool) -> None:
         self.machine, self.stop = machine, Stop.NO
         self.tags: Tags = {}
-        self._link = ServiceLink(directory_of(machine))
+        self._connection: ServiceLink | None = None
         self._take_over = take_over
-        self._taken = self._powered = self._tested = False
+        self._powered = self._tested = False
 
     # --- control -------------------------------------------------------------------------------------------------
 
@@ -68,7 +68,13 @@ class ServiceAxis:
     @property
     def angle_deg(self) -> float:
         """Measured angle, motor side."""
-        return float(self.tags["pos_act_deg"] if self._taken else self.look()["pos_act_deg"])
+        return float(self.tags["pos_act_deg"] if self._connection else self.look()["pos_act_deg"])
+
+    @property
+    def _link(self) -> ServiceLink:
+        """The connection that has control, from `take` to `close`."""
+        assert self._connection is not None
+        return self._connection
 
     def take(self) -> float:
         """Take control; what moves without a holder of it is left alone, or stopped with `take_over`."""
@@ -84,11 +90,11 @@ class ServiceAxis:
         return self.angle_deg
 
     def _connect(self) -> None:
-        if self._taken:
+        if self._connection:
             return
         # Control on a connection of its own: the service ends those that do not read, as while a person thinks.
-        self._link.__enter__()
-        self._taken, self.tags = True, self._link.tags
+        self._connection = ServiceLink(directory_of(self.machine))
+        self.tags = self._link.tags
         self._check_service(self.tags)
         self._link.ask("take", over=True)
 
@@ -108,14 +114,14 @@ class ServiceAxis:
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
         """Take off the torque that was switched on here, give control back, leave."""
+        if self._connection is None:
+            return
         # Whatever fails here, the connection ends, and with it control and every key that is held.
-        with suppress(GantryctlError):
+        with self._connection as link, suppress(GantryctlError):
             if self._powered:
-                self._link.ask("power", on=False)
-            if self._taken:
-                self._link.ask("give")
-        self._link.__exit__()
-        self._taken = self._powered = False
+                link.ask("power", on=False)
+            link.ask("give")
+        self._connection, self._powered = None, False
 
     # --- commands ------------------------------------------------------------------------------------------------
 

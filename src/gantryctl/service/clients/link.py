@@ -18,7 +18,7 @@ _TIMEOUT_S: Final = 3.0
 
 
 class ServiceLink:
-    """A connection to the service of one machine; a context manager.
+    """A connection to the service of one machine, open from construction; a context manager.
 
     Args:
         directory: the machine's state directory.
@@ -32,29 +32,28 @@ class ServiceLink:
     """
 
     def __init__(self, directory: Path) -> None:
-        self._directory = directory
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(_TIMEOUT_S)
         self._data = b""
         self._seq = 0
         self._replies: dict[int, dict[str, Any]] = {}
         self.tags: dict[str, Any] = {}
-        self.client = ""
         self.fresh = False
-
-    def __enter__(self) -> ServiceLink:
         try:
-            with PeerName(self._directory) as address:
+            with PeerName(directory) as address:
                 self._socket.connect(address)
             self._socket.sendall(b'{"watch":true}\n')
-            welcome = self._next()
-            self.client = welcome["client"]
+            self.client: str = self._next()["client"]
             self.look()
-        except (OSError, KeyError, ValueError) as fault:
+        except BaseException as fault:
             self._socket.close()
+            if not isinstance(fault, OSError | KeyError | ValueError):
+                raise
             raise DeviceError(
-                f"no service answers at {self._directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
+                f"no service answers at {directory / SERVICE_SOCKET} ({fault}): `gantryctl serve` starts one"
             ) from fault
+
+    def __enter__(self) -> ServiceLink:
         return self
 
     def __exit__(self, *_: object) -> None:
