@@ -78,6 +78,7 @@ def _encoder(m: Machine) -> Rows:
 
 def _set_point(m: Machine) -> Rows:
     v, a, d = m.speed.setting_max_deg_s, m.virtual_axis.acc_deg_s2, m.virtual_axis.dec_deg_s2
+    band = m.monitors.following_error_base_deg + m.monitors.following_error_per_speed_s * v
     return [
         ("acc_motor", a * m.axis.ratio, "deg/s2", "acceleration x ratio: at the motor"),
         ("time_to_setting_max", v / a, "s", "v / a, constant acceleration"),
@@ -88,7 +89,7 @@ def _set_point(m: Machine) -> Rows:
             "deg",
             "v^2 / 2a + v^2 / 2d: a shorter move never reaches the highest setting",
         ),
-        ("following_error_band_at_setting_max", _band_deg(m, v), "deg", "base + per_speed x highest setting"),
+        ("following_error_band_at_setting_max", band, "deg", "base + per_speed x highest setting"),
     ]
 
 
@@ -187,7 +188,3 @@ def _torque(m: Machine) -> Rows:
             "brake alone on the rigid machine; the load swings on after it",
         ),
     ]
-
-
-def _band_deg(m: Machine, speed_deg_s: float) -> float:
-    return m.monitors.following_error_base_deg + m.monitors.following_error_per_speed_s * speed_deg_s

@@ -32,7 +32,7 @@ class Difference(NamedTuple):
 def config_hash(machine: Machine) -> str:
     """SHA-256 over the effective values, given or default, as canonical JSON; 64 hexadecimal digits."""
     # How a value is written, its place, and whether it was given or is the default do not count (decision 0004).
-    values = {path: _canonical(value_at(machine, path)) for path in field_specs()}
+    values = {path: _canonical(value) for path, value in effective_values(machine).items()}
     text = json.dumps(values, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode("ascii")).hexdigest()
 
@@ -89,20 +89,16 @@ def effective_values(machine: Machine) -> dict[str, Value]:
 
 def diff_machines(first: Machine, second: Machine) -> list[Difference]:
     """Keys whose effective values differ, in the order of the schema."""
-    found = []
-    for path, spec in field_specs().items():
-        a, b = value_at(first, path), value_at(second, path)
-        if a != b:
-            found.append(Difference(path, a, b, spec.unit))
-    return found
+    a, b = effective_values(first), effective_values(second)
+    units = {path: spec.unit for path, spec in field_specs().items()}
+    return [Difference(path, a[path], b[path], unit) for path, unit in units.items() if a[path] != b[path]]
 
 
 def json_schema() -> dict[str, Any]:
     """JSON schema of a machine file: bounds, units, meanings. Rules between keys are not in it."""
-    schema = Machine.model_json_schema(mode="validation")
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
-        **schema,
+        **Machine.model_json_schema(mode="validation"),
         "title": "gantryctl machine file",
     }
 

@@ -101,11 +101,8 @@ def _syntax_problem(error: tomllib.TOMLDecodeError, text: str, name: str) -> str
     message = str(error)
     position = _POSITION.search(message)
     what = message[: position.start()] if position else message
-    for words, meaning in _MEANING.items():
-        if what.startswith(words):
-            what = meaning
-            break
-    what = printable(what, 200)
+    meanings = (meaning for words, meaning in _MEANING.items() if what.startswith(words))
+    what = printable(next(meanings, what), 200)
     lines = text.rstrip().split("\n")
     if position is None or position["line"] is None:  # at the end
         return f"{name}: line {len(lines)}: {what}: {printable(lines[-1].strip())}"
@@ -118,18 +115,8 @@ def _deeper_than(data: Data, depth: int) -> bool:
     """Whether tables and arrays are nested deeper than `depth`; walks level by level, without recursion."""
     level: list[Any] = [data]
     for _ in range(depth):
-        level = [inner for outer in level for inner in _inside(outer)]
+        inside = (outer.values() if isinstance(outer, dict) else outer for outer in level)
+        level = [inner for items in inside for inner in items if isinstance(inner, dict | list)]
         if not level:
             return False
     return True
-
-
-def _inside(value: object) -> list[object]:
-    """Tables and arrays directly inside a table or an array."""
-    if isinstance(value, dict):
-        items = list(value.values())
-    elif isinstance(value, list):
-        items = value
-    else:
-        return []
-    return [item for item in items if isinstance(item, dict | list)]

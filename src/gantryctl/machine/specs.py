@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import Any, Literal, TypeAlias, cast, get_args, get_origin
+from operator import attrgetter
+from typing import Any, Final, Literal, TypeAlias, get_args, get_origin
 
-import annotated_types
 from pydantic.fields import FieldInfo
 
 from gantryctl.machine.tables.fields import SOURCE, Table, unit_of
@@ -104,11 +104,8 @@ def table_models(root: type[Table] = Machine) -> dict[str, type[Table]]:
 
 def value_at(machine: Machine, path: str) -> Value:
     """The effective value of the key at a dotted path."""
-    value: Any = machine
-    for part in path.split("."):
-        value = getattr(value, part)
-    checked: Value = value
-    return checked
+    value: Value = attrgetter(path)(machine)
+    return value
 
 
 def _sub_table(info: FieldInfo) -> type[Table] | None:
@@ -150,21 +147,15 @@ def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
     )
 
 
+# What `annotated_types` calls a bound, and what it is here.
+_BOUNDS: Final = {"ge": "low", "le": "high", "min_length": "least", "max_length": "most"}
+
+
 def _bounds(metadata: list[Any]) -> dict[str, float]:
     """Both bounds and both lengths out of pydantic's constraint list (a nested `Field` holds its own)."""
     found: dict[str, float] = {}
     for item in metadata:
-        match item:
-            case annotated_types.Ge():
-                found["low"] = cast("float", item.ge)
-            case annotated_types.Le():
-                found["high"] = cast("float", item.le)
-            case annotated_types.MinLen():
-                found["least"] = item.min_length
-            case annotated_types.MaxLen():
-                found["most"] = item.max_length
-            case FieldInfo():
-                found |= _bounds(item.metadata)
-            case _:
-                pass
+        if isinstance(item, FieldInfo):
+            found |= _bounds(item.metadata)
+        found |= {name: getattr(item, key) for key, name in _BOUNDS.items() if hasattr(item, key)}
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from types import FrameType, TracebackType
+from types import FrameType
 
 
 class DeferredInterrupt:
@@ -36,9 +36,7 @@ class DeferredInterrupt:
             signal.default_int_handler(number, frame)
         self.pending = True
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
         if self._active:
             signal.signal(signal.SIGINT, signal.default_int_handler)
         pending, self.pending = self.pending, False

@@ -6,7 +6,6 @@ import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import TracebackType
 from typing import Final
 
 from gantryctl.errors import StateError
@@ -52,9 +51,7 @@ class StateLock:
         self._handle = handle
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         # Closing frees the lock; the file stays, for removing it would race with the next run.
         os.close(self._handle)
         self._handle = -1

@@ -20,33 +20,27 @@ def keeps_time() -> Iterator[bool]:
     process goes on as an ordinary one.
     """
     was_enabled = gc.isenabled()
-    before = _scheduling()
+    known = hasattr(os, "sched_getscheduler")
+    before = (os.sched_getscheduler(0), os.sched_getparam(0)) if known else None
     # A collection in the middle of a scan delays it, and takes the longer the more objects there are.
     gc.collect()
     gc.freeze()
     gc.disable()
     try:
-        yield _ask_for_priority()
+        yield ask_for_priority(PRIORITY)
     finally:
         if before is not None:
             with suppress(OSError):
-                os.sched_setscheduler(0, before[0], os.sched_param(before[1]))
+                os.sched_setscheduler(0, *before)
         gc.unfreeze()
         if was_enabled:
             gc.enable()
 
 
-def _scheduling() -> tuple[int, int] | None:
-    if not hasattr(os, "sched_getscheduler"):
-        return None
-    return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority
-
-
-def _ask_for_priority() -> bool:
-    if not hasattr(os, "sched_setscheduler"):
-        return False
+def ask_for_priority(priority: int) -> bool:
+    """Ask the system for SCHED_FIFO; False where it has none or does not grant it."""
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except OSError:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
+    except (OSError, AttributeError):
         return False
     return True

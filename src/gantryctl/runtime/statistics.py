@@ -82,6 +82,10 @@ class ScanStatistics:
         """Deadlines that passed without a scan."""
         self._last_offset_s: float | None = None
 
+    @property
+    def _times(self) -> dict[str, Histogram]:
+        return {"lateness": self.lateness, "run_time": self.run_time, "period": self.period}
+
     def add(self, scan: int, lateness_s: float, run_time_s: float, skipped: int = 0) -> bool:
         """Count one scan, which began `skipped` deadlines later than it should; True when it was an overrun."""
         period_s = self.period_s
@@ -102,15 +106,10 @@ class ScanStatistics:
         if not self.lateness.count:
             return "virtual time: no scan is ever late"
         lines = [f"{self.lateness.count} scans of {self.period_s * 1e3:g} ms in real time"]
-        for name, times in (
-            ("lateness", self.lateness),
-            ("run time", self.run_time),
-            ("period", self.period),
-        ):
-            lines.append(
-                f"{name:9} p50 {times.quantile_s(0.5) * 1e3:.3f}  p99 {times.quantile_s(0.99) * 1e3:.3f}  "
-                f"p99.9 {times.quantile_s(0.999) * 1e3:.3f}  worst {times.worst_s * 1e3:.3f} ms"
-            )
+        for name, times in self._times.items():
+            p50, p99, p99_9 = (f"{times.quantile_s(part) * 1e3:.3f}" for part in (0.5, 0.99, 0.999))
+            title, worst = name.replace("_", " "), f"{times.worst_s * 1e3:.3f} ms"
+            lines.append(f"{title:9} p50 {p50}  p99 {p99}  p99.9 {p99_9}  worst {worst}")
         late = self.lateness
         lines.append(
             f"at {speed_deg_s:g} deg/s: lateness p99 is {late.quantile_s(0.99) * speed_deg_s:.4f} deg, "
@@ -125,7 +124,5 @@ class ScanStatistics:
             "period_s": self.period_s,
             "overruns": self.overruns,
             "skipped": self.skipped,
-            "lateness": self.lateness.to_dict(),
-            "run_time": self.run_time.to_dict(),
-            "period": self.period.to_dict(),
+            **{name: times.to_dict() for name, times in self._times.items()},
         }

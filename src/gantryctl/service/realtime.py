@@ -9,6 +9,8 @@ import signal
 import sys
 from typing import Final
 
+from gantryctl.runtime.priority import ask_for_priority
+
 PRIORITY: Final = 80
 _MCL_CURRENT_AND_FUTURE: Final = 3
 _PR_SET_PDEATHSIG: Final = 1
@@ -21,7 +23,7 @@ def prepare_scan_process() -> bool:
     gc.collect()
     gc.freeze()
     gc.disable()
-    return _fifo() and _lock_memory()
+    return ask_for_priority(PRIORITY) and _lock_memory()
 
 
 def die_with_parent(number: signal.Signals = signal.SIGTERM) -> None:
@@ -32,14 +34,6 @@ def die_with_parent(number: signal.Signals = signal.SIGTERM) -> None:
         # The parent may have ended before the request.
         if os.getppid() != parent:
             os.kill(os.getpid(), number)
-
-
-def _fifo() -> bool:
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except (OSError, AttributeError):
-        return False
-    return True
 
 
 def _lock_memory() -> bool:

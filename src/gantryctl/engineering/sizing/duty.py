@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -85,11 +86,9 @@ def _move(train: Train, start_deg: float, end_deg: float) -> tuple[Floats, Float
     total, ramp = trapezoid_time_s(way, top, acc), peak / acc
     sign = math.copysign(1.0, end_deg - start_deg)
     # the corners belong to the grid, so that no step of the acceleration is smeared
-    parts = [np.linspace(0.0, ramp, _SAMPLES), np.linspace(ramp, total - ramp, _SAMPLES)]
-    parts.append(np.linspace(total - ramp, total, _SAMPLES))
-    accs = (acc, 0.0, -acc)
-    time = np.concatenate(parts)
-    a = np.concatenate([np.full(_SAMPLES, value) for value in accs])
+    corners = (0.0, ramp, total - ramp, total)
+    time = np.concatenate([np.linspace(begin, end, _SAMPLES) for begin, end in pairwise(corners)])
+    a = np.repeat((acc, 0.0, -acc), _SAMPLES)
     vel = np.minimum(np.minimum(acc * time, peak), acc * (total - time))
     gone = np.concatenate(([0.0], np.cumsum(0.5 * (vel[1:] + vel[:-1]) * np.diff(time))))
     angle = rad(start_deg) + sign * gone

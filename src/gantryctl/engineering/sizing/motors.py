@@ -67,11 +67,8 @@ class MotorFile(Table):
 
     def torque_at_nm(self, torque_nm: float, speed_r_min: float) -> float:
         """What is left of a torque at a speed: above the rated speed the power stays, the torque falls."""
-        return (
-            torque_nm * min(1.0, self.motor.speed_rated_r_min / speed_r_min)
-            if speed_r_min > 0.0
-            else torque_nm
-        )
+        share = min(1.0, self.motor.speed_rated_r_min / speed_r_min) if speed_r_min > 0.0 else 1.0
+        return torque_nm * share
 
 
 def delivered_motors() -> list[Path]:
@@ -125,16 +122,11 @@ def _contradictions(file: MotorFile) -> list[str]:
     """What a name plate cannot say: the same as the machine file's rules on [motor] and [encoder]."""
     plate, encoder = file.motor, file.encoder
     lines = []
-    if plate.torque_max_nm < plate.torque_rated_nm:
-        lines.append(
-            f"[motor] torque_max_nm = {plate.torque_max_nm:g} N m: must be at least torque_rated_nm = "
-            f"{plate.torque_rated_nm:g} N m"
-        )
-    if plate.speed_max_r_min < plate.speed_rated_r_min:
-        lines.append(
-            f"[motor] speed_max_r_min = {plate.speed_max_r_min:g} r/min: must be at least speed_rated_r_min = "
-            f"{plate.speed_rated_r_min:g} r/min"
-        )
+    for what, ending, unit in (("torque", "nm", "N m"), ("speed", "r_min", "r/min")):
+        high, low = f"{what}_max_{ending}", f"{what}_rated_{ending}"
+        most, rated = getattr(plate, high), getattr(plate, low)
+        if most < rated:
+            lines.append(f"[motor] {high} = {most:g} {unit}: must be at least {low} = {rated:g} {unit}")
     # Catalogue values are rounded: 10 %, as the machine file's rule on the name plate.
     power = power_kw(plate.torque_rated_nm, plate.speed_rated_r_min)
     if abs(plate.power_rated_kw - power) > 0.1 * power:

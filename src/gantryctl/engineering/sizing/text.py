@@ -16,10 +16,8 @@ from gantryctl.units import deg
 def paper_table(sheet: Sheet) -> TextTable:
     """Equations (1) to (3): as the paper rounds them, and exactly."""
     m, ratio, inertia = sheet.motion, sheet.gears.ratio, sheet.load.inertia_kg_m2
-    speed, acc = (
-        eq.motor_speed_r_min(m.speed_max_r_min, ratio),
-        eq.mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s),
-    )
+    speed = eq.motor_speed_r_min(m.speed_max_r_min, ratio)
+    acc = eq.mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s)
     exact = eq.motor_torque_nm(inertia, acc, ratio)
     rounded = printed_torque_nm(sheet)
     rows = (
@@ -54,15 +52,8 @@ def complete_table(fitted: Fit) -> TextTable:
 def angle_table(fitted: Fit) -> TextTable:
     """The eccentric moment over the angle."""
     heads = ("angle, deg", "moment\nkN m", "hold\nN m", "turn out\nN m", "turn back\nN m", "normal acc\nN m")
-    rows = tuple(
-        (
-            f"{row.angle_deg:g}",
-            f"{row.against_knm:.1f}",
-            *(f"{value:.1f}" for value in (row.hold, row.steady, row.back, row.normal)),
-            f"{row.sizing:.1f}",
-        )
-        for row in over_angle(fitted.train)
-    )
+    found = over_angle(fitted.train)
+    rows = tuple((f"{angle:g}", *(f"{torque:.1f}" for torque in torques)) for angle, *torques in found)
     return TextTable("Over the angle: eccentric moment and motor torque", (*heads, "sizing acc\nN m"), rows)
 
 

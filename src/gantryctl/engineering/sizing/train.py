@@ -203,20 +203,12 @@ class AngleRow(NamedTuple):
 def over_angle(train: Train) -> list[AngleRow]:
     """The eccentric moment over the angle, and what it asks of the motor."""
     rows = []
-    w = train.speed_rad_s
+    w, normal, sizing = train.speed_rad_s, train.normal_acc_rad_s2, train.sizing_acc_rad_s2
+    cases = ((0.0, w), (0.0, -w), (normal, w), (sizing, w))
     for angle in ANGLES_DEG:
         # Angles from where the centre of mass hangs down, so that the rows are alike on every machine.
         at = math.fmod(angle + train.sheet.load.eccentric_angle_deg, 360.0)
         against = float(train.against_nm(rad(at)))
-        rows.append(
-            AngleRow(
-                at,
-                against / 1e3,
-                against / train.ratio,
-                float(train.motor_nm(0.0, w, against)),
-                float(train.motor_nm(0.0, -w, against)),
-                float(train.motor_nm(train.normal_acc_rad_s2, w, against)),
-                float(train.motor_nm(train.sizing_acc_rad_s2, w, against)),
-            )
-        )
+        moving = [float(train.motor_nm(acc, vel, against)) for acc, vel in cases]
+        rows.append(AngleRow(at, against / 1e3, against / train.ratio, *moving))
     return rows

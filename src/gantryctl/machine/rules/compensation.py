@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from gantryctl.machine.rules.book import Broken, rule
+from gantryctl.machine.tables.compensation import NEED_CALIBRATION
 from gantryctl.machine.tables.model import Machine
 
 _AT = "control.compensation"
@@ -42,21 +43,12 @@ def own_errors_need_the_load_encoder(m: Machine) -> Broken:
 @rule(f"{_AT}.load_encoder.active", "plant.load_encoder.fitted", "drive.kind")
 def load_encoder_is_there(m: Machine) -> Broken:
     """A load-side loop on the simulated drive needs a simulated load-side encoder."""
-    wrong = (
-        m.control.compensation.load_encoder.active
-        and m.drive.kind == "sim"
-        and not m.plant.load_encoder.fitted
-    )
+    active = m.control.compensation.load_encoder.active
+    wrong = active and m.drive.kind == "sim" and not m.plant.load_encoder.fitted
     return "must stay false: the simulated gantry has no encoder on its ring" if wrong else None
 
 
-_LIVE_ON_IT = (
-    "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
-    "load_encoder.own_errors", "damping.active",
-)  # fmt: skip
-
-
-@rule(f"{_AT}.calibration", *(f"{_AT}.{key}" for key in _LIVE_ON_IT))
+@rule(f"{_AT}.calibration", *(f"{_AT}.{key}" for key in NEED_CALIBRATION))
 def calibration_is_named(m: Machine) -> Broken:
     """What lives on identified values needs a calibration file."""
     c = m.control.compensation

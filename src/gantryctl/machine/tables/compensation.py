@@ -5,7 +5,8 @@ What these laws know about the machine stands in the calibration file (`calibrat
 
 from __future__ import annotations
 
-from typing import Annotated
+from operator import attrgetter
+from typing import Annotated, Final
 
 from pydantic import Field
 
@@ -13,6 +14,11 @@ from gantryctl.machine.tables.fields import Table, number, numbers, switch, tabl
 
 # The compiled law has as many places (`FAST_WAVES` of the core).
 MAX_FAST_WAVES = 6
+# Compensations that live on identified values.
+NEED_CALIBRATION: Final = (
+    "torque.eccentric", "torque.acceleration", "gear_map.active", "windup.active", "windup.reversal",
+    "load_encoder.own_errors", "damping.active",
+)  # fmt: skip
 
 
 class TorqueFeedForwardTable(Table):
@@ -117,13 +123,4 @@ class CompensationTable(Table):
     @property
     def needs_calibration(self) -> bool:
         """Whether a compensation that is on uses identified values."""
-        torque, windup, encoder = self.torque, self.windup, self.load_encoder
-        return (
-            torque.eccentric
-            or torque.acceleration
-            or self.gear_map.active
-            or windup.active
-            or windup.reversal
-            or encoder.own_errors
-            or self.damping.active
-        )
+        return any(attrgetter(*NEED_CALIBRATION)(self))

@@ -50,42 +50,38 @@ class Table(BaseModel):
     )
 
 
+def _field(meaning: str, notes: dict[str, Any], **limits: Any) -> Any:
+    return Field(description=meaning, json_schema_extra=notes, **limits)
+
+
 def number(default: float, low: float, high: float, source: Source, meaning: str, unit: str = "") -> Any:
     """Declare a number with a default, both bounds included; `unit` only where the key does not end with it."""
-    return Field(
-        default=default, ge=low, le=high, description=meaning, json_schema_extra={UNIT: unit, SOURCE: source}
-    )
+    return _field(meaning, {UNIT: unit, SOURCE: source}, default=default, ge=low, le=high)
 
 
 def numbers(default: tuple[float, ...], least: int, most: int, source: Source, meaning: str) -> Any:
     """Declare an array of `least` to `most` numbers, whose bounds stand in the annotation."""
-    return Field(
-        default=default,
-        min_length=least,
-        max_length=most,
-        description=meaning,
-        json_schema_extra={SOURCE: source},
-    )
+    return _field(meaning, {SOURCE: source}, default=default, min_length=least, max_length=most)
 
 
 def required_number(usual: float, low: float, high: float, meaning: str, unit: str = "") -> Any:
     """Declare a number that every machine file must give; `usual` is the reference machine's value."""
-    return Field(ge=low, le=high, description=meaning, examples=[usual], json_schema_extra={UNIT: unit})
+    return _field(meaning, {UNIT: unit}, ge=low, le=high, examples=[usual])
 
 
 def choice(default: str, source: Source, meaning: str) -> Any:
     """Declare one word out of the annotation's `Literal`."""
-    return Field(default=default, description=meaning, json_schema_extra={SOURCE: source})
+    return _field(meaning, {SOURCE: source}, default=default)
 
 
 def switch(default: bool, source: Source, meaning: str) -> Any:
     """Declare a true/false field."""
-    return Field(default=default, description=meaning, json_schema_extra={SOURCE: source})
+    return _field(meaning, {SOURCE: source}, default=default)
 
 
 def text(default: str, longest: int, source: Source, meaning: str) -> Any:
     """Declare a free text of at most `longest` characters."""
-    return Field(default=default, max_length=longest, description=meaning, json_schema_extra={SOURCE: source})
+    return _field(meaning, {SOURCE: source}, default=default, max_length=longest)
 
 
 def table(meaning: str, default: type[Table] | None = None) -> Any:
