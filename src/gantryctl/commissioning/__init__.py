@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from gantryctl.commissioning.plan import STEPS, Step
 from gantryctl.commissioning.report import write_report
 from gantryctl.commissioning.results import Outcome, Progress, StepResult
-from gantryctl.commissioning.run import Commissioning
+from gantryctl.commissioning.run import STEPS, Commissioning, Step
 
 __all__ = ["STEPS", "Commissioning", "Outcome", "Progress", "Step", "StepResult", "write_report"]

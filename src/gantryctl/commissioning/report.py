@@ -6,8 +6,8 @@ from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
-from gantryctl.commissioning.plan import STEPS, complete
 from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
+from gantryctl.commissioning.run import STEPS, complete
 from gantryctl.engineering.report.page import render_page, signed
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from pydantic import TypeAdapter
 
@@ -64,10 +63,6 @@ class Progress:
         text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return {**asdict(self), "hash": self.hash}
-
 
 def load_progress(path: Path) -> Progress | None:
     """Load the results of an earlier run; None without one.
@@ -90,7 +85,8 @@ def load_progress(path: Path) -> Progress | None:
 
 def store_progress(path: Path, progress: Progress) -> None:
     """Store the results, whole or not at all."""
-    write_whole(path, json.dumps(progress.as_dict(), indent=1, allow_nan=False) + "\n")
+    data = {**asdict(progress), "hash": progress.hash}
+    write_whole(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
 @dataclass(frozen=True)

@@ -71,33 +71,23 @@ def machine_status(machine: Machine) -> MachineStatus:
     with StateStore(machine) as store:
         try:
             with read_only(machine, store) as found:
-                pass
+                retained, reading, state = found.retained, found.reading, found.feedback.state
+            held, angle_deg, notes = why_not_referenced(reading), reading.angle_deg, found.notes
+            condition = "power off, brake closed" if held is None else "may not move"
+            if state in _MOVABLE:
+                condition = (
+                    f"the drive is in {state.name.lower().replace('_', ' ')}: another controller runs it"
+                )
+            encoder = reading.verdict.value if held is None else held.text
         except StateError:
             raise
         # A drive that cannot be reached is no reason to hide what is retained of its machine.
         except DeviceError as fault:
-            retained = None if machine.plant_is_local else store.load_retained()
-            if retained is None:
+            kept = None if machine.plant_is_local else store.load_retained()
+            if kept is None:
                 raise
-            return _status(machine, store, retained, "the drive cannot be reached", None, str(fault), ())
-    reading, state = found.reading, found.feedback.state
-    held = why_not_referenced(reading)
-    condition = "power off, brake closed" if held is None else "may not move"
-    if state in _MOVABLE:
-        condition = f"the drive is in {state.name.lower().replace('_', ' ')}: another controller runs it"
-    words = reading.verdict.value if held is None else held.text
-    return _status(machine, store, found.retained, condition, reading.angle_deg, words, found.notes)
-
-
-def _status(
-    machine: Machine,
-    store: StateStore,
-    retained: Retained,
-    condition: str,
-    angle_deg: float | None,
-    encoder: str,
-    notes: tuple[str, ...],
-) -> MachineStatus:
+            retained, angle_deg, notes = kept, None, ()
+            condition, encoder = "the drive cannot be reached", str(fault)
     code = retained.error_stop
     if code:
         condition = f"stopped by alarm {code}; `gantryctl explain {code}`, then reset"

@@ -7,7 +7,6 @@ from gantryctl.program.alarms.codes import Code, Reaction, Severity
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.commands import CommandStatus, MotionCommand
 from gantryctl.program.axis.states import AxisState
 from gantryctl.program.gantry import GantryProgram
 from gantryctl.program.power.brake_test import BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
@@ -25,9 +24,7 @@ __all__ = [
     "BrakeTestPhase",
     "BrakeTestResult",
     "Code",
-    "CommandStatus",
     "GantryProgram",
-    "MotionCommand",
     "PowerPhase",
     "Reaction",
     "Refusal",

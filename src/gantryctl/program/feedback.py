@@ -147,7 +147,8 @@ class Feedback:
             period_ms = self._period_s * 1e3
             self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
         if not math.isfinite(counts):
-            self._raise_invalid(Words.ENCODER_COUNT)
+            self.position_valid = False
+            self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=Words.ENCODER_COUNT)
             return self.counts
         if encoder & EncoderFlag.CRC_ERROR:
             return self._bad_reading(counts)
@@ -192,7 +193,3 @@ class Feedback:
     def _raise(self, code: Code, /, **values: object) -> None:
         self.position_valid = False
         self._alarms.raise_(code, None, **values)
-
-    def _raise_invalid(self, what: Words) -> None:
-        self.position_valid = False
-        self._alarms.raise_(Code.CTL_02, Reaction.TORQUE_OFF, measured=what)

@@ -55,15 +55,11 @@ class Number(NamedTuple):
     signed: bool
 
 
-def _numbers() -> dict[DataType, Number]:
-    table = {DataType.BOOLEAN: Number(8, False)}
-    for bits in (8, 16, 24, 32, 40, 48, 56, 64):
-        table[DataType[f"INTEGER{bits}"]] = Number(bits, True)
-        table[DataType[f"UNSIGNED{bits}"]] = Number(bits, False)
-    return table
-
-
-INTEGERS: Final = _numbers()
+INTEGERS: Final = {DataType.BOOLEAN: Number(8, False)} | {
+    DataType[f"{kind}{bits}"]: Number(bits, kind == "INTEGER")
+    for kind in ("INTEGER", "UNSIGNED")
+    for bits in range(8, 72, 8)
+}
 REALS: Final = {DataType.REAL32: "<f", DataType.REAL64: "<d"}
 STRINGS: Final = frozenset({DataType.VISIBLE_STRING, DataType.UNICODE_STRING, DataType.OCTET_STRING})
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
 from typing import Final
 
 import can
@@ -124,12 +123,9 @@ class DriveLoop:
     Args:
         node: the drive; its `send` is that of the link.
         link: the bus.
-        clock: seconds, monotonic.
     """
 
-    def __init__(
-        self, node: DriveNode, link: FrameSender, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, node: DriveNode, link: FrameSender) -> None:
         self.node, self.link = node, link
         self.lock = threading.RLock()
         """Held while the node works, and by the side channel."""
@@ -137,7 +133,6 @@ class DriveLoop:
         """Time not made up for."""
         self.malformed = 0
         """Frames that python-can could not read."""
-        self._clock = clock
         self._errors = 0
 
     def run(self, stop: threading.Event) -> None:
@@ -146,13 +141,13 @@ class DriveLoop:
         Raises:
             DeviceError: the bus has failed.
         """
-        last_us = round(self._clock() * 1e6)
+        last_us = round(time.monotonic() * 1e6)
         timeout = _IDLE_S if self.node.stepped else _WAKE_S
         while not stop.is_set():
             message = self._receive(timeout)
             with self.lock:
                 if not self.node.stepped:
-                    now_us = round(self._clock() * 1e6)
+                    now_us = round(time.monotonic() * 1e6)
                     self._catch_up(now_us - last_us)
                     last_us = now_us
                 if message is not None and is_plain(message):

@@ -200,9 +200,8 @@ class DriveNode:
 
     def _on_sdo(self, data: bytes) -> None:
         faults = self.faults
-        served = (NmtState.PRE_OPERATIONAL,) if self.kind.sdo_preoperational_only else (
-            NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL)  # fmt: skip
-        if self.state not in served or faults.sdo_silent:
+        also = None if self.kind.sdo_preoperational_only else NmtState.OPERATIONAL
+        if self.state not in (NmtState.PRE_OPERATIONAL, also) or faults.sdo_silent:
             return
         response = self._sdo.answer(data)
         if response is None:

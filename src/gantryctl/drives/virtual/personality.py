@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Final, Literal
+from typing import Final, Literal
 
 from gantryctl.errors import UsageError
 
@@ -84,9 +84,7 @@ class Personality:
     save_silence_ms: int = 0
 
 
-def _p(name: str, summary: str, **quirks: Any) -> Personality:
-    return Personality(name, summary, **quirks)
-
+_p: Final = Personality
 
 PERSONALITIES: Final = {
     p.name: p

@@ -17,6 +17,7 @@ from gantryctl.errors import DeviceError, UsageError
 
 _MAX_LINE: Final = 65536
 _MAX_PATH: Final = 100
+_ANSWER_S: Final = 10.0
 _BACKLOG: Final = 8
 
 
@@ -83,15 +84,14 @@ class ControlClient:
 
     Args:
         path: of the socket.
-        timeout_s: for one answer.
 
     Raises:
         DeviceError: no virtual drive listens there.
     """
 
-    def __init__(self, path: Path, timeout_s: float = 10.0) -> None:
+    def __init__(self, path: Path) -> None:
         self._socket = _unix_socket()
-        self._socket.settimeout(timeout_s)
+        self._socket.settimeout(_ANSWER_S)
         try:
             self._socket.connect(str(path))
         except OSError as fault:
