@@ -125,7 +125,9 @@ class VirtualAxis:
         if self.at_rest:
             return
         start = self._set_point()
-        if self.stopping and self._ends_earlier(stop_point(start, limits)):
+        # The stop that ends nearer is the harder one, whatever its ramp.
+        here = self.pos_ref_rad
+        if self.stopping and abs(self.plan.pos_end - here) <= abs(stop_point(start, limits) - here):
             return
         plan = plan_stop(start, limits)
         # A stop that would leave the travel is weaker than the present plan, which ends inside.
@@ -136,11 +138,6 @@ class VirtualAxis:
     def stopping_angle_rad(self, limits: MotionLimits) -> float:
         """Angle that the set-point would still travel in a stop with `limits`."""
         return abs(stop_point(self._set_point(), limits) - self.pos_ref_rad)
-
-    def _ends_earlier(self, other_end_rad: float) -> bool:
-        # The stop that ends nearer is the harder one, whatever its ramp.
-        here = self.pos_ref_rad
-        return abs(self.plan.pos_end - here) <= abs(other_end_rad - here)
 
     def _within_travel(self, plan: Segments) -> bool:
         """Whether the plan stays inside the travel, or, started outside, never goes further out."""

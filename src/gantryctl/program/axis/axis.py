@@ -22,8 +22,7 @@ from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.axis.reference import Reference
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
 from gantryctl.program.feedback import Feedback
-from gantryctl.program.monitors.interlocks import Interlocks
-from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.monitors.monitors import Interlocks, Monitors
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence

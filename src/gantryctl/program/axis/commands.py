@@ -6,6 +6,7 @@ which spares a power cycle that would end in a refusal.
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY, dataclass
 from enum import Enum
 from typing import Final
 
@@ -16,8 +17,7 @@ from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.axis.states import AxisState
 from gantryctl.program.feedback import FAULTS, Feedback
-from gantryctl.program.monitors.interlocks import Interlocks
-from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.monitors.monitors import Interlocks, Monitors
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, PowerSettings, SpeedSettings, TravelSettings
@@ -85,6 +85,7 @@ class CommandStatus(Enum):
     ERROR = 4
 
 
+@dataclass(slots=True, eq=False)
 class MotionCommand:
     """One command and its status. A block keeps it; the axis changes the status.
 
@@ -94,18 +95,14 @@ class MotionCommand:
         refusal: the reason of an error, or of an end at the travel limit.
     """
 
-    __slots__ = ("endless", "refusal", "settles", "speed_rad_s", "state", "status", "target_rad")
-
-    def __init__(
-        self, state: AxisState, target_rad: float, speed_rad_s: float, *, settles: bool, endless: bool = False
-    ) -> None:
-        self.state = state
-        self.target_rad = target_rad
-        self.speed_rad_s = speed_rad_s
-        self.settles = settles
-        self.endless = endless
-        self.status = CommandStatus.ACTIVE
-        self.refusal: Refusal | None = None
+    state: AxisState
+    target_rad: float
+    speed_rad_s: float
+    _: KW_ONLY
+    settles: bool
+    endless: bool = False
+    status: CommandStatus = CommandStatus.ACTIVE
+    refusal: Refusal | None = None
 
     @property
     def alive(self) -> bool:

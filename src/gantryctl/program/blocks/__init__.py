@@ -5,8 +5,7 @@ Bad inputs give an error output and no motion, never an exception. `Jog`, `Inch`
 blocks, not PLCopen Part 1.
 """
 
-from gantryctl.program.blocks.administration import Power, Reset, SetOverride, SetPosition
-from gantryctl.program.blocks.brake import BrakeTest
+from gantryctl.program.blocks.administration import BrakeTest, Power, Reset, SetOverride, SetPosition
 from gantryctl.program.blocks.by_hand import Inch, Jog
 from gantryctl.program.blocks.motion import Halt, Home, MoveAbsolute, MoveRelative, MoveVelocity, Stop
 from gantryctl.program.blocks.reading import (

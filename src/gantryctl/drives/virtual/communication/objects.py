@@ -68,9 +68,9 @@ def var(
     return ObjectSpec(index, name, ObjectKind.VAR, {0: one})
 
 
-def _group(kind: ObjectKind, index: int, name: str, *entries: Entry, count: Access = CONST) -> ObjectSpec:
+def _group(kind: ObjectKind, name: str, *entries: Entry, count: Access = CONST) -> ObjectSpec:
     """Record or array with its sub-index 0."""
-    highest = max(entry.sub for entry in entries)
+    index, highest = entries[0].index, max(entry.sub for entry in entries)
     zero = Entry(index, 0, "Highest sub-index supported", U8, count, highest)
     return ObjectSpec(index, name, kind, {0: zero, **{entry.sub: entry for entry in entries}})
 
@@ -91,23 +91,22 @@ def communication_objects(kind: Personality, serial_number: int) -> tuple[Object
     return (
         var(0x1000, "Device type", U32, RO, kind.device_type),
         var(0x1001, "Error register", U8, RO, maps=True, volatile=True),
-        array(0x1003, "Pre-defined error field", *errors, count=RW),
+        array("Pre-defined error field", *errors, count=RW),
         var(0x1005, "COB-ID SYNC message", U32, RW, 0x80 if kind.sync_cob_id is None else kind.sync_cob_id),
         var(0x1006, "Communication cycle period", U32, RW),
         var(0x1007, "Synchronous window length", U32, RW),
         var(0x1008, "Manufacturer device name", TEXT, CONST, "gantryctl virtual drive"),
         var(0x1009, "Manufacturer hardware version", TEXT, CONST, "simulated"),
         var(0x100A, "Manufacturer software version", TEXT, CONST, "1.0"),
-        array(0x1010, "Store parameters", *save),
-        array(0x1011, "Restore default parameters", *load),
+        array("Store parameters", *save),
+        array("Restore default parameters", *load),
         var(0x1014, "COB-ID EMCY", U32, RW, 0x80, node=True),
         var(0x1015, "Inhibit time EMCY", U16, RW),
-        array(0x1016, "Consumer heartbeat time", *watched),
+        array("Consumer heartbeat time", *watched),
         var(0x1017, "Producer heartbeat time", U16, RW),
-        record(0x1018, "Identity object", *plate),
-        array(0x1029, "Error behaviour", Entry(0x1029, 1, "Communication error", U8, RW, 0, low=0, high=2)),
+        record("Identity object", *plate),
+        array("Error behaviour", Entry(0x1029, 1, "Communication error", U8, RW, 0, low=0, high=2)),
         record(
-            0x1200,
             "SDO server parameter",
             Entry(0x1200, 1, "COB-ID client to server", U32, RO, 0x600, node_relative=True),
             Entry(0x1200, 2, "COB-ID server to client", U32, RO, 0x580, node_relative=True),
@@ -125,7 +124,7 @@ def pdo_objects(kind: Personality) -> tuple[ObjectSpec, ...]:
         ):
             own = cob_id + 0x100 * number | (PDO_INVALID if number else 0)
             found += [
-                record(index, f"{name} communication parameter", *_communication(index, own)),
+                record(f"{name} communication parameter", *_communication(index, own)),
                 _mapping(index + 0x200, f"{name} mapping parameter", factory, kind),
             ]
     return tuple(found)
@@ -217,7 +216,6 @@ def _control_objects() -> tuple[ObjectSpec, ...]:
         var(0x6061, "Modes of operation display", I8, RO, maps=True, volatile=True),
         var(0x60FD, "Digital inputs", U32, RO, maps=True, volatile=True),
         array(
-            0x60FE,
             "Digital outputs",
             Entry(0x60FE, 1, "Physical outputs", U32, RWW, 0, mappable=True, volatile=True),
             Entry(0x60FE, 2, "Output bit mask", U32, RW, 0),
@@ -250,7 +248,6 @@ def _motion_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> 
         var(0x60B1, "Velocity offset", I32, RWW, maps=True, volatile=True),
         var(0x60B2, "Torque offset", I16, RWW, maps=True, volatile=True),
         record(
-            0x60C2,
             "Interpolation time period",
             Entry(0x60C2, 1, "Interpolation time period value", U8, RW, 1, low=1),
             Entry(0x60C2, 2, "Interpolation time index", I8, RW, -3, low=-6, high=0),
@@ -264,7 +261,7 @@ def _plate_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> t
 
     def factor(index: int, name: str, first: tuple[str, int], second: tuple[str, int]) -> ObjectSpec:
         pair = (Entry(index, n, what, U32, RO, value) for n, (what, value) in enumerate((first, second), 1))
-        return array(index, name, *pair)
+        return array(name, *pair)
 
     turns = "Motor revolutions"
     return (
@@ -286,7 +283,6 @@ def _vendor_objects(hardware: Hardware) -> tuple[ObjectSpec, ...]:
     owner = 1 if hardware.brake_owner == "object_60FE" else 0
     return (
         record(
-            0x2100,
             "Brake",
             Entry(0x2100, 1, "Time to open, ms", U16, RW, round(hardware.brake_open_s * 1e3)),
             Entry(0x2100, 2, "Time to close, ms", U16, RW, round(hardware.brake_close_s * 1e3)),
@@ -294,13 +290,11 @@ def _vendor_objects(hardware: Hardware) -> tuple[ObjectSpec, ...]:
             Entry(0x2100, 4, "Owner: 0 drive, 1 object 60FE", U8, RO, owner),
         ),
         record(
-            0x2101,
             "Load of the motor (I2t)",
             Entry(0x2101, 1, "Used part of the budget, per mille", U16, RO, 0, mappable=True, volatile=True),
             Entry(0x2101, 2, "Warning level, per mille", U16, RW, 800, low=1, high=1000),
         ),
         record(
-            0x2110,
             "Encoder",
             Entry(0x2110, 1, "Serial number", TEXT, CONST, hardware.encoder_serial),
             Entry(0x2110, 2, "Position within one turn, increments", U32, RO, 0, volatile=True),

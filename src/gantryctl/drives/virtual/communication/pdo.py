@@ -334,6 +334,7 @@ class ProcessData:
         self._od, self._now = od, now
         self.rpdos = tuple(Rpdo(od, number, emcy, lost) for number in range(PDOS))
         self.tpdos = tuple(Tpdo(od, number, send) for number in range(PDOS))
+        self._pdos: tuple[Rpdo | Tpdo, ...] = (*self.rpdos, *self.tpdos)
         self.operational = False
         self._last_sync_us = 0
         od.checks[0x1005, 0] = _check_sync_id
@@ -342,14 +343,9 @@ class ProcessData:
 
     def _hook(self) -> None:
         """Let a change of one PDO's parameters take effect on that PDO."""
-        for number in range(PDOS):
-            for index, pdo in (
-                (0x1400 + number, self.rpdos[number]),
-                (0x1600 + number, self.rpdos[number]),
-                (0x1800 + number, self.tpdos[number]),
-                (0x1A00 + number, self.tpdos[number]),
-            ):
-                subs = _COMMUNICATION_SUBS if index & 0x200 == 0 else range(MAPPED + 1)
+        for pdo in self._pdos:
+            first = pdo.parameters.communication
+            for index, subs in ((first, _COMMUNICATION_SUBS), (first + 0x200, range(MAPPED + 1))):
                 for sub in subs:
                     self._od.actions[index, sub] = partial(self._changed, pdo)
 
@@ -359,8 +355,7 @@ class ProcessData:
 
     def reload(self) -> None:
         """Take over all parameters, after a reset."""
-        pdos: tuple[Rpdo | Tpdo, ...] = (*self.rpdos, *self.tpdos)
-        for pdo in pdos:
+        for pdo in self._pdos:
             pdo.reload()
         self._route()
 
