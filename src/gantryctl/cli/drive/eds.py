@@ -11,8 +11,8 @@ from gantryctl.cli.options import PATH, json_option, print_json
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from gantryctl.drives.od.csv_axis import Finding
     from gantryctl.drives.od.model import DeviceDescription, Entry
+    from gantryctl.drives.od.standard import Finding
 
 _HEADINGS = {
     "must": "Without these there is no CSV axis",
@@ -37,8 +37,8 @@ def check(file: Path, node_id: int | None, as_json: bool) -> int:
 
     Exit code 1 when an object is missing without which there is no CSV axis.
     """
-    from gantryctl.drives.od.csv_axis import check_csv_axis, lacking
     from gantryctl.drives.od.reading import read_eds
+    from gantryctl.drives.od.standard import check_csv_axis, lacking
 
     device = read_eds(file, node_id)
     findings = check_csv_axis(device)

@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from gantryctl.cli.main import cli
-from gantryctl.drives.od.csv_axis import WISHES, check_csv_axis, lacking
 from gantryctl.drives.od.reading import parse_eds, read_eds
+from gantryctl.drives.od.standard import WISHES, check_csv_axis, lacking
 from gantryctl.errors import GantryctlError
 
 FILES = Path(__file__).parents[3] / "data" / "eds"

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.drives.od.csv_axis import check_csv_axis, lacking
 from gantryctl.drives.od.reading import parse_eds
-from gantryctl.drives.od.standard import STANDARD
+from gantryctl.drives.od.standard import STANDARD, check_csv_axis, lacking
 from gantryctl.drives.od.writing import write_eds
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.communication.nmt import NmtState
