@@ -9,7 +9,7 @@ from string import Formatter
 from playwright.sync_api import BrowserContext, Page, WebSocketRoute, expect
 
 from gantryctl.program import ALARMS
-from gantryctl.program.alarms.definition import Definition
+from gantryctl.program.alarms.codes import Definition
 from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Words
 from support.browser import address

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import Final
 
-from gantryctl.program.alarms.definition import Definition
+from gantryctl.program.alarms.codes import Definition
 from gantryctl.program.alarms.table import ALARMS, describe_reaction
 
 _HEAD: Final = """\

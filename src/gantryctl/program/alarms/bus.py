@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program.alarms.codes import Code, Reaction, Severity
-from gantryctl.program.alarms.definition import Definition, Text
+from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity, Text
 
 _STOP: Final = Severity.STOP
 _QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF

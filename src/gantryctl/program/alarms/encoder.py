@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program.alarms.codes import Code, Reaction, Severity
-from gantryctl.program.alarms.definition import Definition, Text
+from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity, Text
 
 _STOP, _WARN = Severity.STOP, Severity.WARNING
 _TO: Final = Reaction.TORQUE_OFF

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.definition import Definition
+from gantryctl.program.alarms.codes import Code, Definition, Reaction
 from gantryctl.program.alarms.reason import Reason
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.alarms.words import Said, Words
@@ -37,43 +37,26 @@ class Refusal(NamedTuple):
         return self.text
 
 
+@dataclass(slots=True, eq=False, repr=False)
 class Alarm:
     """One alarm: what was measured, when and where; what was done about it grows while it is being done."""
 
-    __slots__ = (
-        "code",
-        "consequences",
-        "follows",
-        "pos_rad",
-        "reaction",
-        "scan",
-        "steps",
-        "time_s",
-        "values",
-    )
+    code: Code
+    time_s: float
+    values: Mapping[str, object]
+    """What was measured against which limit, in the units of the message."""
+    reaction: Reaction
+    scan: int = 0
+    pos_rad: float = 0.0
+    steps: tuple[Words | Said, ...] = field(init=False)
+    """What gantryctl did, one by one."""
+    follows: Code | None = None
+    """Code of the latched alarm that came before it."""
+    consequences: list[Alarm] = field(default_factory=list)
+    """Alarms that came after this one, while it was latched."""
 
-    def __init__(
-        self,
-        code: Code,
-        time_s: float,
-        values: Mapping[str, object],
-        reaction: Reaction,
-        scan: int = 0,
-        pos_rad: float = 0.0,
-    ) -> None:
-        self.code = code
-        self.time_s = time_s
-        self.values = values
-        """What was measured against which limit, in the units of the message."""
-        self.reaction = reaction
-        self.scan = scan
-        self.pos_rad = pos_rad
-        self.steps = _STEPS[reaction]
-        """What gantryctl did, one by one."""
-        self.follows: Code | None = None
-        """Code of the latched alarm that came before it."""
-        self.consequences: list[Alarm] = []
-        """Alarms that came after this one, while it was latched."""
+    def __post_init__(self) -> None:
+        self.steps = _STEPS[self.reaction]
 
     @property
     def definition(self) -> Definition:

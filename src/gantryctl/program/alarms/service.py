@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program.alarms.codes import Code, Reaction, Severity
-from gantryctl.program.alarms.definition import Definition, Text
+from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity, Text
 
 _INFO, _WARN, _STOP, _REFUSED = Severity.INFO, Severity.WARNING, Severity.STOP, Severity.REFUSED
 _W, _REF, _QS = Reaction.W, Reaction.REF, Reaction.QUICK_STOP

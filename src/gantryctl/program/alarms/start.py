@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program.alarms.codes import Code, Reaction, Severity
-from gantryctl.program.alarms.definition import Definition, Text
+from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity, Text
 
 _REF: Final = Severity.REFUSED
 _SET_ZERO: Final = "Read the witness mark, then `gantryctl encoder set-zero --angle A --witness TEXT`."

@@ -8,9 +8,8 @@ from typing import Final
 
 from gantryctl.errors import CommandRefused
 from gantryctl.program.alarms.bus import BUS
-from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.codes import Code, Definition, Reaction
 from gantryctl.program.alarms.control import CONTROL
-from gantryctl.program.alarms.definition import Definition
 from gantryctl.program.alarms.encoder import ENCODER
 from gantryctl.program.alarms.power import POWER
 from gantryctl.program.alarms.refusals import REFUSALS
