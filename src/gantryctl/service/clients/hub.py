@@ -50,10 +50,8 @@ class Client:
         self._asked: dict[int, float] = {}
         self._sent_frame = self._sent_slow = -1
         self._all = limits.RateLimiter(limits.FLOOD_PER_S)
-        self._commands, self._signs = (
-            limits.RateLimiter(limits.COMMANDS_PER_S),
-            limits.RateLimiter(limits.SIGNS_PER_S),
-        )
+        self._commands = limits.RateLimiter(limits.COMMANDS_PER_S)
+        self._signs = limits.RateLimiter(limits.SIGNS_PER_S)
 
     def take(self, text: str | bytes) -> None:
         """Refuse one message of this connection, or hand it to the controller.

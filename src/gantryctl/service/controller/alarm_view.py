@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from datetime import UTC, datetime
+from itertools import takewhile
 from typing import Any, Final
 
 from gantryctl.program import Alarm, AlarmLog, Code
@@ -51,22 +52,12 @@ class AlarmView:
         self._account()
         if not log.history or log.history[-1] is self._last:
             return
-        fresh: list[Alarm] = []
-        for alarm in reversed(log.history):
-            if alarm is self._last:
-                break
-            fresh.append(alarm)
+        fresh = list(takewhile(lambda alarm: alarm is not self._last, reversed(log.history)))
         for alarm in reversed(fresh):
             self._number += 1
             self._rows.append(_Row(self._number, alarm))
-            self._events.put(
-                "alarm",
-                alarm.text,
-                None,
-                code=str(alarm.code),
-                time_s=alarm.time_s,
-                pos_deg=round(deg(alarm.pos_rad), 5),
-            )
+            at = {"time_s": alarm.time_s, "pos_deg": round(deg(alarm.pos_rad), 5)}
+            self._events.put("alarm", alarm.text, None, code=str(alarm.code), **at)
         self._last, self.changed = log.history[-1], True
 
     def _account(self) -> None:

@@ -22,13 +22,8 @@ ROW_BYTES: Final = 8 * 66
 # A recorder that is silent for longer keeps no events.
 RECORDER_S: Final = 10.0
 
-_FAST: Final = 4096
-_SLOW: Final = 64 * 1024
-_ALARMS: Final = 256 * 1024
 _COMMANDS: Final = 192 + 256 * COMMAND_BYTES
 _EVENTS: Final = 192 + 10240 * EVENT_BYTES
-_ROWS: Final = 192 + 16384 * ROW_BYTES
-_WORDS: Final = 512
 
 
 class Source(IntEnum):
@@ -96,9 +91,10 @@ class JournalHealth:
 
 
 _AREAS: Final = (
-    ("words", _WORDS), ("fast", _FAST), ("slow", _SLOW), ("alarms", _ALARMS), ("columns", 8192),
+    ("words", 512), ("fast", 4096), ("slow", 64 * 1024), ("alarms", 256 * 1024), ("columns", 8192),
     ("commands0", _COMMANDS), ("commands1", _COMMANDS), ("replies0", _COMMANDS), ("replies1", _COMMANDS),
-    ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS), ("rows", _ROWS),
+    ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS),
+    ("rows", 192 + 16384 * ROW_BYTES),
 )  # fmt: skip
 
 

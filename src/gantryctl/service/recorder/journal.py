@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from gantryctl.errors import DeviceError
 from gantryctl.program.alarms.codes import Code
@@ -23,6 +23,9 @@ KEPT_LEAST: Final = 1000
 PRUNED_MOST: Final = 20_000
 # Source of the events that the journal's writer adds.
 OWN: Final = 9
+
+
+_Rows: TypeAlias = Callable[[str, tuple[Any, ...]], Iterator[tuple[Any, ...]]]
 
 
 class JournalFault(DeviceError):
@@ -248,12 +251,10 @@ def _end(rows: _Rows, anchors: dict[int, Anchor], count: int, last: str) -> str:
     head = next(iter(rows("SELECT seq, hash FROM head", ())), None)
     if head != (count, last):
         return f"the end is missing: {count} rows, {head[0] if head else 'none'} were written"
-    beyond = [each for each in anchors.values() if each.seq > count]
-    return (
-        f"the end is missing: {count} rows, event {beyond[0].seq} was there on {beyond[0].utc}"
-        if beyond
-        else ""
-    )
+    for each in anchors.values():
+        if each.seq > count:
+            return f"the end is missing: {count} rows, event {each.seq} was there on {each.utc}"
+    return ""
 
 
 @contextmanager
@@ -262,28 +263,20 @@ def _reading(directory: Path) -> Iterator[_Rows]:
     path = directory / file.FILE
     if not path.is_file():
         raise DeviceError(f"{path}: there is no journal yet")
-    try:
-        db = sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
-    except sqlite3.Error as fault:
-        raise DeviceError(f"{path}: {fault}") from fault
-    with closing(db):
+
+    def rows(query: str, values: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
         try:
+            yield from db.execute(query, values)
+        except (sqlite3.Error, ValueError) as fault:
+            raise file.Damaged(f"{path}: {fault}") from fault
+
+    try:
+        with closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as db:
             # One transaction, so that the writer changes nothing under the reader.
             db.execute("BEGIN")
-        except sqlite3.Error as fault:
-            raise DeviceError(f"{path}: {fault}") from fault
-        yield _Rows(db, path)
-
-
-class _Rows:
-    def __init__(self, db: sqlite3.Connection, path: Path) -> None:
-        self._db, self._path = db, path
-
-    def __call__(self, query: str, values: tuple[Any, ...]) -> Iterator[tuple[Any, ...]]:
-        try:
-            yield from self._db.execute(query, values)
-        except (sqlite3.Error, ValueError) as fault:
-            raise file.Damaged(f"{self._path}: {fault}") from fault
+            yield rows
+    except sqlite3.Error as fault:
+        raise DeviceError(f"{path}: {fault}") from fault
 
 
 def _entry(row: tuple[Any, ...]) -> Entry:

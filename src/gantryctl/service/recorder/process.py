@@ -22,7 +22,7 @@ from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
-from gantryctl.service.recorder.journal import Journal, JournalFault
+from gantryctl.service.recorder.journal import Journal
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
@@ -158,22 +158,18 @@ class EventWriter:
     def run(self, ended: threading.Event) -> None:
         """Write events until told to end and everything is written."""
         while True:
-            last_round = ended.is_set()
+            last_round, busy, pause_s = ended.is_set(), False, _PAUSE_S
             try:
                 busy = self.drain()
-            except (JournalFault, DeviceError) as fault:
+            except DeviceError as fault:
                 if not self.failed:
                     self._failed_since_s = time.monotonic()
-                self.failed = True
+                self.failed, pause_s = True, _RETRY_S
                 sys.stderr.write(f"recorder: {fault}\n")
-                if last_round:
-                    return
-                ended.wait(_RETRY_S)
-                continue
             if not busy:
                 if last_round:
                     return
-                ended.wait(_PAUSE_S)
+                ended.wait(pause_s)
 
     def close(self) -> None:
         """Close the journal."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -57,9 +57,4 @@ class RetentionPolicy(NamedTuple):
 
 def free_of(directory: Path) -> Callable[[], int]:
     """Make a function that returns the free bytes on the disk of a directory."""
-
-    def free_bytes() -> int:
-        found = os.statvfs(directory)
-        return found.f_bavail * found.f_frsize
-
-    return free_bytes
+    return lambda: shutil.disk_usage(directory).free

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -26,80 +28,72 @@ class Check(NamedTuple):
     name: str
     ok: bool
     text: str
-    vital: bool = True
+    vital: bool
 
 
 def self_test(machine: Machine, store: StateStore, root: Path, policy: RetentionPolicy) -> list[Check]:
     """Run all checks, also after a failed one."""
-    return [
-        _memory(),
-        _clock(),
-        _state(machine, store),
-        _disk(store.directory, policy),
-        _journal(store.directory),
-        _users(root),
-    ]
+    checks: dict[str, Callable[[], tuple[bool, str]]] = {
+        "shared memory": _memory,
+        "clock": _clock,
+        "state": partial(_state, machine, store),
+        "disk": partial(_disk, store.directory, policy),
+        "journal": partial(_journal, store.directory),
+        "users": partial(_users, root),
+    }
+    found = []
+    for name, check in checks.items():
+        try:
+            ok, text = check()
+        except (GantryctlError, json.JSONDecodeError) as fault:
+            ok, text = False, str(fault)
+        # A damaged journal does not stop the start: it is moved aside, and motion waits for service.
+        found.append(Check(name, ok, text, vital=name != "journal"))
+    return found
 
 
-def _memory() -> Check:
+def _memory() -> tuple[bool, str]:
     """Pass a record through a ring and through the sequence lock."""
-    try:
-        memory = SharedMemory.create()
-    except GantryctlError as fault:
-        return Check("shared memory", False, str(fault))
+    memory = SharedMemory.create()
     token = os.urandom(200)
     memory.slow.publish(token)
     found = memory.slow.read()
     whole = memory.commands[0].put(token) and memory.commands[0].take() == token
     memory.close()
-    return Check("shared memory", bool(whole and found == token), "ring and sequence lock")
+    return bool(whole and found == token), "ring and sequence lock"
 
 
-def _clock() -> Check:
+def _clock() -> tuple[bool, str]:
     """Check that the monotonic clock is finer than a scan."""
     step_s = time.get_clock_info("monotonic").resolution
-    return Check("clock", step_s < 1e-5, f"CLOCK_MONOTONIC, resolution {step_s:.1e} s")
+    return step_s < 1e-5, f"CLOCK_MONOTONIC, resolution {step_s:.1e} s"
 
 
-def _state(machine: Machine, store: StateStore) -> Check:
+def _state(machine: Machine, store: StateStore) -> tuple[bool, str]:
     """Check that no other process runs this machine, and that its memory can be read."""
-    try:
-        with store:
-            retained, plant = store.load_retained(), store.load_plant()
-    except GantryctlError as fault:
-        return Check("state", False, str(fault))
+    with store:
+        retained, plant = store.load_retained(), store.load_plant()
     if not machine.plant_is_local:
-        return Check("state", True, "no retained memory yet" if retained is None else "retained memory read")
+        return True, "no retained memory yet" if retained is None else "retained memory read"
     if (retained is None) != (plant is None):
-        return Check(
-            "state", False, "retained memory and simulated plant do not belong together: gantryctl sim reset"
-        )
-    return Check("state", True, "a new machine" if retained is None else "retained memory and plant read")
+        return False, "retained memory and simulated plant do not belong together: gantryctl sim reset"
+    return True, "a new machine" if retained is None else "retained memory and plant read"
 
 
-def _disk(directory: Path, policy: RetentionPolicy) -> Check:
+def _disk(directory: Path, policy: RetentionPolicy) -> tuple[bool, str]:
     free_mb, least = free_of(directory)() / MB, policy.event_reserve_mb
-    return Check("disk", free_mb >= least, f"{free_mb:.0f} MB free, at least {least:g} MB for the journal")
+    return free_mb >= least, f"{free_mb:.0f} MB free, at least {least:g} MB for the journal"
 
 
-def _journal(directory: Path) -> Check:
+def _journal(directory: Path) -> tuple[bool, str]:
     """Check the newest events of the journal."""
-    # A damaged journal does not stop the start: it is moved aside, and motion waits for service. The newest events take
-    # a second at most; `gantryctl journal verify` checks all.
+    # The newest events take a second at most; `gantryctl journal verify` checks all.
     if not (directory / FILE).exists():
-        return Check("journal", True, "a new one", vital=False)
-    try:
-        verdict = verify(directory, newest=_NEWEST)
-    except GantryctlError as fault:
-        return Check("journal", False, str(fault), vital=False)
-    return Check(
-        "journal", not verdict.wrong, verdict.wrong or f"{verdict.rows} events, chain intact", vital=False
-    )
+        return True, "a new one"
+    verdict = verify(directory, newest=_NEWEST)
+    return not verdict.wrong, verdict.wrong or f"{verdict.rows} events, chain intact"
 
 
-def _users(root: Path) -> Check:
-    try:
-        count = len(Users(root).all())
-    except (GantryctlError, json.JSONDecodeError) as fault:
-        return Check("users", False, str(fault))
-    return Check("users", True, f"{count} users" if count else "no users yet: nobody can log in", vital=False)
+def _users(root: Path) -> tuple[bool, str]:
+    count = len(Users(root).all())
+    return True, f"{count} users" if count else "no users yet: nobody can log in"
