@@ -141,10 +141,8 @@ def _torque(m: Machine) -> Rows:
     with_rotor = without_rotor + rotor * ratio * acc
     nominal = load.eccentric_moment_nm
     speed = rad(m.speed.setting_max_deg_s)
-    rollers = (
-        m.plant.roller_friction.coulomb_nm + m.plant.roller_friction.viscous_nm_s_per_rad * speed
-    ) / ratio
-    friction = m.plant.motor_friction
+    roller, friction = m.plant.roller_friction, m.plant.motor_friction
+    rollers = (roller.coulomb_nm + roller.viscous_nm_s_per_rad * speed) / ratio
     motor = friction.coulomb_nm + friction.viscous_nm_s_per_rad * speed * ratio
     quick = whole * rad(m.virtual_axis.quick_dec_deg_s2)
     check = load.eccentric_check_moment_nm / ratio

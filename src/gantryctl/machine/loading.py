@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -20,8 +20,6 @@ from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import RULES_LATER, Machine
 
 TableT = TypeVar("TableT", bound=Table)
-
-DEFAULT_FILE: Final = "hust_gantry.toml"
 
 
 def load_machine(path: Path | str) -> Machine:
@@ -105,7 +103,7 @@ def configs_folder() -> Path:
 
 def default_machine_path() -> Path:
     """Path of the reference machine's file."""
-    return configs_folder() / DEFAULT_FILE
+    return configs_folder() / "hust_gantry.toml"
 
 
 @functools.cache

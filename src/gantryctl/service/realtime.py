@@ -26,14 +26,14 @@ def prepare_scan_process() -> bool:
     return ask_for_priority(PRIORITY) and _lock_memory()
 
 
-def die_with_parent(number: signal.Signals = signal.SIGTERM) -> None:
-    """Ask the system for this signal at the end of the parent process, however it ends."""
+def die_with_parent() -> None:
+    """Ask the system for SIGTERM at the end of the parent process, however it ends."""
     if sys.platform == "linux":
         parent = os.getppid()
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(number), 0, 0, 0)
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
         # The parent may have ended before the request.
         if os.getppid() != parent:
-            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), signal.SIGTERM)
 
 
 def _lock_memory() -> bool:

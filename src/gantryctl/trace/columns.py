@@ -63,14 +63,11 @@ class Unit(NamedTuple):
     symbol: str
 
 
-PLAIN: Final = Unit("", "")
-
-
 def unit_of(name: str) -> Unit:
     """Unit of a column, from the end of its name; degrees too, as exported files have them."""
     symbols = SI_UNITS | DEGREE_UNITS
     suffix = name_ending(name, symbols)
-    return Unit(suffix, symbols[suffix]) if suffix else PLAIN
+    return Unit(suffix, symbols[suffix] if suffix else "")
 
 
 def in_degrees(name: str) -> str:

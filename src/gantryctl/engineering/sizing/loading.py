@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Final
 
 from gantryctl.engineering.sizing.duty import treatment_time_s
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
@@ -13,12 +13,10 @@ from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, load_table
 from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
-DEFAULT_SHEET: Final = "hust_gantry.toml"
-
 
 def default_sheet_path() -> Path:
     """Where the reference machine's requirement sheet lies."""
-    return configs_folder() / "requirements" / DEFAULT_SHEET
+    return configs_folder() / "requirements" / "hust_gantry.toml"
 
 
 def load_sheet(path: Path | str) -> Sheet:
@@ -39,55 +37,51 @@ def contradictions(sheet: Sheet) -> list[str]:
     return [*_travel(sheet), *_motion(sheet), *_gears(sheet), *_duty(sheet)]
 
 
-def _travel(sheet: Sheet) -> list[str]:
+def _travel(sheet: Sheet) -> Iterator[str]:
     low, high = sheet.range.pos_min_deg, sheet.range.pos_max_deg
     if high - low < 1.0:
-        return [
-            f"[range] pos_min_deg = {low:g} deg: must lie at least 1 deg below pos_max_deg = {high:g} deg"
-        ]
-    return []
+        yield (f"[range] pos_min_deg = {low:g} deg: must lie at least 1 deg below pos_max_deg = {high:g} deg")
 
 
-def _motion(sheet: Sheet) -> list[str]:
-    m, lines = sheet.motion, []
+def _motion(sheet: Sheet) -> Iterator[str]:
+    m = sheet.motion
     travel = sheet.range.pos_max_deg - sheet.range.pos_min_deg
     speed = m.speed_max_r_min * DEG_S_PER_R_MIN
     # A normal move may not ask for more than the motor is sized for.
     sizing = deg(mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s))
     if m.speed_min_r_min >= m.speed_max_r_min:
-        lines.append(
+        yield (
             f"[motion] speed_min_r_min = {m.speed_min_r_min:g} r/min: must be below speed_max_r_min = "
             f"{m.speed_max_r_min:g} r/min"
         )
     if m.acc_deg_s2 > sizing * (1.0 + 1e-9):
-        lines.append(
+        yield (
             f"[motion] acc_deg_s2 = {m.acc_deg_s2:g} deg/s2: must be at most {sizing:.4g} deg/s2, the acceleration "
             f"that sizes the motor: {m.speed_max_r_min:g} r/min in sizing_time_s = {m.sizing_time_s:g} s"
         )
     if speed**2 / m.acc_deg_s2 > travel:
-        lines.append(
+        yield (
             f"[motion] speed_max_r_min = {m.speed_max_r_min:g} r/min: is never reached: with acc_deg_s2 = "
             f"{m.acc_deg_s2:g} deg/s2 it takes {speed**2 / m.acc_deg_s2:.4g} deg to reach and leave it, the travel "
             f"is {travel:g} deg"
         )
     if speed * REACTION_S >= m.stopping_angle_max_deg:
-        lines.append(
+        yield (
             f"[motion] stopping_angle_max_deg = {m.stopping_angle_max_deg:g} deg: the axis travels "
             f"{speed * REACTION_S:.3g} deg at {speed:g} deg/s before any stop begins ({1e3 * REACTION_S:g} ms)"
         )
-    return lines
 
 
-def _gears(sheet: Sheet) -> list[str]:
-    g, load, lines = sheet.gears, sheet.load, []
+def _gears(sheet: Sheet) -> Iterator[str]:
+    g, load = sheet.gears, sheet.load
     if g.torque_momentary_nm < g.torque_rated_nm:
-        lines.append(
+        yield (
             f"[gears] torque_momentary_nm = {g.torque_momentary_nm:g} N m: must be at least torque_rated_nm = "
             f"{g.torque_rated_nm:g} N m"
         )
     nominal = load.mass_kg * GRAVITY_M_S2 * load.eccentricity_m
     if nominal > load.eccentric_check_moment_nm:
-        lines.append(
+        yield (
             f"[load] eccentric_check_moment_nm = {load.eccentric_check_moment_nm:g} N m: must be at least the "
             f"eccentric moment itself, mass x {GRAVITY_M_S2:g} x eccentricity = {nominal:.4g} N m"
         )
@@ -100,23 +94,21 @@ def _gears(sheet: Sheet) -> list[str]:
         at_ring = load.inertia_kg_m2 * acc + load.eccentric_check_moment_nm + load.friction_coulomb_nm
         need, limit = at_ring / g.ring_ratio, getattr(g, key)
         if need > limit:
-            lines.append(
+            yield (
                 f"[motion] {what}: the load alone puts {need:.4g} N m on the reducer (acceleration, largest eccentric "
                 f"moment, rollers), [gears] {key} = {limit:g} N m; no motor can change that"
             )
-    return lines
 
 
-def _duty(sheet: Sheet) -> list[str]:
-    duty, lines = sheet.duty, []
+def _duty(sheet: Sheet) -> Iterator[str]:
+    duty = sheet.duty
     low, high = sheet.range.pos_min_deg, sheet.range.pos_max_deg
     for stop in duty.stops_deg:
         if not low <= stop <= high:
-            lines.append(f"[duty] stops_deg = {stop:g} deg: must lie within [range] {low:g}..{high:g} deg")
+            yield (f"[duty] stops_deg = {stop:g} deg: must lie within [range] {low:g}..{high:g} deg")
     hours = duty.treatments * treatment_time_s(sheet) / 3600.0
     if hours > duty.hours:
-        lines.append(
+        yield (
             f"[duty] treatments = {duty.treatments}: take {hours:.3g} h with moves at the highest speed and hold_s = "
             f"{duty.hold_s:g} s at every stop; hours = {duty.hours:g} h"
         )
-    return lines

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pydantic import Field
@@ -118,24 +118,22 @@ def load_motors(paths: Sequence[Path]) -> list[MotorFile]:
     return list(motors.values())
 
 
-def _contradictions(file: MotorFile) -> list[str]:
+def _contradictions(file: MotorFile) -> Iterator[str]:
     """What a name plate cannot say: the same as the machine file's rules on [motor] and [encoder]."""
     plate, encoder = file.motor, file.encoder
-    lines = []
     for what, ending, unit in (("torque", "nm", "N m"), ("speed", "r_min", "r/min")):
         high, low = f"{what}_max_{ending}", f"{what}_rated_{ending}"
         most, rated = getattr(plate, high), getattr(plate, low)
         if most < rated:
-            lines.append(f"[motor] {high} = {most:g} {unit}: must be at least {low} = {rated:g} {unit}")
+            yield (f"[motor] {high} = {most:g} {unit}: must be at least {low} = {rated:g} {unit}")
     # Catalogue values are rounded: 10 %, as the machine file's rule on the name plate.
     power = power_kw(plate.torque_rated_nm, plate.speed_rated_r_min)
     if abs(plate.power_rated_kw - power) > 0.1 * power:
-        lines.append(
+        yield (
             f"[motor] power_rated_kw = {plate.power_rated_kw:g} kW: must be {power:.4g} kW within 10 %: rated "
             "torque x rated speed"
         )
     for key in ("counts_per_turn", "turns"):
         value = getattr(encoder, key)
         if value & (value - 1):
-            lines.append(f"[encoder] {key} = {value}: must be a power of two, as in every absolute encoder")
-    return lines
+            yield (f"[encoder] {key} = {value}: must be a power of two, as in every absolute encoder")

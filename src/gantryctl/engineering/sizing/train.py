@@ -92,9 +92,8 @@ class Train:
     def load_nm(self, acc: Floats | float, vel: Floats | float, against: Floats | float) -> Floats:
         """Torque that ring and rollers take, at the gantry."""
         load = self.sheet.load
-        rollers = load.friction_coulomb_nm * np.sign(vel) + load.friction_viscous_nm_s_per_rad * np.asarray(
-            vel
-        )
+        rollers = load.friction_coulomb_nm * np.sign(vel)
+        rollers = rollers + load.friction_viscous_nm_s_per_rad * np.asarray(vel)
         return np.asarray(load.inertia_kg_m2 * np.asarray(acc) + against + rollers)
 
     def motor_nm(self, acc: Floats | float, vel: Floats | float, against: Floats | float) -> Floats:
@@ -103,10 +102,8 @@ class Train:
         # Friction under load is a part of the torque that the reducer transmits: mu_m of plant equations S4.
         through = self.load_nm(acc, vel, against) / i
         loss = gears.load_loss_ratio * np.abs(through) * np.sign(vel)
-        idle = (
-            gears.friction_coulomb_nm * np.sign(vel)
-            + gears.friction_viscous_nm_s_per_rad * np.asarray(vel) * i
-        )
+        idle = gears.friction_coulomb_nm * np.sign(vel)
+        idle = idle + gears.friction_viscous_nm_s_per_rad * np.asarray(vel) * i
         return np.asarray(through + loss + self.fast_inertia_kg_m2 * np.asarray(acc) * i + idle)
 
     def parts(self, acc_rad_s2: float) -> list[Part]:

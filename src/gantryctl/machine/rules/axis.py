@@ -68,9 +68,8 @@ def correction_reserve(m: Machine) -> Broken:
 @rule("speed.command_clamp_deg_s", "speed.drive_ceiling_deg_s")
 def clamp_below_ceiling(m: Machine) -> Broken:
     """The drive's ceiling is not below the command clamp."""
-    return at_most(
-        m.speed.command_clamp_deg_s, m.speed.drive_ceiling_deg_s, "the drive would cut the command"
-    )
+    ceiling = m.speed.drive_ceiling_deg_s
+    return at_most(m.speed.command_clamp_deg_s, ceiling, "the drive would cut the command")
 
 
 @rule("speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s")

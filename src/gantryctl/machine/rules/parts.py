@@ -81,9 +81,8 @@ def motor_gives_acceleration(m: Machine) -> Broken:
 def reducer_bears_quick_stop(m: Machine) -> Broken:
     """The reducer's momentary torque covers the quick stop of the rigid load."""
     need = m.plant.load.inertia_kg_m2 * rad(m.virtual_axis.quick_dec_deg_s2) / m.axis.ring_ratio
-    return at_least(
-        m.reducer.torque_momentary_nm, need, "what the rigid load's quick stop puts on the reducer"
-    )
+    why = "what the rigid load's quick stop puts on the reducer"
+    return at_least(m.reducer.torque_momentary_nm, need, why)
 
 
 @rule("motor.torque_rated_nm", *RATIO, "plant.load.eccentric_check_moment_nm")
@@ -110,9 +109,8 @@ def turns_are_a_power_of_two(m: Machine) -> Broken:
 def encoder_covers_travel(m: Machine) -> Broken:
     """A centred encoder covers travel and the wrap margin on both sides."""
     travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
-    return at_least(
-        m.encoder.turns, travel / 360.0 * m.axis.ratio, "travel plus the wrap margin on both sides"
-    )
+    need = travel / 360.0 * m.axis.ratio
+    return at_least(m.encoder.turns, need, "travel plus the wrap margin on both sides")
 
 
 @rule("encoder.lines", "encoder.interpolation", "encoder.counts_per_turn")

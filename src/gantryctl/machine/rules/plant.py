@@ -101,10 +101,8 @@ def wrap_below_travel(m: Machine) -> Broken:
 )
 def wrap_above_travel(m: Machine) -> Broken:
     """The encoder's upper wrap lies above travel by at least the wrap margin."""
-    used = (m.axis.pos_max_deg + m.encoder.wrap_margin_min_deg) / 360.0 * m.axis.ratio
-    return at_most(
-        m.plant.encoder.mounting_turns, m.encoder.turns - used, "or the encoder wraps inside travel"
-    )
+    most = m.encoder.turns - (m.axis.pos_max_deg + m.encoder.wrap_margin_min_deg) / 360.0 * m.axis.ratio
+    return at_most(m.plant.encoder.mounting_turns, most, "or the encoder wraps inside travel")
 
 
 @rule("plant.encoder.latency_us", "control.scan_period_ms")
@@ -137,10 +135,8 @@ def step_follows_base(m: Machine) -> Broken:
 @rule(CYCLE, "plant.motor_friction.coulomb_nm", "plant.motor_friction.presliding_rad", *ROTOR)
 def step_follows_motor_friction(m: Machine) -> Broken:
     """The drive cycle follows the motor friction before it slides."""
-    friction = m.plant.motor_friction
-    return _follows(
-        m, friction.coulomb_nm / friction.presliding_rad, rotor_inertia_kg_m2(m), "the motor friction"
-    )
+    stiffness = m.plant.motor_friction.coulomb_nm / m.plant.motor_friction.presliding_rad
+    return _follows(m, stiffness, rotor_inertia_kg_m2(m), "the motor friction")
 
 
 @rule(
@@ -151,18 +147,15 @@ def step_follows_motor_friction(m: Machine) -> Broken:
 )
 def step_follows_roller_friction(m: Machine) -> Broken:
     """The drive cycle follows the roller friction before it slides."""
-    friction = m.plant.roller_friction
-    return _follows(
-        m, friction.coulomb_nm / friction.presliding_rad, m.plant.load.inertia_kg_m2, "the roller friction"
-    )
+    stiffness = m.plant.roller_friction.coulomb_nm / m.plant.roller_friction.presliding_rad
+    return _follows(m, stiffness, m.plant.load.inertia_kg_m2, "the roller friction")
 
 
 @rule(CYCLE, "brake.torque_nm", "plant.brake.presliding_rad", *ROTOR)
 def step_follows_brake(m: Machine) -> Broken:
     """The drive cycle follows the closed brake before it slides."""
-    return _follows(
-        m, m.brake.torque_nm / m.plant.brake.presliding_rad, rotor_inertia_kg_m2(m), "the closed brake"
-    )
+    stiffness = m.brake.torque_nm / m.plant.brake.presliding_rad
+    return _follows(m, stiffness, rotor_inertia_kg_m2(m), "the closed brake")
 
 
 def _follows(m: Machine, stiffness: float, inertia: float, what: str) -> Broken:

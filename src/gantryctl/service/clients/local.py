@@ -14,7 +14,6 @@ import os
 import pwd
 import socket
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -117,7 +116,7 @@ class LocalServer:
                 return
 
 
-def peer(connection: socket.socket, own_uid: Callable[[], int] = os.getuid) -> tuple[str, Role]:
+def peer(connection: socket.socket) -> tuple[str, Role]:
     """Ask the system for name and role of the process at the other end."""
     # The service's own user and root have the service role, everybody else who may open the socket is an operator.
     found = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
@@ -126,4 +125,4 @@ def peer(connection: socket.socket, own_uid: Callable[[], int] = os.getuid) -> t
         name = pwd.getpwuid(uid).pw_name
     except KeyError:
         name = f"uid {uid}"
-    return name, Role.SERVICE if uid in (0, own_uid()) else Role.OPERATOR
+    return name, Role.SERVICE if uid in (0, os.getuid()) else Role.OPERATOR

@@ -113,8 +113,7 @@ class Controller:
             "version": version("gantryctl"),
             "period_s": self.engine.period_s,
         }
-        columns = {"columns": list(self._recorder.columns), "metadata": metadata}
-        publish_json(self.memory.columns, columns)
+        publish_json(self.memory.columns, {"columns": list(self._recorder.columns), "metadata": metadata})
         publisher = Publisher(
             self.machine, self.engine, self.operator, self.alarms, self.brake, self._recorder, self.memory,
             real_time=real_time, version=version("gantryctl"),

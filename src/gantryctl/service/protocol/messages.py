@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, NamedTuple, TypeAlias, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
@@ -233,16 +233,14 @@ MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
 COMMON: Final = frozenset({"type", *Timed.model_fields})
 
 
-def _models() -> Iterator[tuple[str, type[Untimed]]]:
-    for model in get_args(get_args(AnyMessage)[0]):
-        yield get_args(model.model_fields["type"].annotation)[0], model
-
-
+_MODELS: Final[dict[str, type[Untimed]]] = {
+    get_args(model.model_fields["type"].annotation)[0]: model for model in get_args(get_args(AnyMessage)[0])
+}
 # Keys that a message of a type has beside those of all messages.
 FIELDS: Final = {
-    kind: tuple(name for name in model.model_fields if name not in COMMON) for kind, model in _models()
+    kind: tuple(name for name in model.model_fields if name not in COMMON) for kind, model in _MODELS.items()
 }
-WITHOUT_EPOCH: Final = frozenset(kind for kind, model in _models() if not issubclass(model, Timed))
+WITHOUT_EPOCH: Final = frozenset(kind for kind, model in _MODELS.items() if not issubclass(model, Timed))
 # Not counted with the commands by the rate limit: each has a limit of its own.
 FREE: Final = frozenset({"alive", "renew", "release", "stop", "quick_stop"})
 # No reply when all is well, and no event in the journal.

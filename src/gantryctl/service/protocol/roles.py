@@ -45,9 +45,7 @@ class Action(StrEnum):
 _ALL: Final = frozenset(Role)
 _MOVES: Final = frozenset({Role.OPERATOR, Role.PHYSICIST, Role.SERVICE})
 _TUNES: Final = frozenset({Role.PHYSICIST, Role.SERVICE})
-_SERVICE: Final = frozenset({Role.SERVICE})
 _READS: Final = frozenset({Role.PHYSICIST, Role.SERVICE, Role.ADMIN})
-_ADMIN: Final = frozenset({Role.ADMIN})
 
 
 class Right(NamedTuple):
@@ -77,10 +75,10 @@ RIGHTS: Final[dict[Action, Right]] = {
     Action.OVERRIDE: Right(_MOVES, "speed override", control=True),
     Action.ACCELERATION: Right(_TUNES, "acceleration setting, up to that of the machine file", control=True),
     Action.BRAKE_TEST: Right(_TUNES, "brake test", control=True),
-    Action.RESET_LOCKED: Right(_SERVICE, "reset alarms that are locked", control=True),
+    Action.RESET_LOCKED: Right(frozenset({Role.SERVICE}), "reset alarms that are locked", control=True),
     Action.TRACES: Right(_MOVES, "list and download recordings"),
     Action.JOURNAL: Right(_READS, "export the journal"),
-    Action.USERS: Right(_ADMIN, "users (on the command line)"),
+    Action.USERS: Right(frozenset({Role.ADMIN}), "users (on the command line)"),
 }
 
 

@@ -62,12 +62,9 @@ def _meaning(tag: Tag) -> str:
 def _messages() -> str:
     definitions = MESSAGES.json_schema()["$defs"].values()
     rows = (
-        (
-            f"`{each['properties']['type']['const']}`",
-            _keys(each["properties"]),
-            " ".join(each["description"].split()),
-        )
+        (f"`{keys['type']['const']}`", _keys(keys), " ".join(each["description"].split()))
         for each in definitions
+        for keys in [each["properties"]]
     )
     return _table(("type", "more keys", "does"), sorted(rows))
 
@@ -88,11 +85,9 @@ def _codes() -> str:
 
 def _roles() -> str:
     rows = (
-        (
-            f"`{action}`", right.words, *(_YES[role in right.roles] for role in Role), _YES[right.control],
-        )
+        (f"`{action}`", right.words, *(_YES[role in right.roles] for role in Role), _YES[right.control])
         for action, right in RIGHTS.items()
-    )  # fmt: skip
+    )
     return _table(("action", "what", *Role, "control"), rows)
 
 

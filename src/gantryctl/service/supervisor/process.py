@@ -131,9 +131,8 @@ class Supervisor:
                 task.cancel()
 
     def _children(self) -> list[Child]:
-        return [
-            child for child in (self.recorder, self.controller, self.gateway, self.opcua) if child is not None
-        ]
+        made = (self.recorder, self.controller, self.gateway, self.opcua)
+        return [child for child in made if child is not None]
 
     def _tell(self, text: str) -> None:
         self._say(text)
