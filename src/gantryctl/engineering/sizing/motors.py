@@ -31,7 +31,7 @@ class MotorIdentity(IdentityTable):
 class MotorDrive(Table):
     """[drive]: what motor and drive give together."""
 
-    overload_time_s: float = number(60.0, 0.1, 600.0, "estimate", "How long the highest torque may be drawn.")
+    overload_time_s: float = number(60.0, 0.1, 600.0, "How long the highest torque may be drawn.", "estimate")
 
 
 class MotorEncoder(Table):

@@ -16,7 +16,7 @@ class Range(Table):
     pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "Lowest angle.")
     pos_max_deg: float = required_number(180.0, 0.0, 400.0, "Highest angle.")
     wrap_margin_min_deg: float = number(
-        5.0, 0.1, 180.0, "choice", "Least distance between travel and the wrap of the encoder."
+        5.0, 0.1, 180.0, "Least distance between travel and the wrap of the encoder."
     )
 
 
@@ -46,15 +46,15 @@ class LoadSheet(Table):
     mass_kg: float = required_number(2.0e5, 100.0, 5e6, "Turning mass.")
     eccentricity_m: float = required_number(0.00815, 0.0, 0.3, "Centre of mass off the axis.")
     eccentric_angle_deg: float = number(
-        0.0, -180.0, 180.0, "choice", "Gantry angle at which the eccentric moment is zero."
+        0.0, -180.0, 180.0, "Gantry angle at which the eccentric moment is zero."
     )
     eccentric_check_moment_nm: float = required_number(
         50000.0, 0.0, 2e6, "Largest eccentric moment that motor and brake must master."
     )
     # Zero is what the paper's equations count with: the complete torque shows what that leaves out.
-    friction_coulomb_nm: float = number(0.0, 0.0, 2e5, "choice", "Friction of the rollers while turning.")
+    friction_coulomb_nm: float = number(0.0, 0.0, 2e5, "Friction of the rollers while turning.")
     friction_viscous_nm_s_per_rad: float = number(
-        0.0, 0.0, 1e6, "choice", "Growth of the rollers' friction with speed."
+        0.0, 0.0, 1e6, "Growth of the rollers' friction with speed."
     )
 
 
@@ -64,18 +64,14 @@ class Gears(Table):
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
     input_inertia_kg_m2: float = number(
-        0.0, 0.0, 5.0, "choice", "Wave generator, coupling and brake rotor, at the motor shaft."
+        0.0, 0.0, 5.0, "Wave generator, coupling and brake rotor, at the motor shaft."
     )
     # 0.1 with the friction without load gives an efficiency of 75 to 80 %.
     load_loss_ratio: float = number(
-        0.0, 0.0, 0.9, "choice", "Part of the transmitted torque that is lost; efficiency 1/(1 + this)."
+        0.0, 0.0, 0.9, "Part of the transmitted torque that is lost; efficiency 1/(1 + this)."
     )
-    friction_coulomb_nm: float = number(
-        0.0, 0.0, 200.0, "choice", "Friction without load, at the motor shaft."
-    )
-    friction_viscous_nm_s_per_rad: float = number(
-        0.0, 0.0, 1.0, "choice", "Its growth with speed, at the motor shaft."
-    )
+    friction_coulomb_nm: float = number(0.0, 0.0, 200.0, "Friction without load, at the motor shaft.")
+    friction_viscous_nm_s_per_rad: float = number(0.0, 0.0, 1.0, "Its growth with speed, at the motor shaft.")
     torque_rated_nm: float = required_number(17600.0, 10.0, 2e5, "Rated torque at the reducer output.")
     torque_momentary_nm: float = required_number(
         35200.0, 10.0, 5e5, "Torque at the reducer output that it bears for a moment."
@@ -90,32 +86,28 @@ class Gears(Table):
 class Duty(Table):
     """[duty]: one treatment day."""
 
-    treatments: int = number(40, 1, 1000, "choice", "Treatments in a day.")
-    hours: float = number(12.0, 0.1, 24.0, "choice", "Length of the day.")
+    treatments: int = number(40, 1, 1000, "Treatments in a day.")
+    hours: float = number(12.0, 0.1, 24.0, "Length of the day.")
     stops_deg: tuple[Annotated[float, Field(ge=-400.0, le=400.0)], ...] = numbers(
-        (90.0, 180.0, -90.0, 0.0),
-        1,
-        100,
-        "choice",
-        "Angles of one treatment in this order; it begins at the last one.",
+        (90.0, 180.0, -90.0, 0.0), 1, 100, "Angles of one treatment in this order; it begins at the last one."
     )
-    hold_s: float = number(120.0, 0.0, 3600.0, "choice", "Time at every stop.")
+    hold_s: float = number(120.0, 0.0, 3600.0, "Time at every stop.")
 
 
 class Margins(Table):
     """[margins]: how much more than needed a part must give."""
 
-    peak_torque: float = number(1.1, 1.0, 5.0, "choice", "Torque available over the largest torque.")
-    thermal: float = number(1.25, 1.0, 5.0, "choice", "Rated torque over the r.m.s. torque.")
+    peak_torque: float = number(1.1, 1.0, 5.0, "Torque available over the largest torque.")
+    thermal: float = number(1.25, 1.0, 5.0, "Rated torque over the r.m.s. torque.")
     # As the machine file's rule on the brake: 1.3 x the check moment.
-    brake: float = number(1.3, 1.0, 10.0, "choice", "Brake over the largest eccentric moment.")
-    overspeed: float = number(1.1, 1.0, 3.0, "choice", "Overspeed trip over the highest speed.")
+    brake: float = number(1.3, 1.0, 10.0, "Brake over the largest eccentric moment.")
+    overspeed: float = number(1.1, 1.0, 3.0, "Overspeed trip over the highest speed.")
     # The paper's machine has 7.18 without the reducer's input.
     inertia_ratio_max: float = number(
-        10.0, 0.1, 1000.0, "choice", "Load at the motor shaft over rotor and reducer input."
+        10.0, 0.1, 1000.0, "Load at the motor shaft over rotor and reducer input."
     )
     # At least a hundred steps in the required angle: 0.1 deg against 3.84e-5 deg leaves 2600.
-    resolution: float = number(100.0, 1.0, 1e6, "choice", "Required accuracy over one step of the encoder.")
+    resolution: float = number(100.0, 1.0, 1e6, "Required accuracy over one step of the encoder.")
 
 
 class Sheet(Table):

@@ -10,7 +10,7 @@ from gantryctl.machine.tables.fields import Table, choice, number, required_numb
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
 STOPPING_ANGLE_MAX_DEG: Final[Any] = number(
-    4.0, 0.1, 30.0, "choice", "Permitted quick-stop angle from the highest speed, reaction included."
+    4.0, 0.1, 30.0, "Permitted quick-stop angle from the highest speed, reaction included."
 )
 REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 500.0, "Motor turns per turn of the reducer output.")
 RING_RATIO: Final[Any] = required_number(13.0, 1.0, 100.0, "Turns of the reducer output per gantry turn.")
@@ -26,7 +26,7 @@ class IdentityTable(Table):
         examples=["hust_gantry"],
         description="Short name, used in messages and file names: letters, digits, '_', '-', '.'.",
     )
-    description: str = text("", 300, "choice", "One line for people.")
+    description: str = text("", 300, "One line for people.")
 
 
 class AxisTable(Table):
@@ -34,13 +34,9 @@ class AxisTable(Table):
 
     pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "Lowest angle the set-point may reach.")
     pos_max_deg: float = required_number(180.0, 0.0, 400.0, "Highest angle the set-point may reach.")
-    over_travel_deg: float = number(
-        180.5, 0.1, 410.0, "choice", "Measured angle that trips, on both sides of zero."
-    )
-    limit_switch_deg: float = number(182.0, 0.1, 420.0, "choice", "Limit switches, on both sides of zero.")
-    mechanical_stop_deg: float = number(
-        187.0, 0.1, 430.0, "choice", "Mechanical stops, on both sides of zero."
-    )
+    over_travel_deg: float = number(180.5, 0.1, 410.0, "Measured angle that trips, on both sides of zero.")
+    limit_switch_deg: float = number(182.0, 0.1, 420.0, "Limit switches, on both sides of zero.")
+    mechanical_stop_deg: float = number(187.0, 0.1, 430.0, "Mechanical stops, on both sides of zero.")
     stopping_angle_max_deg: float = STOPPING_ANGLE_MAX_DEG
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
@@ -54,23 +50,20 @@ class AxisTable(Table):
 class SpeedTable(Table):
     """[speed]: the speed chain in deg/s at the gantry, from the slowest setting to the overspeed trip."""
 
-    setting_min_deg_s: float = number(0.6, 0.001, 5.0, "paper", "Lowest speed setting (0.1 r/min).")
-    setting_max_deg_s: float = number(6.0, 0.1, 60.0, "paper", "Highest speed setting (1 r/min).")
-    creep_deg_s: float = number(0.1, 0.001, 1.0, "choice", "Service creep, a limit of its own.")
+    setting_min_deg_s: float = number(0.6, 0.001, 5.0, "Lowest speed setting (0.1 r/min).", "paper")
+    setting_max_deg_s: float = number(6.0, 0.1, 60.0, "Highest speed setting (1 r/min).", "paper")
+    creep_deg_s: float = number(0.1, 0.001, 1.0, "Service creep, a limit of its own.")
     # Each limit of the chain lies above the one before, so that the milder one acts first: setting, clamp of the
     # command, ceiling in the drive, trip.
     command_clamp_deg_s: float = number(
         6.3,
         0.1,
         66.0,
-        "choice",
         "Clamp of the speed command; above the highest setting it is the "
         "correction reserve of the position loop, at least 5 %.",
     )
-    drive_ceiling_deg_s: float = number(
-        6.5, 0.1, 68.0, "choice", "Speed limit inside the drive (CiA 402 object 6080)."
-    )
-    overspeed_trip_deg_s: float = number(6.6, 0.1, 72.0, "choice", "Measured speed that trips.")
+    drive_ceiling_deg_s: float = number(6.5, 0.1, 68.0, "Speed limit inside the drive (CiA 402 object 6080).")
+    overspeed_trip_deg_s: float = number(6.6, 0.1, 72.0, "Measured speed that trips.")
 
 
 class VirtualAxisTable(Table):
@@ -78,21 +71,21 @@ class VirtualAxisTable(Table):
 
     # A step of the acceleration swings a load on a spring up to twice as far; the paper drives trapezoids all the same.
     profile: Literal["trapezoid", "jerk_limited"] = choice(
-        "trapezoid", "paper", "Shape of a move: constant acceleration, or limited jerk."
+        "trapezoid", "Shape of a move: constant acceleration, or limited jerk.", "paper"
     )
     # 15.25 s and 45.76 deg from rest to 6 deg/s: no move below 91.52 deg reaches the highest setting. The sizing
     # case, 1 s to 6 deg/s, asks for 15.25 times as much.
     acc_deg_s2: float = number(
-        450.0 / 1144.0, 0.01, 20.0, "paper", "Acceleration (450 deg/s2 at the motor, divided by 1144)."
+        450.0 / 1144.0, 0.01, 20.0, "Acceleration (450 deg/s2 at the motor, divided by 1144).", "paper"
     )
-    dec_deg_s2: float = number(450.0 / 1144.0, 0.01, 20.0, "paper", "Normal deceleration.")
+    dec_deg_s2: float = number(450.0 / 1144.0, 0.01, 20.0, "Normal deceleration.", "paper")
     jerk_deg_s3: float = number(
-        0.788, 0.01, 40.0, "estimate", 'Jerk of a move; only with profile = "jerk_limited".'
+        0.788, 0.01, 40.0, 'Jerk of a move; only with profile = "jerk_limited".', "estimate"
     )
     # With the deceleration of a move an axis at 6 deg/s would need 46 deg to stop after the key is let go.
-    jog_release_dec_deg_s2: float = number(2.0, 0.1, 20.0, "choice", "Deceleration when a jog key is let go.")
-    jog_release_jerk_deg_s3: float = number(20.0, 0.1, 1000.0, "choice", "Jerk of the jog-release ramp.")
+    jog_release_dec_deg_s2: float = number(2.0, 0.1, 20.0, "Deceleration when a jog key is let go.")
+    jog_release_jerk_deg_s3: float = number(20.0, 0.1, 1000.0, "Jerk of the jog-release ramp.")
     # v^2 / (2 x angle) for the permitted 4 deg from 6 deg/s are 4.5 deg/s2; 4.95 with a reaction time of 60 ms.
     quick_dec_deg_s2: float = number(
-        5.4, 0.1, 30.0, "derived", "Deceleration of the quick stop, a step without jerk limit."
+        5.4, 0.1, 30.0, "Deceleration of the quick stop, a step without jerk limit.", "derived"
     )

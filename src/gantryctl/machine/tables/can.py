@@ -10,12 +10,12 @@ from gantryctl.machine.tables.fields import Table, choice, number, switch, table
 class CanInputsTable(Table):
     """[can.inputs]: bits of object 60FD; -1 = not wired, the input then counts as good."""
 
-    estop_ok: int = number(16, -1, 31, "choice", "Bit that is 1 while the emergency-stop chain is closed.")
-    enabling_switch: int = number(17, -1, 31, "choice", "Bit that is 1 while the enabling switch is held.")
-    mains_ready: int = number(18, -1, 31, "choice", "Bit that is 1 while the mains are ready.")
-    brake_open: int = number(19, -1, 31, "choice", "Bit that is 1 while the brake's contact says open.")
-    limit_minus: int = number(0, -1, 31, "standard", "Bit that is 1 at the negative limit switch.")
-    limit_plus: int = number(1, -1, 31, "standard", "Bit that is 1 at the positive limit switch.")
+    estop_ok: int = number(16, -1, 31, "Bit that is 1 while the emergency-stop chain is closed.")
+    enabling_switch: int = number(17, -1, 31, "Bit that is 1 while the enabling switch is held.")
+    mains_ready: int = number(18, -1, 31, "Bit that is 1 while the mains are ready.")
+    brake_open: int = number(19, -1, 31, "Bit that is 1 while the brake's contact says open.")
+    limit_minus: int = number(0, -1, 31, "Bit that is 1 at the negative limit switch.", "standard")
+    limit_plus: int = number(1, -1, 31, "Bit that is 1 at the positive limit switch.", "standard")
 
 
 class CanTable(Table):
@@ -24,58 +24,46 @@ class CanTable(Table):
     interface: str = text(
         "simulated",
         40,
-        "choice",
         'python-can interface (socketcan, udp_multicast, slcan, pcan ...), or "simulated": a virtual drive in this '
         "process, in virtual time.",
     )
-    channel: str = text(
-        "", 200, "choice", "Channel of the interface: can0, a serial port, a multicast address."
-    )
-    bitrate: int = number(
-        1_000_000, 10_000, 1_000_000, "choice", "Where the interface sets it.", unit="bit/s"
-    )
+    channel: str = text("", 200, "Channel of the interface: can0, a serial port, a multicast address.")
+    bitrate: int = number(1_000_000, 10_000, 1_000_000, "Where the interface sets it.", unit="bit/s")
     stepped: bool = switch(
-        False,
-        "choice",
-        "true = a virtual drive that is stepped by SYNC: virtual time. Never for a real drive.",
+        False, "true = a virtual drive that is stepped by SYNC: virtual time. Never for a real drive."
     )
-    node: int = number(2, 1, 127, "choice", "Node id of the drive.")
-    master_node: int = number(127, 1, 127, "choice", "Node id of the controller's heartbeat.")
-    eds: str = text("", 200, "choice", "EDS of the drive, for `gantryctl can scan` and `drive objects`.")
+    node: int = number(2, 1, 127, "Node id of the drive.")
+    master_node: int = number(127, 1, 127, "Node id of the controller's heartbeat.")
+    eds: str = text("", 200, "EDS of the drive, for `gantryctl can scan` and `drive objects`.")
     # 19 bits, what drives with such an encoder make of a turn; 6064 has 32 bits, so 8192 turns fit.
-    increments_per_turn: int = number(524_288, 64, 2**24, "catalogue", "Increments of 6064 per motor turn.")
+    increments_per_turn: int = number(524_288, 64, 2**24, "Increments of 6064 per motor turn.", "catalogue")
     velocity_unit: Literal["inc/s", "r/min", "0.1 r/min", "0.001 r/min"] = choice(
-        "inc/s", "catalogue", "Unit of 60FF, 606C and, per second, of 6085."
+        "inc/s", "Unit of 60FF, 606C and, per second, of 6085.", "catalogue"
     )
     torque_reference: float = number(
-        1.0, 0.1, 10.0, "catalogue", "What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque."
+        1.0, 0.1, 10.0, "What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.", "catalogue"
     )
-    inverted: bool = switch(
-        False, "choice", "true = the motor's positive direction turns the gantry negative."
-    )
-    follows_bit: bool = switch(True, "standard", "Bit 12 of 6041 says that the drive follows 60FF.")
+    inverted: bool = switch(False, "true = the motor's positive direction turns the gantry negative.")
+    follows_bit: bool = switch(True, "Bit 12 of 6041 says that the drive follows 60FF.", "standard")
     # Three heartbeats must be missing before the other side counts as lost.
-    heartbeat_ms: float = number(50.0, 10.0, 1000.0, "choice", "Period of both heartbeats.")
+    heartbeat_ms: float = number(50.0, 10.0, 1000.0, "Period of both heartbeats.")
     heartbeat_timeout_ms: float = number(
-        150.0, 20.0, 5000.0, "choice", "Without a heartbeat for this long the other one is lost (1016)."
+        150.0, 20.0, 5000.0, "Without a heartbeat for this long the other one is lost (1016)."
     )
     # The drive itself must stop the axis of a controller that is gone: proven when commissioning and after each
     # boot-up of the drive (decision 0012).
     rpdo_deadline_ms: float = number(
-        50.0, 2.0, 1000.0, "choice", "Without a command for this long the drive stops the axis (1400:05)."
+        50.0, 2.0, 1000.0, "Without a command for this long the drive stops the axis (1400:05)."
     )
     # Reading the answers of the previous SYNC would need no waiting, but feedback would be a period old: 0.024 deg at
     # 6 deg/s and 4 ms (decision 0012).
-    answer_ms: float = number(2.0, 0.1, 50.0, "choice", "How long a scan waits for the answers to its SYNC.")
-    sdo_timeout_ms: float = number(500.0, 10.0, 10_000.0, "choice", "For the answer to one SDO request.")
+    answer_ms: float = number(2.0, 0.1, 50.0, "How long a scan waits for the answers to its SYNC.")
+    sdo_timeout_ms: float = number(500.0, 10.0, 10_000.0, "For the answer to one SDO request.")
     side_channel: str = text(
-        "",
-        100,
-        "choice",
-        "Socket of a virtual drive's side channel: the true load angle. Never for a real drive.",
+        "", 100, "Socket of a virtual drive's side channel: the true load angle. Never for a real drive."
     )
     commissioning_required: bool = switch(
-        True, "choice", "false = move without a commissioning record: for virtual drives only."
+        True, "false = move without a commissioning record: for virtual drives only."
     )
     # The upper half of 60FD is free for the maker of the drive (CiA 402); bits 0 and 1 are the limit switches.
     inputs: CanInputsTable = table("Bits of object 60FD.", CanInputsTable)

@@ -24,83 +24,71 @@ NEED_CALIBRATION: Final = (
 class TorqueFeedForwardTable(Table):
     """[control.compensation.torque]: motor torque that is known beforehand, given to the drive."""
 
-    eccentric: bool = switch(False, "choice", "Feed forward the torque that carries the eccentric moment.")
-    acceleration: bool = switch(
-        False, "choice", "Feed forward the torque that accelerates; jerk-limited only."
-    )
+    eccentric: bool = switch(False, "Feed forward the torque that carries the eccentric moment.")
+    acceleration: bool = switch(False, "Feed forward the torque that accelerates; jerk-limited only.")
     # Above what the eccentric moment and a move of the reference machine ask for, far below the rated torque.
-    limit_nm: float = number(60.0, 0.0, 500.0, "choice", "Largest torque fed forward, motor side.")
+    limit_nm: float = number(60.0, 0.0, 500.0, "Largest torque fed forward, motor side.")
 
 
 class GearMapTable(Table):
     """[control.compensation.gear_map]: gear error over the turn, from the calibration."""
 
-    active: bool = switch(False, "choice", "Apply the map.")
+    active: bool = switch(False, "Apply the map.")
     cycles_per_turn: tuple[Annotated[float, Field(ge=1.0, le=1e5)], ...] = numbers(
         (338.0, 1144.0, 2288.0, 4576.0),
         1,
         MAX_FAST_WAVES,
-        "derived",
         "Waves per gantry turn to identify beside the slow ones: tooth mesh, motor, wave generator.",
+        "derived",
     )
     fade_hz: float = number(
-        8.0, 0.1, 100.0, "choice", "A wave that passes faster is no longer followed: torque for nothing."
+        8.0, 0.1, 100.0, "A wave that passes faster is no longer followed: torque for nothing."
     )
-    limit_deg: float = number(
-        0.05, 0.0, 0.5, "choice", "Largest correction of all maps together, the motor's lead."
-    )
+    limit_deg: float = number(0.05, 0.0, 0.5, "Largest correction of all maps together, the motor's lead.")
 
 
 class WindupTable(Table):
     """[control.compensation.windup]: what the transmission gives way, from the calibration."""
 
-    active: bool = switch(
-        False, "choice", "Wind-up under eccentric moment and acceleration; jerk-limited only."
-    )
-    reversal: bool = switch(False, "choice", "Lost motion of friction and backlash, by the last direction.")
+    active: bool = switch(False, "Wind-up under eccentric moment and acceleration; jerk-limited only.")
+    reversal: bool = switch(False, "Lost motion of friction and backlash, by the last direction.")
     # Not a step: a step of the correction would be a jump of the speed command.
-    reversal_length_deg: float = number(
-        0.01, 1e-4, 0.5, "choice", "Way over which the direction turns round."
-    )
+    reversal_length_deg: float = number(0.01, 1e-4, 0.5, "Way over which the direction turns round.")
 
 
 class LoadEncoderLoopTable(Table):
     """[control.compensation.load_encoder]: slow outer loop through an encoder on the load."""
 
-    active: bool = switch(False, "choice", "Close the loop.")
-    own_errors: bool = switch(False, "choice", "Take the encoder's own errors out, from the calibration.")
+    active: bool = switch(False, "Close the loop.")
+    own_errors: bool = switch(False, "Take the encoder's own errors out, from the calibration.")
     # Slow against the load mode of 2 Hz: the loop corrects what stands, not what swings.
-    integral_per_s: float = number(1.0, 0.01, 10.0, "choice", "Integral gain.")
-    dead_band_deg: float = number(1e-4, 0.0, 0.005, "choice", "Errors below this are left alone.")
-    limit_deg: float = number(0.05, 0.0, 0.5, "choice", "Largest correction.")
+    integral_per_s: float = number(1.0, 0.01, 10.0, "Integral gain.")
+    dead_band_deg: float = number(1e-4, 0.0, 0.005, "Errors below this are left alone.")
+    limit_deg: float = number(0.05, 0.0, 0.5, "Largest correction.")
     disagreement_deg: float = number(
-        0.05,
-        0.001,
-        2.5,
-        "choice",
-        "Difference of both encoders that trips; supervised if the loop is closed.",
+        0.05, 0.001, 2.5, "Difference of both encoders that trips; supervised if the loop is closed."
     )
-    disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "choice", "How long, before it trips.")
+    disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "How long, before it trips.")
 
 
 class DampingTable(Table):
     """[control.compensation.damping]: the motor yields to the swing of the load; needs the load encoder."""
 
-    active: bool = switch(False, "choice", "Damp the swing.")
-    gain: float = number(0.05, 0.0, 0.3, "choice", "Part of the swing that the motor yields to.")
-    filter_ms: float = number(5.0, 0.1, 100.0, "choice", "Filter of the load speed.")
+    active: bool = switch(False, "Damp the swing.")
+    gain: float = number(0.05, 0.0, 0.3, "Part of the swing that the motor yields to.")
+    filter_ms: float = number(5.0, 0.1, 100.0, "Filter of the load speed.")
     # Wind-up under a standing moment is no swing: it is taken out by this slow filter.
-    slow_s: float = number(1.0, 0.1, 50.0, "choice", "Twist that lasts longer is no swing.")
+    slow_s: float = number(1.0, 0.1, 50.0, "Twist that lasts longer is no swing.")
 
 
 class CompensationTable(Table):
     """[control.compensation]: file of identified values, and what holds for all."""
 
     calibration: str = text(
-        "", 200, "choice", 'Calibration file beside this one, written by `gantryctl identify`; "" = none.'
+        "", 200, 'Calibration file beside this one, written by `gantryctl identify`; "" = none.'
     )
     latency_us: float = number(
-        0.0, 0.0, 2000.0, "choice", "Age of encoder readings by their time stamp; 0 = not compensated."
+        0.0, 0.0, 2000.0, "Age of encoder readings by their time stamp; 0 = not compensated."
     )
     torque: TorqueFeedForwardTable = table("Torque feed-forward.", TorqueFeedForwardTable)
     gear_map: GearMapTable = table("Gear-error map.", GearMapTable)

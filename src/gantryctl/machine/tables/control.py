@@ -10,11 +10,11 @@ class ControlTable(Table):
     """[control]: the scan and the position loop."""
 
     # The paper does not give it; 1 to 4 ms are usual for the motion cycle of a PLC, and 4 ms is the period on CAN.
-    scan_period_ms: float = number(1.0, 0.1, 40.0, "estimate", "Period of the scan.")
+    scan_period_ms: float = number(1.0, 0.1, 40.0, "Period of the scan.", "estimate")
     # Kpp barely moves the chord accuracy: what limits it lies behind the motor (gear error, wind-up, backlash).
-    kpp_per_s: float = number(10.0, 0.1, 200.0, "paper", "Gain of the position loop.")
+    kpp_per_s: float = number(10.0, 0.1, 200.0, "Gain of the position loop.", "paper")
     # 100 %: ramp and parabola leave no following error. Without it 6 deg/s lags by V / Kpp = 0.6 deg.
-    kvf: float = number(1.0, 0.0, 1.5, "paper", "Velocity feed-forward; 1 = 100 %.")
+    kvf: float = number(1.0, 0.0, 1.5, "Velocity feed-forward; 1 = 100 %.", "paper")
     compensation: CompensationTable = table("What goes beyond the paper's loop.", CompensationTable)
 
 
@@ -22,41 +22,33 @@ class MonitorsTable(Table):
     """[monitors]: thresholds of the supervision, at the gantry; times become at least two scans."""
 
     # The band grows with the speed because a late reading looks like an error of speed x lateness (decision 0005).
-    following_error_base_deg: float = number(0.03, 1e-4, 1.0, "choice", "Following error at rest that trips.")
+    following_error_base_deg: float = number(0.03, 1e-4, 1.0, "Following error at rest that trips.")
     following_error_per_speed_s: float = number(
-        0.012, 0.0, 0.5, "choice", "Widening of that band: base + this x |speed|."
+        0.012, 0.0, 0.5, "Widening of that band: base + this x |speed|."
     )
-    following_error_warning_ratio: float = number(0.5, 0.05, 0.95, "choice", "Part of the band that warns.")
-    following_error_time_ms: float = number(10.0, 1.0, 500.0, "choice", "How long, before it trips.")
-    velocity_deviation_deg_s: float = number(
-        0.5, 0.001, 10.0, "choice", "Measured against commanded speed that trips."
-    )
-    velocity_deviation_time_ms: float = number(20.0, 1.0, 1000.0, "choice", "How long, before it trips.")
-    overspeed_time_ms: float = number(20.0, 1.0, 1000.0, "choice", "Overspeed before it trips.")
-    standstill_window_deg: float = number(
-        0.02, 1e-5, 1.0, "choice", "Movement at commanded standstill that trips."
-    )
-    standstill_time_ms: float = number(10.0, 1.0, 500.0, "choice", "How long, before it trips.")
-    in_position_window_deg: float = number(0.005, 1e-5, 0.2, "choice", "Distance that counts as arrived.")
-    in_position_dwell_ms: float = number(200.0, 1.0, 10000.0, "choice", "Time inside the window before Done.")
+    following_error_warning_ratio: float = number(0.5, 0.05, 0.95, "Part of the band that warns.")
+    following_error_time_ms: float = number(10.0, 1.0, 500.0, "How long, before it trips.")
+    velocity_deviation_deg_s: float = number(0.5, 0.001, 10.0, "Measured against commanded speed that trips.")
+    velocity_deviation_time_ms: float = number(20.0, 1.0, 1000.0, "How long, before it trips.")
+    overspeed_time_ms: float = number(20.0, 1.0, 1000.0, "Overspeed before it trips.")
+    standstill_window_deg: float = number(0.02, 1e-5, 1.0, "Movement at commanded standstill that trips.")
+    standstill_time_ms: float = number(10.0, 1.0, 500.0, "How long, before it trips.")
+    in_position_window_deg: float = number(0.005, 1e-5, 0.2, "Distance that counts as arrived.")
+    in_position_dwell_ms: float = number(200.0, 1.0, 10000.0, "Time inside the window before Done.")
     in_position_tolerance_time_s: float = number(
-        3.0, 0.1, 100.0, "choice", "Time after the profile's end to come into position, else alarm."
+        3.0, 0.1, 100.0, "Time after the profile's end to come into position, else alarm."
     )
     torque_saturation_time_ms: float = number(
-        200.0, 1.0, 10000.0, "choice", "Time at the torque limit before it trips."
+        200.0, 1.0, 10000.0, "Time at the torque limit before it trips."
     )
     brake_feedback_time_ms: float = number(
-        300.0, 1.0, 10000.0, "choice", "Time the brake's feedback may differ from its command."
+        300.0, 1.0, 10000.0, "Time the brake's feedback may differ from its command."
     )
-    power_up_time_ms: float = number(2000.0, 10.0, 60000.0, "choice", "Longest power-up, then alarm.")
+    power_up_time_ms: float = number(2000.0, 10.0, 60000.0, "Longest power-up, then alarm.")
     # From the issue of the status frame that the renewal acknowledges, not from its arrival: a delayed renewal renews
     # less.
     lease_ms: float = number(
-        250.0,
-        20.0,
-        1000.0,
-        "choice",
-        "Hold-to-run ends when not renewed for this long; renewals come every 30 ms.",
+        250.0, 20.0, 1000.0, "Hold-to-run ends when not renewed for this long; renewals come every 30 ms."
     )
 
 
@@ -64,8 +56,8 @@ class AccuracyTable(Table):
     """[accuracy]: the chord test."""
 
     # The paper is silent about it; 1e-4 deg are 4.4 um at 2.5 m.
-    chord_radius_m: float = number(2.5, 0.1, 20.0, "estimate", "Radius of the tracker's target.")
+    chord_radius_m: float = number(2.5, 0.1, 20.0, "Radius of the tracker's target.", "estimate")
     # Half the maximum permissible error of a laser tracker, as usual for its typical error, averaged.
-    tracker_noise_um: float = number(10.0, 0.0, 500.0, "catalogue", "Tracker noise per coordinate, 1 sigma.")
-    dwell_s: float = number(6.0, 0.1, 300.0, "choice", "Rest at each point.")
-    average_s: float = number(2.0, 0.01, 100.0, "choice", "Last part of the rest that is averaged.")
+    tracker_noise_um: float = number(10.0, 0.0, 500.0, "Tracker noise per coordinate, 1 sigma.", "catalogue")
+    dwell_s: float = number(6.0, 0.1, 300.0, "Rest at each point.")
+    average_s: float = number(2.0, 0.01, 100.0, "Last part of the rest that is averaged.")

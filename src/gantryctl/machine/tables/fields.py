@@ -10,7 +10,10 @@ from pydantic.fields import FieldInfo
 from gantryctl.units import name_ending
 
 Source: TypeAlias = Literal["paper", "catalogue", "standard", "derived", "estimate", "calibrated", "choice"]
-"""Where a default comes from; "choice" is a decision of this product, `plant.md` explains the others."""
+"""Where a default comes from; "choice", where none is named, is a decision of this product.
+
+`plant.md` explains the others.
+"""
 
 UNIT: Final = "unit"
 SOURCE: Final = "source"
@@ -54,12 +57,16 @@ def _field(meaning: str, notes: dict[str, Any], **limits: Any) -> Any:
     return Field(description=meaning, json_schema_extra=notes, **limits)
 
 
-def number(default: float, low: float, high: float, source: Source, meaning: str, unit: str = "") -> Any:
+def number(
+    default: float, low: float, high: float, meaning: str, source: Source = "choice", unit: str = ""
+) -> Any:
     """Declare a number with a default, both bounds included; `unit` only where the key does not end with it."""
     return _field(meaning, {UNIT: unit, SOURCE: source}, default=default, ge=low, le=high)
 
 
-def numbers(default: tuple[float, ...], least: int, most: int, source: Source, meaning: str) -> Any:
+def numbers(
+    default: tuple[float, ...], least: int, most: int, meaning: str, source: Source = "choice"
+) -> Any:
     """Declare an array of `least` to `most` numbers, whose bounds stand in the annotation."""
     return _field(meaning, {SOURCE: source}, default=default, min_length=least, max_length=most)
 
@@ -69,17 +76,17 @@ def required_number(usual: float, low: float, high: float, meaning: str, unit: s
     return _field(meaning, {UNIT: unit}, ge=low, le=high, examples=[usual])
 
 
-def choice(default: str, source: Source, meaning: str) -> Any:
+def choice(default: str, meaning: str, source: Source = "choice") -> Any:
     """Declare one word out of the annotation's `Literal`."""
     return _field(meaning, {SOURCE: source}, default=default)
 
 
-def switch(default: bool, source: Source, meaning: str) -> Any:
+def switch(default: bool, meaning: str, source: Source = "choice") -> Any:
     """Declare a true/false field."""
     return _field(meaning, {SOURCE: source}, default=default)
 
 
-def text(default: str, longest: int, source: Source, meaning: str) -> Any:
+def text(default: str, longest: int, meaning: str, source: Source = "choice") -> Any:
     """Declare a free text of at most `longest` characters."""
     return _field(meaning, {SOURCE: source}, default=default, max_length=longest)
 

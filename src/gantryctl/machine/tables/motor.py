@@ -20,9 +20,9 @@ class MotorTable(Table):
     speed_rated_r_min: float = required_number(1150.0, 10.0, 10000.0, "Rated speed.")
     speed_max_r_min: float = required_number(2000.0, 10.0, 15000.0, "Highest permitted speed.")
     # With power, power factor and efficiency these imply a line voltage of 316 V.
-    current_rated_a: float = number(69.0, 0.5, 1000.0, "paper", "Rated current, r.m.s.")
-    power_factor: float = number(0.89, 0.3, 1.0, "paper", "Power factor at rated power.")
-    efficiency: float = number(0.921, 0.3, 1.0, "paper", "Efficiency at rated power.")
+    current_rated_a: float = number(69.0, 0.5, 1000.0, "Rated current, r.m.s.", "paper")
+    power_factor: float = number(0.89, 0.3, 1.0, "Power factor at rated power.", "paper")
+    efficiency: float = number(0.921, 0.3, 1.0, "Efficiency at rated power.", "paper")
     # The load is 7.18 times as much at the motor shaft.
     inertia_kg_m2: float = required_number(0.232, 1e-5, 5.0, "Rotor inertia, without what is mounted on it.")
 
@@ -30,9 +30,9 @@ class MotorTable(Table):
 class ReducerTable(Table):
     """[reducer]: limits of the reducer, at its output."""
 
-    torque_rated_nm: float = number(17600.0, 10.0, 2e5, "paper", "Rated torque at the reducer output.")
+    torque_rated_nm: float = number(17600.0, 10.0, 2e5, "Rated torque at the reducer output.", "paper")
     torque_momentary_nm: float = number(
-        35200.0, 10.0, 5e5, "estimate", "Torque at the reducer output that a stop may draw for a moment."
+        35200.0, 10.0, 5e5, "Torque at the reducer output that a stop may draw for a moment.", "estimate"
     )
 
 
@@ -42,11 +42,11 @@ class EncoderTable(Table):
     # 13 bits of a turn and 12 bits of turns: one step is 3.84e-5 deg at the gantry, the range 3.58 gantry turns.
     counts_per_turn: int = required_number(8192, 64, 2**25, "Absolute steps per motor turn.")
     turns: int = required_number(4096, 1, 65536, "Motor turns told apart before the encoder wraps.")
-    lines: int = number(2048, 1, 65536, "catalogue", "Sine/cosine lines per motor turn.", unit="1/turn")
+    lines: int = number(2048, 1, 65536, "Sine/cosine lines per motor turn.", "catalogue", unit="1/turn")
     # What a drive makes of one line, 2^11; others make 2^13.
-    interpolation: int = number(2048, 1, 65536, "catalogue", "Interpolated steps per line.")
+    interpolation: int = number(2048, 1, 65536, "Interpolated steps per line.", "catalogue")
     wrap_margin_min_deg: float = number(
-        5.0, 0.1, 180.0, "choice", "Least distance between travel and the wrap of the encoder, at the gantry."
+        5.0, 0.1, 180.0, "Least distance between travel and the wrap of the encoder, at the gantry."
     )
 
     @property
@@ -60,19 +60,18 @@ class BrakeTable(Table):
 
     owner: Literal["drive", "controller_output", "object_60FE"] = choice(
         "drive",
-        "choice",
         "Who works the brake: the drive's state machine, an output of the controller, or CiA 402 object 60FE.",
     )
-    torque_nm: float = number(400.0, 1.0, 10000.0, "estimate", "Torque of the closed brake at the motor.")
-    close_time_ms: float = number(150.0, 1.0, 2000.0, "estimate", "From command to full torque.")
-    open_time_ms: float = number(100.0, 1.0, 2000.0, "estimate", "From command to no torque.")
-    hold: Literal["servo", "brake"] = choice("servo", "choice", "What holds the axis at standstill.")
+    torque_nm: float = number(400.0, 1.0, 10000.0, "Torque of the closed brake at the motor.", "estimate")
+    close_time_ms: float = number(150.0, 1.0, 2000.0, "From command to full torque.", "estimate")
+    open_time_ms: float = number(100.0, 1.0, 2000.0, "From command to no torque.", "estimate")
+    hold: Literal["servo", "brake"] = choice("servo", "What holds the axis at standstill.")
     hold_brake_after_s: float = number(
-        30.0, 0.5, 1000.0, "choice", 'Standstill before the brake closes; only with hold = "brake".'
+        30.0, 0.5, 1000.0, 'Standstill before the brake closes; only with hold = "brake".'
     )
     # Shown before the brake opens: a drive that gives no torque must not get the load.
     proof_torque_nm: float = number(
-        30.0, 0.1, 1000.0, "choice", "Torque the drive must build against the closed brake before it opens."
+        30.0, 0.1, 1000.0, "Torque the drive must build against the closed brake before it opens."
     )
     # At least 1.3 x the check moment, at most what the motor has beside the load (decision 0014): 56.8 N m are needed
     # here. Of brakes from 0.5 to 400 N m the weakest that passed bore 65 (docs/evidence/brake_test.json).
@@ -80,18 +79,14 @@ class BrakeTable(Table):
         70.0,
         0.1,
         5000.0,
-        "derived",
         "Brake test: torque that the closed brake must bear both ways, 1.3 x the check moment or more.",
+        "derived",
     )
     # An overdue test allows nothing faster than 1 deg/s (BRK-12).
-    test_interval_days: float = number(7.0, 0.1, 366.0, "choice", "The next brake test is due after so long.")
+    test_interval_days: float = number(7.0, 0.1, 366.0, "The next brake test is due after so long.")
     test_interval_power_ups: int = number(
-        100, 1, 5000, "choice", "... or after so many power-ups, whichever comes first."
+        100, 1, 5000, "... or after so many power-ups, whichever comes first."
     )
     sag_max_deg: float = number(
-        0.02,
-        1e-4,
-        1.0,
-        "choice",
-        "Movement after release, or under the brake test, that is too much; at the gantry.",
+        0.02, 1e-4, 1.0, "Movement after release, or under the brake test, that is too much; at the gantry."
     )

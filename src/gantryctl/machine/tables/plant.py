@@ -24,23 +24,23 @@ _PHASES_RAD = (
 class LoadTable(Table):
     """[plant.load]: everything that turns with the gantry, about the gantry axis."""
 
-    inertia_kg_m2: float = number(2.18e6, 1e3, 2e7, "paper", "Inertia of gantry, magnets, counterweight.")
-    mass_kg: float = number(2.0e5, 100.0, 5e6, "estimate", "Turning mass.")
+    inertia_kg_m2: float = number(2.18e6, 1e3, 2e7, "Inertia of gantry, magnets, counterweight.", "paper")
+    mass_kg: float = number(2.0e5, 100.0, 5e6, "Turning mass.", "estimate")
     # 16.0 kN m with the mass: more than friction holds, as the paper says that the gantry would turn by itself.
-    eccentricity_m: float = number(0.00815, 0.0, 0.3, "calibrated", "Centre of mass off the axis.")
+    eccentricity_m: float = number(0.00815, 0.0, 0.3, "Centre of mass off the axis.", "calibrated")
     eccentric_angle_deg: float = number(
-        0.0, -180.0, 180.0, "paper", "Gantry angle at which the eccentric moment is zero."
+        0.0, -180.0, 180.0, "Gantry angle at which the eccentric moment is zero.", "paper"
     )
     # The centre of mass hangs below at 0 deg: agrees with the sign of the chord errors there.
     eccentric_sign: float = number(
         -1.0,
         -1.0,
         1.0,
-        "calibrated",
         "-1: restoring at that angle; +1: falling away from it. Nothing between.",
+        "calibrated",
     )
     eccentric_check_moment_nm: float = number(
-        50000.0, 0.0, 2e6, "choice", "Eccentric moment that stops and brake are proved with."
+        50000.0, 0.0, 2e6, "Eccentric moment that stops and brake are proved with."
     )
 
     @property
@@ -61,11 +61,11 @@ class PlantMotorTable(Table):
 
     # Size class 130, by the fifth power of the size from a catalogue value, with coupling and brake rotor.
     wave_generator_inertia_kg_m2: float = number(
-        0.13, 0.0, 5.0, "estimate", "Wave generator, coupling and brake rotor; not in the paper's Js."
+        0.13, 0.0, 5.0, "Wave generator, coupling and brake rotor; not in the paper's Js.", "estimate"
     )
     # 1.5 % of the rated torque peak to peak, half of it.
-    torque_ripple_nm: float = number(1.9, 0.0, 100.0, "catalogue", "Amplitude of the torque ripple.")
-    torque_ripple_order: int = number(12, 1, 200, "estimate", "Ripple periods per motor turn.", unit="1/turn")
+    torque_ripple_nm: float = number(1.9, 0.0, 100.0, "Amplitude of the torque ripple.", "catalogue")
+    torque_ripple_order: int = number(12, 1, 200, "Ripple periods per motor turn.", "estimate", unit="1/turn")
 
 
 class TransmissionTable(Table):
@@ -75,61 +75,61 @@ class TransmissionTable(Table):
     # stiffness are the least certain values here. At the gantry, with the rest in series: 5.12, 6.28 and 7.16e8 N
     # m/rad.
     reducer_stiffness_1_nm_per_rad: float = number(
-        4.6e6, 1e4, 1e8, "catalogue", "First slope, at the reducer output."
+        4.6e6, 1e4, 1e8, "First slope, at the reducer output.", "catalogue"
     )
     reducer_stiffness_2_nm_per_rad: float = number(
-        6.4e6, 1e4, 1e8, "catalogue", "Second slope, at the reducer output."
+        6.4e6, 1e4, 1e8, "Second slope, at the reducer output.", "catalogue"
     )
     reducer_stiffness_3_nm_per_rad: float = number(
-        8.1e6, 1e4, 1e8, "catalogue", "Third slope, at the reducer output."
+        8.1e6, 1e4, 1e8, "Third slope, at the reducer output.", "catalogue"
     )
-    reducer_torque_1_nm: float = number(1850.0, 1.0, 1e5, "catalogue", "End of the first slope, same place.")
-    reducer_torque_2_nm: float = number(6680.0, 1.0, 3e5, "catalogue", "End of the second slope, same place.")
+    reducer_torque_1_nm: float = number(1850.0, 1.0, 1e5, "End of the first slope, same place.", "catalogue")
+    reducer_torque_2_nm: float = number(6680.0, 1.0, 3e5, "End of the second slope, same place.", "catalogue")
     rest_stiffness_nm_per_rad: float = number(
-        1.5e9, 1e6, 5e10, "estimate", "Everything behind the reducer in series, at the gantry."
+        1.5e9, 1e6, 5e10, "Everything behind the reducer in series, at the gantry.", "estimate"
     )
-    damping_ratio: float = number(0.025, 0.0, 0.5, "estimate", "Damping ratio with the motor locked.")
+    damping_ratio: float = number(0.025, 0.0, 0.5, "Damping ratio with the motor locked.", "estimate")
     # A hysteresis loss of about 1 arcmin at the reducer output, from a catalogue: 1.3e-3 deg at the gantry, full width.
     hysteresis_torque_nm: float = number(
-        2000.0, 0.0, 1e5, "catalogue", "Half width of the hysteresis without load, at the gantry."
+        2000.0, 0.0, 1e5, "Half width of the hysteresis without load, at the gantry.", "catalogue"
     )
-    hysteresis_load_ratio: float = number(0.1, 0.0, 1.0, "calibrated", "Its part in proportion to the load.")
+    hysteresis_load_ratio: float = number(0.1, 0.0, 1.0, "Its part in proportion to the load.", "calibrated")
     hysteresis_length_rad: float = number(
-        1.0e-5, 1e-7, 5e-4, "estimate", "Pre-sliding length of the hysteresis, at the gantry."
+        1.0e-5, 1e-7, 5e-4, "Pre-sliding length of the hysteresis, at the gantry.", "estimate"
     )
     # New girth gears have 0.4 to 0.8 mm; the row of 0 deg in the paper's table 2 allows about 0.1 mm at most. 0.05 mm
     # are 1.2e-3 deg at the gantry.
-    backlash_mm: float = number(0.05, 0.0, 2.0, "calibrated", "Backlash at the ring's pitch circle.")
+    backlash_mm: float = number(0.05, 0.0, 2.0, "Backlash at the ring's pitch circle.", "calibrated")
 
 
 class GearErrorTable(Table):
     """[plant.gear_error]: the gear-error map, at the ring's pitch circle or at the reducer output."""
 
     # 338 teeth of module 14 mm: example geometry of a ring of 4.7 m.
-    ring_radius_m: float = number(2.366, 0.1, 20.0, "estimate", "Radius of the ring's pitch circle.")
-    pinion_teeth: int = number(26, 6, 500, "estimate", "Teeth of the pinion.")
+    ring_radius_m: float = number(2.366, 0.1, 20.0, "Radius of the ring's pitch circle.", "estimate")
+    pinion_teeth: int = number(26, 6, 500, "Teeth of the pinion.", "estimate")
     ring_um: tuple[Annotated[float, Field(ge=0.0, le=1000.0)], ...] = numbers(
         _RING_UM,
         1,
         RING_HARMONICS,
-        "standard",
         "Ring error, one amplitude per harmonic of the gantry turn; missing harmonics are zero.",
+        "standard",
     )
-    reducer_2x_rad: float = number(4.0e-5, 0.0, 2e-3, "catalogue", "Two cycles per motor turn.")
-    reducer_1x_rad: float = number(1.5e-5, 0.0, 8e-4, "estimate", "One cycle per motor turn.")
-    reducer_4x_rad: float = number(1.0e-5, 0.0, 5e-4, "estimate", "Four cycles per motor turn.")
-    output_1x_rad: float = number(9.0e-5, 0.0, 5e-3, "catalogue", "One cycle per turn of the reducer output.")
+    reducer_2x_rad: float = number(4.0e-5, 0.0, 2e-3, "Two cycles per motor turn.", "catalogue")
+    reducer_1x_rad: float = number(1.5e-5, 0.0, 8e-4, "One cycle per motor turn.", "estimate")
+    reducer_4x_rad: float = number(1.0e-5, 0.0, 5e-4, "Four cycles per motor turn.", "estimate")
+    output_1x_rad: float = number(9.0e-5, 0.0, 5e-3, "One cycle per turn of the reducer output.", "catalogue")
     # Run-out of 40 um peak to peak, ISO 1328 grade 7.
-    pinion_1x_um: float = number(20.0, 0.0, 1000.0, "standard", "Run-out of the pinion.")
-    mesh_um: float = number(8.0, 0.0, 400.0, "standard", "Tooth mesh.")
-    scale: float = number(1.2, 0.0, 20.0, "calibrated", "Factor on every amplitude of this table.")
+    pinion_1x_um: float = number(20.0, 0.0, 1000.0, "Run-out of the pinion.", "standard")
+    mesh_um: float = number(8.0, 0.0, 400.0, "Tooth mesh.", "standard")
+    scale: float = number(1.2, 0.0, 20.0, "Factor on every amplitude of this table.", "calibrated")
     phases_rad: tuple[Annotated[float, Field(ge=-6.3, le=6.3)], ...] = numbers(
         _PHASES_RAD,
         PHASES,
         PHASES,
-        "calibrated",
         "Phases: 12 ring harmonics, reducer 2x, 1x, 4x, pinion and output 1x, mesh, one unused. "
         "The defaults are fitted to the paper's table 2, not predicted.",
+        "calibrated",
     )
 
 
@@ -137,58 +137,58 @@ class RollerFrictionTable(Table):
     """[plant.roller_friction]: the support rollers, at the gantry."""
 
     # W / cos 30 x (R / r) x (rolling and bearing friction) gives 6 to 9 kN m for 200 t.
-    coulomb_nm: float = number(6000.0, 0.0, 2e5, "derived", "Friction while turning.")
-    breakaway_nm: float = number(6800.0, 0.0, 3e5, "estimate", "Friction at the start.")
-    stribeck_deg_s: float = number(0.02, 1e-4, 1.0, "estimate", "Speed over which one becomes the other.")
+    coulomb_nm: float = number(6000.0, 0.0, 2e5, "Friction while turning.", "derived")
+    breakaway_nm: float = number(6800.0, 0.0, 3e5, "Friction at the start.", "estimate")
+    stribeck_deg_s: float = number(0.02, 1e-4, 1.0, "Speed over which one becomes the other.", "estimate")
     # 2.1 kN m at 6 deg/s.
-    viscous_nm_s_per_rad: float = number(2.0e4, 0.0, 1e6, "estimate", "Grease and seals.")
+    viscous_nm_s_per_rad: float = number(2.0e4, 0.0, 1e6, "Grease and seals.", "estimate")
     # 70 um at the rim.
-    presliding_rad: float = number(3.0e-5, 1e-7, 1e-3, "estimate", "Angle before the rollers slide.")
+    presliding_rad: float = number(3.0e-5, 1e-7, 1e-3, "Angle before the rollers slide.", "estimate")
     micro_damping: float = number(
-        0.3, 0.0, 5.0, "estimate", "Damping before sliding: this x sqrt(stiffness x J)."
+        0.3, 0.0, 5.0, "Damping before sliding: this x sqrt(stiffness x J).", "estimate"
     )
 
 
 class MotorFrictionTable(Table):
     """[plant.motor_friction]: motor, seals and reducer input, at the motor shaft."""
 
-    coulomb_nm: float = number(5.5, 0.0, 200.0, "estimate", "Friction while turning.")
-    breakaway_nm: float = number(6.5, 0.0, 300.0, "estimate", "Friction at the start.")
-    stribeck_rad_s: float = number(1.0, 0.001, 50.0, "estimate", "Speed over which one becomes the other.")
+    coulomb_nm: float = number(5.5, 0.0, 200.0, "Friction while turning.", "estimate")
+    breakaway_nm: float = number(6.5, 0.0, 300.0, "Friction at the start.", "estimate")
+    stribeck_rad_s: float = number(1.0, 0.001, 50.0, "Speed over which one becomes the other.", "estimate")
     # 3.6 N m at 1144 r/min.
-    viscous_nm_s_per_rad: float = number(0.03, 0.0, 1.0, "estimate", "Growth with speed.")
-    load_ratio: float = number(0.1, 0.0, 0.9, "estimate", "Part of the transmitted torque that is lost.")
-    presliding_rad: float = number(0.005, 1e-5, 0.2, "estimate", "Motor angle before it slides.")
+    viscous_nm_s_per_rad: float = number(0.03, 0.0, 1.0, "Growth with speed.", "estimate")
+    load_ratio: float = number(0.1, 0.0, 0.9, "Part of the transmitted torque that is lost.", "estimate")
+    presliding_rad: float = number(0.005, 1e-5, 0.2, "Motor angle before it slides.", "estimate")
     micro_damping: float = number(
-        0.3, 0.0, 5.0, "estimate", "Damping before sliding: this x sqrt(stiffness x J)."
+        0.3, 0.0, 5.0, "Damping before sliding: this x sqrt(stiffness x J).", "estimate"
     )
 
 
 class BaseTable(Table):
     """[plant.base]: rocking of roller frames and plinth about the gantry axis."""
 
-    inertia_kg_m2: float = number(6.0e5, 1e3, 2e7, "estimate", "Effective rocking inertia.")
+    inertia_kg_m2: float = number(6.0e5, 1e3, 2e7, "Effective rocking inertia.", "estimate")
     # An anchored steel frame on concrete has 5 to 15 Hz.
-    frequency_hz: float = number(7.0, 0.5, 200.0, "estimate", "Rocking frequency.")
-    damping_ratio: float = number(0.03, 0.0, 0.9, "estimate", "Damping ratio of the rocking.")
+    frequency_hz: float = number(7.0, 0.5, 200.0, "Rocking frequency.", "estimate")
+    damping_ratio: float = number(0.03, 0.0, 0.9, "Damping ratio of the rocking.", "estimate")
 
 
 class PlantBrakeTable(Table):
     """[plant.brake]: how the closed brake gives way."""
 
-    presliding_rad: float = number(5.0e-4, 1e-6, 0.02, "estimate", "Motor angle before the brake slides.")
+    presliding_rad: float = number(5.0e-4, 1e-6, 0.02, "Motor angle before the brake slides.", "estimate")
     # For faults: the program still believes [brake] torque_nm.
     torque_share: float = number(
-        1.0, 0.001, 3.0, "choice", "Part of [brake] torque_nm that it really has; below 1 it is worn."
+        1.0, 0.001, 3.0, "Part of [brake] torque_nm that it really has; below 1 it is worn."
     )
 
 
 class PlantEncoderTable(Table):
     """[plant.encoder]: how the simulated encoder is mounted."""
 
-    latency_us: float = number(62.5, 0.0, 2000.0, "estimate", "Age of the angle when it is read.")
-    mounting_turns: int = number(2048, 0, 65536, "choice", "Encoder turns at gantry 0 deg.")
-    serial: str = text("SIM-0001", 40, "choice", "Serial number the simulated encoder reports.")
+    latency_us: float = number(62.5, 0.0, 2000.0, "Age of the angle when it is read.", "estimate")
+    mounting_turns: int = number(2048, 0, 65536, "Encoder turns at gantry 0 deg.")
+    serial: str = text("SIM-0001", 40, "Serial number the simulated encoder reports.")
 
 
 SCALE_TERMS: Final = ((2.0, 1.0, 1.0), (5.0, 0.6, 2.0), (37.0, 0.4, 3.0))
@@ -198,27 +198,27 @@ SCALE_TERMS: Final = ((2.0, 1.0, 1.0), (5.0, 0.6, 2.0), (37.0, 0.4, 3.0))
 class LoadEncoderTable(Table):
     """[plant.load_encoder]: optional encoder on the ring."""
 
-    fitted: bool = switch(False, "choice", "The controller can read it; measuring runs can in any case.")
+    fitted: bool = switch(False, "The controller can read it; measuring runs can in any case.")
     # 2^26 steps are 5.4e-6 deg each.
-    bits: int = number(26, 8, 32, "estimate", "Steps per gantry turn, as a power of two.", unit="bit")
-    noise_rad: float = number(2.0e-7, 0.0, 1e-5, "estimate", "Noise, r.m.s.")
-    scale_error_rad: float = number(4.0e-6, 0.0, 2e-4, "estimate", "Amplitude of the scale-error map.")
-    latency_us: float = number(62.5, 0.0, 2000.0, "estimate", "Age of the angle when it is read.")
+    bits: int = number(26, 8, 32, "Steps per gantry turn, as a power of two.", "estimate", unit="bit")
+    noise_rad: float = number(2.0e-7, 0.0, 1e-5, "Noise, r.m.s.", "estimate")
+    scale_error_rad: float = number(4.0e-6, 0.0, 2e-4, "Amplitude of the scale-error map.", "estimate")
+    latency_us: float = number(62.5, 0.0, 2000.0, "Age of the angle when it is read.", "estimate")
 
 
 class SwitchesTable(Table):
     """[plant.switches]: false = the effect is exactly absent."""
 
-    gear_error: bool = switch(True, "choice", "Gear-error map.")
-    backlash: bool = switch(True, "choice", "Backlash.")
-    hysteresis: bool = switch(True, "choice", "Hysteresis of the reducer.")
-    roller_friction: bool = switch(True, "choice", "Friction of the rollers.")
-    motor_friction: bool = switch(True, "choice", "Friction of the motor.")
-    eccentric_moment: bool = switch(True, "choice", "Eccentric moment of the load.")
-    base: bool = switch(True, "choice", "Rocking base.")
-    torque_ripple: bool = switch(True, "choice", "Torque ripple of the motor.")
-    three_slopes: bool = switch(True, "choice", "Three slopes of the reducer; false = the first slope only.")
-    rigid: bool = switch(False, "choice", "One inertia without any compliance.")
+    gear_error: bool = switch(True, "Gear-error map.")
+    backlash: bool = switch(True, "Backlash.")
+    hysteresis: bool = switch(True, "Hysteresis of the reducer.")
+    roller_friction: bool = switch(True, "Friction of the rollers.")
+    motor_friction: bool = switch(True, "Friction of the motor.")
+    eccentric_moment: bool = switch(True, "Eccentric moment of the load.")
+    base: bool = switch(True, "Rocking base.")
+    torque_ripple: bool = switch(True, "Torque ripple of the motor.")
+    three_slopes: bool = switch(True, "Three slopes of the reducer; false = the first slope only.")
+    rigid: bool = switch(False, "One inertia without any compliance.")
 
 
 class IntegrationTable(Table):
@@ -226,9 +226,9 @@ class IntegrationTable(Table):
 
     # About six times as fast as Runge-Kutta, 1.6e-5 deg away from it over the 180 deg move (decision 0007).
     scheme: Literal["one_evaluation", "rk4"] = choice(
-        "one_evaluation", "choice", "One force evaluation per drive cycle, or classical Runge-Kutta."
+        "one_evaluation", "One force evaluation per drive cycle, or classical Runge-Kutta."
     )
-    rk4_steps: int = number(2, 1, 64, "choice", 'Sub-steps per drive cycle; only with scheme = "rk4".')
+    rk4_steps: int = number(2, 1, 64, 'Sub-steps per drive cycle; only with scheme = "rk4".')
 
 
 class PlantTable(Table):
