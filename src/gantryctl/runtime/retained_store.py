@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import zlib
+from operator import itemgetter
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Final
 
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
@@ -17,13 +18,6 @@ FORMAT: Final = "gantryctl retained memory, version 1"
 
 class _Damaged(StateError):
     """Torn or changed copy: the other one counts. No other StateError may be bridged."""
-
-
-class _Copy(NamedTuple):
-    """Copy as read."""
-
-    sequence: int
-    record: Retained
 
 
 def encode(record: Retained, sequence: int) -> bytes:
@@ -78,7 +72,7 @@ class RetainedMemory:
             StateError: there are copies, but none is valid.
         """
         copies = self._copies()
-        return max(copies.values(), key=lambda copy: copy.sequence).record if copies else None
+        return max(copies.values(), key=itemgetter(0))[1] if copies else None
 
     def store(self, record: Retained) -> None:
         """Write the record over the older copy; it is on the disk when this returns.
@@ -88,21 +82,20 @@ class RetainedMemory:
                 refuses. The newest copy so far is safe.
         """
         copies = self._copies()
-        newest = max(copies, key=lambda name: copies[name].sequence, default=COPIES[1])
-        sequence = copies[newest].sequence + 1 if copies else 1
+        newest = max(copies, key=lambda name: copies[name][0], default=COPIES[1])
+        sequence = copies[newest][0] + 1 if copies else 1
         # In turn, so that a write that is torn by a power cut never hits the newest copy.
         older = COPIES[1 - COPIES.index(newest)]
         write_whole(self.directory / older, encode(record, sequence), make_folder=True)
 
-    def _copies(self) -> dict[str, _Copy]:
+    def _copies(self) -> dict[str, tuple[int, Retained]]:
         """Read the valid copies by file name, and fill `notes`."""
-        copies: dict[str, _Copy] = {}
-        notes = []
-        missing = []
+        copies: dict[str, tuple[int, Retained]] = {}
+        notes, missing = [], []
         for name in COPIES:
             path = self.directory / name
             try:
-                copies[name] = _Copy(*decode(path.read_bytes()))
+                copies[name] = decode(path.read_bytes())
             except FileNotFoundError:
                 missing.append(name)
             except OSError as fault:
@@ -116,7 +109,7 @@ class RetainedMemory:
                 f"retained memory in {self.directory} cannot be used: {'; '.join(notes)}. Zero offset and "
                 "rest position are lost: move the files away, compare the encoder with a mark, set the zero"
             )
-        if missing and any(copy.sequence > 1 for copy in copies.values()):
+        if missing and any(sequence > 1 for sequence, _ in copies.values()):
             notes.append(f"{missing[0]} is missing")
         self.notes = tuple(f"{note}; the other copy is used" for note in notes)
         return copies

@@ -13,6 +13,7 @@ from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.operation.store import SERVICE_SOCKET
 from gantryctl.service.clients.local import PeerName
 from gantryctl.service.protocol.limits import RENEW_S
+from gantryctl.service.protocol.messages import WITHOUT_EPOCH
 
 _TIMEOUT_S: Final = 3.0
 
@@ -91,16 +92,9 @@ class ServiceLink:
     def say(self, kind: str, **values: Any) -> int:
         """Send a command without waiting; its number."""
         self._seq += 1
-        message = {
-            "type": kind,
-            "seq": self._seq,
-            "frame": self.tags["frame"],
-            "epoch": self.tags["epoch"],
-            **values,
-        }
         # Stops are judged first and never refused, whatever has happened since (decision 0011): no epoch.
-        if kind in ("alive", "stop", "quick_stop", "release"):
-            del message["epoch"]
+        seen = ("frame",) if kind in WITHOUT_EPOCH else ("frame", "epoch")
+        message = {"type": kind, "seq": self._seq, **{tag: self.tags[tag] for tag in seen}, **values}
         try:
             self._socket.sendall(json.dumps(message).encode() + b"\n")
         except OSError as fault:
