@@ -8,10 +8,9 @@ from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.states import AxisState
-from gantryctl.program.gantry import GantryProgram
+from gantryctl.program.gantry import AxisProgram, GantryProgram
 from gantryctl.program.power.brake_test import BrakeTestOutcome, BrakeTestPhase, BrakeTestResult
 from gantryctl.program.power.phases import PowerPhase
-from gantryctl.program.program import AxisProgram
 
 __all__ = [
     "ALARMS",

@@ -17,15 +17,11 @@ _DATE: Final = "11-20-2026"
 def write_eds(device: DeviceDescription) -> str:
     """Text of the EDS."""
     lines = [*_file_info(device.info), *_device_info(device.info), *_dummies(), "[Comments]", "Lines=0", ""]
-    groups: dict[str, list[int]] = {"MandatoryObjects": [], "OptionalObjects": [], "ManufacturerObjects": []}
-    for index in device.objects:
-        if index in _MANDATORY:
-            groups["MandatoryObjects"].append(index)
-        elif 0x2000 <= index <= 0x5FFF:
-            groups["ManufacturerObjects"].append(index)
-        else:
-            groups["OptionalObjects"].append(index)
-    for name, indices in groups.items():
+    special = {"MandatoryObjects": _MANDATORY, "ManufacturerObjects": range(0x2000, 0x6000)}
+    groups = {name: [index for index in device.objects if index in own] for name, own in special.items()}
+    rest = [index for index in device.objects if not any(index in own for own in special.values())]
+    for name in ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects"):
+        indices = groups.get(name, rest)
         lines += [f"[{name}]", f"SupportedObjects={len(indices)}"]
         lines += [f"{number}=0x{index:04X}" for number, index in enumerate(indices, start=1)]
         lines.append("")

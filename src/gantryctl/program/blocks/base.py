@@ -48,31 +48,26 @@ class ExecuteBlock(Block):
         attention: the outputs may change although the inputs do not; else a program may leave out the call.
     """
 
-    __slots__ = ("_command", "_execute", "_final", "active", "attention", "busy", "command_aborted", "done")
+    __slots__ = ("_execute", "_final", "active", "attention", "busy", "command", "command_aborted", "done")
 
     def __init__(self, axis: Axis) -> None:
         super().__init__(axis)
         self.attention = False
         self.done = self.busy = self.active = self.command_aborted = False
         self._execute = self._final = False
-        self._command: MotionCommand | None = None
-
-    @property
-    def command(self) -> MotionCommand | None:
-        """The command under way."""
-        return self._command
+        self.command: MotionCommand | None = None
 
     def _begin(self, command: MotionCommand) -> None:
         """Follow `command` from now on."""
         self._clear()
-        self._command = command
+        self.command = command
         if command.status is CommandStatus.ERROR and command.refusal is not None:
             self.axis.report_refusal(command.refusal)
 
     def _show(self, execute: bool) -> None:
         """Set the outputs of this scan; every call ends with this."""
         self._execute = execute
-        command = self._command
+        command = self.command
         # PLCopen Part 1: the end of a command shows for at least one scan, also when Execute fell before.
         if command is None:
             if self._final and not execute:
@@ -91,7 +86,7 @@ class ExecuteBlock(Block):
         self.command_aborted = command.status is CommandStatus.ABORTED
         if command.status is CommandStatus.ERROR:
             self._fail(command.refusal)
-        self._command = None
+        self.command = None
         self._final = True
 
     def _clear(self) -> None:

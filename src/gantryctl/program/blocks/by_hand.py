@@ -41,7 +41,7 @@ class Jog(ExecuteBlock):
 
     def _keys(self, forward: bool, backward: bool, velocity_rad_s: float) -> None:
         """Release what runs, then begin when a key was pressed alone."""
-        command = self._command
+        command = self.command
         if command is not None and not self._released:
             self._released = True
             self.axis.motion.release(command)
@@ -51,7 +51,7 @@ class Jog(ExecuteBlock):
 
     def _start(self, direction: int, velocity_rad_s: float) -> None:
         axis = self.axis
-        still_moving = self._command is not None and self._command.alive
+        still_moving = self.command is not None and self.command.alive
         # Judged here, because the keys give the sign: a negative speed is not the other direction.
         refused = axis.motion.check_speed(velocity_rad_s)
         if still_moving and direction != self._direction:
@@ -69,8 +69,8 @@ class Jog(ExecuteBlock):
 
     def _change_speed(self, velocity_rad_s: float) -> None:
         self._speed = velocity_rad_s
-        if self._command is not None:
-            refused = self.axis.motion.change_speed(self._command, velocity_rad_s)
+        if self.command is not None:
+            refused = self.axis.motion.change_speed(self.command, velocity_rad_s)
             if refused is not None:
                 self.axis.report_refusal(refused)
 

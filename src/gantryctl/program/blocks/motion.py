@@ -49,7 +49,7 @@ class MoveVelocity(ExecuteBlock):
         if execute and not self._execute:
             self._begin(self.axis.motion.move_velocity(velocity_rad_s))
         self._show(execute)
-        command, virtual = self._command, self.axis.virtual
+        command, virtual = self.command, self.axis.virtual
         self.in_velocity = (
             self.active
             and command is not None

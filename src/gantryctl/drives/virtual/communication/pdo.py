@@ -73,11 +73,6 @@ class PdoParameters:
         return self._od.number(self.communication, 2)
 
     @property
-    def inhibit_us(self) -> int:
-        """Inhibit time (TPDO)."""
-        return 100 * self._od.number(self.communication, 3)
-
-    @property
     def event_us(self) -> int:
         """Event timer: period of a TPDO, deadline of an RPDO."""
         return 1000 * self._od.number(self.communication, 5)
@@ -248,7 +243,8 @@ class Tpdo:
         self.mapped = p.mapped()
         self.can_id = p.can_id if p.valid else None
         self.type = p.type
-        self._inhibit_us = p.inhibit_us
+        # CiA 301: the inhibit time counts in units of 100 us.
+        self._inhibit_us = 100 * self._od.number(p.communication, 3)
         self._event_us = p.event_us
         self._events = tuple(m.entry for m in self.mapped if m.entry.index in _EVENTS)
         self.start(0)
