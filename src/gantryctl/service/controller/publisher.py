@@ -121,9 +121,7 @@ class Publisher:
         vel = feedback.vel_rad_s
         pos = deg(axis.pos_act_rad)
         monitors, travel = axis.settings.monitors, self._machine.axis
-        trip = monitors.following_error_base_rad + monitors.following_error_per_speed_s * abs(
-            virtual.vel_ref_rad_s
-        )
+        widening_rad = monitors.following_error_per_speed_s * abs(virtual.vel_ref_rad_s)
         return {
             "pos_act_deg": pos,
             "vel_act_deg_s": deg(vel),
@@ -141,7 +139,7 @@ class Publisher:
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
             "travel_left_minus_deg": pos - travel.pos_min_deg,
             "travel_left_plus_deg": travel.pos_max_deg - pos,
-            "following_error_trip_deg": deg(trip),
+            "following_error_trip_deg": deg(monitors.following_error_base_rad + widening_rad),
         }
 
     def _switched(self) -> dict[str, float]:

@@ -71,11 +71,8 @@ class EventWriter:
         if self._locked:
             return JournalState.LOCKED
         began_s = self.began_s
-        return (
-            JournalState.SLOW
-            if began_s is not None and time.monotonic() - began_s > SLOW_S
-            else JournalState.OK
-        )
+        slow = began_s is not None and time.monotonic() - began_s > SLOW_S
+        return JournalState.SLOW if slow else JournalState.OK
 
     def drain(self) -> bool:
         """Write the waiting events; False if there were none.

@@ -17,7 +17,7 @@ from gantryctl.errors import DeviceError, GantryctlError
 from gantryctl.runtime.recorder import FLUSH_ROWS, ArrowRecorder
 from gantryctl.service.memory.memory import SharedMemory, Word
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy
-from gantryctl.trace.files import LIVE_SUFFIX
+from gantryctl.trace.files import CLOSED_SUFFIX, LIVE_SUFFIX
 
 # Rows wait in the ring for so long at most, before they are written as one block.
 BLOCK_S: Final = 1.0
@@ -129,9 +129,8 @@ class TraceWriter:
         path = self._path()
         try:
             self._directory.mkdir(parents=True, exist_ok=True)
-            if not path.with_suffix(
-                ".parquet"
-            ).exists():  # else it was closed, but its rows were still in the ring
+            # A closed file is there already when its last rows were still in the ring.
+            if not path.with_suffix(CLOSED_SUFFIX).exists():
                 self._file = ArrowRecorder(path, found["columns"], found["metadata"], resume=True)
         except (OSError, GantryctlError) as fault:
             sys.stderr.write(f"recorder: {fault}\n")

@@ -40,9 +40,8 @@ def validity(file: Path) -> Validity:
         data = file.read_bytes()
         if _PEM in data:
             first = data[data.index(_PEM) :].decode("ascii", "replace")
-            data = ssl.PEM_cert_to_DER_cert(
-                first[: first.index("-----END") + len("-----END CERTIFICATE-----")]
-            )
+            length = first.index("-----END") + len("-----END CERTIFICATE-----")
+            data = ssl.PEM_cert_to_DER_cert(first[:length])
         (certificate,) = _parts(data)
         fields = _parts(_parts(certificate[1])[0][1])
         place = _BEFORE_VALIDITY + (fields[0][0] == _VERSION)
