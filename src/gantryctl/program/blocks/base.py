@@ -46,6 +46,7 @@ class ExecuteBlock(Block):
 
     Attributes:
         attention: the outputs may change although the inputs do not; else a program may leave out the call.
+        command: the command under way, or None.
     """
 
     __slots__ = ("_execute", "_final", "active", "attention", "busy", "command", "command_aborted", "done")
