@@ -21,7 +21,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, Reaction
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.axis.commands import (
+from gantryctl.program.axis.command_checks import (
     check_direction,
     check_overdue,
     check_setting,

@@ -7,7 +7,8 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
-from gantryctl.program.axis.commands import MotionCommand, check_setting
+from gantryctl.program.axis.command_checks import check_setting
+from gantryctl.program.axis.commands import MotionCommand
 from gantryctl.program.blocks import BrakeTest, Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
 from gantryctl.units import deg
 

@@ -10,7 +10,7 @@ import pytest
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.setup.parameters import save
-from gantryctl.drives.virtual.communication.dictionary import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.proofs import (

@@ -11,7 +11,7 @@ from gantryctl.cli.text import shown
 from gantryctl.image import OperatorCommand
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program import GantryProgram, Refusal
-from gantryctl.program.axis.commands import check_direction, check_setting, check_target
+from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target
 from gantryctl.runtime import FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine

@@ -132,7 +132,7 @@ def jog(direction: str, seconds: float, speed: float | None, yes: bool, **run: A
 
 
 def _check_speed(machine: Machine, speed: float) -> None:
-    from gantryctl.program.axis.commands import check_setting, require
+    from gantryctl.program.axis.command_checks import check_setting, require
     from gantryctl.units import rad
     from gantryctl.wiring.program import speed_settings
 
@@ -146,7 +146,7 @@ def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:
         CommandRefused: the target is not possible.
     """
     from gantryctl.machine.derived import rigid_stop
-    from gantryctl.program.axis.commands import check_target, require
+    from gantryctl.program.axis.command_checks import check_target, require
     from gantryctl.units import rad
     from gantryctl.wiring.program import travel_settings
 

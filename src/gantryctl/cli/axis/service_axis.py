@@ -16,7 +16,7 @@ from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, Motion
 from gantryctl.operation.store import state_root
 from gantryctl.program import BrakeTestOutcome
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.axis.commands import check_direction, check_setting, check_target, require
+from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target, require
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.service.protocol.limits import FRAME_S, HELD_S
 from gantryctl.units import deg, rad

@@ -11,18 +11,14 @@ from gantryctl.image import InputImage, OutputImage
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.axis.commands import (
-    CommandStatus,
-    MotionCommand,
-    MotionCommands,
-    why_no_brake_test,
-    why_no_torque,
-)
+from gantryctl.program.axis.commands import CommandStatus, MotionCommand, MotionCommands
 from gantryctl.program.axis.load_side import LoadSide
+from gantryctl.program.axis.permission import why_no_brake_test, why_no_torque
 from gantryctl.program.axis.reference import Reference
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
 from gantryctl.program.feedback import Feedback
-from gantryctl.program.monitors.monitors import Interlocks, Monitors
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence

@@ -1,74 +1,28 @@
-"""Commands of the axis: permission to give torque, the checks that refuse a motion whole, and its way to the end.
-
-The axis judges every command with these checks. A command line judges with the same ones before it switches power on,
-which spares a power cycle that would end in a refusal.
-"""
+"""Commands of the axis: status, order and end of motions and stops."""
 
 from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass
 from enum import Enum
-from typing import Final
 
-from gantryctl.errors import CommandRefused
-from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
-from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.command_checks import (
+    check_direction,
+    check_overdue,
+    check_range,
+    check_speed,
+    check_way,
+)
 from gantryctl.program.axis.states import AxisState
-from gantryctl.program.feedback import FAULTS, Feedback
-from gantryctl.program.monitors.monitors import Interlocks, Monitors
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
-from gantryctl.program.settings import AxisSettings, PowerSettings, SpeedSettings, TravelSettings
+from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
-from gantryctl.units import deg, rad
-
-# UNKNOWN is a state of its own, and no permission.
-_NO_POWER: Final = (*FAULTS, DriveState.UNKNOWN)
-
-
-def why_no_torque(feedback: Feedback, alarms: AlarmLog, but: Code | None = None) -> Refusal | None:
-    """Why the drive may not be enabled now; the alarm `but` does not count."""
-    first, blocking = alarms.first_out, alarms.blocking(but)
-    reason: Words | Said
-    # A latched alarm is named before the input that caused it.
-    if first is not None:
-        reason = Words.LATCHED(code=first.code, measured=first.refusal)
-    elif blocking is not None:
-        reason = blocking.active_words
-    elif not feedback.inputs.estop_ok:
-        reason = Words.ESTOP_OPEN
-    elif not feedback.inputs.mains_ready:
-        reason = Words.MAINS_NOT_READY
-    elif feedback.state in _NO_POWER:
-        reason = Words.DRIVE_FAULT
-    elif not feedback.position_valid:
-        reason = Words.POSITION_NOT_VALID
-    else:
-        return None
-    return refusal(Code.PWR_04, reason=reason)
-
-
-def why_no_brake_test(
-    settings: PowerSettings, power: PowerSequence, feedback: Feedback, alarms: AlarmLog
-) -> Refusal | None:
-    """Why a brake test may not begin now."""
-    level_nm = power.brake_test.level_nm
-    reason: Words | Said
-    if power.brake_test.under_way:
-        reason = Words.TEST_UNDER_WAY
-    elif settings.untestable:
-        reason = Words.NOT_TESTABLE(why=settings.untestable)
-    elif power.phase is not PowerPhase.OFF:
-        reason = Words.TEST_NEEDS_POWER_OFF
-    # The level comes on top of the torque that holds the load (decision 14).
-    elif not level_nm <= settings.torque_max_nm - abs(power.holding.mean_nm):
-        reason = Words.TEST_TORQUE_TOO_HIGH(level=level_nm)
-    else:
-        # A test that passes clears BRK-08, so BRK-08 does not stand against it.
-        return why_no_torque(feedback, alarms, but=Code.BRK_08)
-    return refusal(Code.CTL_14, reason=reason)
+from gantryctl.units import deg
 
 
 class CommandStatus(Enum):
@@ -113,105 +67,6 @@ class MotionCommand:
         """End it with an error."""
         self.status, self.refusal = CommandStatus.ERROR, reason
         return self
-
-
-# A way shorter than one fine encoder count at the gantry, 1.3e-9 rad, is no way.
-_NO_WAY_RAD: Final = 1e-9
-# Beyond this the refusal names the range, not the distance left: "target 1e300 deg" has 300 digits.
-_ABSURD_RAD: Final = rad(1e6)
-
-
-def require(refused: Refusal | None) -> None:
-    """Raise CommandRefused for a refusal: outside a scan errors are exceptions."""
-    if refused is not None:
-        raise CommandRefused(refused.text)
-
-
-def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
-    """Refuse a target that is not finite, or absurdly far away."""
-    if -_ABSURD_RAD <= target_rad <= _ABSURD_RAD:
-        return None
-    return refusal(
-        Code.CTL_01,
-        name=Words.NAME_TARGET,
-        allowed=Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad)),
-        measured=Words.ANGLE(value=deg(target_rad)),
-    )
-
-
-def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:
-    """Refuse a target outside the travel, unless it is nearer to the travel than here."""
-    low, high = travel.pos_min_rad, travel.pos_max_rad
-    # The way back from outside is always open.
-    if target_rad > high and target_rad >= here_rad:
-        limit_rad, left_rad = high, high - here_rad
-    elif target_rad < low and target_rad <= here_rad:
-        limit_rad, left_rad = low, here_rad - low
-    else:
-        return check_range(target_rad, travel)
-    return check_range(target_rad, travel) or refusal(
-        Code.CTL_09,
-        measured=deg(target_rad),
-        limit=deg(limit_rad),
-        position=round(deg(here_rad), 2) + 0.0,  # never "-0.00"
-        left=max(0.0, deg(left_rad)),
-    )
-
-
-def check_way(
-    here_rad: float, target_rad: float, travel: TravelSettings, interlocks: Interlocks
-) -> Refusal | None:
-    """Refuse a target outside the travel, and motion towards an open limit switch."""
-    return check_target(here_rad, target_rad, travel) or _inward_only(
-        here_rad,
-        target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open,
-        target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open,
-    )
-
-
-def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
-    """Refuse a speed towards the end of the travel at which the axis stands; its sign is the direction."""
-    return _inward_only(
-        here_rad,
-        vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD,
-        vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD,
-    )
-
-
-def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
-    """Refuse a speed of 0 or above the highest setting: a program may creep below the lowest one."""
-    # Written so that NaN is refused: `nan > limit` is false.
-    if 0.0 < speed_rad_s <= speed.setting_max_rad_s:
-        return None
-    return _wrong_speed(speed_rad_s, Words.AT_MOST_SPEED(high=deg(speed.setting_max_rad_s)))
-
-
-def check_setting(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
-    """Refuse a speed outside the range of the speed setting; it is never clamped."""
-    if speed.setting_min_rad_s <= speed_rad_s <= speed.setting_max_rad_s:
-        return None
-    low, high = deg(speed.setting_min_rad_s), deg(speed.setting_max_rad_s)
-    return _wrong_speed(speed_rad_s, Words.WITHIN_SPEEDS(low=low, high=high))
-
-
-def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
-    """Refuse a speed that is too high for a brake whose test is overdue."""
-    limit_rad_s = speed.brake_overdue_rad_s
-    # The limit itself, typed in deg/s, must pass after its conversion.
-    if speed_rad_s <= limit_rad_s * (1.0 + 1e-9):
-        return None
-    return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))
-
-
-def _inward_only(here_rad: float, plus_shut: bool, minus_shut: bool) -> Refusal | None:
-    if not (plus_shut or minus_shut):
-        return None
-    return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE if plus_shut else Words.FORWARD)
-
-
-def _wrong_speed(speed_rad_s: float, allowed: Said) -> Refusal:
-    measured = Words.SPEED(value=deg(speed_rad_s))
-    return refusal(Code.CTL_01, name=Words.NAME_SPEED, allowed=allowed, measured=measured)
 
 
 class MotionCommands:

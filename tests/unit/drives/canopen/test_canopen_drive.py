@@ -8,7 +8,7 @@ import can
 import pytest
 
 from gantryctl.drives.canopen.drive import CanopenDrive
-from gantryctl.drives.virtual.communication.dictionary import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
 from gantryctl.wiring.canopen import canopen_drive

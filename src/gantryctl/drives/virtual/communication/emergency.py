@@ -7,7 +7,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from gantryctl.drives.virtual.communication.dictionary import Abort, Dictionary, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import ERRORS
 
 _INVALID: Final = 0x8000_0000

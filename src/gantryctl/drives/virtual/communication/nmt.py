@@ -25,7 +25,8 @@ from enum import IntEnum
 from functools import partial
 from typing import Final
 
-from gantryctl.drives.virtual.communication.dictionary import Abort, Dictionary, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import CONSUMERS
 
 

@@ -11,7 +11,8 @@ from typing import Final
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
 from gantryctl.drives.virtual.axis.hardware import Scaling
 from gantryctl.drives.virtual.axis.speed_reference import MODES
-from gantryctl.drives.virtual.communication.dictionary import Abort, Dictionary, Key, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary, Key
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 

@@ -9,7 +9,8 @@ from typing import Final
 
 from gantryctl.drives.od.model import Entry
 from gantryctl.drives.od.types import bit_length
-from gantryctl.drives.virtual.communication.dictionary import Abort, Dictionary, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import MAPPED, PDO_INVALID, PDOS
 
 _EXTENDED: Final = 0x2000_0000

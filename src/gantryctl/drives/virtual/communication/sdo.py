@@ -16,7 +16,8 @@ import struct
 from dataclasses import dataclass, field
 from typing import Final
 
-from gantryctl.drives.virtual.communication.dictionary import Abort, Dictionary, SdoAbort
+from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.dictionary import Dictionary
 
 _MAX_BYTES: Final = 1024
 _TOGGLE: Final = 0x10

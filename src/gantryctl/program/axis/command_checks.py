@@ -1,0 +1,115 @@
+"""Checks that refuse a motion whole: range, way, direction, speed.
+
+The axis judges every command with these checks. A command line judges with the same ones before it switches power on,
+which spares a power cycle that would end in a refusal.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.errors import CommandRefused
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import Refusal, refusal
+from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.settings import SpeedSettings, TravelSettings
+from gantryctl.units import deg, rad
+
+# A way shorter than one fine encoder count at the gantry, 1.3e-9 rad, is no way.
+_NO_WAY_RAD: Final = 1e-9
+# Beyond this the refusal names the range, not the distance left: "target 1e300 deg" has 300 digits.
+_ABSURD_RAD: Final = rad(1e6)
+
+
+def require(refused: Refusal | None) -> None:
+    """Raise CommandRefused for a refusal: outside a scan errors are exceptions."""
+    if refused is not None:
+        raise CommandRefused(refused.text)
+
+
+def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
+    """Refuse a target that is not finite, or absurdly far away."""
+    if -_ABSURD_RAD <= target_rad <= _ABSURD_RAD:
+        return None
+    return refusal(
+        Code.CTL_01,
+        name=Words.NAME_TARGET,
+        allowed=Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad)),
+        measured=Words.ANGLE(value=deg(target_rad)),
+    )
+
+
+def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:
+    """Refuse a target outside the travel, unless it is nearer to the travel than here."""
+    low, high = travel.pos_min_rad, travel.pos_max_rad
+    # The way back from outside is always open.
+    if target_rad > high and target_rad >= here_rad:
+        limit_rad, left_rad = high, high - here_rad
+    elif target_rad < low and target_rad <= here_rad:
+        limit_rad, left_rad = low, here_rad - low
+    else:
+        return check_range(target_rad, travel)
+    return check_range(target_rad, travel) or refusal(
+        Code.CTL_09,
+        measured=deg(target_rad),
+        limit=deg(limit_rad),
+        position=round(deg(here_rad), 2) + 0.0,  # never "-0.00"
+        left=max(0.0, deg(left_rad)),
+    )
+
+
+def check_way(
+    here_rad: float, target_rad: float, travel: TravelSettings, interlocks: Interlocks
+) -> Refusal | None:
+    """Refuse a target outside the travel, and motion towards an open limit switch."""
+    return check_target(here_rad, target_rad, travel) or _inward_only(
+        here_rad,
+        target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open,
+        target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open,
+    )
+
+
+def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
+    """Refuse a speed towards the end of the travel at which the axis stands; its sign is the direction."""
+    return _inward_only(
+        here_rad,
+        vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD,
+        vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD,
+    )
+
+
+def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
+    """Refuse a speed of 0 or above the highest setting: a program may creep below the lowest one."""
+    # Written so that NaN is refused: `nan > limit` is false.
+    if 0.0 < speed_rad_s <= speed.setting_max_rad_s:
+        return None
+    return _wrong_speed(speed_rad_s, Words.AT_MOST_SPEED(high=deg(speed.setting_max_rad_s)))
+
+
+def check_setting(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
+    """Refuse a speed outside the range of the speed setting; it is never clamped."""
+    if speed.setting_min_rad_s <= speed_rad_s <= speed.setting_max_rad_s:
+        return None
+    low, high = deg(speed.setting_min_rad_s), deg(speed.setting_max_rad_s)
+    return _wrong_speed(speed_rad_s, Words.WITHIN_SPEEDS(low=low, high=high))
+
+
+def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
+    """Refuse a speed that is too high for a brake whose test is overdue."""
+    limit_rad_s = speed.brake_overdue_rad_s
+    # The limit itself, typed in deg/s, must pass after its conversion.
+    if speed_rad_s <= limit_rad_s * (1.0 + 1e-9):
+        return None
+    return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))
+
+
+def _inward_only(here_rad: float, plus_shut: bool, minus_shut: bool) -> Refusal | None:
+    if not (plus_shut or minus_shut):
+        return None
+    return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE if plus_shut else Words.FORWARD)
+
+
+def _wrong_speed(speed_rad_s: float, allowed: Said) -> Refusal:
+    measured = Words.SPEED(value=deg(speed_rad_s))
+    return refusal(Code.CTL_01, name=Words.NAME_SPEED, allowed=allowed, measured=measured)

@@ -1,0 +1,85 @@
+"""Interlocks of every phase: emergency stop, mains, limit switches, drive faults."""
+
+from __future__ import annotations
+
+from gantryctl.image import DigitalInputs
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.feedback import FAULTS, Feedback
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg
+
+
+class Interlocks:
+    """Checks inputs, drive faults and warnings once a scan; each acts on the first scan that shows it.
+
+    A limit switch stops the axis when it opens. It may stay open after a reset, or be open from the start: then only
+    the way back inward is open until it has closed again.
+
+    Attributes:
+        plus_open, minus_open: the way forward or back is open (its limit switch is closed).
+    """
+
+    __slots__ = (
+        "_alarms", "_code_known", "_feedback", "_inputs", "_overload_warning", "_was_minus", "_was_plus",
+        "minus_open", "plus_open",
+    )  # fmt: skip
+
+    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
+        self._feedback = feedback
+        self._alarms = alarms
+        self._overload_warning = settings.monitors.overload_warning
+        self._inputs: DigitalInputs | None = None
+        self._code_known = False
+        self._was_plus = self._was_minus = True
+        self.plus_open = self.minus_open = True
+
+    def scan(self, pos_rad: float, powered: bool) -> None:
+        """Check the inputs, the state of the drive and its warnings."""
+        feedback = self._feedback
+        inputs = feedback.inputs
+        if inputs is not self._inputs or False in inputs:
+            self._check_inputs(inputs, pos_rad, powered)
+        if feedback.state in FAULTS:
+            self._fault()
+        elif self._code_known:
+            self._code_known = False
+        if feedback.warning:
+            self._alarms.raise_(Code.DRV_02)
+        if not feedback.overload < self._overload_warning:
+            limit = 100.0 * self._overload_warning
+            self._alarms.raise_(Code.THM_01, measured=100.0 * feedback.overload, limit=limit)
+
+    def _check_inputs(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
+        # One switch open in the first scan is an axis that stands at it. Both are a broken common wire: LIM-04.
+        if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
+            self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
+        self._inputs = inputs
+        # No filter: a hard-wired input acts on the first scan.
+        if not inputs.estop_ok:
+            self._alarms.raise_(Code.INT_03, measured=deg(pos_rad))
+        if powered and not inputs.mains_ready:
+            speed = deg(self._feedback.vel_rad_s)
+            self._alarms.raise_(Code.PWR_01, measured=deg(pos_rad), speed=speed)
+        self.plus_open, self.minus_open = inputs.limit_plus_ok, inputs.limit_minus_ok
+        opened_plus = self._was_plus and not self.plus_open
+        opened_minus = self._was_minus and not self.minus_open
+        self._was_plus, self._was_minus = self.plus_open, self.minus_open
+        if (opened_plus or opened_minus) and not (self.plus_open or self.minus_open):
+            self._alarms.raise_(Code.LIM_04, measured=deg(pos_rad))
+        elif opened_plus or opened_minus:
+            side = Words.PLUS if opened_plus else Words.MINUS
+            self._alarms.raise_(Code.LIM_03, measured=deg(pos_rad), side=side)
+
+    def _fault(self) -> None:
+        code = self._feedback.error_code
+        error = Words.DRIVE_ERROR(error=code, word=f"{code:04X}") if code else Words.DRIVE_ERROR_UNKNOWN
+        self._alarms.raise_(Code.DRV_01, measured=error)
+        # Some drives show their error code some scans after the fault.
+        if code and not self._code_known:
+            self._alarms.complete(Code.DRV_01, measured=error)
+        self._code_known = code != 0
+
+
+# No axis turns faster: beyond this a speed is an invalid reading.
