@@ -7,10 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.drives.canopen.drive import CanopenDrive
-from gantryctl.errors import DeviceError
-from gantryctl.image import DriveFeedback
-from gantryctl.machine import configs_folder, default_machine, load_machine, with_values
+from gantryctl.machine import default_machine
 from gantryctl.operation.opening import RunEnd, close_axis, keep_machine, new_machine, open_axis, read_only
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
@@ -84,23 +81,3 @@ def test_the_axis_shows_the_angle_at_which_the_gantry_was_left() -> None:
             assert again.reading.angle_deg == pytest.approx(10.0, abs=0.005)
             assert (again.retained.power_ups, again.retained.moves) == (1, 2)
             assert again.retained.last_result == "done"
-
-
-def test_a_drive_that_stops_answering_while_it_is_opened_leaves_its_bus(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    machine = load_machine(configs_folder() / "hust_can.toml")
-    closed: list[CanopenDrive] = []
-
-    def silent(_: CanopenDrive) -> DriveFeedback:
-        raise DeviceError("silent")
-
-    def close(drive: CanopenDrive) -> None:
-        closed.append(drive)
-
-    monkeypatch.setattr(CanopenDrive, "read", silent)
-    monkeypatch.setattr(CanopenDrive, "close", close)
-    with pytest.raises(DeviceError, match="silent"):
-        open_axis(with_values(machine, {"can.interface": "simulated"}), None)
-    assert len(closed) == 1
-    closed[0].link.close()
