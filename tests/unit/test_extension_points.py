@@ -15,7 +15,8 @@ from gantryctl.machine import field_specs
 from gantryctl.machine.tables.drive import DriveTable
 from gantryctl.service.protocol.tags import TAGS, Tag
 
-pytestmark = pytest.mark.can  # commissioning is of machines on a bus
+# Commissioning is of machines on a bus.
+pytestmark = pytest.mark.can
 ROOT = Path(__file__).parents[2]
 SOURCE = ROOT / "src" / "gantryctl"
 EXTEND = ROOT / "docs" / "how-to" / "extend.md"
