@@ -204,14 +204,15 @@ class Engine:
         output = self._active.scan(image)
         if stopping and output.request is DriveRequest.ENABLE:
             output = quick_stop_output(output.brake_open)
+        record = self._record
         # Row k is the state at k x period, and a simulated plant advances inside the write (decision 0005).
-        true_row = self._truth()
+        true_row = self._truth() if record is not None else ()
         drive.write(output)
         self.output = output
         self.scan = scan + 1
-        if self._record is not None:
+        if record is not None:
             try:
-                self._record((time_s, *self._active.trace_row(), *true_row))
+                record((time_s, *self._active.trace_row(), *true_row))
             except DeviceError as fault:
                 # A write error ends the recording, never the motion (decision 0006).
                 self.recording_fault = f"recording ended at t = {self.time_s:.3f} s: {fault}"
