@@ -57,7 +57,7 @@ class DriveBench(ABC):
     def scan(self, request: DriveRequest, speed_deg_s: float = 0.0, **output: object) -> DriveFeedback:
         """One scan; what the drive shows afterwards. `speed_deg_s` is at the gantry."""
         vel = math.radians(speed_deg_s) * self.ratio
-        self.drive.write(OutputImage(request, vel, **output))  # type: ignore[arg-type]
+        self.drive.write(OutputImage(request, vel, **output))
         return self.drive.read()
 
     def scans(
@@ -92,19 +92,11 @@ class DriveBench(ABC):
         return self.drive.read().pos_act_counts / self.drive.identity().counts_per_turn * 360.0 / self.ratio
 
 
-class DriveConformance(ABC):
-    """The tests; a derived class makes the bench."""
+class DriveConformance:
+    """The tests; a derived class gives the fixture `bench`: a new drive, standing, off."""
 
     sag_max_deg: ClassVar[float] = 0.02
     """How far the load may move when the brake opens or closes."""
-
-    @abstractmethod
-    def make_bench(self) -> DriveBench:
-        """A new drive, standing, off."""
-
-    @pytest.fixture
-    def bench(self) -> DriveBench:
-        return self.make_bench()
 
     # --- what it says of itself ---------------------------------------------------------------------------------
 

@@ -38,7 +38,7 @@ class CanBench(DriveBench):
     def scan(self, request: DriveRequest, speed_deg_s: float = 0.0, **output: object) -> DriveFeedback:
         vel = speed_deg_s * self.ratio * 3.141592653589793 / 180.0
         for _ in range(2):
-            self.drive.write(OutputImage(request, vel, **output))  # type: ignore[arg-type]
+            self.drive.write(OutputImage(request, vel, **output))
             feedback = self.drive.read()
         return feedback
 

@@ -63,7 +63,7 @@ class VirtualBusBench(CanBench):
         self.quick_dec_deg_s2 = machine.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25
 
-    def ask(self, request: dict[str, object]) -> dict[str, object]:  # type: ignore[override]
+    def ask(self, request: dict[str, object]) -> dict[str, object]:
         with self._loop.lock:
             return self._answer(request)
 
@@ -77,6 +77,3 @@ class TestOverAVirtualBus(DriveConformance):
             bench = VirtualBusBench(stack)
             yield bench
             bench.drive.close()
-
-    def make_bench(self) -> DriveBench:
-        raise NotImplementedError

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import pytest
+
 from conformance.drive_port import DriveBench, DriveConformance
 from gantryctl.machine import default_machine, with_values
 from gantryctl.wiring.simulator import ideal_drive
@@ -35,5 +37,6 @@ class TestIdealDrive(DriveConformance):
 
     sag_max_deg: ClassVar[float] = 0.0
 
-    def make_bench(self) -> DriveBench:
+    @pytest.fixture
+    def bench(self) -> DriveBench:
         return IdealBench()

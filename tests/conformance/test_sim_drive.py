@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from conformance.drive_port import DriveBench, DriveConformance
 from gantryctl.machine import default_machine
 from gantryctl.wiring.simulator import sim_drive
@@ -31,5 +33,6 @@ class SimBench(DriveBench):
 class TestSimDrive(DriveConformance):
     """With all its physics."""
 
-    def make_bench(self) -> DriveBench:
+    @pytest.fixture
+    def bench(self) -> DriveBench:
         return SimBench()

@@ -68,7 +68,7 @@ class UdpBench(CanBench):
         self.quick_dec_deg_s2 = MACHINE.virtual_axis.quick_dec_deg_s2
         self.brake_time_s = 0.25
 
-    def ask(self, request: dict[str, object]) -> dict[str, object]:  # type: ignore[override]
+    def ask(self, request: dict[str, object]) -> dict[str, object]:
         fields = dict(request)
         return {"ok": True, **self._channel.ask(str(fields.pop("cmd")), **fields)}
 
@@ -81,6 +81,3 @@ class TestOverUdp(DriveConformance):
         bench = UdpBench(channel)
         yield bench
         bench.drive.close()
-
-    def make_bench(self) -> DriveBench:
-        raise NotImplementedError

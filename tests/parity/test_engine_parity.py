@@ -42,7 +42,7 @@ class Rig:
     def command(self, **levels: object) -> None:
         operator = self.engine.operator
         assert isinstance(operator, FixedOperator)
-        operator.command = operator.command._replace(**levels)  # type: ignore[arg-type]
+        operator.command = operator.command._replace(**levels)
 
 
 def powered(machine: Machine, angle_deg: float = 0.0) -> Rig:

@@ -34,7 +34,7 @@ def test_values_of_the_reference_machine(
     function: object, at_rad: float, error: float, slope: float | None
 ) -> None:
     """Printed with six or seven digits; half a unit of the last."""
-    value, derivative = function(full(), at_rad)  # type: ignore[operator]
+    value, derivative = function(full(), at_rad)
     assert value == pytest.approx(error, abs=5e-11)
     if slope is not None:
         assert derivative == pytest.approx(slope, abs=5e-10)

@@ -87,4 +87,4 @@ def test_any_change_of_bytes_is_found(record: Retained, data: st.DataObject) -> 
 )
 def test_no_field_takes_what_json_or_the_axis_cannot_hold(name: str, value: object) -> None:
     with pytest.raises(StateError, match=name):
-        encode(Retained(**{"machine": "m", "config_hash": "c", name: value}), 1)  # type: ignore[arg-type]
+        encode(Retained(**{"machine": "m", "config_hash": "c", name: value}), 1)

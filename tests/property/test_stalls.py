@@ -63,7 +63,7 @@ def test_a_move_arrives_where_and_when_it_would_have(
     rig = stalling(found)
     begun, ref, act = rig.scan, [rig.ref_deg], [rig.pos_deg]
     rig.move(target, speed)
-    while not rig.program.move.done:  # type: ignore[attr-defined]
+    while not rig.program.move.done:
         rig.step()
         ref.append(rig.ref_deg)
         act.append(rig.pos_deg)

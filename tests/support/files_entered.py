@@ -37,7 +37,7 @@ def run() -> None:
             print(json.dumps(counted), file=sys.stderr)
         return number
 
-    ServiceLink.say = say_and_print  # type: ignore[method-assign]
+    ServiceLink.say = say_and_print
     sys.setprofile(note)
     main()
 

@@ -59,15 +59,15 @@ def measure(root: Path, speed_deg_s: float) -> dict[str, object]:
     drive = subprocess.Popen(
         [*run, "drive", "sim", "--config", str(config), "--can", "udp_multicast", "--channel", "239.74.163.2",
          "--control", str(control)],
-        stdout=subprocess.PIPE, text=True, **at,  # type: ignore[call-overload]
+        stdout=subprocess.PIPE, text=True, **at,
     )  # fmt: skip
     try:
         until_said(drive, "side channel")
         zero = ["encoder", "set-zero", "--config", str(config), "--angle", "0", "--witness", "test"]
-        subprocess.run([*run, *zero], check=True, stdout=subprocess.DEVNULL, **at)  # type: ignore[call-overload]
+        subprocess.run([*run, *zero], check=True, stdout=subprocess.DEVNULL, **at)
         service = subprocess.Popen(
             [*run, "serve", "--no-page", "--config", str(config)],
-            stdout=subprocess.PIPE, text=True, **at,  # type: ignore[call-overload]
+            stdout=subprocess.PIPE, text=True, **at,
         )  # fmt: skip
         try:
             until_said(service, "Ctrl-C")

@@ -44,13 +44,13 @@ def measure(root: Path) -> dict[str, object]:
     config = machine_file(root, control)
     at = {"env": {**os.environ, "GANTRYCTL_STATE": str(root), "PYTHONUNBUFFERED": "1"}}
     sim = ["drive", "sim", "--can", "udp_multicast", "--channel", "239.74.163.2", "--control", str(control)]
-    drive = subprocess.Popen([*RUN, *sim, "--config", str(config)], stdout=subprocess.PIPE, text=True, **at)  # type: ignore[call-overload]
+    drive = subprocess.Popen([*RUN, *sim, "--config", str(config)], stdout=subprocess.PIPE, text=True, **at)
     try:
         until_said(drive, "side channel")
         zero = ["encoder", "set-zero", "--config", str(config), "--angle", "0", "--witness", "test"]
-        subprocess.run([*RUN, *zero], check=True, stdout=subprocess.DEVNULL, **at)  # type: ignore[call-overload]
+        subprocess.run([*RUN, *zero], check=True, stdout=subprocess.DEVNULL, **at)
         serve = [*RUN, "serve", "--no-page", "--config", str(config)]
-        service = subprocess.Popen(serve, stdout=subprocess.PIPE, text=True, **at)  # type: ignore[call-overload]
+        service = subprocess.Popen(serve, stdout=subprocess.PIPE, text=True, **at)
         try:
             until_said(service, "Ctrl-C")
             with ServiceLink(root / "hust_can") as link, ControlClient(control) as true:

@@ -74,7 +74,7 @@ class Disk(apsw.VFS):
                 synced[step.file], loose[step.file] = bytes(whole[step.file]), []
             elif step.kind == "delete":
                 for kept in (whole, synced, loose):
-                    kept.pop(step.file, None)  # type: ignore[attr-defined]
+                    kept.pop(step.file, None)
             else:
                 _apply(whole[step.file], step)
                 loose[step.file].append(step)

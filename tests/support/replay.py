@@ -60,7 +60,7 @@ class Replay:
             self._engine.clock = VirtualClock()
             self._operator.now, self._operator.start_s = lambda: self._engine.time_s, 0.0
             self._memory.words[Word.RECORDER_NS] = 2**62
-            self._poll, self._operator.poll = self._operator.poll, self._polled  # type: ignore[method-assign]
+            self._poll, self._operator.poll = self._operator.poll, self._polled
             self._controller.run(real_time=False)
         self._take_rows()
         self._memory.close()

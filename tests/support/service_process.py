@@ -152,7 +152,7 @@ class Service:
         return Page(
             connect(
                 f"ws://{self.address}/api/v1/socket",
-                origin=f"http://{self.address}",  # type: ignore[arg-type]
+                origin=f"http://{self.address}",
                 additional_headers={"Cookie": f"gantryctl_session={cookie}"},
                 sock=socket.create_connection((host, int(port)), PATIENCE_S, (source, 0)),
                 max_queue=queue,

@@ -168,7 +168,7 @@ def stall(folder: Path, *stalls_ms: str) -> dict[str, object]:
             "result": end["result"],
             "alarms": end["alarms"],
         }
-        found[stall_ms]["err"] = err[-600:]  # type: ignore[index]
+        found[stall_ms]["err"] = err[-600:]
     bus.end()
     return found
 

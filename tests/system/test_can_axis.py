@@ -209,7 +209,7 @@ def test_accuracy_over_the_bus_is_that_of_the_process(
     radius = MACHINE.accuracy.chord_radius_m
 
     def a_of(readings: object) -> float:
-        return float(accuracy_a(evaluate(procedure, readings.load_rad[0], radius).errors_deg))  # type: ignore[attr-defined]
+        return float(accuracy_a(evaluate(procedure, readings.load_rad[0], radius).errors_deg))
 
     bus, process = run_on_engine(MACHINE, procedure), run_procedure([default_machine()], procedure)
     a_bus, a_process = a_of(bus), a_of(process)

@@ -35,7 +35,7 @@ def record(number: int) -> bytes:
 def run_on(disk: Disk, directory: Path, synchronous: str) -> None:
     """Appends events, one or a few at a time, and notes in the disk's steps what was acknowledged."""
     directory.mkdir()
-    journal = Journal(directory, lambda path: disk.connect(path, synchronous))  # type: ignore[arg-type,return-value]
+    journal = Journal(directory, lambda path: disk.connect(path, synchronous))
     disk.steps.append(Step("kept", "", 0))
     number = 0
     while number < EVENTS:

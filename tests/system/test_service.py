@@ -153,7 +153,7 @@ def test_only_the_page_itself_with_a_session_gets_a_socket(service: Service) -> 
     ):
         with (
             pytest.raises(InvalidStatus) as refused,
-            connect(address, origin=origin, additional_headers=headers),  # type: ignore[arg-type]
+            connect(address, origin=origin, additional_headers=headers),
         ):
             pass
         assert refused.value.response.status_code == status, (origin, headers)
@@ -314,7 +314,7 @@ def test_connections_that_never_read_are_ended_and_others_see_everything(service
         after = read_journal(service.directory, newest=True)[-1].seq
         stuck = [service.page("operator") for _ in range(8)]  # nobody reads: their buffers fill up
         frames = [lively.look()["frame"]]
-        lively.until(lambda tags: frames.append(tags["frame"]) or ended(service, after) == len(stuck))  # type: ignore[func-returns-value]
+        lively.until(lambda tags: frames.append(tags["frame"]) or ended(service, after) == len(stuck))
         missed = frames[-1] - frames[0] - len(frames)
         assert missed < 0.2 * len(frames)  # of a busy machine, not of a connection that waits for others
         for page in stuck:
@@ -364,7 +364,7 @@ def test_a_page_over_tls_works_and_its_cookie_is_secure(tmp_path: Path) -> None:
         with connect(
             f"wss://{secure.address}/api/v1/socket",
             ssl=trusting,
-            origin=f"https://{secure.address}",  # type: ignore[arg-type]
+            origin=f"https://{secure.address}",
             additional_headers={"Cookie": cookie.partition(";")[0]},
         ) as live:
             assert json.loads(live.recv())["role"] == "viewer"

@@ -53,7 +53,7 @@ def test_a_killed_controller_comes_back_with_power_off_and_says_how_it_ended(
                 epoch = page.tags["epoch"]
                 os.kill(service.child("controller"), signal.SIGKILL)
                 begin = time.monotonic()
-                page.until(lambda tags, epoch=epoch: tags["epoch"] != epoch)  # type: ignore[misc]
+                page.until(lambda tags, epoch=epoch: tags["epoch"] != epoch)
                 back_s.append(time.monotonic() - begin)
                 assert page.tags["axis_state"] == "disabled"
                 assert page.refused("move", target_deg=1.0) == "SEC-07"

@@ -32,6 +32,7 @@ class PatientProtocol(H11Protocol):
         self._place = place
         self._patience: asyncio.TimerHandle | None = None
 
+    # uvicorn narrows the transport of asyncio's protocol, and so must who derives from it.
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """A new connection; closed when it asks for nothing in time."""
         super().connection_made(transport)

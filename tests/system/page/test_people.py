@@ -19,7 +19,7 @@ def test_a_foreign_page_gets_no_connection(page_service: Service) -> None:
     with pytest.raises(InvalidStatus) as refused:
         connect(
             f"ws://{page_service.address}/api/v1/socket",
-            origin="http://evil.example",  # type: ignore[arg-type]
+            origin="http://evil.example",
             additional_headers={"Cookie": f"gantryctl_session={cookie}"},
         )
     assert refused.value.response.status_code == 403

@@ -54,8 +54,8 @@ def test_the_seed_changes_the_noise_and_nothing_else(tmp_path: Path) -> None:
     assert first["a_measured"] == again["a_measured"]
     assert (first["seed"], other["seed"]) == (1, 2)
     tables = [found["tables"] for found in (first, other)]
-    assert tables[0]["true"] == tables[1]["true"]  # type: ignore[index]
-    assert tables[0]["measured"] != tables[1]["measured"]  # type: ignore[index]
+    assert tables[0]["true"] == tables[1]["true"]
+    assert tables[0]["measured"] != tables[1]["measured"]
 
 
 def test_accuracy_run_writes_its_report_and_leaves_the_state_alone(tmp_path: Path, state: Path) -> None:

@@ -78,7 +78,7 @@ def settings(**changes: object) -> Settings:
         "host": "127.0.0.1", "port": 8650, "listener": 0, "certificate": None, "key": None, "names": (),
         "root": Path(), "directory": Path(),
     }  # fmt: skip
-    return Settings(**(values | changes))  # type: ignore[arg-type]
+    return Settings(**(values | changes))
 
 
 def test_hosts_and_origins_are_those_of_the_address() -> None:

@@ -35,7 +35,7 @@ def with_brake_of(
     for wanted in (True, False):
         engine.operator.command = engine.operator.command._replace(brake_test=wanted)
         engine.step()
-    axis = engine.program.axis  # type: ignore[attr-defined]
+    axis = engine.program.axis
     assert axis.brake_test.under_way
     assert engine.run_until(lambda _: not axis.brake_test.under_way, 12.0)
     engine.run_for(3.0)
@@ -48,7 +48,7 @@ def with_brake_of(
 )
 def test_the_load_is_always_held(brake_torque_nm: float, phase: PowerPhase) -> None:
     engine = with_brake_of(brake_torque_nm)
-    power = engine.program.axis.power  # type: ignore[attr-defined]
+    power = engine.program.axis.power
     wanted = (
         BrakeTestOutcome.PASSED if brake_torque_nm > MACHINE.brake.test_torque_nm else BrakeTestOutcome.FAILED
     )
@@ -75,7 +75,7 @@ def test_what_passes_bears_thirteen_tenths_of_the_check_moment(
     for angle in ANGLES_DEG:
         for torque in TORQUES_NM:
             engine = with_brake_of(torque, angle, MOMENT_NM * math.sin(rad(angle)))
-            power = engine.program.axis.power  # type: ignore[attr-defined]
+            power = engine.program.axis.power
             assert engine.truth is not None
             moved = abs(deg(engine.truth.truth()[0]) - angle)
             rows.append(

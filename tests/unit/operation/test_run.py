@@ -353,7 +353,7 @@ def test_the_snapshot_says_what_a_display_needs() -> None:
     assert {s.state for s in looker.seen} >= {"disabled", "discrete motion", "standstill"}
     lefts = [s.time_left_s for s in moving]
     assert None not in lefts
-    assert lefts == sorted(lefts, reverse=True)  # type: ignore[type-var]
+    assert lefts == sorted(lefts, reverse=True)
     assert max(s.speed_deg_s for s in moving) == pytest.approx(1.0, abs=0.05)
     assert all(s.time_left_s is None for s in looker.seen if s.state != "discrete motion")
 

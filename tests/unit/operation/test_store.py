@@ -51,7 +51,7 @@ def test_plant_and_memory_come_back_as_they_were(machine: Machine) -> None:
         keep_machine(machine, store, fresh.drive, fresh.retained)
         again = open_machine(machine, store)
     assert again.drive.read() == fresh.drive.read()
-    assert again.drive.sim.state == fresh.drive.sim.state  # type: ignore[union-attr]
+    assert again.drive.sim.state == fresh.drive.sim.state
     assert again.retained == fresh.retained
     assert again.notes == ()
 

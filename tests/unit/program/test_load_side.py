@@ -25,14 +25,14 @@ class Spoilt:
 
     def read(self) -> DriveFeedback:
         feedback = self._drive.read()
-        return feedback._replace(pos_ring_rad=self.change(feedback.pos_ring_rad))  # type: ignore[operator]
+        return feedback._replace(pos_ring_rad=self.change(feedback.pos_ring_rad))
 
     def write(self, output: OutputImage) -> None:
         self._drive.write(output)
 
 
 def spoil(rig: Rig, change: object) -> None:
-    rig.engine.drive = Spoilt(rig, change)  # type: ignore[assignment]
+    rig.engine.drive = Spoilt(rig, change)
 
 
 def codes(rig: Rig) -> set[Code]:
@@ -116,7 +116,7 @@ def test_feed_forward_of_the_wrong_sign_is_bounded_and_nothing_runs_away() -> No
         rig.engine.step()
         assert abs(rig.engine.output.torque_ff_nm) <= limit
     assert not rig.program.axis.alarms.active
-    load = deg(rig.engine.truth.truth()[0])  # type: ignore[union-attr]
+    load = deg(rig.engine.truth.truth()[0])
     assert load == pytest.approx(36.0, abs=0.02)
 
 

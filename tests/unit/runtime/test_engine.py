@@ -219,7 +219,7 @@ def test_an_error_of_our_own_keeps_its_kind_and_still_stops_the_drive(bench: Ben
 
 def test_a_condition_that_raises_stops_the_drive_too(bench: Bench) -> None:
     with pytest.raises(AlarmStop, match="KeyError"):
-        bench.engine.run_until(lambda engine: bool({}["missing"]), timeout_s=1.0)  # type: ignore[misc]
+        bench.engine.run_until(lambda engine: bool({}["missing"]), timeout_s=1.0)
     assert bench.engine.output.request is DriveRequest.QUICK_STOP
     assert bench.engine.scan == len(bench.drive.outputs) == 2
 
@@ -262,7 +262,7 @@ def test_a_recorder_that_fails_ends_the_recording_and_not_the_motion(
 
 
 def test_a_row_of_the_wrong_length_is_a_fault_of_the_program(bench: Bench) -> None:
-    bench.program.trace_row = lambda: (1.0,)  # type: ignore[method-assign]
+    bench.program.trace_row = lambda: (1.0,)
     with pytest.raises(AlarmStop, match="expected 4 items"):
         bench.engine.step()
 

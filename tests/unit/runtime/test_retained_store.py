@@ -166,7 +166,7 @@ def test_what_is_not_finite_or_of_the_wrong_type_is_not_stored(
 ) -> None:
     memory.store(FIRST)
     with pytest.raises(StateError, match="must be a finite"):
-        memory.store(dataclasses.replace(FIRST, **change))  # type: ignore[arg-type]
+        memory.store(dataclasses.replace(FIRST, **change))
     assert memory.load() == FIRST
 
 

@@ -283,10 +283,10 @@ def test_whatever_a_scan_raises_the_axis_comes_to_rest_and_it_is_remembered(rais
         usual = desk.engine.drive.write
 
         def write(output: OutputImage) -> None:
-            desk.engine.drive.write = usual  # type: ignore[method-assign]
+            desk.engine.drive.write = usual
             raise raised
 
-        desk.engine.drive.write = write  # type: ignore[method-assign]
+        desk.engine.drive.write = write
         assert desk.controller.run(real_time=False) == AlarmStop.exit_code
         drive = desk.engine.image.drive
         # StopProgram's own limit of rest, 0.5 rad/s at the motor

@@ -144,7 +144,7 @@ def test_a_frozen_network_stops_once_or_not_at_all_and_never_starts_again(frozen
         kept.append({"type": "renew", "seq": bench.seq, "frame": seen, "epoch": bench.epoch, "lease": LEASE})
     bench.scans(frozen_ms % 30)
     for raw in kept:
-        bench.send(who, **{**raw, "kind": raw["type"]})  # type: ignore[arg-type]
+        bench.send(who, **{**raw, "kind": raw["type"]})
     for _ in range(150):  # thawed: the page still holds the key
         bench.send(who, "renew", lease=LEASE)
         bench.scans(20)
@@ -286,7 +286,7 @@ def test_remote_screens_are_slow_without_the_enabling_switch() -> None:
     bench = Bench()
     who = bench.who(place="remote")
     bench.powered(who)
-    bench.engine.drive.enabling_switch = False  # type: ignore[attr-defined]
+    bench.engine.drive.enabling_switch = False
     bench.do(who, "set", tag="speed_setting_deg_s", value=1.5)
     assert bench.refused(who, "move", target_deg=1.0) == "INT-05"
     assert bench.refused(who, "jog", lease=LEASE, direction="forward") == "INT-05"

@@ -57,7 +57,7 @@ def test_a_process_that_cannot_be_started_is_tried_again(monkeypatch: pytest.Mon
         tries[0] += 1
         if tries[0] <= 3:
             raise OSError(11, "Resource temporarily unavailable")
-        return await real(*command, **options)  # type: ignore[arg-type]
+        return await real(*command, **options)
 
     monkeypatch.setattr(module.asyncio, "create_subprocess_exec", flaky)
 

@@ -55,7 +55,7 @@ def on_the_gantry(*angles_deg: float) -> list[Sample]:
     samples = []
     while left:
         engine.run_for(SAMPLE_SCANS * engine.period_s)
-        axis = engine.program.axis  # type: ignore[attr-defined]
+        axis = engine.program.axis
         virtual = axis.virtual
         samples.append(
             Sample(axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, axis.feedback.torque_nm)

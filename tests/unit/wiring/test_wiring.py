@@ -90,8 +90,8 @@ def test_the_drive_has_the_encoder_evaluation_of_the_file() -> None:
 def test_a_delivered_machine_reads_its_angle(machine: object, angle_deg: float) -> None:
     from gantryctl.operation.opening import new_machine
 
-    made = new_machine(machine, angle_deg)  # type: ignore[arg-type]
-    counts = made.drive.read().pos_act_counts - delivered_zero_counts(machine)  # type: ignore[arg-type]
+    made = new_machine(machine, angle_deg)
+    counts = made.drive.read().pos_act_counts - delivered_zero_counts(machine)
     assert counts / MACHINE.counts_per_turn / 1144.0 * 360.0 == pytest.approx(angle_deg, abs=0.02)
 
 
@@ -115,7 +115,7 @@ def test_an_engine_stands_with_power_off_and_powers_up_when_told() -> None:
     engine.run_for(0.1)
     assert engine.program.axis.state is AxisState.DISABLED
     engine.operator.command = OperatorCommand(power=True)
-    assert engine.run_until(lambda e: e.program.axis.state is AxisState.STANDSTILL, 3.0)  # type: ignore[attr-defined]
+    assert engine.run_until(lambda e: e.program.axis.state is AxisState.STANDSTILL, 3.0)
 
 
 def test_an_operator_and_a_program_of_ones_own_are_used() -> None:

@@ -17,6 +17,7 @@ from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor import users
 
 
+# asyncua gives its classes no types that mypy reads: deriving from them needs the word, here and in `server`.
 @dataclass
 class Reader(User):  # type: ignore[misc]
     """A user as it was at login."""

@@ -210,7 +210,7 @@ class Server:
 
 
 def client(*answers: bytes) -> SdoClient:
-    return SdoClient(Server(*answers), 2, lambda frame: None, 0.1)  # type: ignore[arg-type]
+    return SdoClient(Server(*answers), 2, lambda frame: None, 0.1)
 
 
 def test_an_old_answer_is_passed_over() -> None:

@@ -164,7 +164,7 @@ def test_one_draw_equals_the_evaluation_with_its_seed() -> None:
 )
 def test_a_procedure_that_cannot_be_is_refused(arguments: dict[str, object], what: str) -> None:
     with pytest.raises(UsageError, match=what):
-        chord_procedure(**arguments)  # type: ignore[arg-type]
+        chord_procedure(**arguments)
 
 
 @pytest.mark.parametrize(("readings", "what"), [([0.0], "1 readings for the 36"), ([np.nan] * 36, "finite")])
