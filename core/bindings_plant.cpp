@@ -81,6 +81,12 @@ StateMap get_state(const Sim& sim) {
   m["report_limited"] = sim.report.limited ? 1.0 : 0.0;
   m["count_offset"] = sim.count_offset;
   m["scans_done"] = static_cast<double>(sim.scans_done);
+  // Only where the encoder is faulty: the states of sound plants keep their form.
+  if (sim.encoder.spoilt) {
+    m["encoder_gain"] = sim.encoder.gain;
+    m["encoder_pos_start"] = sim.encoder.pos_start;
+    m["encoder_seen_start"] = sim.encoder.seen_start;
+  }
   return m;
 }
 
@@ -112,7 +118,24 @@ void set_state(Sim& sim, const StateMap& m) {
   if (!(scans_done >= 0.0 && scans_done <= 1e15))
     throw std::invalid_argument("the state has scans_done outside 0..1e15");
   copy.scans_done = static_cast<std::uint64_t>(scans_done);
+  copy.encoder = EncoderFault<double>();
+  if (m.count("encoder_gain") != 0)
+    copy.encoder = {true, value("encoder_gain"), value("encoder_pos_start"), value("encoder_seen_start")};
   sim = copy;
+}
+
+double finite(double x, const char* name) {
+  if (!std::isfinite(x)) throw std::invalid_argument(std::string(name) + " must be finite");
+  return x;
+}
+
+using SampleRow = std::tuple<double, double, double, double, double, bool>;
+
+std::vector<SampleRow> samples_taken(const Sim& sim) {
+  std::vector<SampleRow> rows;
+  rows.reserve(sim.samples.size());
+  for (const Sim::Sample& s : sim.samples) rows.emplace_back(s[0], s[1], s[2], s[3], s[4], s[5] != 0.0);
+  return rows;
 }
 
 void bind_params(nb::module_& m) {
@@ -192,6 +215,29 @@ void bind_sim(nb::module_& m) {
       .def(
           "ring_reading", [](const Sim& sim) { return sim.ring_reading(); },
           "Reading of the load-side encoder in this scan, rad; 0 without one.")
+      .def_prop_rw(
+          "encoder_gain", [](const Sim& sim) { return sim.encoder.gain; },
+          [](Sim& sim, double gain) { sim.set_encoder_gain(finite(gain, "encoder_gain")); },
+          "Part of the shaft's motion that the encoder shows from now on, also to the drive's own loops: 1 "
+          "sound, "
+          "0 frozen, -1 sign wrong, 0.9 a coupling that slips. Where it shows the shaft is continuous.")
+      .def(
+          "jump_encoder",
+          [](Sim& sim, double angle_rad) { sim.jump_encoder(finite(angle_rad, "angle_rad")); },
+          nb::arg("angle_rad"),
+          "Shift what the reading and the drive's own loops see by an angle of the motor.")
+      .def(
+          "sample_every",
+          [](Sim& sim, int cycles) {
+            if (cycles < 0) throw std::invalid_argument("drive cycles between two samples: 0 (none) or more");
+            sim.sample_every = cycles;
+            sim.samples.clear();
+          },
+          nb::arg("cycles"),
+          "Take samples of the true state inside each scan, every so many drive cycles; 0: none.")
+      .def("samples_taken", &samples_taken,
+           "Samples of the last scan: (motor angle, motor speed, load angle, load speed, motor torque, brake "
+           "closed), rad, rad/s, N m.")
       .def_rw("count_offset", &Sim::count_offset, "Encoder mounting, counts: added to every reading.")
       .def_prop_rw("state", &get_state, &set_state,
                    "The whole state by name; a float survives JSON bit for bit.")

@@ -1,9 +1,12 @@
 // Drive, brake and plant together: what hangs behind a simulated drive port. One call advances one scan.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <vector>
 
 #include "core/plant/drive.hpp"
+#include "core/plant/encoder_fault.hpp"
 #include "core/plant/integration.hpp"
 #include "core/plant/load_encoder.hpp"
 
@@ -42,6 +45,10 @@ class GantrySim {
     bool limited = false;
   };
 
+  // The true state after a drive cycle: motor angle and speed, load angle and speed, motor torque, brake
+  // closed.
+  using Sample = std::array<T, 6>;
+
   GantrySim() = default;
   GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, double scan_period_s,
             int cycles_per_scan, int brake_close_cycles, int brake_open_cycles, double cycle_s, Scheme scheme,
@@ -66,6 +73,7 @@ class GantrySim {
     scans_done = 0;
     brake.closed = !servo_on;
     brake.countdown = 0;
+    encoder = EncoderFault<T>();
     const T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);
     const T torque_motor = torque_mesh / p.ratio;
     x.pos_load = theta0;
@@ -86,14 +94,18 @@ class GantrySim {
   // One scan: the drive cycles that fit into it, with the command held.
   void scan(const DriveCommand<T>& command, bool brake_open) {
     report.limited = false;
+    samples.clear();
     const T start = s.pos_last;
     const T dt = T(cycle_s_);
     const EccentricTorque<T> eccentric(plant_.p, x.pos_load);
     if (brake.command(brake_open, close_cycles_, open_cycles_)) x.brake_z = brake_grip();
     for (int k = 0; k < cycles_per_scan_; ++k) {
-      const T u = drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
+      const T u = encoder.spoilt ? drive_cycle(drive_, command, s, encoder.position(x.pos_motor),
+                                               encoder.speed(x.vel_motor), report.limited)
+                                 : drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
       step(eccentric, u, dt);
       if (brake.cycle()) x.brake_z = brake_grip();
+      if (sample_every > 0 && (k + 1) % sample_every == 0) samples.push_back(sample());
     }
     report.vel = (s.pos_last - start) / (dt * T(cycles_per_scan_));
     ++scans_done;
@@ -107,11 +119,20 @@ class GantrySim {
   // counts must be a whole number of them.
   T counts(T count) const {
     const DriveParams<T>& p = drive_.p;
-    const T pos = encoder_position(p, x.pos_motor, x.vel_motor, T(0.0));
+    const T pos = encoder.spoilt
+                      ? encoder_position(p, encoder.position(x.pos_motor), encoder.speed(x.vel_motor), T(0.0))
+                      : encoder_position(p, x.pos_motor, x.vel_motor, T(0.0));
     const auto real = p.position_count_rad > T(0.0);
     const T steps = vround(pos / select(real, p.position_count_rad, T(1.0)));
     return select(real, steps * (p.position_count_rad / count), pos / count) + count_offset;
   }
+
+  // From now on the encoder shows `gain` x the shaft's motion, to the reading and to the drive's own loops:
+  // 0 frozen, -1 sign wrong, 0.9 a coupling that slips; 1 sound again, at the angle it has come to.
+  void set_encoder_gain(T gain) { encoder.set_gain(gain, x.pos_motor); }
+
+  // The encoder jumps by an angle of the motor, for the reading and for the drive's own loops.
+  void jump_encoder(T angle) { encoder.jump(angle, x.pos_motor); }
 
   // Used part of the I2t budget, 0..1.
   T overload() const {
@@ -139,6 +160,9 @@ class GantrySim {
   Brake brake;
   Report report;
   LoadEncoderParams ring_encoder;
+  EncoderFault<T> encoder;
+  int sample_every = 0;          // drive cycles between two samples of a scan; 0: none are taken
+  std::vector<Sample> samples;   // of the last scan
   std::uint64_t scans_done = 0;  // numbers the readings of the ring encoder
   T count_offset = T(0.0);       // where the encoder is mounted on the shaft, counts; turns it has lost
 
@@ -163,6 +187,10 @@ class GantrySim {
       const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
       x.pos_motor = p.ratio * (rho + twist - em - ring);
     }
+  }
+
+  Sample sample() const {
+    return {x.pos_motor, x.vel_motor, x.pos_load, x.vel_load, x.torque_motor, T(brake.closed ? 1.0 : 0.0)};
   }
 
   // Where the brake element begins when it closes: on a turning shaft it slips at once, its pre-sliding

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gantryctl import _core
-from gantryctl.wiring.simulator import drive_params, plant_params
+from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params
 from physics.plants import (
     CYCLE_S,
     DEG,
@@ -131,3 +131,92 @@ def test_a_filter_of_2_ms_makes_8192_steps_usable() -> None:
     assert speed_error_deg_s(rough) > 0.04
     assert 0.007 < speed_error_deg_s(filtered) < 0.0115
     assert roughness_nm(filtered) < 0.25 * roughness_nm(rough)
+
+
+def running(seconds: float = 0.5) -> _core.GantrySim:
+    """The reference gantry at rest at 90 deg with the servo on, then at a motor speed of 100 rad/s."""
+    sim = gantry_sim(machine())
+    sim.static_start(math.pi / 2.0, True)
+    scans = round(seconds / sim.scan_period_s)
+    for k in range(scans):
+        sim.scan(SPEED, 100.0 * k / scans, 0.0, True)
+    return sim
+
+
+def test_a_frozen_encoder_is_frozen_for_the_speed_loop_too_which_then_accelerates() -> None:
+    sim = running()
+    vel = sim.state["vel_motor"]
+    sim.encoder_gain = 0.0
+    before = sim.feedback(FINE)[0]
+    for _ in range(100):
+        sim.scan(SPEED, 100.0, 0.0, True)
+    assert sim.feedback(FINE)[0] == before
+    assert sim.feedback(FINE)[1] == 0.0
+    # the loop sees standstill and gives its highest torque: faster than commanded within 0.1 s
+    assert sim.state["vel_motor"] > vel + 5.0
+
+
+@pytest.mark.parametrize("gain", [-1.0, 0.9, 0.02])
+def test_a_spoilt_encoder_shows_its_part_of_the_motion_without_a_jump(gain: float) -> None:
+    sim = running()
+    count, pos = sim.feedback(FINE)[0], sim.state["pos_motor"]
+    sim.encoder_gain = gain
+    # the age of a reading is part of what is spoilt: 50 us at 100 rad/s, both ways
+    assert sim.feedback(FINE)[0] * FINE == pytest.approx(count * FINE, abs=0.011)
+    count = sim.feedback(FINE)[0]
+    for _ in range(20):
+        sim.scan(SPEED, 100.0, 0.0, True)
+    shown = (sim.feedback(FINE)[0] - count) * FINE
+    # the age of the reading at both ends, at speeds that differ by some rad/s
+    assert shown == pytest.approx(gain * (sim.state["pos_motor"] - pos), abs=2e-3)
+
+
+def test_a_jump_is_seen_by_reading_and_speed_loop() -> None:
+    sim = running()
+    sound = sim.copy()
+    before = sim.feedback(FINE)[0]
+    sim.jump_encoder(1.0)
+    assert (sim.feedback(FINE)[0] - before) * FINE == pytest.approx(1.0, abs=FINE)
+    for each in (sim, sound):
+        each.scan(SPEED, 100.0, 0.0, True)
+    assert sim.state["vel_motor"] < sound.state["vel_motor"]
+
+
+def test_a_fault_of_the_encoder_is_part_of_the_state_and_a_new_start_ends_it() -> None:
+    sim = running()
+    sound = set(sim.state)
+    sim.encoder_gain = 0.0
+    other = gantry_sim(machine())
+    other.state = sim.state
+    assert other.state == sim.state
+    assert set(sim.state) - sound == {"encoder_gain", "encoder_pos_start", "encoder_seen_start"}
+    sim.static_start(0.0, False)
+    assert set(sim.state) == sound
+
+
+def test_samples_show_the_truth_inside_a_scan() -> None:
+    slow = gantry_sim(machine({"control.scan_period_ms": 10.0}))
+    fast = gantry_sim(machine({"control.scan_period_ms": 1.0}))
+    for each in (slow, fast):
+        each.static_start(0.0, True)
+    slow.sample_every(8)
+    slow.scan(SPEED, 5.0, 0.0, True)
+    rows = slow.samples_taken()
+    assert len(rows) == 10
+    for row in rows:
+        fast.scan(SPEED, 5.0, 0.0, True)
+        # the eccentric moment is linearised at the start of a scan: far below a count in 10 ms
+        assert row[0] == pytest.approx(fast.state["pos_motor"], abs=FINE)
+    assert rows[-1][0] == slow.state["pos_motor"]
+    slow.sample_every(0)
+    slow.scan(SPEED, 5.0, 0.0, True)
+    assert slow.samples_taken() == []
+
+
+@pytest.mark.parametrize("wrong", [math.nan, math.inf])
+def test_a_fault_of_the_encoder_is_finite(wrong: float) -> None:
+    sim = simulator(bare("rigid"))
+    with pytest.raises(ValueError, match="encoder_gain must be finite"):
+        sim.encoder_gain = wrong
+    with pytest.raises(ValueError, match="angle_rad must be finite"):
+        sim.jump_encoder(wrong)
