@@ -29,7 +29,10 @@ class DriveRequest(IntEnum):
     ENABLE = 1
     """Operation enabled, following `vel_cmd_rad_s`."""
     QUICK_STOP = 2
-    """The drive's own ramp to zero at its quick-stop deceleration, then held at zero speed until DISABLE."""
+    """The drive's own ramp to zero at its quick-stop deceleration, then held at zero speed until DISABLE.
+
+    A drive that owns its brake closes it instead, and leaves for Switch on disabled by itself.
+    """
     FAULT_RESET = 3
     """Clear a drive fault; never enables."""
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from conformance.drive_port import DISABLE, ENABLE, DriveBench, DriveConformance
+from conformance.drive_port import DISABLE, ENABLE, QUICK_STOP, DriveBench, DriveConformance
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
@@ -84,6 +84,29 @@ class TestBrakeOfTheDrive(TestBrakeByObject60FE):
         assert feedback.state is not DriveState.OPERATION_ENABLED
         # In order there is no sag at all; torque off first would let the load fall for the brake's 0.15 s.
         assert bench.angle_deg() == pytest.approx(before, abs=0.001)
+
+    def test_quick_stop_ramps_down_and_holds_zero_speed(self, bench: DriveBench) -> None:
+        """The drive ends it by itself: ramp, brake, torque off, and nothing sags while the word stays."""
+        bench.enable()
+        self.ramp_to(bench, 1.5)
+        before = bench.angle_deg()
+        ramp_s = 1.5 / bench.quick_dec_deg_s2
+        bench.scan(QUICK_STOP, brake_open=True)
+        feedback = bench.scans(ramp_s + 0.05, QUICK_STOP, brake_open=True)
+        assert feedback.state is DriveState.QUICK_STOP_ACTIVE
+        feedback = bench.scans(2 * bench.brake_time_s, QUICK_STOP, brake_open=True)
+        assert bench.angle_deg() - before == pytest.approx(1.5 * ramp_s / 2.0, rel=0.15)
+        assert feedback.state is DriveState.SWITCH_ON_DISABLED
+        assert not feedback.brake_open
+        # The load swings on for some seconds, the motor side stands.
+        assert bench.speed_deg_s() == pytest.approx(0.0, abs=0.05)
+
+    def test_only_disable_ends_a_quick_stop(self, bench: DriveBench) -> None:
+        """Before the drive has closed its brake, 0.16 s after rest."""
+        bench.enable()
+        bench.scan(QUICK_STOP, brake_open=True)
+        assert bench.scans(0.1, ENABLE, 1.0, brake_open=True).state is DriveState.QUICK_STOP_ACTIVE
+        assert bench.scan(DISABLE).state is DriveState.SWITCH_ON_DISABLED
 
     def test_a_speed_against_the_closed_brake_does_not_turn_the_gantry(self, bench: DriveBench) -> None:
         """An enabled drive has its brake open; on the way there the speed command stays 0."""

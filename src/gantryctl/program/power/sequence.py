@@ -200,7 +200,10 @@ class PowerSequence:
             return
         self._count += self._feedback.periods
         if phase in TORQUE_ON and self._feedback.state not in ENABLED:
-            self._lost()
+            if self._quick_stop_ended():
+                self._enter(PowerPhase.DISABLING)
+            else:
+                self._lost()
             return
         _STEPS[phase](self, pos_rad)
 
@@ -294,7 +297,8 @@ class PowerSequence:
 
     def _closing(self, _pos_rad: float) -> None:
         """Hold zero speed while the brake closes."""
-        if self._drive_owns_brake:  # it closes the brake itself, when it is disabled
+        # A drive that owns the brake closes it itself: when it is disabled, or at the end of its quick stop.
+        if self._drive_owns_brake and self.request is not DriveRequest.QUICK_STOP:
             self._enter(PowerPhase.DISABLING)
         # Torque goes off only after the brake holds; TORQUE OFF is the one exception.
         elif self._count >= self._close_scans and not self._feedback.brake_open:
@@ -304,8 +308,18 @@ class PowerSequence:
             # Only unloading shows whether a brake without its contact holds.
             self._unload()
 
+    def _quick_stop_ended(self) -> bool:
+        """A drive that owns its brake has ended a quick stop by itself: ramp, brake, torque off."""
+        feedback = self._feedback
+        return (
+            self._drive_owns_brake
+            and self.request is DriveRequest.QUICK_STOP
+            and feedback.state is DriveState.SWITCH_ON_DISABLED
+            and -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S
+        )
+
     def _unload(self) -> None:
-        if not self._settings.torque_preload:
+        if self._drive_owns_brake or not self._settings.torque_preload:
             self._enter(PowerPhase.DISABLING)
             return
         self._enter(PowerPhase.UNLOADING)

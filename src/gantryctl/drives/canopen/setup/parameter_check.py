@@ -75,9 +75,9 @@ def wanted_parameters(
     torque = round(1000.0 * s.torque_max_nm / (rated_nm * s.torque_reference))
     ceiling = round(r_min_from_rad_s(s.speed_ceiling_rad_s))
     quick = units.unsigned_velocity(s.quick_dec_rad_s2)
-    # docs/reference/canopen.md gives the reason for each. 6007 = 1 with 605E = 2, not 6007 = 3: with 605A = 6, which
-    # the port asks for, a quick stop by lost communication would hold the load on a servo whose controller is gone; a
-    # fault ramps down, closes the brake and takes the torque off (decision 0012). Of nine real object dictionaries
+    # docs/reference/canopen.md gives the reason for each. 6007 = 1 with 605E = 2, not 6007 = 3: with 605A = 6 a quick
+    # stop by lost communication would hold the load on a servo whose controller is gone; a fault ramps down, closes
+    # the brake and takes the torque off (decision 0012). Of nine real object dictionaries
     # none has both 1016 and 1400:05, and five have no 6072: most objects are optional.
     return (
         WantedParameter(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
@@ -93,7 +93,7 @@ def wanted_parameters(
         WantedParameter(
             0x605E, 0, 2, "a fault ramps down, then brake and torque off: 0 drops the load on the brake"
         ),
-        WantedParameter(0x605A, 0, 6, "quick stop ramps down and holds"),
+        _quick_stop_option(s),
         WantedParameter(0x605B, 0, 1, "shutdown ramps down first"),
         WantedParameter(
             0x605C, 0, 1, "disable operation ramps down, closes the brake, then takes the torque off"
@@ -109,6 +109,18 @@ def wanted_parameters(
         WantedParameter(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
         WantedParameter(0x608F, 2, 1, "the same, per motor turn", writable=False),
         WantedParameter(0x60A9, 0, VELOCITY_UNITS[s.velocity_unit], "[can] velocity_unit", writable=False),
+    )
+
+
+def _quick_stop_option(settings: CanopenSettings) -> WantedParameter:
+    # Quick stop active is left for torque off or for Operation enabled only (CiA 402). A drive that owns its brake
+    # must end the stop by itself: torque off with the brake still open let the gear unwind by 0.020 deg.
+    if settings.brake_owner == "drive":
+        return WantedParameter(
+            0x605A, 0, 2, "quick stop ramps down, closes the brake, then takes the torque off"
+        )
+    return WantedParameter(
+        0x605A, 0, 6, "quick stop ramps down and holds while the controller closes the brake"
     )
 
 

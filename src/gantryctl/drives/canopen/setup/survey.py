@@ -21,7 +21,7 @@ _CIA_402: Final = 402
 _DANGEROUS_AT_0: Final = {
     0x6007: "6007 = 0: a silent master lets this axis run on · gantryctl writes 1 before it enables",
     0x605E: "605E = 0: a fault takes the torque off without a ramp · gantryctl writes 2",
-    0x605A: "605A = 0: a quick stop takes the torque off without a ramp · gantryctl writes 6",
+    0x605A: "605A = 0: a quick stop takes the torque off without a ramp · gantryctl writes 2 or 6",
 }
 
 
