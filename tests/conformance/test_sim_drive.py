@@ -21,10 +21,10 @@ class SimBench(DriveBench):
         self.brake_time_s = 0.25
 
     def emergency_stop(self, ok: bool) -> None:
-        self.sim.estop_ok = ok
+        self.sim.faults.estop_ok = ok
 
     def mains(self, ready: bool) -> None:
-        self.sim.mains_ready = ready
+        self.sim.faults.mains_ready = ready
 
     def trip(self, error_code: int) -> None:
         self.sim.trip(error_code)

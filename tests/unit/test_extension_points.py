@@ -10,7 +10,7 @@ from typing import get_args, get_type_hints
 import pytest
 
 from gantryctl.commissioning import STEPS, Step
-from gantryctl.drives.virtual.side_channel.faults import names
+from gantryctl.drives.faults import names
 from gantryctl.machine import field_specs
 from gantryctl.machine.tables.drive import DriveTable
 from gantryctl.service.protocol.tags import TAGS, Tag
@@ -40,7 +40,7 @@ def test_every_kind_of_drive_runs_the_conformance_suite() -> None:
 @pytest.mark.parametrize("name", names())
 def test_a_fault_of_the_virtual_drive_acts_is_documented_and_injected_by_a_test(name: str) -> None:
     assert f"`{name}`" in (ROOT / "docs" / "reference" / "drive-sim.md").read_text(encoding="utf-8")
-    assert re.search(rf"faults\.{name}\b", sources("side_channel/faults.py"))
+    assert re.search(rf"faults\.{name}\b", sources("drives/faults.py"))
     tests = (path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
     assert any(f'"{name}"' in text for text in tests)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 from gantryctl import _core
 from gantryctl.drives.base import TRUTH_COLUMNS, BaseDrive, next_state, settle
-from gantryctl.errors import DeviceError
+from gantryctl.drives.faults import Faults
+from gantryctl.errors import DeviceError, UsageError
 from gantryctl.image import (
     DigitalInputs,
     DriveFeedback,
@@ -14,6 +16,7 @@ from gantryctl.image import (
     DriveRequest,
     DriveState,
     EncoderFlag,
+    LinkFlag,
     OutputImage,
 )
 from gantryctl.ports import Truth
@@ -25,14 +28,24 @@ _QUICK_STOP: Final = 2
 _TWO_PI: Final = 6.283185307179586
 
 
+class PlantMaker(NamedTuple):
+    """Parameters of the compiled gantry of a simulated drive, and the way to make it anew when one changes."""
+
+    plant: _core.PlantParams
+    drive: _core.DriveParams
+    make: Callable[[_core.PlantParams, _core.DriveParams], _core.GantrySim]
+
+
 class SimDrive(BaseDrive):
     """Servo drive with the gantry behind it; `write` advances both by one scan.
 
     To the program it is a drive like any other. A fault, an open emergency stop or missing mains takes the torque off
-    and closes the brake. `trip`, `lose_turns` and the inputs are for tests and not part of the `Drive` port.
+    and closes the brake. `faults`, `trip`, `lose_turns` and `change_plant` inject faults and are no part of the `Drive`
+    port.
 
     Args:
         sim: drive loops and plant; its state moves on.
+        maker: its parameters, for a fault that changes one.
         serial: serial number of the encoder.
         counts_per_turn: fine counts per motor turn.
         turns: multiturn range of the encoder.
@@ -42,13 +55,23 @@ class SimDrive(BaseDrive):
     truth_columns: tuple[str, ...] = TRUTH_COLUMNS
 
     def __init__(
-        self, sim: _core.GantrySim, serial: str, counts_per_turn: int, turns: int, limit_switch_rad: float
+        self,
+        sim: _core.GantrySim,
+        maker: PlantMaker,
+        serial: str,
+        counts_per_turn: int,
+        turns: int,
+        limit_switch_rad: float,
     ) -> None:
         self.sim = sim
+        self._maker = maker
         self.state = DriveState.SWITCH_ON_DISABLED
-        self.encoder_flags = EncoderFlag.NONE
         self.error_code = 0
-        self.estop_ok = self.mains_ready = self.enabling_switch = True
+        self.faults = Faults()
+        # A fault was in force in the last scan: its end has to be noticed too.
+        self._spoilt = False
+        self._frozen_counts: float | None = None
+        self._shares = (1.0, 1.0, 0.0)
         self._identity = DriveIdentity("simulated drive", serial, counts_per_turn, turns)
         self._count_rad = _TWO_PI / counts_per_turn
         self._range_counts = counts_per_turn * turns
@@ -71,7 +94,7 @@ class SimDrive(BaseDrive):
     def read(self) -> DriveFeedback:
         """State at the beginning of this scan."""
         counts, vel, torque, brake_open, limited, overload, _ = self._feedback(self._count_rad)
-        return DriveFeedback(
+        reading = DriveFeedback(
             self.state,
             counts - self._wrap_counts,
             vel,
@@ -79,25 +102,28 @@ class SimDrive(BaseDrive):
             brake_open,
             limited,
             overload,
-            self.encoder_flags,
+            EncoderFlag.NONE,
             self.error_code,
             False,
             0,
             self._digital_inputs(),
             self.sim.ring_reading(),
         )
+        return self._spoilt_reading(reading) if self.faults.spoilt else reading
 
     def write(self, output: OutputImage) -> None:
         """Follow the request and advance drive and gantry by one scan."""
         # The reading of scan k is the state at k x period, its command acts from then on, and the plant advances here
         # by one period: no transport delay between controller and drive (decision 0005).
         request = output.request
+        if self._spoilt or self.faults.spoilt:
+            self._write_spoilt(output)
+            return
         # Nearly every scan of a move needs no transition: the state machine is left out then.
         if (
             request is not DriveRequest.ENABLE
             or self.state is not DriveState.OPERATION_ENABLED
             or self.error_code
-            or not (self.estop_ok and self.mains_ready)
         ):
             self._transition(request)
         state = self.state
@@ -136,17 +162,114 @@ class SimDrive(BaseDrive):
         """Shift the multiturn part of the encoder, as after a fault of its gear or battery."""
         self.sim.count_offset += turns * self._identity.counts_per_turn
 
+    def change_plant(self, name: str, value: float) -> None:
+        """Change a plant parameter, as the load changes when a couch is dropped into it.
+
+        Raises:
+            UsageError: no such parameter.
+        """
+        plant = self._maker.plant
+        present = getattr(plant, name, None)
+        if name.startswith("_") or not isinstance(present, bool | int | float):
+            raise UsageError(f"the plant has no parameter '{name}' that is a number")
+        setattr(plant, name, type(present)(value))
+        self._remake()
+
     def _digital_inputs(self) -> DigitalInputs:
         pos = self.sim.truth()[0]
         limit = self._limit_switch_rad
-        inputs = self._inputs
-        now = (self.estop_ok, self.enabling_switch, pos > -limit, pos < limit, self.mains_ready)
+        inputs, faults = self._inputs, self.faults
+        now = (faults.estop_ok, faults.enabling_switch, pos > -limit, pos < limit, faults.mains_ready)
         if now != inputs:
             inputs = self._inputs = DigitalInputs(*now)
         return inputs
 
     def _transition(self, request: DriveRequest) -> None:
-        powered, faulty = self.estop_ok and self.mains_ready, self.error_code != 0
+        powered, faulty = self.faults.estop_ok and self.faults.mains_ready, self.error_code != 0
+        if self.faults.stuck_state and (request is DriveRequest.FAULT_RESET or (powered and not faulty)):
+            return
         self.state = next_state(self.state, request, faulty=faulty, powered=powered)
         if self.state is not DriveState.FAULT:
             self.error_code = 0
+
+    # --- with a fault in force -----------------------------------------------------------------------------------
+
+    def _spoilt_reading(self, reading: DriveFeedback) -> DriveFeedback:
+        faults = self.faults
+        counts, vel = reading.pos_act_counts, reading.vel_act_rad_s
+        if faults.freeze_position:
+            if self._frozen_counts is None:
+                self._frozen_counts = counts
+            counts, vel = self._frozen_counts, 0.0
+        inputs = reading.inputs
+        if faults.limit_minus_ok is not None:
+            inputs = inputs._replace(limit_minus_ok=faults.limit_minus_ok)
+        if faults.limit_plus_ok is not None:
+            inputs = inputs._replace(limit_plus_ok=faults.limit_plus_ok)
+        ignores = faults.ignore_target and self.state is DriveState.OPERATION_ENABLED
+        return reading._replace(
+            pos_act_counts=counts + faults.position_offset,
+            vel_act_rad_s=vel if faults.velocity_reading is None else faults.velocity_reading,
+            torque_act_nm=reading.torque_act_nm + faults.torque_offset,
+            brake_open=reading.brake_open if faults.brake_feedback is None else faults.brake_feedback,
+            encoder=EncoderFlag(faults.encoder_flags),
+            warning=faults.warning,
+            inputs=inputs,
+            link=LinkFlag.IGNORES_COMMAND if ignores else LinkFlag.NONE,
+        )
+
+    def _write_spoilt(self, output: OutputImage) -> None:
+        faults = self.faults
+        self._spoilt = bool(faults.spoilt)
+        self._apply_levels()
+        self._transition(output.request)
+        state = self.state
+        mode, vel, torque, brake_open = _OFF, 0.0, 0.0, False
+        if state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+            brake_open = output.brake_open
+            torque = faults.command_sign * output.torque_ff_nm
+            mode, vel = self._spoilt_command(output)
+        if faults.no_torque:
+            mode = _OFF
+        if faults.brake is not None:
+            brake_open = faults.brake == "open"
+        self._scan(mode, vel, torque, brake_open)
+
+    def _spoilt_command(self, output: OutputImage) -> tuple[int, float]:
+        """Mode of the compiled scan and its speed command while there is torque."""
+        faults = self.faults
+        # The last figure of the feedback is the speed set-point of the drive in the last scan.
+        if self.state is DriveState.QUICK_STOP_ACTIVE:
+            return (
+                (_SPEED, self._feedback(self._count_rad)[6]) if faults.quick_stop_off else (_QUICK_STOP, 0.0)
+            )
+        if faults.ignore_target:
+            return _SPEED, self._feedback(self._count_rad)[6]
+        if faults.never_move:
+            return _QUICK_STOP, 0.0
+        return _SPEED, faults.command_sign * output.vel_cmd_rad_s
+
+    def _apply_levels(self) -> None:
+        """Hand what changes the compiled gantry to it."""
+        faults, sim = self.faults, self.sim
+        if not faults.freeze_position:
+            self._frozen_counts = None
+        shares = (faults.torque_limit_share, faults.brake_torque_share, faults.brake_close_slow_s)
+        if shares != self._shares:
+            self._shares = shares
+            self._remake()
+            sim = self.sim
+        if faults.encoder_gain != sim.encoder_gain:
+            sim.encoder_gain = faults.encoder_gain
+
+    def _remake(self) -> None:
+        """Put the state into a gantry with other parameters: those of the compiled one are fixed."""
+        limit, grip, slow_s = self._shares
+        plant, drive = self._maker.plant.copy(), self._maker.drive.copy()
+        drive.torque_max_nm *= limit
+        drive.brake_close_s += slow_s
+        plant.brake_torque_nm *= grip
+        state = self.sim.state
+        self.sim = self._maker.make(plant, drive)
+        self.sim.state = state
+        self._feedback, self._scan = self.sim.feedback, self.sim.scan

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Final
 
 from gantryctl import _core
 from gantryctl.drives.ideal import IdealDrive
-from gantryctl.drives.simulated import SimDrive
+from gantryctl.drives.simulated import PlantMaker, SimDrive
 from gantryctl.machine import Machine
 from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTable
 from gantryctl.units import rad
@@ -201,9 +202,10 @@ def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, floa
 
 
 def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
-    """Simulated drive around a plant in any state."""
+    """Simulated drive around a plant in any state; a fault that changes a parameter starts from the machine's."""
     return SimDrive(
         sim,
+        PlantMaker(plant_params(machine), drive_params(machine), partial(gantry_sim, machine)),
         serial=machine.plant.encoder.serial,
         counts_per_turn=machine.encoder.fine_counts_per_turn,
         turns=machine.encoder.turns,

@@ -100,7 +100,7 @@ def test_lost_turns_move_the_reading_and_nothing_else(machine: Machine) -> None:
 
 def test_encoder_flags_are_shown_as_they_are(machine: Machine) -> None:
     drive = sim_drive(machine)
-    drive.encoder_flags = EncoderFlag.CRC_ERROR | EncoderFlag.WARNING
+    drive.faults.encoder_flags = EncoderFlag.CRC_ERROR | EncoderFlag.WARNING
     assert drive.read().encoder == EncoderFlag.CRC_ERROR | EncoderFlag.WARNING
 
 

@@ -246,7 +246,9 @@ def test_whatever_ends_the_run_the_axis_is_left_at_rest_and_remembered(at_s: flo
 
 
 def alarm_by_estop(store: StateStore) -> AxisRun:
-    session = AxisRun(SIM, store, observer=Looker(4.0, lambda: setattr(session.drive, "estop_ok", False)))
+    session = AxisRun(
+        SIM, store, observer=Looker(4.0, lambda: setattr(session.drive.faults, "estop_ok", False))
+    )
     with pytest.raises(AlarmStop, match="INT-03") as stopped:
         session.move(90.0)
     session.close("stopped by an alarm", stopped.value)

@@ -286,7 +286,7 @@ def test_remote_screens_are_slow_without_the_enabling_switch() -> None:
     bench = Bench()
     who = bench.who(place="remote")
     bench.powered(who)
-    bench.engine.drive.enabling_switch = False
+    bench.engine.drive.faults.enabling_switch = False
     bench.do(who, "set", tag="speed_setting_deg_s", value=1.5)
     assert bench.refused(who, "move", target_deg=1.0) == "INT-05"
     assert bench.refused(who, "jog", lease=LEASE, direction="forward") == "INT-05"

@@ -76,7 +76,7 @@ def test_raising_the_override_from_0_is_new_motion() -> None:
 
 
 def switch(bench: Bench, on: bool) -> None:
-    bench.engine.drive.enabling_switch = on
+    bench.engine.drive.faults.enabling_switch = on
 
 
 @pytest.mark.parametrize("begun", ["increment", "move"])

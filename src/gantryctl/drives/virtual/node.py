@@ -7,6 +7,7 @@ from functools import partial
 from typing import Final
 
 from gantryctl.drives.base import TRUTH_COLUMNS, settle
+from gantryctl.drives.faults import Faults
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
 from gantryctl.drives.virtual.axis.hardware import Hardware, Scaling
 from gantryctl.drives.virtual.axis.plant import DrivePlant
@@ -28,7 +29,7 @@ from gantryctl.drives.virtual.communication.parameters import Parameters, Parame
 from gantryctl.drives.virtual.communication.pdo import DEADLINE, ProcessData
 from gantryctl.drives.virtual.communication.sdo import SdoServer, abort_frame
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.drives.virtual.side_channel.faults import Faults, TpdoGate
+from gantryctl.drives.virtual.side_channel.tpdo_gate import TpdoGate
 from gantryctl.errors import UsageError
 
 _NMT: Final = 0x000

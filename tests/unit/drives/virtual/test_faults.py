@@ -5,8 +5,8 @@ import struct
 
 import pytest
 
+from gantryctl.drives.faults import names
 from gantryctl.drives.virtual.axis.cia402 import State
-from gantryctl.drives.virtual.side_channel.faults import names
 from unit.drives.virtual.bench import (
     EMCY,
     ENABLE,

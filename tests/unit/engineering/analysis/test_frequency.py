@@ -191,7 +191,7 @@ def test_a_drive_that_falls_off_stops_the_measurement():
 def test_a_drive_that_does_not_come_up_is_named():
     limits = ProbeLimits(100.0, -3.0, 3.0, motion_limits(MACHINE))
     drive = sim_drive(MACHINE)
-    drive.mains_ready = False
+    drive.faults.mains_ready = False
     with pytest.raises(AlarmStop, match="not enabled with its brake open after 5 s"):
         Probe(drive, position_law(MACHINE), 1e-3, limits, 0.0).enable()
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from gantryctl.drives.faults import Faults
 from gantryctl.drives.virtual.axis.cia402 import (
     FAULT_RESET_BIT,
     AbortConnection,
@@ -35,7 +36,6 @@ from gantryctl.drives.virtual.axis.speed_reference import SpeedReference
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.emergency import Emergency
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.drives.virtual.side_channel.faults import Faults
 
 # Error codes of CiA 402: DC link undervoltage; load level warning.
 UNDERVOLTAGE: Final = 0x3220

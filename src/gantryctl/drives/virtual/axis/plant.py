@@ -7,8 +7,8 @@ from enum import IntEnum
 from typing import Final
 
 from gantryctl import _core
+from gantryctl.drives.faults import Faults
 from gantryctl.drives.virtual.axis.hardware import Hardware
-from gantryctl.drives.virtual.side_channel.faults import Faults
 from gantryctl.errors import UsageError
 
 _UNLIMITED_S: Final = 1e9
@@ -42,6 +42,8 @@ class DrivePlant:
         self._drive.overload_time_s = _UNLIMITED_S
         self._drive.vel_max_rad_s = hardware.speed_max_rad_s
         self._drive.torque_max_nm = hardware.torque_max_nm
+        self._spoilt = False
+        self._shares = (1.0, 1.0, 0.0)
         self._stale = False
         self.sim = self._make()
         self.sim.static_start(hardware.start_angle_rad, False)
@@ -59,7 +61,25 @@ class DrivePlant:
 
     def _make(self) -> _core.GantrySim:
         h = self._hardware
-        return _core.GantrySim(self.plant_params, self._drive, h.tick_s, h.scheme, h.rk4_steps)
+        plant, drive = self.plant_params, self._drive
+        if self._shares != (1.0, 1.0, 0.0):
+            limit, grip, slow_s = self._shares
+            plant, drive = plant.copy(), drive.copy()
+            drive.torque_max_nm *= limit
+            drive.brake_close_s += slow_s
+            plant.brake_torque_nm *= grip
+        return _core.GantrySim(plant, drive, h.tick_s, h.scheme, h.rk4_steps)
+
+    def _apply_levels(self) -> None:
+        """Hand the faults that change the compiled gantry to it."""
+        faults = self._faults
+        self._spoilt = bool(faults.spoilt)
+        shares = (faults.torque_limit_share, faults.brake_torque_share, faults.brake_close_slow_s)
+        if shares != self._shares:
+            self._shares = shares
+            self._remake()
+        if faults.encoder_gain != self.sim.encoder_gain:
+            self.sim.encoder_gain = faults.encoder_gain
 
     def power_on(self) -> None:
         """Read the encoder as after mains on: only the absolute value within its range is known."""
@@ -111,10 +131,12 @@ class DrivePlant:
     def scan(self, mode: StageMode, vel_rad_s: float, torque_ff_nm: float, brake_open: bool) -> None:
         """Advance drive loops and plant by one tick."""
         faults = self._faults
-        if faults.brake is not None:
-            brake_open = faults.brake == "open"
-        if faults.no_torque:
-            mode = StageMode.OFF
+        if faults.spoilt or self._spoilt:
+            self._apply_levels()
+            if faults.brake is not None:
+                brake_open = faults.brake == "open"
+            if faults.no_torque:
+                mode = StageMode.OFF
         # Limits and ramp are fixed when a plant is made, so a new one takes over the state. Not while the brake moves:
         # its dead time is not part of that state.
         if self._stale and self.sim.state["brake_closed"] == float(not brake_open):

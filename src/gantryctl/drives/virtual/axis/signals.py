@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Final
 
+from gantryctl.drives.faults import Faults
 from gantryctl.drives.virtual.axis import cia402
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
@@ -13,7 +14,6 @@ from gantryctl.drives.virtual.axis.power_stage import Phase
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import MODE_CSV, MODE_PV
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.drives.virtual.side_channel.faults import Faults
 
 # 400 V mains, rectified.
 _DC_LINK_MV: Final = 560_000
@@ -135,7 +135,10 @@ class Signals:
 
     def velocity(self) -> int:
         """Velocity actual value 606C."""
-        return 0 if self._faults.freeze_position else self._scaling.velocity(self._axis.plant.vel_rad_s)
+        faults = self._faults
+        if faults.velocity_reading is not None:
+            return self._scaling.velocity(faults.velocity_reading)
+        return 0 if faults.freeze_position else self._scaling.velocity(self._axis.plant.vel_rad_s)
 
     def inputs(self) -> int:
         """Digital inputs 60FD."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
+from gantryctl.drives.faults import Faults
 from gantryctl.drives.virtual.axis.cia402 import HALT_BIT, Ramp, stop_ramp
 from gantryctl.drives.virtual.axis.hardware import Scaling, rad_s_of_r_min
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.objects import MODE_CSV, MODE_PV
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.drives.virtual.side_channel.faults import Faults
 
 NO_MODE: Final = 0
 MODES: Final = (NO_MODE, MODE_PV, MODE_CSV)

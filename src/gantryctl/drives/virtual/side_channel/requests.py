@@ -22,10 +22,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
+from gantryctl.drives.faults import Faults, default_of, names, set_fault, tpdo_fault
 from gantryctl.drives.virtual.communication.abort import SdoAbort
 from gantryctl.drives.virtual.communication.nmt import NmtState
 from gantryctl.drives.virtual.node import DriveNode
-from gantryctl.drives.virtual.side_channel.faults import Faults, default_of, names, set_fault, tpdo_fault
 from gantryctl.errors import UsageError
 
 Answer = dict[str, Any]

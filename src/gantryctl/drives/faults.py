@@ -1,10 +1,12 @@
-"""Injected faults: standing ones as a set of switches, and the gate that spoils TPDOs; set by the side channel only."""
+"""Injected faults of a simulated drive: standing ones as a set of switches.
+
+The simulated and the virtual drive have the same names with the same meaning; a drive on a real bus has no such object.
+"""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Final, Literal, get_args, get_type_hints
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
@@ -28,18 +30,32 @@ class TpdoFault:
     """Number of frames; None: all, until cleared."""
 
 
+# A bus shows a number of 32 bits; a simulated drive in process may show anything but NaN.
+_Finite = Annotated[float, Field(gt=-math.inf, lt=math.inf)]
+_Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
 @dataclass(slots=True)
 class Faults:
     """Standing faults; the defaults are a sound drive."""
 
+    spoilt: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
+    """Names of the faults in force, TPDOs apart: a sound drive asks for nothing else in its cycle."""
     freeze_position: bool = False
     """6064 keeps its value (and 606C becomes 0); the drive's own speed loop goes on."""
     position_offset: _U32 = 0
     """Added to 6064, increments: a jump."""
+    encoder_gain: _Finite = 1.0
+    """Part of the shaft's motion that the encoder shows from now on, to the reading and to the drive's own speed loop:
+    0 frozen, -1 sign wrong, 0.9 a coupling that slips."""
+    encoder_flags: Annotated[int, Field(ge=0, le=0xFF)] = 0
+    """Bits of `EncoderFlag`: checksum error, alarm, warning."""
+    velocity_reading: _Finite | None = None
+    """Value that 606C shows, rad/s at the motor; the drive's own speed loop goes on."""
     never_move: bool = False
     """Stands still and says that it follows (bit 12 = 1)."""
     ignore_target: bool = False
-    """Stands still with bit 12 = 0."""
+    """Keeps its speed with bit 12 = 0."""
     command_sign: Literal[1, -1] = 1
     """-1: turns the other way; feedback is true."""
     mode_display: _U32 | None = None
@@ -56,8 +72,14 @@ class Faults:
     """A quick stop is acknowledged, and the shaft goes on turning."""
     no_torque: bool = False
     """Enabled, but the power stage gives nothing."""
+    torque_limit_share: _Share = 1.0
+    """Part of the torque limit that the power stage can give."""
     brake: Literal["closed", "open"] | None = None
     """Position in which the brake is stuck."""
+    brake_torque_share: _Share = 1.0
+    """Part of its torque that the closed brake has: it slips."""
+    brake_close_slow_s: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    """Time by which the brake closes later than it should."""
     brake_feedback: bool | None = None
     """State that the brake contact reports."""
     heartbeat_off: bool = False
@@ -84,12 +106,36 @@ class Faults:
     tpdo: dict[int, TpdoFault] = field(default_factory=dict)
     """By number, 1 for the first; set by `tpdo_fault`."""
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+        if name in _SOUND:
+            if value == _SOUND[name]:
+                self.spoilt.discard(name)
+            else:
+                self.spoilt.add(name)
+
 
 _CHECKS: Final[dict[str, TypeAdapter[Any]]] = {
     name: TypeAdapter(hint, config=ConfigDict(strict=True))
     for name, hint in get_type_hints(Faults, include_extras=True).items()
-    if name != "tpdo"
+    if name not in ("tpdo", "spoilt")
 }
+_SOUND: Final[dict[str, Any]] = {each.name: each.default for each in fields(Faults) if each.name in _CHECKS}
+BUS_ONLY: Final = frozenset(
+    {
+        "mode_display",
+        "status_set",
+        "status_clear",
+        "status_value",
+        "heartbeat_off",
+        "heartbeat_state",
+        "silence",
+        "sdo_silent",
+        "sdo_abort",
+        "sdo_toggle",
+    }
+)
+"""Faults of what only a drive on a bus has."""
 
 
 def names() -> tuple[str, ...]:
@@ -99,7 +145,7 @@ def names() -> tuple[str, ...]:
 
 def default_of(name: str) -> Any:
     """Value of a fault in a sound drive."""
-    return getattr(Faults(), name)
+    return _SOUND[name]
 
 
 def set_fault(faults: Faults, name: str, value: Any) -> None:
@@ -135,60 +181,3 @@ def tpdo_fault(kind: Any, amount: Any = 1, count: Any = None) -> TpdoFault:
     if kind == "delay" and amount > 1000:
         raise UsageError(f"at most 1000 frames are held back, got {amount}")
     return TpdoFault(kind, amount, count)
-
-
-class TpdoGate:
-    """Gate between the TPDOs and the bus: drops, delays, duplicates, swaps or cuts frames.
-
-    Args:
-        faults: which TPDO is affected.
-        send: takes (identifier, data).
-    """
-
-    def __init__(self, faults: Faults, send: Callable[[int, bytes], None]) -> None:
-        self._faults, self._send = faults, send
-        self._held: dict[int, deque[tuple[int, bytes]]] = {}
-
-    def reset(self) -> None:
-        """Discard the frames held back."""
-        self._held.clear()
-
-    def send(self, number: int, can_id: int, data: bytes) -> None:
-        """Send one TPDO (number 0 is the first)."""
-        fault = self._faults.tpdo.get(number + 1)
-        if fault is None:
-            self._flush(number)
-            self._send(can_id, data)
-            return
-        if fault.count is not None:
-            fault.count -= 1
-            if fault.count <= 0:
-                del self._faults.tpdo[number + 1]
-        self._spoiled(number, fault, can_id, data)
-
-    def _spoiled(self, number: int, fault: TpdoFault, can_id: int, data: bytes) -> None:
-        held = self._held.setdefault(number, deque())
-        match fault.kind:
-            case "drop":
-                pass
-            case "duplicate":
-                for _ in range(2):
-                    self._send(can_id, data)
-            case "length":
-                self._send(can_id, data[: fault.amount].ljust(fault.amount, b"\0"))
-            case "delay":
-                held.append((can_id, data))
-                if len(held) > fault.amount:
-                    self._send(*held.popleft())
-            case "swap":
-                if held:
-                    self._send(can_id, data)
-                    self._send(*held.popleft())
-                else:
-                    held.append((can_id, data))
-
-    def _flush(self, number: int) -> None:
-        """Send the frames held back: the fault is over."""
-        held = self._held.pop(number, None)
-        while held:
-            self._send(*held.popleft())
