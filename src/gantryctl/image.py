@@ -63,13 +63,24 @@ class LinkFlag(IntFlag):
 
 
 class DigitalInputs(NamedTuple):
-    """Hard-wired inputs; False is the safe state of each."""
+    """Hard-wired inputs; False is the safe state of each, None an input that the machine does not have."""
 
     estop_ok: bool = True
     enabling_switch: bool = True
     limit_minus_ok: bool = True
     limit_plus_ok: bool = True
     mains_ready: bool = True
+    collision_ok: bool | None = None
+    """Collision sensors of gantry and couch free."""
+    door_ok: bool | None = None
+    """Room door closed, or the permit that stands for it."""
+    estop_ok_2: bool | None = None
+    """Second channel of the emergency-stop chain."""
+
+    @property
+    def estop_closed(self) -> bool:
+        """Every channel of the emergency-stop chain is closed."""
+        return self.estop_ok and self.estop_ok_2 is not False
 
 
 class DriveFeedback(NamedTuple):

@@ -116,7 +116,7 @@ class DriveConformance:
         assert feedback.torque_act_nm == 0.0
         assert feedback.vel_act_rad_s == pytest.approx(0.0, abs=1e-9)
         assert feedback.error_code == 0
-        assert all(feedback.inputs)
+        assert False not in feedback.inputs
 
     def test_the_first_reading_lies_within_the_range_of_the_encoder(self, bench: DriveBench) -> None:
         identity = bench.drive.identity()

@@ -29,7 +29,7 @@ readings = st.fixed_dictionaries(
         "error_code": st.integers(0, 0xFFFF),
         "warning": st.booleans(),
         "age_scans": st.integers(0, 50),
-        "inputs": st.builds(DigitalInputs, *[st.booleans()] * 5),
+        "inputs": st.builds(DigitalInputs, *[st.booleans()] * 5, *[st.none() | st.booleans()] * 3),
     },
 )
 # Most scans are good: several faults in a row at random times, not noise from the first scan on.

@@ -133,9 +133,7 @@ class Operating(RuleBasedStateMachine):
         self.renewing = renewing
 
     @rule(
-        name=st.sampled_from(
-            ["estop_ok", "mains_ready", "enabling_switch", "limit_plus_ok", "limit_minus_ok"]
-        ),
+        name=st.sampled_from([*DigitalInputs._fields]),
         value=st.sampled_from([True] * 9 + [False]),
     )
     def wire(self, name, value):

@@ -120,6 +120,12 @@ export interface Tags {
   limit_plus_ok: boolean | null;
   /** Mains ready. */
   mains_ready: boolean | null;
+  /** Collision interlock closed; null where it is not fitted. */
+  collision_ok: boolean | null;
+  /** Room door closed; null where it is not fitted. */
+  door_ok: boolean | null;
+  /** Second channel of the emergency-stop chain closed; null without one. */
+  estop_ok_2: boolean | null;
   /** Time left of the hold-to-run lease; 0 without one. [ms] */
   lease_left_ms: number | null;
   /** Active alarms. */

@@ -98,6 +98,10 @@ class Faults:
     """Hard-wired input; False: safe torque off."""
     enabling_switch: bool = True
     mains_ready: bool = True
+    estop_ok_2: bool | None = None
+    """Second channel of the chain; False: safe torque off too. None here and below: not fitted."""
+    collision_ok: bool | None = None
+    door_ok: bool | None = None
     limit_minus_ok: bool | None = None
     """None: by the load angle."""
     limit_plus_ok: bool | None = None
@@ -105,6 +109,11 @@ class Faults:
     """Added to the torque that 6077 reports, N m."""
     tpdo: dict[int, TpdoFault] = field(default_factory=dict)
     """By number, 1 for the first; set by `tpdo_fault`."""
+
+    @property
+    def powered(self) -> bool:
+        """The power stage has its mains, and no channel of the emergency-stop chain is open."""
+        return self.mains_ready and self.estop_ok and self.estop_ok_2 is not False
 
     def __setattr__(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)

@@ -77,6 +77,7 @@ class SimDrive(BaseDrive):
         self._range_counts = counts_per_turn * turns
         self._limit_switch_rad = limit_switch_rad
         self._inputs = DigitalInputs()
+        self._wired: tuple[bool | None, ...] = tuple(self._inputs)
         self._feedback = sim.feedback
         self._scan = sim.scan
         self._wrap_counts = 0.0
@@ -178,14 +179,18 @@ class SimDrive(BaseDrive):
     def _digital_inputs(self) -> DigitalInputs:
         pos = self.sim.truth()[0]
         limit = self._limit_switch_rad
-        inputs, faults = self._inputs, self.faults
-        now = (faults.estop_ok, faults.enabling_switch, pos > -limit, pos < limit, faults.mains_ready)
-        if now != inputs:
-            inputs = self._inputs = DigitalInputs(*now)
-        return inputs
+        faults = self.faults
+        now = (
+            faults.estop_ok, faults.enabling_switch, pos > -limit, pos < limit, faults.mains_ready,
+            faults.collision_ok, faults.door_ok, faults.estop_ok_2,
+        )  # fmt: skip
+        # The object of the scan before, while nothing has changed: whoever watches it compares no more than that.
+        if now != self._wired:
+            self._wired, self._inputs = now, DigitalInputs(*now)
+        return self._inputs
 
     def _transition(self, request: DriveRequest) -> None:
-        powered, faulty = self.faults.estop_ok and self.faults.mains_ready, self.error_code != 0
+        powered, faulty = self.faults.powered, self.error_code != 0
         if self.faults.stuck_state and (request is DriveRequest.FAULT_RESET or (powered and not faulty)):
             return
         self.state = next_state(self.state, request, faulty=faulty, powered=powered)

@@ -101,6 +101,7 @@ class MonitorSettings:
 
     Attributes:
         encoder_errors_max: that many bad readings within `encoder_errors_time_s` stop the axis.
+        door_quick_stop: an opened room door is a quick stop; without, the jog-release ramp.
     """
 
     # 0.03 deg at rest, 0.10 deg at 6 deg/s.
@@ -127,6 +128,12 @@ class MonitorSettings:
     # Three scans of 10 ms; Feedback never takes fewer than three scans.
     reading_age_s: float = 0.030
     overload_warning: float = 0.9
+    # Both channels of a chain switch within some 10 ms; half a second is a contact or a wire (fault catalogue G10).
+    estop_discrepancy_time_s: float = 0.5
+    # More often than this within a minute is a loose wire, not people (fault catalogue G8).
+    chatter_edges_max: int = 5
+    chatter_time_s: float = 60.0
+    door_quick_stop: bool = False
     lease_s: float = 0.250
 
 

@@ -136,6 +136,7 @@ def _monitors(machine: Machine) -> MonitorSettings:
         in_position_tolerance_time_s=m.in_position_tolerance_time_s,
         torque_saturation_time_s=m.torque_saturation_time_ms * _MS,
         lease_s=m.lease_ms * _MS,
+        door_quick_stop=m.door_reaction == "quick_stop",
     )
 
 

@@ -230,12 +230,18 @@ class ProcessImage:
         def good(bit: int | None, active: int) -> bool:
             return bit is None or (word >> bit & 1) == active
 
+        def fitted(bit: int | None) -> bool | None:
+            return None if bit is None else bool(word >> bit & 1)
+
         inputs = DigitalInputs(
             good(bits.estop_ok, 1),
             good(bits.enabling_switch, 1),
             good(bits.limit_minus, 0),
             good(bits.limit_plus, 0),
             good(bits.mains_ready, 1),
+            fitted(bits.collision_ok),
+            fitted(bits.door_ok),
+            fitted(bits.estop_ok_2),
         )
         if inputs != self._shown_inputs:
             self._shown_inputs = inputs

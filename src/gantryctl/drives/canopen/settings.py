@@ -20,7 +20,7 @@ VELOCITY_UNITS: Final = {
 
 
 class InputBits(NamedTuple):
-    """Bits of 60FD; None for an input that is not wired and therefore counts as good."""
+    """Bits of 60FD; None for an input that is not wired: the first five then count as good."""
 
     estop_ok: int | None = None
     enabling_switch: int | None = None
@@ -29,6 +29,9 @@ class InputBits(NamedTuple):
     limit_minus: int | None = 0
     """CiA 402: 1 = limit reached."""
     limit_plus: int | None = 1
+    collision_ok: int | None = None
+    door_ok: int | None = None
+    estop_ok_2: int | None = None
 
 
 _NOTHING_WIRED: Final = InputBits()

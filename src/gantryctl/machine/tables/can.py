@@ -16,6 +16,10 @@ class CanInputsTable(Table):
     brake_open: int = number(19, -1, 31, "Bit that is 1 while the brake's contact says open.")
     limit_minus: int = number(0, -1, 31, "Bit that is 1 at the negative limit switch.", "standard")
     limit_plus: int = number(1, -1, 31, "Bit that is 1 at the positive limit switch.", "standard")
+    # Not on every machine: without a bit there is no such input, and nothing is watched.
+    collision_ok: int = number(-1, -1, 31, "Bit that is 1 while no collision sensor is touched.")
+    door_ok: int = number(-1, -1, 31, "Bit that is 1 while the room door is closed.")
+    estop_ok_2: int = number(-1, -1, 31, "The same as `estop_ok` for a second channel of the chain.")
 
 
 class CanTable(Table):

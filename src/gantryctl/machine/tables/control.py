@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from gantryctl.machine.tables.compensation import CompensationTable
-from gantryctl.machine.tables.fields import Table, number, table
+from gantryctl.machine.tables.fields import Table, choice, number, table
 
 
 class ControlTable(Table):
@@ -49,6 +51,10 @@ class MonitorsTable(Table):
     # less.
     lease_ms: float = number(
         250.0, 20.0, 1000.0, "Hold-to-run ends when not renewed for this long; renewals come every 30 ms."
+    )
+    # Harder than the stop on a ramp: the drive ramps, then brake and torque off.
+    door_reaction: Literal["stop", "quick_stop"] = choice(
+        "stop", "What an opened room door does in motion: the jog-release ramp, or a quick stop."
     )
 
 

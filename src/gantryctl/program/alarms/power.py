@@ -159,6 +159,47 @@ POWER: Final = (
         Text("急停", "急停回路在 {measured}° 断开",
              "有人按下按钮或回路断线。硬件自行动作；此处只是反映。", "安全时松开按钮，复位，重新上电。"),
     ),
+    # Fault catalogue G7: fail-safe, so a broken wire is the same as a touched sensor.
+    Definition(
+        Code.INT_01, _STOP, _QS,
+        Text("Collision interlock", "The collision interlock opened at {measured:.2f} deg, {speed:.2f} deg/s",
+             "A collision sensor was touched, or its wire is broken.",
+             "Look at gantry and couch from all sides. Clear the way, then reset. Nothing moves while it is open: to "
+             "free a sensor that stays touched, call service."),
+        Text("防碰撞联锁", "防碰撞联锁在 {measured}°、{speed} °/s 时断开", "碰撞传感器被触碰，或其导线断开。",
+             "从各个方向查看机架和治疗床。排除障碍后复位。联锁断开期间一切不能运动：若传感器一直被压住，联系维修。"),
+    ),
+    # Fault catalogue G8: pulses of a loose wire; each is latched by its first edge.
+    Definition(
+        Code.INT_02, _STOP, _QS,
+        Text("Interlock chatters",
+             "Input {name} opened {measured} times within {time_s:.0f} s, limit {limit} a minute",
+             "A loose wire, a worn contact, or a sensor at its edge.",
+             "Repair wire, plug or sensor, then reset. Do not go on with an interlock that chatters."),
+        Text("联锁抖动", "输入 {name} 在 {time_s} s 内断开 {measured} 次，限值每分钟 {limit} 次",
+             "导线松动、触点磨损，或传感器处于临界位置。", "修复导线、插头或传感器后复位。联锁抖动时不要继续运行。"),
+    ),
+    # Fault catalogue G10: one channel that does not switch may not switch next time either.
+    Definition(
+        Code.INT_04, _STOP, _TO,
+        Text("Emergency-stop channels differ",
+             "The two channels of the emergency-stop chain have differed for {time_ms:.0f} ms, limit {limit:.0f} ms",
+             "A welded contact, a broken wire or a button that is half pressed.",
+             "Call service: the chain must be tested channel by channel before anybody relies on it."),
+        Text("急停通道不一致", "急停回路两个通道不一致已 {time_ms} ms，限值 {limit} ms",
+             "触点熔焊、导线断开或按钮只按下一半。", "联系维修：在依赖急停之前必须逐通道检验回路。"),
+        lock=True,
+    ),
+    # Fault catalogue G11: the machine file may make it a quick stop.
+    Definition(
+        Code.INT_07, _WARN, Reaction.HLT,
+        Text("Room door", "The room door opened at {measured:.2f} deg, {speed:.2f} deg/s",
+             "Somebody opened the door, or the permit that stands for it was taken away.",
+             "See that nobody is in danger, close the door, reset. No motion before."),
+        Text("机房门", "机房门在 {measured}°、{speed} °/s 时打开", "有人开门，或代替它的许可信号被撤销。",
+             "确认无人处于危险中，关门，复位。此前不能运动。"),
+        blocks_motion=True,
+    ),
     Definition(
         Code.INT_06, _STOP, _QS,
         Text("Quick stop asked for",

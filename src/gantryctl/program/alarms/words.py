@@ -92,6 +92,17 @@ class Words(Enum):
         "{code}（{measured}）只能由维修角色复位",
     )
     ESTOP_OPEN = "the emergency-stop chain is open", "急停回路断开"
+    ESTOP_CHANNELS_DIFFER = (
+        "the two channels of the emergency-stop chain differ: repair the chain first",
+        "急停回路两个通道不一致：请先修复回路",
+    )
+    COLLISION_OPEN = (
+        "the collision interlock is open: clear the way first",
+        "防碰撞联锁断开：请先排除障碍",
+    )
+    DOOR_OPEN = "the room door is open: close it first", "机房门打开：请先关门"
+    COLLISION_INPUT = "collision interlock", "防碰撞联锁"
+    DOOR_INPUT = "room door", "机房门"
     ESTOP_STILL_OPEN = "the emergency-stop chain is still open: release it first", "急停回路仍断开：请先松开"
     MAINS_NOT_READY = "the mains are not ready", "主电源未就绪"
     DRIVE_FAULT = (

@@ -20,6 +20,7 @@ from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery
+from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
@@ -65,7 +66,7 @@ class Axis:
     """
 
     __slots__ = (
-        "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled", "_switching_off",
+        "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled", "_site", "_switching_off",
         "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
         "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
         "scan", "settings", "state", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
@@ -94,6 +95,7 @@ class Axis:
         self.power = PowerSequence(settings, self.feedback, self.alarms)
         self.brake_test = self.power.brake_test
         self.interlocks = Interlocks(settings, self.feedback, self.alarms)
+        self._site = SiteInterlocks(settings, self.feedback, self.alarms)
         self.monitors = Monitors(settings, self.feedback, self.virtual, self.power.holding, self.alarms)
         self.motion = MotionCommands(
             settings, self.virtual, self.power, self.monitors, self.interlocks, self.alarms
@@ -143,6 +145,7 @@ class Axis:
             virtual.release(pos)
             self.monitors.scan_released(pos)
         self.interlocks.scan(pos, power.phase is not _OFF)
+        self._site.scan(pos, power.phase is not _OFF)
         power.step(pos)
         # An alarm raised in this scan acts on the output of this scan.
         if alarms.pending or self._error or self._switching_off or self.recovery.resetting:

@@ -9,6 +9,7 @@ from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import FAULTS, Feedback
+from gantryctl.program.monitors.site import why_site_forbids
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import PowerSettings
@@ -26,8 +27,10 @@ def why_no_torque(feedback: Feedback, alarms: AlarmLog, but: Code | None = None)
         reason = Words.LATCHED(code=first.code, measured=first.refusal)
     elif blocking is not None:
         reason = blocking.active_words
-    elif not feedback.inputs.estop_ok:
+    elif not feedback.inputs.estop_closed:
         reason = Words.ESTOP_OPEN
+    elif (opened := why_site_forbids(feedback.inputs)) is not None:
+        reason = opened
     elif not feedback.inputs.mains_ready:
         reason = Words.MAINS_NOT_READY
     elif feedback.state in _NO_POWER:

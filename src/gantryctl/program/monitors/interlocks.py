@@ -57,7 +57,7 @@ class Interlocks:
             self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
         self._inputs = inputs
         # No filter: a hard-wired input acts on the first scan.
-        if not inputs.estop_ok:
+        if not inputs.estop_closed:
             self._alarms.raise_(Code.INT_03, measured=deg(pos_rad))
         if powered and not inputs.mains_ready:
             speed = deg(self._feedback.vel_rad_s)

@@ -8,6 +8,7 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
+from gantryctl.program.monitors.site import why_site_keeps
 from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -151,8 +152,10 @@ class Recovery:
             reason: Words | Said = Words.STILL_STOPPING
         elif locked is not None and not service:
             reason = Words.SERVICE_ONLY(code=locked.code, measured=locked.refusal)
-        elif Code.INT_03 in active and not feedback.inputs.estop_ok:
+        elif Code.INT_03 in active and not feedback.inputs.estop_closed:
             reason = Words.ESTOP_STILL_OPEN
+        elif (opened := why_site_keeps(active, feedback.inputs)) is not None:
+            reason = opened
         elif Code.ENC_05 in active and feedback.encoder_alarm:
             reason = Words.ENCODER_KEEPS_ALARM
         else:

@@ -396,7 +396,9 @@ class PowerSequence:
         feedback = self._feedback
         # Torque is never given back by itself with the emergency stop open, also when the brake slips (C4).
         inputs = feedback.inputs
-        return inputs.estop_ok and inputs.mains_ready and feedback.position_valid and feedback.state in _ABLE
+        return (
+            inputs.estop_closed and inputs.mains_ready and feedback.position_valid and feedback.state in _ABLE
+        )
 
     # --- the brake test ---------------------------------------------------------------------------
 

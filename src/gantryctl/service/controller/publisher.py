@@ -160,6 +160,9 @@ class Publisher:
             "limit_minus_ok": feedback.inputs.limit_minus_ok,
             "limit_plus_ok": feedback.inputs.limit_plus_ok,
             "mains_ready": feedback.inputs.mains_ready,
+            "collision_ok": _fitted(feedback.inputs.collision_ok),
+            "door_ok": _fitted(feedback.inputs.door_ok),
+            "estop_ok_2": _fitted(feedback.inputs.estop_ok_2),
         }
 
     def _armed(self) -> Armed | None:
@@ -265,3 +268,8 @@ class Publisher:
             "trace_rows_lost": self._recorder.lost,
             "events_lost": self._operator.events.lost,
         }
+
+
+def _fitted(value: bool | None) -> float:
+    """An input as a number; nan, which is null on the wire, where the machine does not have it."""
+    return math.nan if value is None else value

@@ -179,11 +179,11 @@ def test_the_overload_warns_then_limits_to_rated_torque() -> None:
 
 
 def test_digital_inputs_show_limit_switches_chain_mains_and_brake(bench: Bench) -> None:
-    assert bench.up(0x60FD) == 0x7_0008
+    assert bench.up(0x60FD) == 0x77_0008
     bench.enable()
-    assert bench.up(0x60FD) == 0xF_0008
+    assert bench.up(0x60FD) == 0x7F_0008
     bench.inject("limit_plus_ok", False)
     bench.inject("brake_feedback", False)
-    assert bench.up(0x60FD) == 0x7_000A
+    assert bench.up(0x60FD) == 0x77_000A
     bench.inject("estop_ok", False)
-    assert bench.up(0x60FD) == 0x6_0002
+    assert bench.up(0x60FD) == 0x76_0002

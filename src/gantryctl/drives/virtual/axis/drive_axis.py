@@ -91,7 +91,7 @@ class DriveAxis:
     @property
     def power_ok(self) -> bool:
         """Mains are on and no safe torque off is requested."""
-        return self._faults.mains_ready and self._faults.estop_ok
+        return self._faults.powered
 
     # --- what comes from outside -------------------------------------------------------------------------------
 

@@ -26,6 +26,9 @@ ESTOP_OK: Final = 1 << 16
 ENABLING_SWITCH: Final = 1 << 17
 MAINS_READY: Final = 1 << 18
 BRAKE_IS_OPEN: Final = 1 << 19
+COLLISION_OK: Final = 1 << 20
+DOOR_OK: Final = 1 << 21
+ESTOP_OK_2: Final = 1 << 22
 
 
 # On a real drive model 6041 and 6061 follow a write by 10 ms.
@@ -152,6 +155,10 @@ class Signals:
         word |= ESTOP_OK | INTERLOCK if faults.estop_ok else 0
         word |= ENABLING_SWITCH if faults.enabling_switch else 0
         word |= MAINS_READY if faults.mains_ready else 0
+        # Whether the machine has these is in its file, not in the drive.
+        word |= 0 if faults.collision_ok is False else COLLISION_OK
+        word |= 0 if faults.door_ok is False else DOOR_OK
+        word |= 0 if faults.estop_ok_2 is False else ESTOP_OK_2
         return word | (BRAKE_IS_OPEN if brake_open else 0)
 
     def _position(self) -> int:
