@@ -44,9 +44,11 @@ def consistent_changes(draw):
     changes["axis.pos_max_deg"] = draw(20.0, 180.0)
     changes["axis.over_travel_deg"] = travel = 180.0 + draw(0.1, 1.0)
     changes["axis.limit_switch_deg"] = switch = travel + draw(0.1, 5.0)
-    changes["axis.stopping_angle_max_deg"] = stop = draw(3.5, 10.0)
-    changes["axis.mechanical_stop_deg"] = switch + stop + draw(0.0, 3.0)
     changes["speed.setting_max_deg_s"] = fastest = draw(1.0, 6.0)
+    # The quick stop from there, the time-out of the heartbeat (150 ms + 3 %, the longest reaction) and some more.
+    quickest = fastest**2 / (2.0 * changes["virtual_axis.quick_dec_deg_s2"]) + 0.16 * fastest
+    changes["axis.stopping_angle_max_deg"] = stop = quickest + draw(0.2, 6.0)
+    changes["axis.mechanical_stop_deg"] = switch + stop + draw(0.0, 3.0)
     changes["speed.command_clamp_deg_s"] = clamp = fastest * draw(1.05, 1.2)
     changes["speed.drive_ceiling_deg_s"] = ceiling = clamp * draw(1.0, 1.1)
     changes["speed.overspeed_trip_deg_s"] = ceiling * draw(1.001, 1.1)
@@ -63,6 +65,7 @@ def consistent_changes(draw):
         elif spec.kind == "word":
             changes[path] = spec.words[int(draw(0.0, len(spec.words) - 0.001))]
     _agree(changes)
+    changes["can.stepped"] &= not changes["can.commissioning_required"]
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output
         changes |= {"drive.speed_loop.cycle_us": 125.0, "control.scan_period_ms": 4.0, "brake.owner": "drive"}
     return changes

@@ -15,8 +15,9 @@ import time
 from pathlib import Path
 
 from gantryctl.drives.virtual.side_channel.control import ControlClient
-from gantryctl.engineering.stops import REACTION_S, StopClass, worst_stop
+from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.machine import load_machine
+from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.service.clients.link import ServiceLink
 
 

@@ -18,6 +18,7 @@ from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.machine.derived import rigid_stop
+from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.trace.table import Trace
@@ -26,8 +27,6 @@ from gantryctl.units import deg
 _SMALL_DEG: Final = 1.0
 _STOP_SPEEDS: Final = (1.0, 3.0)
 _STOP_ACC: Final = 1.0
-# The 60 ms of travel that permitted stopping angles allow for.
-_REACTION_S: Final = 0.06
 _TURN_SPEED: Final = 3.0
 _MARGIN_DEG: Final = 2.0
 # Over less than this a sine and a constant cannot be told apart well.
@@ -99,7 +98,7 @@ def stops(c: Context) -> StepResult:
             direction = -direction
             computed = speed * delay_s + rigid_stop(speed, virtual.quick_dec_deg_s2, math.inf)[0]
             figures |= _figures(f"{what} {speed:g} deg/s", measured, computed)
-            if not 0.0 < measured <= computed + speed * _REACTION_S:
+            if not 0.0 < measured <= computed + speed * REACTION_S:
                 wrong.append(f"{what} at {speed:g} deg/s")
             c.say(f"  {what} from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
     speed = c.machine.speed.setting_min_deg_s
@@ -107,7 +106,7 @@ def stops(c: Context) -> StepResult:
     computed = rigid_stop(speed, virtual.jog_release_dec_deg_s2, virtual.jog_release_jerk_deg_s3)[0]
     figures |= _figures(f"jog release {speed:g} deg/s", measured, computed)
     c.say(f"  jog release from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
-    if measured > computed + speed * _REACTION_S:
+    if measured > computed + speed * REACTION_S:
         wrong.append("jog release")
     proof = f"{len(figures) // 2} stops, largest {max(figures.values()):.3f} deg"
     to_do = f"too long: {', '.join(wrong)}; 6085, torque limit, [virtual_axis] quick_dec_deg_s2"

@@ -86,6 +86,26 @@ BREAKS = {
         "monitors.lease_ms": 60.0, "control.scan_period_ms": 40.0, "control.kpp_per_s": 1.0,
     },
     "lease_within_stopping_angle": {"monitors.lease_ms": 670.0},
+    "scan_within_reaction": {"control.scan_period_ms": 37.5, "control.kpp_per_s": 10.0},
+    "deadline_within_reaction": CAN | {"can.rpdo_deadline_ms": 1000.0},
+    "heartbeat_before_mechanical_stop": CAN | {"can.heartbeat_timeout_ms": 5000.0},
+    "stepped_is_for_virtual_drives": CAN | {"can.stepped": True},
+    "following_error_time_within_reaction": {"monitors.following_error_time_ms": 111.0},
+    "following_error_widening_within_reaction": {"monitors.following_error_per_speed_s": 0.101},
+    "following_error_band_within_reaction": {
+        "monitors.following_error_base_deg": 0.46, "monitors.following_error_per_speed_s": 0.03,
+    },
+    "velocity_deviation_time_within_reaction": {"monitors.velocity_deviation_time_ms": 111.0},
+    "velocity_deviation_within_reaction": {"monitors.velocity_deviation_deg_s": 5.9},
+    "overspeed_time_within_reaction": {"monitors.overspeed_time_ms": 111.0},
+    "saturation_within_stopping_angle": {"monitors.torque_saturation_time_ms": 667.0},
+    "brake_feedback_within_stopping_angle": {"monitors.brake_feedback_time_ms": 10000.0},
+    "disagreement_time_within_reaction": {COMPENSATION + "load_encoder.disagreement_time_ms": 111.0},
+    "disagreement_within_reaction": {COMPENSATION + "load_encoder.disagreement_deg": 0.55},
+    "standstill_time_within_reaction": {"monitors.standstill_time_ms": 200.0},
+    "standstill_window_within_reaction": {"monitors.standstill_window_deg": 0.2},
+    "sag_within_reaction": {"brake.sag_max_deg": 0.5},
+    "brake_stop_within_stopping_angle": {"brake.close_time_ms": 240.0},
     "nodes_differ": CAN | {"can.node": 127},
     "interface_is_named": CAN | {"can.interface": ""},
     "heartbeat_within_timeout": CAN | {"can.heartbeat_timeout_ms": 99.0},
@@ -206,7 +226,7 @@ def test_the_rule_reads_no_key_that_it_does_not_name(rule):
         {"speed.command_clamp_deg_s": 6.3},  # 6 x 1.05 is 6.300000000000001 in binary
         {"axis.stopping_angle_max_deg": 5.0},
         {"virtual_axis.dec_deg_s2": 2.0},
-        {"virtual_axis.quick_dec_deg_s2": 4.5},
+        {"virtual_axis.quick_dec_deg_s2": 5.05},  # 3.56 deg from 6 deg/s: 72 ms are left
         {"motor.torque_max_nm": 6 * 257.0},
         {"control.scan_period_ms": 0.125},
         {"control.scan_period_ms": 4.0},
@@ -234,3 +254,48 @@ def test_the_words_of_a_rule():
         "hust_gantry with changes: [speed] command_clamp_deg_s = 6.2 deg/s: must be at least 6.3 deg/s: "
         "1.05 x the highest setting, the correction reserve; against [speed] setting_max_deg_s = 6.0 deg/s",
     )
+
+
+# The reference machine on a bus; the limits by hand: 4 deg - 6^2 / (2 x 5.4) deg = 0.6667 deg, at 6 deg/s 111.1 ms.
+@pytest.mark.parametrize(
+    ("path", "limit"),
+    [
+        ("can.rpdo_deadline_ms", 111.111 - 4.0),
+        # 5 deg from limit switch to mechanical stop, less 3.3333 deg of quick stop, at 6 deg/s.
+        ("can.heartbeat_timeout_ms", 277.778),
+        ("control.scan_period_ms", 37.037),
+        ("monitors.following_error_time_ms", 107.111),
+        ("monitors.following_error_per_speed_s", 0.107111 - 0.010),
+        # (0.107111 - 0.010 - 0.012) s x 6 deg/s
+        ("monitors.following_error_base_deg", 0.510667),
+        ("monitors.velocity_deviation_time_ms", 107.111),
+        # 385 N m and 50 kN m / 1144 on 2.0278 kg m2 are 211.4 rad/s2 at the motor, 10.59 deg/s2: x 0.087111 s.
+        ("monitors.velocity_deviation_deg_s", 0.9224),
+        ("monitors.overspeed_time_ms", 107.111),
+        ("monitors.torque_saturation_time_ms", 666.667),
+        ("monitors.brake_feedback_time_ms", 666.667),
+        ("monitors.lease_ms", 666.667),
+    ],
+)
+def test_every_time_and_band_before_a_stop_has_the_limit_computed_by_hand(path, limit):
+    spec = field_specs()[path]
+    with pytest.raises(ConfigError) as caught:
+        with_values(MACHINE, CAN | {path: spec.high})
+    start = f"hust_gantry with changes: {spec.place} = "
+    told = [
+        float(line.partition("must be at most ")[2].partition(":")[0].partition(" ")[0])
+        for line in caught.value.problems
+        if line.startswith(start) and "must be at most" in line
+    ]
+    assert any(value == pytest.approx(limit, rel=2e-4) for value in told), caught.value.problems
+
+
+def test_a_weak_brake_must_close_sooner():
+    # 0.36 + 6 t + (6 + 1.08 t)^2 / 2n + ... = 4 deg, n = 400 N m on 2.0278 kg m2 less the check moment.
+    slow = "; against [speed] setting_max_deg_s"
+    assert any(
+        "must be at most 231.8" in line and slow in line for line in problems({"brake.close_time_ms": 240.0})
+    )
+    assert isinstance(with_values(MACHINE, {"brake.close_time_ms": 231.0}), Machine)
+    weak = problems({"brake.torque_nm": 320.0, "brake.close_time_ms": 200.0})
+    assert any("[brake] close_time_ms = 200.0 ms: must be at most" in line for line in weak)

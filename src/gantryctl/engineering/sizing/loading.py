@@ -8,9 +8,9 @@ from pathlib import Path
 from gantryctl.engineering.sizing.duty import treatment_time_s
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
 from gantryctl.engineering.sizing.sheet import Sheet
-from gantryctl.engineering.sizing.train import REACTION_S
 from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, load_table
+from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
 

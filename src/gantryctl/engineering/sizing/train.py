@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2, reflected_inertia_kg_m2
 from gantryctl.engineering.sizing.sheet import Sheet
+from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, rad
 
 Floats = NDArray[np.float64]
-
-# Travel time before a quick stop begins, as `gantryctl stops` counts it.
-REACTION_S = 0.06
 
 
 class Part(NamedTuple):

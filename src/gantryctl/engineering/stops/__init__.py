@@ -5,10 +5,9 @@ deceleration that the machine can give.
 """
 
 from gantryctl.engineering.stops.limits import check_quick_stop, find_quick_dec
-from gantryctl.engineering.stops.run import REACTION_S, StopClass, run_stop, stop_table, worst_stop
+from gantryctl.engineering.stops.run import StopClass, run_stop, stop_table, worst_stop
 
 __all__ = [
-    "REACTION_S",
     "StopClass",
     "check_quick_stop",
     "find_quick_dec",

@@ -7,7 +7,6 @@ import math
 from typing import Final
 
 from gantryctl.engineering.stops.run import (
-    REACTION_S,
     SPEED_PARTS,
     StopClass,
     StopResult,
@@ -17,6 +16,7 @@ from gantryctl.engineering.stops.run import (
 )
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import REACTION_S
 
 RESOLUTION_DEG_S2: Final = 0.1
 _SMALLEST_DEG_S2: Final = 0.2

@@ -13,13 +13,12 @@ from gantryctl import _core
 from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
 
-# Time from the cause of a stop to the beginning of the ramp that permitted angles allow for.
-REACTION_S: Final = 0.06
 # Speeds that stops are judged at, as parts of the highest one.
 SPEED_PARTS: Final = (0.1, 0.5, 1.0)
 # Motor side: below this the axis counts as standing.

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gantryctl.engineering.report.text import TextTable
-from gantryctl.engineering.stops.run import REACTION_S, StopRow
+from gantryctl.engineering.stops.run import StopRow
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import REACTION_S
 
 _NOTE = """Worst of four stops each (at +-90 deg, both directions), with an eccentric moment of {moment:g} kN m.
 Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging at the speed of the last column.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from gantryctl.engineering.stops import (
-    REACTION_S,
     StopClass,
     check_quick_stop,
     find_quick_dec,
@@ -17,6 +16,7 @@ from gantryctl.engineering.stops.limits import hardest_quick_stop
 from gantryctl.engineering.stops.run import within_ratings
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine.rules.reaction import REACTION_S
 
 MACHINE = default_machine()
 TOP = MACHINE.speed.setting_max_deg_s
@@ -115,8 +115,15 @@ def changed(**changes: object) -> Machine:
     [
         (changed(virtual_axis__quick_dec_deg_s2=6.5), "the motor cannot give it"),
         (changed(virtual_axis__quick_dec_deg_s2=6.5), "the reducer cannot give it"),
-        (changed(virtual_axis__quick_dec_deg_s2=4.6), "stopping_angle_max_deg = 4 deg"),
-        (changed(axis__stopping_angle_max_deg=3.5), "stop harder, go slower or permit more"),
+        # 60 ms of reaction are left, which a velocity deviation of 0.5 deg/s would not keep.
+        (
+            changed(virtual_axis__quick_dec_deg_s2=4.6, monitors__velocity_deviation_deg_s=0.2),
+            "stopping_angle_max_deg = 4 deg",
+        ),
+        (
+            changed(axis__stopping_angle_max_deg=3.5, monitors__velocity_deviation_deg_s=0.2),
+            "stop harder, go slower or permit more",
+        ),
     ],
 )
 def test_a_quick_stop_that_cannot_be_is_refused_with_the_key_and_the_way_out(
@@ -136,6 +143,7 @@ def test_a_motor_that_cannot_stop_the_load_at_all_is_said() -> None:
         plant__load__eccentric_check_moment_nm=220e3,
         motor__torque_max_nm=500.0,  # enough to test a brake for such a load
         brake__test_torque_nm=260.0,
+        brake__torque_nm=700.0,
     )
     with pytest.raises(ConfigError, match="choose a larger motor or reducer"):
         find_quick_dec(weak)
