@@ -15,15 +15,15 @@ from gantryctl.errors import UsageError
 
 # Every value that an object of up to 32 bits can show, signed or not.
 _U32 = Annotated[int, Field(ge=-(1 << 31), lt=1 << 32)]
-TpdoKind = Literal["drop", "delay", "duplicate", "swap", "length"]
-TPDO_KINDS: Final = get_args(TpdoKind)
+FrameKind = Literal["drop", "delay", "duplicate", "swap", "length"]
+FRAME_KINDS: Final = get_args(FrameKind)
 
 
 @dataclass(slots=True)
-class TpdoFault:
-    """Fault of the frames of one TPDO."""
+class FrameFault:
+    """Fault of the frames of one TPDO or one identifier."""
 
-    kind: TpdoKind
+    kind: FrameKind
     amount: int = 1
     """delay: frames held back; length: bytes sent."""
     count: int | None = None
@@ -40,7 +40,7 @@ class Faults:
     """Standing faults; the defaults are a sound drive."""
 
     spoilt: set[str] = field(default_factory=set, init=False, repr=False, compare=False)
-    """Names of the faults in force, TPDOs apart: a sound drive asks for nothing else in its cycle."""
+    """Names of the faults in force, those of frames apart: a sound drive asks for nothing else in its cycle."""
     freeze_position: bool = False
     """6064 keeps its value (and 606C becomes 0); the drive's own speed loop goes on."""
     position_offset: _U32 = 0
@@ -107,8 +107,10 @@ class Faults:
     limit_plus_ok: bool | None = None
     torque_offset: Annotated[float, Field(gt=-1e9, lt=1e9)] = 0.0
     """Added to the torque that 6077 reports, N m."""
-    tpdo: dict[int, TpdoFault] = field(default_factory=dict)
-    """By number, 1 for the first; set by `tpdo_fault`."""
+    tpdo: dict[int, FrameFault] = field(default_factory=dict)
+    """TPDOs, by number, 1 for the first; of `frame_fault`."""
+    frames: dict[int, FrameFault] = field(default_factory=dict)
+    """Every other frame from or to the drive, by identifier; of `frame_fault`."""
 
     @property
     def powered(self) -> bool:
@@ -127,7 +129,7 @@ class Faults:
 _CHECKS: Final[dict[str, TypeAdapter[Any]]] = {
     name: TypeAdapter(hint, config=ConfigDict(strict=True))
     for name, hint in get_type_hints(Faults, include_extras=True).items()
-    if name not in ("tpdo", "spoilt")
+    if name not in ("tpdo", "frames", "spoilt")
 }
 _SOUND: Final[dict[str, Any]] = {each.name: each.default for each in fields(Faults) if each.name in _CHECKS}
 BUS_ONLY: Final = frozenset(
@@ -148,7 +150,7 @@ BUS_ONLY: Final = frozenset(
 
 
 def names() -> tuple[str, ...]:
-    """Every standing fault but those of TPDOs."""
+    """Every standing fault but those of frames."""
     return tuple(_CHECKS)
 
 
@@ -172,21 +174,21 @@ def set_fault(faults: Faults, name: str, value: Any) -> None:
         raise UsageError(f"fault '{name}': {said}, got {value!r}") from None
 
 
-def tpdo_fault(kind: Any, amount: Any = 1, count: Any = None) -> TpdoFault:
-    """Fault of a TPDO from values of a request.
+def frame_fault(kind: Any, amount: Any = 1, count: Any = None) -> FrameFault:
+    """Fault of frames from values of a request.
 
     Raises:
         UsageError: an unknown kind or a number out of range.
     """
-    if kind not in TPDO_KINDS:
-        raise UsageError(f"a TPDO fault is one of {', '.join(TPDO_KINDS)}, got {kind!r}")
+    if kind not in FRAME_KINDS:
+        raise UsageError(f"a fault of frames is one of {', '.join(FRAME_KINDS)}, got {kind!r}")
     for what, value in (("amount", amount), ("count", count)):
         if value is None and what == "count":
             continue
         if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value <= 1_000_000:
-            raise UsageError(f"{what} of a TPDO fault is a whole number, got {value!r}")
+            raise UsageError(f"{what} of a fault of frames is a whole number, got {value!r}")
     if kind == "length" and amount > 8:
         raise UsageError(f"a frame has at most 8 bytes, got {amount}")
     if kind == "delay" and amount > 1000:
         raise UsageError(f"at most 1000 frames are held back, got {amount}")
-    return TpdoFault(kind, amount, count)
+    return FrameFault(kind, amount, count)

@@ -72,6 +72,7 @@ class SimDrive(BaseDrive):
         self._spoilt = False
         self._frozen_counts: float | None = None
         self._shares = (1.0, 1.0, 0.0)
+        self._sample_cycles = 0
         self._identity = DriveIdentity("simulated drive", serial, counts_per_turn, turns)
         self._count_rad = _TWO_PI / counts_per_turn
         self._range_counts = counts_per_turn * turns
@@ -162,6 +163,11 @@ class SimDrive(BaseDrive):
     def lose_turns(self, turns: int) -> None:
         """Shift the multiturn part of the encoder, as after a fault of its gear or battery."""
         self.sim.count_offset += turns * self._identity.counts_per_turn
+
+    def sample_every(self, cycles: int) -> None:
+        """Take samples of the true state inside each scan (`GantrySim.samples_taken`); 0: none."""
+        self._sample_cycles = cycles
+        self.sim.sample_every(cycles)
 
     def change_plant(self, name: str, value: float) -> None:
         """Change a plant parameter, as the load changes when a couch is dropped into it.
@@ -277,4 +283,5 @@ class SimDrive(BaseDrive):
         state = self.sim.state
         self.sim = self._maker.make(plant, drive)
         self.sim.state = state
+        self.sim.sample_every(self._sample_cycles)
         self._feedback, self._scan = self.sim.feedback, self.sim.scan

@@ -283,3 +283,26 @@ def test_the_names_of_faults_in_force_are_kept() -> None:
     for name, value in (("encoder_gain", math.nan), ("encoder_gain", math.inf), ("brake_torque_share", 1.5)):
         with pytest.raises(UsageError, match=name):
             set_fault(faults, name, value)
+
+
+@pytest.mark.parametrize(
+    ("name", "bit", "good"),
+    [
+        ("estop_ok", 16, 1),
+        ("enabling_switch", 17, 1),
+        ("mains_ready", 18, 1),
+        ("limit_minus_ok", 0, 0),
+        ("limit_plus_ok", 1, 0),
+    ],
+)
+def test_each_input_can_be_off_alone(name: str, bit: int, good: int) -> None:
+    on_bus, drive = OnBus(0.0), sim_drive(MACHINE)
+    before, sound = on_bus.bench.up(0x60FD), drive.read().inputs
+    assert (before >> bit & 1, getattr(sound, name)) == (good, True)
+    on_bus.inject(name, False)
+    set_fault(drive.faults, name, False)
+    # Bit 3 is the interlock: the emergency stop of a virtual drive.
+    others = ~(1 << bit | 1 << 3)
+    assert on_bus.bench.up(0x60FD) >> bit & 1 == 1 - good
+    assert on_bus.bench.up(0x60FD) & others == before & others
+    assert drive.read().inputs == sound._replace(**{name: False})

@@ -29,7 +29,7 @@ from gantryctl.drives.virtual.communication.parameters import Parameters, Parame
 from gantryctl.drives.virtual.communication.pdo import DEADLINE, ProcessData
 from gantryctl.drives.virtual.communication.sdo import SdoServer, abort_frame
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.drives.virtual.side_channel.tpdo_gate import TpdoGate
+from gantryctl.drives.virtual.side_channel.frame_gate import FrameGate
 from gantryctl.errors import UsageError
 
 _NMT: Final = 0x000
@@ -100,10 +100,12 @@ class DriveNode:
         self._store = store or ParameterStore()
         self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving)
         self._sdo = SdoServer(od)
-        self._gate = TpdoGate(self.faults, self.send)
+        self._gate = FrameGate(self.faults.tpdo, self.send)
+        self._gate_in = FrameGate(self.faults.frames, self._receive)
+        self._gate_out = FrameGate(self.faults.frames, self._out)
         late = partial(self.axis.communication_lost, DEADLINE)
         report, now = self.emergency.report, lambda: self.time_us
-        self.process_data = ProcessData(od, self._gate.send, report, late, now)
+        self.process_data = ProcessData(od, self._send_tpdo, report, late, now)
         self._producer = HeartbeatProducer(od, self.send_heartbeat)
         self._consumer = HeartbeatConsumer(od, self.emergency.report, self._heartbeat_lost)
 
@@ -170,9 +172,21 @@ class DriveNode:
             if self._synced:
                 self.advance(self.sync_period_us)
             self._synced = True
+        # A frame that the drive does not hear lets its time go on all the same.
+        if self._gate_in.in_use:
+            self._gate_in.send(can_id, can_id, data)
+        else:
+            self._receive(can_id, data)
+
+    def foreign(self, can_id: int, data: bytes) -> None:
+        """Take a frame of a third party: the drive hears it, and so does its master."""
+        self._out(can_id, data)
+        self.on_frame(can_id, data)
+
+    def _receive(self, can_id: int, data: bytes) -> None:
         if self._deaf:
             return
-        if is_sync:
+        if can_id == self.process_data.sync_id:
             self._on_sync(data)
         elif can_id == _NMT:
             command = command_for(data, self.node_id)
@@ -248,7 +262,8 @@ class DriveNode:
         self._store_failed = not self._parameters.reset(communication_only)
         self._sdo.reset()
         self.emergency.reset()
-        self._gate.reset()
+        for gate in (self._gate, self._gate_in, self._gate_out):
+            gate.reset()
         self.process_data.reload()
         self._consumer.reload()
         if not communication_only:
@@ -271,7 +286,14 @@ class DriveNode:
     def send(self, can_id: int, data: bytes) -> None:
         """Send one frame unless the node is off the bus."""
         if not self.faults.silence and self.time_us >= self._silent_until_us:
-            self._out(can_id, data)
+            if self._gate_out.in_use:
+                self._gate_out.send(can_id, can_id, data)
+            else:
+                self._out(can_id, data)
+
+    def _send_tpdo(self, number: int, can_id: int, data: bytes) -> None:
+        """Send one TPDO (number 0 is the first)."""
+        self._gate.send(number + 1, can_id, data)
 
     def send_heartbeat(self) -> None:
         """Send the heartbeat of this moment."""

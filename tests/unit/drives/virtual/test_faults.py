@@ -293,7 +293,7 @@ def test_a_stepped_drive_can_be_advanced_without_sync(bench: Bench) -> None:
         ({"cmd": "inject", "fault": "torque_offset", "value": "x"}, "Input should be a valid number"),
         ({"cmd": "inject", "fault": "command_sign", "value": 2}, "Input should be 1 or -1"),
         ({"cmd": "inject", "fault": "warning", "for_s": -1}, "for_s is from 0 to 3600"),
-        ({"cmd": "inject", "fault": "tpdo", "kind": "burn"}, "a TPDO fault is one of drop, delay"),
+        ({"cmd": "inject", "fault": "tpdo", "kind": "burn"}, "a fault of frames is one of drop, delay"),
         ({"cmd": "inject", "fault": "tpdo", "tpdo": 9, "kind": "drop"}, "tpdo is a whole number from 1 to 4"),
         ({"cmd": "inject", "fault": "tpdo", "kind": "length", "amount": 9}, "a frame has at most 8 bytes"),
         ({"cmd": "event", "event": "party"}, "there is no event 'party'; there are: fault, emcy"),
@@ -326,3 +326,31 @@ def test_a_foreign_frame_can_be_sent_in_the_drive_s_name(bench: Bench) -> None:
     bench.frames.clear()
     bench.event("frame", can_id=0x123, data="0102")
     assert bench.frames == [(0x123, b"\x01\x02")]
+
+
+def test_a_sync_that_is_lost_lets_the_time_of_the_drive_go_on(bench: Bench) -> None:
+    bench.send(0x80)  # the first is time 0
+    before = bench.node.time_us
+    bench.inject("frame", can_id=0x80, kind="drop", count=2)
+    assert [len(bench.send(0x80)) for _ in range(3)] == [0, 0, 2]
+    assert bench.node.time_us - before == 3 * bench.node.sync_period_us
+
+
+def test_frames_to_and_from_the_drive_can_be_lost(bench: Bench) -> None:
+    bench.inject("frame", can_id=SDO_RX, kind="drop", count=1)
+    assert bench.send(SDO_RX, bytes.fromhex("4000100000000000")) == []
+    assert len(bench.send(SDO_RX, bytes.fromhex("4000100000000000"))) == 1
+    bench.down(0x1017, 0, 20, 2)
+    bench.inject("frame", can_id=HEARTBEAT, kind="drop", for_s=0.1)
+    bench.frames.clear()
+    bench.run(0.09, 0)
+    assert bench.take(HEARTBEAT) == []
+    bench.run(0.1, 0)
+    assert bench.take(HEARTBEAT)
+
+
+def test_a_frame_of_a_third_party_reaches_drive_and_master(bench: Bench) -> None:
+    bench.frames.clear()
+    bench.event("foreign", can_id=0x000, data="8002")
+    assert (0x000, b"\x80\x02") in bench.frames
+    assert bench.send(0x80) == []  # pre-operational: no process data any more

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Final
 
@@ -56,6 +56,8 @@ class DrivePlant:
         self.exhausted = False
         """Overload budget used up: rated torque at most."""
         self._allowed_nm = hardware.torque_max_nm
+        self.watch: Callable[[], None] | None = None
+        """Called after each tick: an observer of the true plant."""
         self._read()
         self.power_on()
 
@@ -144,6 +146,8 @@ class DrivePlant:
         self.sim.scan(mode, vel_rad_s, torque_ff_nm, brake_open)
         self._read()
         self._count_overload()
+        if self.watch is not None:
+            self.watch()
 
     def _remake(self) -> None:
         state = self.sim.state

@@ -7,6 +7,7 @@
 | status  |                                               | states, phase, brake, torque, overload, faults in force |
 | inject  | fault, value; for_s                           | a standing fault; back to sound after for_s             |
 | inject  | fault "tpdo", tpdo, kind; amount, count       | drop, delay, duplicate, swap or length                  |
+| inject  | fault "frame", can_id, kind; amount, count    | the same for another frame, from or to the drive        |
 | event   | event and its fields                          | something that happens once, see `EVENTS`               |
 | clear   | fault (all when not given)                    |                                                         |
 | read    | index; sub                                    | value as the behaviour has it                           |
@@ -22,7 +23,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any, Final, TypeVar
 
-from gantryctl.drives.faults import Faults, default_of, names, set_fault, tpdo_fault
+from gantryctl.drives.faults import Faults, default_of, frame_fault, names, set_fault
 from gantryctl.drives.virtual.communication.abort import SdoAbort
 from gantryctl.drives.virtual.communication.nmt import NmtState
 from gantryctl.drives.virtual.node import DriveNode
@@ -62,6 +63,7 @@ class Requests:
             "lose_turns": self._lose_turns,
             "plant": self._plant,
             "frame": self._frame,
+            "foreign": self._foreign,
         }
 
     def answer(self, request: object) -> Answer:
@@ -79,7 +81,7 @@ class Requests:
             "node": node.node_id,
             "personality": node.kind.name,
             "stepped": node.stepped,
-            "faults": [*names(), "tpdo"],
+            "faults": [*names(), "tpdo", "frame"],
             "events": list(self._events),
         }
 
@@ -91,8 +93,14 @@ class Requests:
     def _status(self, request: Mapping[str, Any]) -> Answer:
         node, axis = self._node, self._node.axis
         sound = Faults()
-        spoiled = {n: v for n in names() if (v := getattr(node.faults, n)) != getattr(sound, n)}
-        tpdos = {str(n): fault.kind for n, fault in node.faults.tpdo.items()}
+        spoiled: dict[str, Any] = {
+            n: v for n in names() if (v := getattr(node.faults, n)) != getattr(sound, n)
+        }
+        spoiled |= {
+            what: {str(n): fault.kind for n, fault in table.items()}
+            for what, table in (("tpdo", node.faults.tpdo), ("frame", node.faults.frames))
+            if table
+        }
         return {
             "time_s": node.time_us * 1e-6,
             "nmt": node.state.name,
@@ -105,7 +113,7 @@ class Requests:
             "torque_nm": axis.plant.torque_nm,
             "vel_motor_rad_s": axis.plant.vel_rad_s,
             "overload": axis.plant.overload,
-            "faults": spoiled | ({"tpdo": tpdos} if tpdos else {}),
+            "faults": spoiled,
         }
 
     # --- standing faults -----------------------------------------------------------------------------------------
@@ -113,12 +121,12 @@ class Requests:
     def _inject(self, request: Mapping[str, Any]) -> Answer:
         node, name = self._node, str(request.get("fault"))
         for_s = None if request.get("for_s") is None else _number(request, "for_s", 0.0, _MAX_S)
-        if name == "tpdo":
-            number = _whole(request, "tpdo", 1, 1, 4)
-            node.faults.tpdo[number] = tpdo_fault(
-                request.get("kind"), request.get("amount", 1), request.get("count")
-            )
-            self._end(for_s, lambda: node.faults.tpdo.pop(number, None))
+        if name in ("tpdo", "frame"):
+            is_tpdo = name == "tpdo"
+            table = node.faults.tpdo if is_tpdo else node.faults.frames
+            key = _whole(request, "tpdo", 1, 1, 4) if is_tpdo else _whole(request, "can_id", 0x80, 0, 0x7FF)
+            table[key] = frame_fault(request.get("kind"), request.get("amount", 1), request.get("count"))
+            self._end(for_s, lambda: table.pop(key, None))
         else:
             set_fault(node.faults, name, request.get("value", True))
             self._end(for_s, lambda: set_fault(node.faults, name, default_of(name)))
@@ -131,9 +139,10 @@ class Requests:
     def _clear(self, request: Mapping[str, Any]) -> Answer:
         faults = self._node.faults
         name = request.get("fault")
-        if name is None or name == "tpdo":
-            faults.tpdo.clear()
-        for each in names() if name is None else () if name == "tpdo" else (str(name),):
+        for what, table in (("tpdo", faults.tpdo), ("frame", faults.frames)):
+            if name in (None, what):
+                table.clear()
+        for each in names() if name is None else () if name in ("tpdo", "frame") else (str(name),):
             if each not in names():
                 raise UsageError(f"there is no fault '{each}'")
             set_fault(faults, each, default_of(each))
@@ -183,6 +192,13 @@ class Requests:
 
     def _frame(self, request: Mapping[str, Any]) -> None:
         """can_id, data (hex): any frame, as if this node had sent it."""
+        self._node.send(*self._frame_of(request))
+
+    def _foreign(self, request: Mapping[str, Any]) -> None:
+        """can_id, data (hex): any frame of a third party, which this node hears too."""
+        self._node.foreign(*self._frame_of(request))
+
+    def _frame_of(self, request: Mapping[str, Any]) -> tuple[int, bytes]:
         can_id = _whole(request, "can_id", 0, 0, 0x7FF)
         try:
             data = bytes.fromhex(str(request.get("data", "")))
@@ -190,7 +206,7 @@ class Requests:
             raise UsageError("data is hexadecimal") from None
         if len(data) > 8:
             raise UsageError(f"a frame has at most 8 bytes, got {len(data)}")
-        self._node.send(can_id, data)
+        return can_id, data
 
     # --- dictionary and time -------------------------------------------------------------------------------------
 

@@ -1,44 +1,49 @@
-"""Gate that spoils TPDOs."""
+"""Gate that spoils frames."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
 
-from gantryctl.drives.faults import Faults, TpdoFault
+from gantryctl.drives.faults import FrameFault
 
 
-class TpdoGate:
-    """Gate between the TPDOs and the bus: drops, delays, duplicates, swaps or cuts frames.
+class FrameGate:
+    """Gate that frames pass: drops, delays, duplicates, swaps or cuts those of the keys that a fault names.
 
     Args:
-        faults: which TPDO is affected.
+        faults: by key, the number of a TPDO or an identifier.
         send: takes (identifier, data).
     """
 
-    def __init__(self, faults: Faults, send: Callable[[int, bytes], None]) -> None:
+    def __init__(self, faults: dict[int, FrameFault], send: Callable[[int, bytes], None]) -> None:
         self._faults, self._send = faults, send
         self._held: dict[int, deque[tuple[int, bytes]]] = {}
+
+    @property
+    def in_use(self) -> bool:
+        """A fault is in force, or frames are held back."""
+        return bool(self._faults or self._held)
 
     def reset(self) -> None:
         """Discard the frames held back."""
         self._held.clear()
 
-    def send(self, number: int, can_id: int, data: bytes) -> None:
-        """Send one TPDO (number 0 is the first)."""
-        fault = self._faults.tpdo.get(number + 1)
+    def send(self, key: int, can_id: int, data: bytes) -> None:
+        """Send one frame."""
+        fault = self._faults.get(key)
         if fault is None:
-            self._flush(number)
+            self._flush(key)
             self._send(can_id, data)
             return
         if fault.count is not None:
             fault.count -= 1
             if fault.count <= 0:
-                del self._faults.tpdo[number + 1]
-        self._spoiled(number, fault, can_id, data)
+                del self._faults[key]
+        self._spoiled(key, fault, can_id, data)
 
-    def _spoiled(self, number: int, fault: TpdoFault, can_id: int, data: bytes) -> None:
-        held = self._held.setdefault(number, deque())
+    def _spoiled(self, key: int, fault: FrameFault, can_id: int, data: bytes) -> None:
+        held = self._held.setdefault(key, deque())
         match fault.kind:
             case "drop":
                 pass
@@ -58,8 +63,8 @@ class TpdoGate:
                 else:
                     held.append((can_id, data))
 
-    def _flush(self, number: int) -> None:
+    def _flush(self, key: int) -> None:
         """Send the frames held back: the fault is over."""
-        held = self._held.pop(number, None)
+        held = self._held.pop(key, None)
         while held:
             self._send(*held.popleft())
