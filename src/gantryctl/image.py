@@ -225,6 +225,8 @@ class OutputImage(NamedTuple):
     """Torque preload or feed-forward, motor side (CiA 402: 60B2)."""
     brake_open: bool = False
     """Brake release command; a drive that owns the brake may ignore it while not enabled."""
+    horn: bool = False
+    """The load moves, or has moved, without a command: people must leave. Until service resets."""
 
 
 SAFE_OUTPUT = OutputImage()

@@ -90,6 +90,7 @@ class Code(StrEnum):
     BRK_10 = "BRK-10"
     BRK_11 = "BRK-11"
     BRK_12 = "BRK-12"
+    BRK_13 = "BRK-13"
     DRV_01 = "DRV-01"
     DRV_02 = "DRV-02"
     DRV_03 = "DRV-03"
@@ -162,3 +163,5 @@ class Definition(NamedTuple):
     """No motion while it is active, though it does not stop the axis."""
     before_motion: Words = Words.RESET_FIRST
     """The condition for motion that a refused motion names then."""
+    horn: bool = False
+    """It sounds the horn (`OutputImage.horn`) until it is reset: the load moves by itself."""

@@ -118,15 +118,17 @@ class AlarmLog:
         first_out: the alarm that stopped the axis, or None.
         history: the last alarms and notes, oldest first.
         pending: the strongest reaction that the axis has not taken yet.
+        horn: an active alarm sounds the horn.
     """
 
-    __slots__ = ("active", "first_out", "history", "pending", "pos_rad", "scan", "time_s")
+    __slots__ = ("active", "first_out", "history", "horn", "pending", "pos_rad", "scan", "time_s")
 
     def __init__(self) -> None:
         self.active: dict[Code, Alarm] = {}
         self.first_out: Alarm | None = None
         self.history: deque[Alarm] = deque(maxlen=HISTORY_LENGTH)
         self.pending = Reaction.W
+        self.horn = False
         self.scan = 0
         self.time_s = 0.0
         self.pos_rad = 0.0
@@ -152,6 +154,7 @@ class AlarmLog:
         alarm = Alarm(code, self.time_s, values, reaction, self.scan, self.pos_rad)
         self.history.append(alarm)
         self.active[code] = alarm
+        self.horn = self.horn or row.horn
         # First out: a stop raises others (following error, drive states) that would hide its cause.
         if self.first_out is not None:
             self.first_out.consequences.append(alarm)
@@ -175,6 +178,13 @@ class AlarmLog:
         self.active.clear()
         self.first_out = None
         self.pending = Reaction.W
+        self.horn = False
+
+    def torque_not_kept(self) -> None:
+        """Correct the alarms that say that torque is kept: it could not be given, or had to go."""
+        for alarm in self.active.values():
+            if Words.TORQUE_KEPT in alarm.steps:
+                alarm.steps = (Words.TORQUE_OFF,)
 
     def blocking(self, but: Code | None = None) -> Alarm | None:
         """An active alarm that forbids motion without having stopped the axis, or None; `but` does not count."""

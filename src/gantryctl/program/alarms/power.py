@@ -44,7 +44,7 @@ POWER: Final = (
              "Keep people away. Secure the load and call service."),
         Text("制动器打滑", "断电状态下移动了 {measured}°，限值 {limit}°",
              "抱紧的制动器让负载移动；可能时由电机保持。", _SECURE_ZH),
-        lock=True,
+        lock=True, horn=True,
     ),
     # Fault catalogue C5: the drive still brakes on its ramp, and both together stop sooner.
     Definition(
@@ -106,7 +106,20 @@ POWER: Final = (
              "The brake does not stop the load.", "Keep people away. Secure the load and call service."),
         Text("负载仍在运动", "转矩切断并制动 {time_s} s 后仍为 {measured} °/s", "制动器没有使负载停住。",
              _SECURE_ZH),
-        lock=True,
+        lock=True, horn=True,
+    ),
+    # Follows the alarm that asked for torque (BRK-03, BRK-04, BRK-11): neither brake nor motor holds the load. Torque
+    # that is limited still slows the load down, so it goes off only where it drives the motion.
+    Definition(
+        Code.BRK_13, _STOP, Reaction.W,
+        Text("Load moving",
+             "The load moves although brake and motor should hold it: {measured:.3f} deg so far, {speed:.2f} deg/s",
+             "The brake slips and the motor does not hold the load: torque limit, drive, feedback.",
+             "Everyone leaves the room. Secure the load from outside its reach and call service."),
+        Text("负载在运动", "制动器和电机应当保持负载，但负载仍在运动：已移动 {measured}°，速度 {speed} °/s",
+             "制动器打滑且电机未能保持负载：转矩限值、驱动器、反馈。",
+             "所有人员离开房间。从负载可及范围之外固定负载并联系维修。"),
+        lock=True, horn=True,
     ),
     # Fault catalogue D1: raised by the status word; the following error would show it much later.
     Definition(

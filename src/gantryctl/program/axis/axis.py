@@ -185,7 +185,7 @@ class Axis:
         # A plain tuple: the state table is entered only when one of its inputs has changed.
         if events != self._events or not self._settled:
             self._decide(AxisEvents(*events))
-        return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open))
+        return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open, self.alarms.horn))
 
     def _control_again(self) -> None:
         """Run the position loop again, for the set-point of a plan that the program took in this scan."""

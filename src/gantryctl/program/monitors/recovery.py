@@ -51,7 +51,7 @@ class StopRecord:
 
     def _steps(self) -> tuple[Words | Said, ...]:
         alarm = self.alarm
-        hold = alarm.reaction is Reaction.HOLD
+        hold = Words.TORQUE_KEPT in alarm.steps
         steps = (
             (self._slow_scan, Words.AT_REST_AFTER, self._slow_scan > alarm.scan and self._angle_known),
             (self._torque_scan, Words.TORQUE_OFF_AFTER, self._was_torque and not hold),

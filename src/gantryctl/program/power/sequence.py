@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.log import Alarm, AlarmLog
 from gantryctl.program.alarms.words import Words, drive_state_words
 from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
@@ -28,6 +28,15 @@ _STOP_TIME_S: Final = 3.0
 # Without a valid position the end of a brake stop is judged by time alone.
 _BLIND_STOP_S: Final = 1.5
 _UNLOAD_STEPS: Final = 3
+# HOLD: a sound drive without a brake catches 50 kN m at 0.13 to 0.21 deg/s and stops it within 0.3 s; a brake that
+# slips at rest moves the load by 0.15 deg at most until then.
+_HOLD_MOVED_RAD: Final = rad(0.15)
+_HOLD_RAD_S: Final = rad(0.1)
+_HOLD_CATCH_S: Final = 0.300
+# A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
+_HOLD_DRIVEN_S: Final = 0.050
+# After these nobody gives torque back by itself: the drive does not obey, or another master may command it.
+_NO_HOLD_AFTER: Final = frozenset({Code.CAN_12, Code.CTL_05, Code.DRV_05, Code.DRV_07})
 
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ABLE: Final = (
@@ -61,8 +70,8 @@ class PowerSequence:
     """
 
     __slots__ = (
-        "_alarms", "_close_late_scans", "_close_scans", "_count", "_drive_owns_brake", "_feedback", "_load_nm",
-        "_open_late_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold", "_pos_rad", "_power_up_scans",
+        "_alarms", "_close_late_scans", "_close_scans", "_count", "_driven", "_drive_owns_brake", "_feedback",
+        "_held", "_load_nm", "_open_late_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold", "_pos_rad", "_power_up_scans",
         "_proof_scans", "_quick_dec", "_rest_count", "_rest_scans", "_sag_scans", "_settings", "_settle_scans",
         "_slip_scans", "_step_scans", "_unloaded", "_vel_start", "brake_open", "brake_test", "fault_reset", "holding",
         "phase", "proof", "request", "status", "torque_ff_nm",
@@ -98,7 +107,7 @@ class PowerSequence:
         self.brake_open = False
         self.torque_ff_nm = 0.0
         self._parking = self._unloaded = self._drive_owns_brake = False
-        self._count = self._rest_count = self._over_envelope = 0
+        self._count = self._rest_count = self._over_envelope = self._held = self._driven = 0
         self._pos_rad: float | None = None
         self._pos_hold: float | None = None
         self._load_nm = self._vel_start = 0.0
@@ -153,12 +162,17 @@ class PowerSequence:
         if self.brake_test.under_way:
             self._stop_test(reaction)
         # A stop is never made weaker: TORQUE OFF stays, and HOLD yields to TORQUE OFF alone.
-        if self.phase is PowerPhase.TORQUE_OFF or (
-            self.phase is PowerPhase.TORQUE_HOLD and reaction is not Reaction.TORQUE_OFF
-        ):
+        if self.phase is PowerPhase.TORQUE_HOLD and reaction is not Reaction.TORQUE_OFF:
+            return
+        if self.phase is PowerPhase.TORQUE_OFF:
+            self._alarms.torque_not_kept()
             return
         if reaction is Reaction.HOLD and self._can_hold():
             self._enter(PowerPhase.TORQUE_HOLD)
+            return
+        self._alarms.torque_not_kept()
+        if self.phase is PowerPhase.TORQUE_HOLD:
+            self._enter(PowerPhase.TORQUE_OFF)
         elif self.phase in (PowerPhase.OFF, PowerPhase.PARKED):
             self._enter(PowerPhase.OFF)
         elif reaction is not Reaction.QUICK_STOP:
@@ -213,7 +227,7 @@ class PowerSequence:
             self._pos_hold = self._pos_rad
         self._unloaded = self.phase is PowerPhase.DISABLING and self._unloaded
         self.phase = phase
-        self._count = self._rest_count = self._over_envelope = 0
+        self._count = self._rest_count = self._over_envelope = self._held = self._driven = 0
         self._vel_start = abs(self._feedback.vel_rad_s)
         outputs = OUTPUTS[phase]
         self.brake_open = outputs.brake_open
@@ -348,10 +362,12 @@ class PowerSequence:
         """Watch the closed brake with torque off; clear drive faults when asked."""
         self.request = DriveRequest.FAULT_RESET if self.fault_reset else DriveRequest.DISABLE
         moved = self._moved(pos_rad)
-        if not moved <= self._settings.sag_max_rad and self._feedback.position_valid:
+        if not moved <= self._settings.sag_max_rad and self._believed(pos_rad):
             # Within the watch after unloading it is the brake that did not hold (C3), later one that gave way (C4).
             late = not self._unloaded or self._count > self._slip_scans
             self._raise_slip(Code.BRK_04 if late else Code.BRK_03, moved)
+            if not moved <= _HOLD_MOVED_RAD:
+                self._load_moves(pos_rad)
         if self._feedback.brake_open and self._count > self._close_late_scans:
             self._brake_still_open()
 
@@ -384,21 +400,58 @@ class PowerSequence:
             speed = deg(abs(self._feedback.vel_rad_s))
             self._alarms.raise_(Code.BRK_11, measured=speed, time_s=elapsed_s)
 
-    def _torque_hold(self, _pos_rad: float) -> None:
-        """Give the preload back, at zero speed, once the drive is enabled."""
-        if self._feedback.state in ENABLED:
+    def _torque_hold(self, pos_rad: float) -> None:
+        """Give the preload back, at zero speed, once the drive is enabled; judge whether that holds the load."""
+        feedback = self._feedback
+        if feedback.state in ENABLED:
+            self._held += feedback.periods
             self.torque_ff_nm = self.holding.preload_nm
+        elif self._held:
+            self._lost()
         elif self._count > self._power_up_scans:
             self._stuck(_OPERATION_ENABLED, Reaction.TORQUE_OFF)
+        speed = abs(feedback.vel_rad_s)
+        # Written so that NaN is a load that moves.
+        slow = speed <= _HOLD_RAD_S
+        late = self._held * self._period_s > _HOLD_CATCH_S
+        if not self._moved(pos_rad) <= _HOLD_MOVED_RAD or (late and not slow):
+            self._load_moves(pos_rad)
+        if slow or not self._held:
+            self._driven = 0
+        else:
+            self._watch_drive(pos_rad, speed)
+
+    def _watch_drive(self, pos_rad: float, speed_rad_s: float) -> None:
+        """Take the torque off where it drives the load instead of holding it."""
+        feedback = self._feedback
+        torque_nm = feedback.torque_nm
+        # No load needs more than the brake is tested with. More torque against a motion that grows is a reading of
+        # the wrong sign: the drive then pushes where it means to brake.
+        against = torque_nm * feedback.vel_rad_s <= 0.0
+        wrong_reading = against and abs(torque_nm) > self._settings.test_torque_nm
+        if self._driven == 0:
+            self._vel_start = speed_rad_s
+        if speed_rad_s < self._vel_start or (against and not wrong_reading):
+            self._driven = 0
+            return
+        self._driven = feedback.lasting(self._driven)
+        if self._driven * self._period_s >= _HOLD_DRIVEN_S:
+            feedback.position_valid = feedback.position_valid and not wrong_reading
+            self._load_moves(pos_rad, Reaction.TORQUE_OFF)
+
+    def _load_moves(self, pos_rad: float, reaction: Reaction | None = None) -> None:
+        moved, speed = deg(self._moved(pos_rad)), deg(abs(self._feedback.vel_rad_s))
+        self._alarms.raise_(Code.BRK_13, reaction, measured=moved, speed=speed)
 
     def _can_hold(self) -> bool:
         """Whether the drive can be asked for torque at zero speed."""
         feedback = self._feedback
         # Torque is never given back by itself with the emergency stop open, also when the brake slips (C4).
         inputs = feedback.inputs
-        return (
-            inputs.estop_closed and inputs.mains_ready and feedback.position_valid and feedback.state in _ABLE
-        )
+        ready = inputs.estop_closed and inputs.mains_ready and feedback.position_valid
+        if not ready or feedback.state not in _ABLE:
+            return False
+        return not any(map(_forbids_hold, self._alarms.active.values()))
 
     # --- the brake test ---------------------------------------------------------------------------
 
@@ -455,6 +508,16 @@ class PowerSequence:
         self._raise_slip(code, moved)
         return True
 
+    def _believed(self, pos_rad: float) -> bool:
+        """Whether a closed brake slips, or only a doubted reading jumps: then the speed must show it too, for a time."""
+        if self._feedback.position_valid:
+            return True
+        if -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S:
+            self._pos_hold, self._driven = pos_rad, 0
+            return False
+        self._driven = self._feedback.lasting(self._driven)
+        return self._driven >= self._rest_scans
+
     def _at_rest(self) -> bool:
         """Whether the axis has been slow for long enough."""
         slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S
@@ -484,6 +547,14 @@ class PowerSequence:
     def _brake_still_open(self) -> None:
         time_ms = self._milliseconds(self._count)
         self._alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)
+
+
+def _forbids_hold(alarm: Alarm) -> bool:
+    """Whether torque may not come back by itself: feedback or drive are in doubt, or it drove the load."""
+    if alarm.code in _NO_HOLD_AFTER:
+        return True
+    doubt = alarm.code is Code.BRK_13 or alarm.code.startswith("ENC-")
+    return doubt and alarm.reaction >= Reaction.TORQUE_OFF
 
 
 # One row per phase but ON, which has no step of its own.

@@ -151,6 +151,7 @@ class Publisher:
             "power": axis.power.status,
             "brake_open": feedback.brake_open,
             "brake_open_cmd": axis.power.brake_open,
+            "horn": axis.alarms.horn,
             "at_rest": axis.at_rest,
             "in_position": axis.in_position,
             "torque_limited": feedback.torque_limited,

@@ -85,6 +85,7 @@ _STATE: Final = (
     _out("power", "", "bool", "20 Hz", "Power is on: the axis follows commands."),
     _out("brake_open", "", "bool", "20 Hz", "Brake feedback contact."),
     _out("brake_open_cmd", "", "bool", "20 Hz", "Brake release command."),
+    _out("horn", "", "bool", "20 Hz", "The load moves, or has moved, without a command: people must leave."),
     _out("at_rest", "", "bool", "20 Hz", "The set-point is at rest and no motion waits."),
     _out("in_position", "", "bool", "20 Hz", "At rest within the window for the dwell time."),
     _out("torque_limited", "", "bool", "20 Hz", "The drive is at its torque limit."),
