@@ -102,6 +102,8 @@ export interface Tags {
   brake_open: boolean | null;
   /** Brake release command. */
   brake_open_cmd: boolean | null;
+  /** The load moves, or has moved, without a command: people must leave. */
+  horn: boolean | null;
   /** The set-point is at rest and no motion waits. */
   at_rest: boolean | null;
   /** At rest within the window for the dwell time. */

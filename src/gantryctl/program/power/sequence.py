@@ -70,11 +70,42 @@ class PowerSequence:
     """
 
     __slots__ = (
-        "_alarms", "_close_late_scans", "_close_scans", "_count", "_driven", "_drive_owns_brake", "_feedback",
-        "_held", "_load_nm", "_open_late_scans", "_over_envelope", "_parking", "_period_s", "_pos_hold", "_pos_rad", "_power_up_scans",
-        "_proof_scans", "_quick_dec", "_rest_count", "_rest_scans", "_sag_scans", "_settings", "_settle_scans",
-        "_slip_scans", "_step_scans", "_unloaded", "_vel_start", "brake_open", "brake_test", "fault_reset", "holding",
-        "phase", "proof", "request", "status", "torque_ff_nm",
+        "_alarms",
+        "_close_late_scans",
+        "_close_scans",
+        "_count",
+        "_drive_owns_brake",
+        "_driven",
+        "_feedback",
+        "_held",
+        "_load_nm",
+        "_open_late_scans",
+        "_over_envelope",
+        "_parking",
+        "_period_s",
+        "_pos_hold",
+        "_pos_rad",
+        "_power_up_scans",
+        "_proof_scans",
+        "_quick_dec",
+        "_rest_count",
+        "_rest_scans",
+        "_sag_scans",
+        "_settings",
+        "_settle_scans",
+        "_slip_scans",
+        "_step_scans",
+        "_unloaded",
+        "_vel_start",
+        "brake_open",
+        "brake_test",
+        "fault_reset",
+        "holding",
+        "phase",
+        "proof",
+        "request",
+        "status",
+        "torque_ff_nm",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -509,7 +540,7 @@ class PowerSequence:
         return True
 
     def _believed(self, pos_rad: float) -> bool:
-        """Whether a closed brake slips, or only a doubted reading jumps: then the speed must show it too, for a time."""
+        """Whether a closed brake slips, or only a doubted reading jumps: then its speed must show it too."""
         if self._feedback.position_valid:
             return True
         if -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S:

@@ -1,0 +1,139 @@
+"""The shipped program on the simulated gantry, in virtual time, with faults and the true motor angle."""
+
+from __future__ import annotations
+
+import math
+
+from gantryctl._core import GantrySim
+from gantryctl.image import DriveFeedback, OutputImage
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.program import GantryProgram, PowerPhase
+from gantryctl.runtime import Engine, FixedOperator
+from gantryctl.units import deg, rad
+from gantryctl.wiring.engine import build_engine, build_program
+from gantryctl.wiring.simulator import sim_drive
+
+SCANS_MS = (1.0, 4.0, 10.0)
+CHECK_NM = 50_000.0
+CYCLES_PER_MS = 8
+
+
+def machine_at(scan_ms: float, moment_nm: float = 16_000.0, **changes: object) -> Machine:
+    """The reference machine with another scan period and another eccentric moment."""
+    load = default_machine().plant.load
+    values: dict[str, object] = {
+        "control.scan_period_ms": scan_ms,
+        "plant.load.eccentricity_m": moment_nm / (load.mass_kg * 9.81),
+    }
+    return with_values(default_machine(), values | changes)
+
+
+class PlantRig:
+    """Engine, program and plant of one run; `faults` are those of the simulated drive.
+
+    Args:
+        machine: from `machine_at`.
+        angle_deg: where the load stands, brake closed.
+        holding_nm: learned holding torque of an earlier run.
+    """
+
+    def __init__(self, machine: Machine, angle_deg: float = 90.0, *, holding_nm: float = 0.0) -> None:
+        self.machine = machine
+        self.drive = sim_drive(machine, angle_deg)
+        self.faults = self.drive.faults
+        program = build_program(machine, self.drive, holding_torque_nm=holding_nm)
+        assert isinstance(program, GantryProgram)
+        self.engine: Engine = build_engine(machine, self.drive, program)
+        self.axis = program.axis
+        self.ratio = machine.axis.ratio
+        self.outputs: list[OutputImage] = []
+        self.onset_deg = 0.0
+        self.reach_deg = 0.0
+        self.torque_most_nm = 0.0
+        self.mark()
+
+    @property
+    def sim(self) -> GantrySim:
+        """The compiled plant; a fault of brake or torque limit puts another one in its place."""
+        return self.drive.sim
+
+    @property
+    def op(self) -> FixedOperator:
+        assert isinstance(self.engine.operator, FixedOperator)
+        return self.engine.operator
+
+    @property
+    def motor_deg(self) -> float:
+        """True angle of the motor, at the gantry."""
+        return deg(self.sim.truth()[2]) / self.ratio
+
+    @property
+    def motor_deg_s(self) -> float:
+        return deg(self.sim.truth()[3]) / self.ratio
+
+    @property
+    def phase(self) -> PowerPhase:
+        return self.axis.power.phase
+
+    @property
+    def codes(self) -> list[str]:
+        return [str(code) for code in self.axis.alarms.active]
+
+    @property
+    def first(self) -> str:
+        first = self.axis.alarms.first_out
+        return "" if first is None else str(first.code)
+
+    @property
+    def feedback(self) -> DriveFeedback:
+        return self.drive.read()
+
+    def mark(self) -> None:
+        """The onset of a fault: `reach_deg` and `torque_most_nm` count from here."""
+        self.onset_deg = self.motor_deg
+        self.reach_deg = self.torque_most_nm = 0.0
+
+    def step(self) -> None:
+        self.sim.sample_every(CYCLES_PER_MS)
+        self.engine.step()
+        for motor_rad, _, _, _, torque_nm, _ in self.sim.samples_taken():
+            self.reach_deg = max(self.reach_deg, abs(deg(motor_rad) / self.ratio - self.onset_deg))
+            self.torque_most_nm = max(self.torque_most_nm, abs(torque_nm))
+
+    def run(self, seconds: float) -> None:
+        for _ in range(math.ceil(seconds / self.engine.program.axis.settings.period_s - 1e-9)):
+            self.step()
+
+    def until(self, condition, timeout_s: float = 30.0) -> None:
+        for _ in range(math.ceil(timeout_s / self.axis.settings.period_s)):
+            if condition():
+                return
+            self.step()
+        raise AssertionError(f"not within {timeout_s} s: {self.phase}, {self.codes}")
+
+    def say(self, **levels: object) -> None:
+        """Change the operator's levels and make one scan."""
+        self.op.command = self.op.command._replace(**levels)
+        self.step()
+
+    def power_up(self, settle_s: float = 1.0) -> None:
+        self.say(power=True)
+        self.until(lambda: self.phase is PowerPhase.ON, 5.0)
+        self.run(settle_s)
+
+    def cruise_to(self, at_deg: float, speed_deg_s: float, sign: float) -> None:
+        """Begin a move that passes `at_deg` at full speed, and run until it does."""
+        target = at_deg + sign * 40.0
+        self.say(move=True, target_rad=rad(target), speed_rad_s=rad(speed_deg_s))
+        self.say(move=False)
+        self.until(lambda: (self.motor_deg - at_deg) * sign >= 0.0, 120.0)
+
+    def rest(self, timeout_s: float = 6.0) -> None:
+        """Until the shaft has stood for 0.5 s."""
+        still = 0.0
+        for _ in range(math.ceil(timeout_s / self.axis.settings.period_s)):
+            self.step()
+            still = still + self.axis.settings.period_s if abs(self.motor_deg_s) < 0.01 else 0.0
+            if still > 0.5:
+                return
+        raise AssertionError(f"still moving: {self.motor_deg_s} deg/s")

@@ -1,0 +1,112 @@
+"""HOLD on the simulated gantry: the brake gives way, and the motor alone must hold the load."""
+
+from __future__ import annotations
+
+import pytest
+
+from gantryctl.image import DriveRequest, DriveState
+from gantryctl.program import Code, PowerPhase
+from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+
+CAUGHT_DEG = 0.15
+"""M-B: a brake that slips at rest, caught by the motor."""
+MOMENTS_NM = (16_000.0, CHECK_NM)
+
+
+def slipping(scan_ms: float, moment_nm: float, **faults: object) -> PlantRig:
+    """At rest, power off, at the worst angle; then the brake has next to no torque any more."""
+    rig = PlantRig(machine_at(scan_ms, moment_nm), holding_nm=moment_nm / 1144.0)
+    rig.run(0.3)
+    rig.mark()
+    for name, value in (faults | {"brake_torque_share": 0.001}).items():
+        setattr(rig.faults, name, value)
+    return rig
+
+
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("moment_nm", MOMENTS_NM)
+@pytest.mark.parametrize("torque_share", [1.0, 0.3])
+def test_a_sound_hold_catches_the_load_and_does_not_say_that_it_moves(scan_ms, moment_nm, torque_share):
+    rig = slipping(scan_ms, moment_nm, torque_limit_share=torque_share)
+    rig.run(5.0)
+    assert rig.codes == ["BRK-04"], "caught at up to 0.21 deg/s, which is no load that moves"
+    assert rig.phase is PowerPhase.TORQUE_HOLD
+    assert rig.reach_deg < CAUGHT_DEG
+    assert rig.engine.output.horn, "a brake that slips sounds the horn"
+
+
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms):
+    rig = slipping(scan_ms, CHECK_NM, torque_limit_share=0.05)
+    rig.until(lambda: "BRK-13" in rig.codes, 5.0)
+    assert rig.reach_deg < CAUGHT_DEG
+    assert rig.engine.output.horn
+    rig.run(2.0)
+    output = rig.engine.output
+    assert output.request is DriveRequest.ENABLE, "19 N m slow a load of 44 N m down"
+    assert not output.brake_open
+    assert not rig.axis.power.brake_open
+
+
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("moment_nm", MOMENTS_NM)
+def test_torque_that_drives_the_load_goes_off(scan_ms, moment_nm):
+    """The encoder turns the wrong way round, for the drive's own loop too: 400 deg without this."""
+    rig = slipping(scan_ms, moment_nm, encoder_gain=-1.0)
+    rig.until(lambda: "BRK-13" in rig.codes, 5.0)
+    assert rig.reach_deg < CAUGHT_DEG
+    assert rig.engine.output.request is DriveRequest.DISABLE
+    assert not rig.axis.feedback.position_valid
+    rig.faults.brake_torque_share = 1.0
+    rig.run(4.0)
+    assert rig.drive.state is not DriveState.OPERATION_ENABLED, "never given back by itself"
+    assert rig.engine.output.horn
+    # 1.7 deg/s when the torque goes: 50 ms of growth, then the brake that holds again.
+    assert rig.reach_deg < 0.35
+
+
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("code", [Code.CAN_12, Code.DRV_05, Code.DRV_07, Code.CTL_05, Code.ENC_05])
+def test_no_torque_by_itself_after_feedback_or_drive_were_in_doubt(scan_ms, code):
+    rig = slipping(scan_ms, CHECK_NM)
+    rig.axis.alarms.raise_(code)
+    if code is Code.ENC_05:
+        rig.faults.encoder_flags = 2
+    rig.until(lambda: "BRK-13" in rig.codes, 5.0)
+    assert "BRK-04" in rig.codes
+    assert rig.reach_deg < CAUGHT_DEG + 0.1, "a doubted reading is believed 50 ms later"
+    assert rig.engine.output.horn
+    assert rig.drive.state is not DriveState.OPERATION_ENABLED
+    assert rig.engine.output.request is DriveRequest.DISABLE
+
+
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+def test_a_slip_with_the_emergency_stop_open_is_told_and_not_held(scan_ms):
+    rig = slipping(scan_ms, CHECK_NM, estop_ok=False)
+    rig.run(1.0)
+    assert rig.codes == ["INT-03", "BRK-04", "BRK-13"]
+    assert "Torque kept" not in rig.axis.alarms.active[Code.BRK_04].text
+    rig.faults.estop_ok = True
+    rig.run(1.0)
+    assert rig.engine.output.request is DriveRequest.DISABLE, "a released button enables nothing"
+
+
+def test_a_drive_that_leaves_a_hold_is_not_enabled_again():
+    rig = slipping(1.0, CHECK_NM)
+    rig.run(2.0)
+    assert rig.phase is PowerPhase.TORQUE_HOLD
+    rig.drive.state = DriveState.SWITCH_ON_DISABLED
+    rig.run(1.0)
+    assert "DRV-04" in rig.codes
+    assert rig.engine.output.request is DriveRequest.DISABLE
+    assert "Torque kept" not in rig.axis.alarms.active[Code.BRK_04].text
+
+
+def test_service_ends_the_horn():
+    rig = slipping(1.0, 16_000.0)
+    rig.run(2.0)
+    rig.faults.brake_torque_share = 1.0
+    assert rig.axis.reset(service=True) is None
+    rig.run(1.0)
+    assert not rig.engine.output.horn
+    assert rig.phase is PowerPhase.OFF
