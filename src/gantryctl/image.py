@@ -203,6 +203,27 @@ class OperatorCommand(NamedTuple):
     """The operator sits at a remote screen: moves need the enabling switch as motion by hand does."""
 
 
+class StopCause(IntEnum):
+    """Cause of a stop that the engine asks for, because of itself and not of the axis."""
+
+    SCAN_LATE = 1
+    """A scan began later than permitted, s."""
+    OVERRUNS = 2
+    """Too many scans of the last second ended after the next one was due."""
+    FROZEN = 3
+    """The controller did not run at all for some time, s."""
+
+
+class SystemStop(NamedTuple):
+    """Stop that the engine asks for: the cause, what was measured, and its limit."""
+
+    cause: StopCause
+    measured: float
+    limit: float
+    time_s: float
+    """Nominal time of the scan that began it."""
+
+
 class InputImage(NamedTuple):
     """Everything one scan may know; with the retained state it determines the outputs."""
 
@@ -213,6 +234,8 @@ class InputImage(NamedTuple):
     """Nominal time of this scan: `scan * scan period`."""
     drive: DriveFeedback
     operator: OperatorCommand
+    system_stop: SystemStop | None = None
+    """What the engine stops the axis for; the same object in every scan until somebody has acknowledged it."""
 
 
 class OutputImage(NamedTuple):

@@ -358,7 +358,7 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
         return alarms, str(first.code)
     if end.alarm is None:
         return alarms, ""
-    # an alarm of the engine: an exception in the program, or scans too late
+    # What the program has not raised itself: a power-up that did not end, a drive that left.
     code = end.alarm.code
     return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, axis.pos_act_rad)), code
 

@@ -28,7 +28,7 @@ from gantryctl.program.axis.command_checks import (
     check_target,
     require,
 )
-from gantryctl.runtime import Engine, FixedOperator, keeps_time
+from gantryctl.runtime import Engine, FixedOperator, ScanFailure, keeps_time
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
 
@@ -265,16 +265,12 @@ class AxisRun:
 
     def _raise_alarm(self) -> None:
         first = self.axis.alarms.first_out
-        late = self.engine.overrun_stop
-        if first is None and late is None:
+        if first is None:
             blocking = self.axis.alarms.blocking()
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text, blocking.code)
             return
         self._follow(lambda: self.axis.is_off, REST_S, watch=False)
-        if late is not None:
-            raise late
-        assert first is not None
         raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -385,6 +381,8 @@ class AxisRun:
             alarm: what stopped the axis; it holds the axis until it is acknowledged.
         """
         self._observer = None
+        if isinstance(alarm, ScanFailure):
+            self.axis.alarms.raise_(Code.SYS_09, None, **alarm.values)
         try:
             # After an exception in a scan the engine runs its own stop program (SYS-09): these scans bring it to rest.
             if self.engine.failure is not None:

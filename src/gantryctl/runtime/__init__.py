@@ -1,7 +1,7 @@
 """The scan engine with its clocks, operators, recorders and retained memory; it knows ports only."""
 
 from gantryctl.runtime.clocks import RealClock, VirtualClock
-from gantryctl.runtime.engine import NOTHING_READ, Engine, failure_alarm, trace_columns
+from gantryctl.runtime.engine import NOTHING_READ, Engine, ScanFailure, trace_columns
 from gantryctl.runtime.lock import StateLock
 from gantryctl.runtime.operators import FixedOperator, ScriptedOperator
 from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy
@@ -21,11 +21,11 @@ __all__ = [
     "RealClock",
     "Retained",
     "RetainedMemory",
+    "ScanFailure",
     "ScanStatistics",
     "ScriptedOperator",
     "StateLock",
     "VirtualClock",
-    "failure_alarm",
     "keeps_time",
     "trace_columns",
 ]

@@ -19,6 +19,7 @@ from gantryctl.image import (
     InputImage,
     OperatorCommand,
     OutputImage,
+    SystemStop,
 )
 from gantryctl.ports import Clock, Drive, Operator, Program, Recorder, Truth
 from gantryctl.runtime.clocks import VirtualClock
@@ -66,7 +67,7 @@ class Engine:
         statistics: how well real time was kept; nothing is measured in virtual time.
         failure: what ended the program, or None.
         overrun_limits: when the policy acts; the caller may set others.
-        overrun_stop: the alarm when the overrun policy stopped the axis, or None.
+        system_stop: why the overrun policy stops the axis, or None; whoever has acknowledged it clears it.
         recording_fault: why the recording ended early, or None.
     """
 
@@ -92,7 +93,7 @@ class Engine:
         self.output: OutputImage = SAFE_OUTPUT
         self.statistics = ScanStatistics(period_s)
         self.failure: BaseException | None = None
-        self.overrun_stop: AlarmStop | None = None
+        self.system_stop: SystemStop | None = None
         self.recording_fault: str | None = None
         self._active: Program = program
         self._record = recorder.record if recorder is not None else None
@@ -160,7 +161,7 @@ class Engine:
                 raise DeviceError(text) from failure
             if isinstance(failure, GantryctlError):
                 raise
-            raise failure_alarm(failure, scan, time_s) from failure
+            raise ScanFailure(failure, scan, time_s) from failure
 
     def _scan_until(self, end: int, condition: Callable[[Engine], bool] | None) -> bool:
         clock, interrupt, scan = self.clock, self._interrupt, self._scan
@@ -187,22 +188,21 @@ class Engine:
         # of its deadline, and set-point, timers and leases follow. A simulated plant has waited: one number a scan.
         if self.overrun_policy is OverrunPolicy.QUICK_STOP:
             self.scan += skipped
-            if self.overrun_stop is None:
-                self.overrun_stop = self._overruns.reason_to_stop(self.time_s, late_s, self.overrun_limits)
+            if self.system_stop is None:
+                self.system_stop = self._overruns.reason_to_stop(self.time_s, late_s, self.overrun_limits)
         else:
             self._waited += skipped
         return late_s, skipped
 
     def _scan(self) -> None:
         """Read, program, write, record: the order of a scan, in one place."""
-        drive, scan, stopping = self.drive, self.scan, self.overrun_stop is not None
+        drive, scan, stop = self.drive, self.scan, self.system_stop
         time_s = scan * self.period_s
         feedback, command = drive.read(), self.operator.poll(time_s)
-        if stopping:
-            command = command._replace(quick_stop=True)
-        self.image = image = _new(InputImage, (scan, time_s, feedback, command))
+        self.image = image = _new(InputImage, (scan, time_s, feedback, command, stop))
         output = self._active.scan(image)
-        if stopping and output.request is DriveRequest.ENABLE:
+        # A custom program may not look: where it would move, the drive stops all the same.
+        if stop is not None and output.request is DriveRequest.ENABLE:
             output = quick_stop_output(output.brake_open)
         record = self._record
         # Row k is the state at k x period, and a simulated plant advances inside the write (decision 0005).
@@ -241,12 +241,21 @@ class Engine:
         return None
 
 
-def failure_alarm(failure: Exception | SystemExit, scan: int, time_s: float) -> AlarmStop:
-    """The alarm SYS-09 for something in a scan that should never raise, with the line it came from."""
-    frames = traceback.extract_tb(failure.__traceback__)
-    place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}"
-    return AlarmStop(
-        f"SYS-09 STOP · {type(failure).__name__} in scan {scan} (t = {time_s:.3f} s): {failure} ({place}) · "
-        "quick stop · correct the program or report this",
-        "SYS-09",
-    )
+class ScanFailure(AlarmStop):
+    """SYS-09: something in a scan that should never raise.
+
+    Attributes:
+        values: fields of the message of SYS-09: type, scan, time, text, and the line it came from.
+    """
+
+    def __init__(self, failure: Exception | SystemExit, scan: int, time_s: float) -> None:
+        frames = traceback.extract_tb(failure.__traceback__)
+        place = f"{Path(frames[-1].filename).name}, line {frames[-1].lineno}" if frames else "unknown place"
+        self.values: dict[str, object] = {
+            "failure": type(failure).__name__, "scan": scan, "time_s": time_s, "text": str(failure), "place": place,
+        }  # fmt: skip
+        super().__init__(
+            f"SYS-09 STOP · {type(failure).__name__} in scan {scan} (t = {time_s:.3f} s): {failure} ({place}) · "
+            "quick stop · correct the program or report this",
+            "SYS-09",
+        )

@@ -6,7 +6,7 @@ from collections import deque
 from enum import Enum
 from typing import Final, NamedTuple
 
-from gantryctl.errors import AlarmStop
+from gantryctl.image import StopCause, SystemStop
 
 # Time over which overruns are counted, s.
 WINDOW_S: Final = 1.0
@@ -21,9 +21,8 @@ class OverrunPolicy(Enum):
     QUICK_STOP = "quick stop"
     """The axis goes on by itself meanwhile: the scan numbers go on with the time, so set-point, timers and
     recording leave out what was missed. One scan later than the limit, or too many overruns in a second: from
-    this scan on the drive gets a quick stop where the program would move, the program sees
-    `operator.quick_stop`, and `Engine.overrun_stop` says why. It lasts as long as the engine. For everything
-    that moves."""
+    this scan on the program sees `InputImage.system_stop`, and the drive gets a quick stop where the program would
+    move all the same. It lasts until `Engine.system_stop` is cleared. For everything that moves."""
 
 
 class OverrunLimits(NamedTuple):
@@ -49,24 +48,15 @@ class RecentOverruns:
         """Count the scan of `time_s`: it ended after the next one was due."""
         self._times_s.append(time_s)
 
-    def reason_to_stop(self, time_s: float, late_s: float, limits: OverrunLimits) -> AlarmStop | None:
-        """The alarm for the scan of `time_s` that starts `late_s` too late, or None."""
+    def reason_to_stop(self, time_s: float, late_s: float, limits: OverrunLimits) -> SystemStop | None:
+        """The stop for the scan of `time_s` that starts `late_s` too late, or None."""
         times_s = self._times_s
         while times_s and time_s - times_s[0] > WINDOW_S:
             times_s.popleft()
         if late_s > limits.frozen_s:
-            code, seen = "SYS-03", f"controller frozen for {late_s:.3f} s"
-        elif late_s > limits.late_s:
-            code, seen = "SYS-02", f"scan {late_s * 1e3:.1f} ms late (limit {limits.late_s * 1e3:g} ms)"
-        elif len(times_s) > limits.per_window:
-            code, seen = (
-                "SYS-02",
-                f"{len(times_s)} overruns within {WINDOW_S:g} s (limit {limits.per_window})",
-            )
-        else:
-            return None
-        return AlarmStop(
-            f"{code} STOP · {seen} at t = {time_s:.3f} s · quick stop · find what kept the processor busy, then "
-            "start again",
-            code,
-        )
+            return SystemStop(StopCause.FROZEN, late_s, limits.frozen_s, time_s)
+        if late_s > limits.late_s:
+            return SystemStop(StopCause.SCAN_LATE, late_s, limits.late_s, time_s)
+        if len(times_s) > limits.per_window:
+            return SystemStop(StopCause.OVERRUNS, len(times_s), limits.per_window, time_s)
+        return None

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from gantryctl.drives.ideal import IdealDrive
-from gantryctl.image import DriveFeedback, InputImage, OperatorCommand, OutputImage
+from gantryctl.image import DriveFeedback, InputImage, OperatorCommand, OutputImage, SystemStop
 from gantryctl.program import Axis, AxisProgram, GantryProgram, PowerPhase
 from gantryctl.program.settings import (
     AxisSettings,
@@ -55,6 +55,8 @@ class Rig:
         """Scans that are missed behind this one."""
         self.output = OutputImage()
         self.image: InputImage | None = None
+        self.system_stop: SystemStop | None = None
+        """What the engine would ask a stop for."""
         self.rows: list[tuple[float, ...]] = []
         self.keep_rows = False
 
@@ -62,7 +64,9 @@ class Rig:
         feedback = self.drive.read()
         if self.spoil is not None:
             feedback = self.spoil(feedback)
-        self.image = InputImage(self.scan, self.scan * self.period_s, feedback, self.operator)
+        self.image = InputImage(
+            self.scan, self.scan * self.period_s, feedback, self.operator, self.system_stop
+        )
         self.output = self.program.scan(self.image)
         if self.keep_rows:
             self.rows.append(self.program.trace_row())

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
-from gantryctl.image import SAFE_OUTPUT, DriveRequest, OperatorCommand
+from gantryctl.image import SAFE_OUTPUT, DriveRequest, OperatorCommand, OutputImage
 from gantryctl.runtime import (
     NOTHING_READ,
     Engine,
@@ -172,10 +172,10 @@ def test_later_scans_bring_the_axis_to_rest_close_the_brake_and_take_the_torque_
         bench.engine.run_for(1.0)
     bench.drive.speed_rad_s = 100.0
     bench.engine.run_for(0.5)
-    assert bench.drive.outputs[-1] == (DriveRequest.QUICK_STOP, 0.0, 0.0, True)
+    assert bench.drive.outputs[-1] == OutputImage(DriveRequest.QUICK_STOP, brake_open=True)
     bench.drive.speed_rad_s = 0.1
     bench.engine.run_for(0.1)
-    assert bench.drive.outputs[-1] == (DriveRequest.QUICK_STOP, 0.0, 0.0, False)
+    assert bench.drive.outputs[-1] == OutputImage(DriveRequest.QUICK_STOP)
     bench.engine.run_for(0.4)
     assert bench.drive.outputs[-1] == SAFE_OUTPUT
     assert len(bench.program.images) == 11  # the program is not asked any more
@@ -231,7 +231,7 @@ def test_a_program_that_returns_no_output_stops_the_drive(
     monkeypatch.setattr(bench.program, "scan", lambda image: None)
     with pytest.raises(AlarmStop, match="AttributeError"):
         bench.engine.step()
-    assert bench.drive.outputs == [(DriveRequest.QUICK_STOP, 0.0, 0.0, False)]
+    assert bench.drive.outputs == [OutputImage(DriveRequest.QUICK_STOP)]
 
 
 def test_a_drive_that_is_gone_is_reported_as_such(bench: Bench) -> None:

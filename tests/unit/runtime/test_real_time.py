@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gantryctl.errors import UsageError
-from gantryctl.image import DriveRequest, OutputImage
+from gantryctl.image import DriveRequest, OutputImage, StopCause
 from gantryctl.runtime import (
     Engine,
     FixedOperator,
@@ -157,7 +157,7 @@ def test_scans_missed_on_an_axis_that_goes_on_are_left_out(strict: Bench) -> Non
     assert np.array_equal(strict.recorder.trace()["time_s"], [image.time_s for image in images])
     assert strict.time.now_s == pytest.approx(5_000.0 + 0.49)  # as long as it was asked to run
     assert strict.engine.scan == 50
-    assert strict.engine.overrun_stop is None
+    assert strict.engine.system_stop is None
     assert strict.engine.statistics.skipped == 2
 
 
@@ -165,7 +165,7 @@ def test_a_stall_is_counted_and_the_program_goes_on_under_continue(going_on: Ben
     going_on.work(20, 2.003)
     going_on.engine.run_for(1.0)
     statistics = going_on.engine.statistics
-    assert going_on.engine.overrun_stop is None
+    assert going_on.engine.system_stop is None
     assert going_on.drive.outputs[-1].request is DriveRequest.ENABLE
     assert statistics.overruns == 2  # the scan that stalled and the one that woke late
     assert statistics.skipped == 200
@@ -176,7 +176,7 @@ def test_a_stall_is_counted_and_the_program_goes_on_under_continue(going_on: Ben
 def test_one_overrun_of_a_period_stops_nothing(strict: Bench) -> None:
     strict.work(20, 0.012)
     strict.engine.run_for(2.0)
-    assert strict.engine.overrun_stop is None
+    assert strict.engine.system_stop is None
     assert strict.engine.statistics.overruns == 1
 
 
@@ -185,20 +185,22 @@ def test_a_scan_too_late_gets_a_quick_stop_in_place_of_the_old_command(strict: B
     strict.engine.run_for(0.21)
     assert strict.drive.outputs[20].request is DriveRequest.ENABLE
     strict.engine.step()
-    assert strict.drive.outputs[21] == (DriveRequest.QUICK_STOP, 0.0, 0.0, True)
+    assert strict.drive.outputs[21] == OutputImage(DriveRequest.QUICK_STOP, brake_open=True)
     assert strict.program.images[21].scan == 25
-    assert strict.program.images[21].operator.quick_stop
-    alarm = strict.engine.overrun_stop
-    assert alarm is not None
-    assert alarm.code == "SYS-02"
-    assert str(alarm).startswith("SYS-02 STOP · scan 35.0 ms late (limit 30 ms) at t = 0.250 s")
+    image = strict.program.images[21]
+    assert not image.operator.quick_stop  # it was not the operator
+    stop = strict.engine.system_stop
+    assert stop is not None
+    assert image.system_stop is stop
+    assert stop == (StopCause.SCAN_LATE, pytest.approx(0.035), 0.030, pytest.approx(0.25))
 
 
 def test_a_frozen_controller_does_not_resume(strict: Bench) -> None:
     strict.work(20, 2.0)
     strict.engine.run_for(1.0)
-    assert strict.engine.overrun_stop is not None
-    assert "SYS-03 STOP · controller frozen for 1.990 s" in str(strict.engine.overrun_stop)
+    stop = strict.engine.system_stop
+    assert stop is not None
+    assert stop[:3] == (StopCause.FROZEN, pytest.approx(1.990), 0.050)
     requests = [output.request for output in strict.drive.outputs]
     assert set(requests[:21]) == {DriveRequest.ENABLE}
     assert set(requests[21:]) == {DriveRequest.QUICK_STOP}  # for as long as the program wants to move
@@ -219,10 +221,10 @@ def test_more_than_five_overruns_in_a_second_stop(strict: Bench, overruns: int, 
         strict.work(10 + 10 * k, 0.012)
     strict.engine.run_for(2.0)
     assert strict.engine.statistics.overruns == overruns
-    assert (strict.engine.overrun_stop is not None) is stopped
+    assert (strict.engine.system_stop is not None) is stopped
     if stopped:
-        assert strict.engine.overrun_stop is not None
-        assert "SYS-02 STOP · 6 overruns within 1 s (limit 5)" in str(strict.engine.overrun_stop)
+        assert strict.engine.system_stop is not None
+        assert strict.engine.system_stop[:3] == (StopCause.OVERRUNS, 6, 5)
 
 
 def test_overruns_far_apart_do_not_add_up(strict: Bench) -> None:
@@ -230,14 +232,14 @@ def test_overruns_far_apart_do_not_add_up(strict: Bench) -> None:
         strict.work(10 + 30 * k, 0.012)
     strict.engine.run_for(7.0)
     assert strict.engine.statistics.overruns == 20
-    assert strict.engine.overrun_stop is None
+    assert strict.engine.system_stop is None
 
 
 def test_the_limits_can_be_set(strict: Bench) -> None:
     strict.engine.overrun_limits = OverrunLimits(late_s=0.001)
     strict.work(20, 0.012)
     strict.engine.run_for(1.0)
-    assert strict.engine.overrun_stop is not None
+    assert strict.engine.system_stop is not None
 
 
 def test_a_program_that_raises_in_real_time_stops_the_drive(going_on: Bench) -> None:

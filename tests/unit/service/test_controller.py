@@ -13,9 +13,11 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
-from gantryctl.image import DriveRequest, OutputImage
+from gantryctl.image import DriveRequest, OutputImage, StopCause, SystemStop
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.operation.store import StateStore
+from gantryctl.program import Code
+from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.runtime import Engine, Retained, VirtualClock
 from gantryctl.service.controller.process import Controller
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
@@ -25,7 +27,7 @@ from gantryctl.units import deg
 
 MACHINE = default_machine()
 TURN_COUNTS = 2048 * MACHINE.encoder.counts_per_turn  # fine counts of a motor turn
-LATE = AlarmStop("SYS-03 STOP · the scan was 31 ms late", "SYS-03")
+LATE = SystemStop(StopCause.FROZEN, 2.01, 0.05, 0.0)
 ALICE = Identity("c1", "alice", Role.OPERATOR, "loopback")
 SERVICE = Identity("c2", "serena", Role.SERVICE, "loopback")
 
@@ -145,24 +147,37 @@ def test_no_reset_opens_an_encoder_that_lost_turns_also_when_a_scan_was_late() -
         desk.scans(3)
         assert desk.ask("take", over=False) == ""
         assert desk.ask("reset") == "ENC-08"
-        desk.engine.overrun_stop = LATE
+        desk.engine.system_stop = LATE
         desk.scans(3)
         assert desk.ask("reset") == "ENC-08"
         assert str(desk.permit.blocked_by).startswith("ENC-08")
         assert desk.ask("power", on=True) == "PWR-04"
 
 
-def test_a_late_scan_is_acknowledged_by_a_reset_together_with_what_was_held_before() -> None:
+def test_a_frozen_controller_is_the_first_alarm_on_page_and_in_the_journal_until_a_reset() -> None:
     delivered()
     retained(moved_while_off)
     with opened() as desk:
-        desk.engine.overrun_stop = LATE
+        desk.engine.system_stop = LATE
         desk.scans(3)
         assert str(desk.permit.blocked_by).startswith("ENC-09")
-        assert str(LATE) in str(desk.permit.blocked_by)
+        first = desk.axis.alarms.first_out
+        assert first is not None
+        assert first.code == "SYS-03"
+        desk.controller.alarms.scan()
+        row = desk.controller.alarms.rows()["alarms"][0]
+        assert (row["code"], row["first_out"]) == ("SYS-03", True)
+        assert row["values"] == {"late_s": 2.01, "limit_s": 0.05}
+        assert (
+            sum(text.startswith("SYS-03 STOP · controller frozen for 2.010 s") for text in texts(desk.memory))
+            == 1
+        )
         assert desk.ask("take", over=False) == ""
         assert desk.ask("power", on=True) == "PWR-04"
         assert desk.ask("reset") == ""
+        desk.scans(2)
+        assert desk.engine.system_stop is None
+        assert desk.axis.alarms.first_out is None
         assert str(desk.permit.blocked_by) == ""
         assert desk.ask("power", on=True) == ""
 
@@ -173,14 +188,17 @@ def test_a_reset_does_not_acknowledge_a_stop_of_its_own_scan() -> None:
     with opened() as desk:
         desk.scans(3)
         assert desk.ask("take", over=False) == ""
-        desk.engine.overrun_stop = LATE
+        desk.engine.system_stop = LATE
+        assert desk.ask("reset") == "CTL-14"
+        assert desk.engine.system_stop is LATE
+        assert desk.axis.alarms.first_out is not None
+        desk.controller.alarms.scan()
+        assert sum(text.startswith("SYS-03 STOP") for text in texts(desk.memory)) == 1
+        assert desk.ask("power", on=True) == "PWR-04"
         assert desk.ask("reset") == ""
-        assert desk.engine.overrun_stop is LATE
-        assert str(desk.permit.blocked_by) == str(LATE)
-        assert texts(desk.memory).count(str(LATE)) == 1
-        assert desk.ask("reset") == ""
-        assert desk.engine.overrun_stop is None
-        assert str(desk.permit.blocked_by) == ""
+        desk.scans(2)
+        assert desk.engine.system_stop is None
+        assert desk.ask("power", on=True) == ""
 
 
 @pytest.mark.parametrize(("change", "code"), [(lost_turns, "ENC-08"), (moved_while_off, "ENC-09")])
@@ -351,7 +369,8 @@ def test_a_brake_that_fails_holds_the_machine_over_a_start_until_service_resets(
 def test_a_reason_too_long_for_a_reply_is_refused_without_its_values_and_stops_no_scan() -> None:
     delivered()
     with opened() as desk:
-        desk.permit.late = "a parameter of the drive; " * 100
+        why = {"parameters": "a parameter of the drive; " * 100}
+        desk.permit.reasons = (Reason(Code.CFG_CAN_01, why, ClearedBy.RESET),)
         desk.scans(3)
         assert desk.ask("take", over=False) == ""
         assert desk.ask("power", on=True) == "PWR-04"

@@ -60,8 +60,8 @@ class Reason(NamedTuple):
         return self.values.get("stopped_by", self.code) in _DOUBTS_POSITION
 
 
-class Reasons(tuple[Reason | str, ...]):
-    """Several reasons, the gravest first; an alarm of the engine is a text."""
+class Reasons(tuple[Reason, ...]):
+    """Several reasons, the gravest first."""
 
     __slots__ = ()
 

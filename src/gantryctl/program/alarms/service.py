@@ -17,16 +17,16 @@ _AGAIN_ZH: Final = "查看屏幕，然后重新发出指令。"
 SERVICE: Final = (
     Definition(
         Code.SYS_02, _STOP, _QS,
-        Text("Scans late", "scan {late_ms:.1f} ms late, or too many overruns within a second",
+        Text("Scans late", "{measured}",
              "Another task kept the processor from the controller.", _BUSY),
-        Text("扫描迟到", "扫描迟到 {late_ms} ms，或一秒内超限次数过多", "其他任务占用了控制器的处理器。", _BUSY_ZH),
+        Text("扫描迟到", "{measured}", "其他任务占用了控制器的处理器。", _BUSY_ZH),
     ),
     # Fault catalogue F3: what happened meanwhile is not known, so nothing resumes.
     Definition(
         Code.SYS_03, _STOP, _QS,
-        Text("Controller frozen", "controller frozen for {late_s:.3f} s",
+        Text("Controller frozen", "controller frozen for {late_s:.3f} s (limit {limit_s:.3f} s)",
              "The controller did not run at all for some time.", _BUSY),
-        Text("控制器冻结", "控制器冻结 {late_s} s", "控制器有一段时间完全没有运行。", _BUSY_ZH),
+        Text("控制器冻结", "控制器冻结 {late_s} s（限值 {limit_s} s）", "控制器有一段时间完全没有运行。", _BUSY_ZH),
     ),
     Definition(
         Code.SYS_05, _INFO, _W,

@@ -54,6 +54,16 @@ class Words(Enum):
     DRIVE_ERROR = "error {error} (hexadecimal {word})", "错误 {error}（十六进制 {word}）"
     DRIVE_ERROR_UNKNOWN = "without an error code", "没有错误代码"
 
+    # Why the engine stops the axis (SYS-02).
+    SCAN_LATE = (
+        "scan {late_ms:.1f} ms late (limit {limit_ms:.4g} ms)",
+        "扫描迟到 {late_ms} ms（限值 {limit_ms} ms）",
+    )
+    OVERRUNS = (
+        "{count:.0f} overruns within 1 s (limit {limit:.0f})",
+        "1 s 内超限 {count} 次（限值 {limit} 次）",
+    )
+
     # States of the drive, in the words of IEC 61800-7-201 (CiA 402).
     STATE_UNKNOWN = "an unknown state", "未知状态"
     STATE_NOT_READY_TO_SWITCH_ON = "Not ready to switch on", "“未准备好”状态"
@@ -127,6 +137,7 @@ class Words(Enum):
         "the axis is moving: increments from standstill only",
         "轴在运动：增量只能从静止开始",
     )
+    JUST_RAISED = "{code} has come only now; look at it, then reset", "{code} 刚刚出现；请先查看，然后复位"
     STILL_STOPPING = "the axis is still stopping: reset when it is at rest", "轴仍在停止：静止后再复位"
     REVERSAL_FROM_REST = (
         "reversal only from standstill: release and press again",

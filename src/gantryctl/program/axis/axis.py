@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from gantryctl._core import PositionLaw
-from gantryctl.image import InputImage, OutputImage
+from gantryctl.image import DriveFeedback, InputImage, OutputImage, StopCause, SystemStop
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -60,6 +60,7 @@ class Axis:
         zero_counts: encoder count at 0 deg; SetPosition and Home change it, and then it is to be retained.
         alarms: active alarms, first-out, history.
         refusal, refusal_count: the last command that was refused, and how many there were.
+        system_stop: what the engine stopped the axis for, until a reset; or None.
         brake_test: the brake test and its last result.
         plans: every plan taken with its start scan, if asked for with `keep_plans`.
         power, virtual, motion, monitors, feedback, recovery: the parts, for reading.
@@ -69,7 +70,7 @@ class Axis:
         "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled", "_site", "_switching_off",
         "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
         "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
-        "scan", "settings", "state", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+        "scan", "settings", "state", "system_stop", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS
@@ -108,6 +109,7 @@ class Axis:
         self.pos_act_rad = self.pos_err_rad = self.vel_cmd_rad_s = self._vel_next = 0.0
         parks = settings.power.standstill is StandstillPolicy.BRAKE
         self._park_scans = settings.scans(settings.power.hold_brake_after_s) if parks else math.inf
+        self.system_stop: SystemStop | None = None
         self.refusal: Refusal | None = None
         self.refusal_count = 0
         self._error = self._switching_off = False
@@ -116,11 +118,14 @@ class Axis:
 
     def begin(self, image: InputImage) -> None:
         """Take the image: feedback, set-point, monitors, reactions, power."""
-        scan, time_s, drive, _ = image
+        scan, time_s, drive, _, stop = image
         alarms, feedback, virtual, power = self.alarms, self.feedback, self.virtual, self.power
         feedback.periods = scan - self.scan
         self.scan = self.motion.scan = alarms.scan = scan
         self.time_s = alarms.time_s = time_s
+        # Before the feedback is judged: what a stall has done to the bus is a consequence of it.
+        if stop is not None and stop is not self.system_stop:
+            self._stopped_by_engine(stop, drive)
         feedback.scan(drive, self.vel_cmd_rad_s)
         counts = feedback.counts - self.zero_counts
         virtual.changed = False
@@ -347,6 +352,21 @@ class Axis:
         self._unfollow()
         return 0.0, torque_nm if torque_ok else 0.0
 
+    def _stopped_by_engine(self, stop: SystemStop, drive: DriveFeedback) -> None:
+        """Raise the alarm of a stop that the engine asks for, at the angle of this scan: the last one is long past."""
+        self.system_stop = stop
+        _, self.alarms.pos_rad, _ = self._law(0.0, 0.0, drive.pos_act_counts - self.zero_counts)
+        match stop.cause:
+            case StopCause.FROZEN:
+                self.alarms.raise_(Code.SYS_03, late_s=stop.measured, limit_s=stop.limit)
+            case StopCause.SCAN_LATE:
+                late = Words.SCAN_LATE(late_ms=stop.measured * 1e3, limit_ms=stop.limit * 1e3)
+                self.alarms.raise_(Code.SYS_02, measured=late)
+            case StopCause.OVERRUNS:
+                self.alarms.raise_(
+                    Code.SYS_02, measured=Words.OVERRUNS(count=stop.measured, limit=stop.limit)
+                )
+
     def _interrupted(self) -> None:
         """Act on a pending or latched alarm, on power that goes off, or on a reset under way."""
         if self.alarms.pending:
@@ -383,6 +403,7 @@ class Axis:
         self.alarms.clear()
         self.monitors.reset()
         self._error = False
+        self.system_stop = None
         self.power.release_hold()
 
     def _follow(self) -> None:

@@ -147,9 +147,13 @@ class Recovery:
         """Why a reset is not possible now."""
         active, feedback = self._alarms.active, self._feedback
         locked = next((alarm for alarm in active.values() if alarm.definition.lock), None)
+        first = self._alarms.first_out
         # Reset never shortens a stop that is under way.
         if self._power.falling:
             reason: Words | Said = Words.STILL_STOPPING
+        elif first is not None and first.scan == self._alarms.scan:
+            # Sent before anybody could see it: what it was to acknowledge was something else.
+            reason = Words.JUST_RAISED(code=first.code)
         elif locked is not None and not service:
             reason = Words.SERVICE_ONLY(code=locked.code, measured=locked.refusal)
         elif Code.INT_03 in active and not feedback.inputs.estop_closed:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.errors import AlarmStop
 from gantryctl.program import Axis
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason, Reasons
@@ -23,7 +22,6 @@ class Permit:
         reasons: of the opening, the gravest first.
 
     Attributes:
-        late: alarm of the engine that stopped the axis because scans came too late, or None.
         resets: how many resets were asked for.
     """
 
@@ -32,7 +30,6 @@ class Permit:
     ) -> None:
         self._axis, self._journal, self._events = axis, journal, events
         self.reasons = reasons
-        self.late: AlarmStop | None = None
         self.resets = 0
 
     @property
@@ -43,8 +40,7 @@ class Permit:
     @property
     def held(self) -> Reasons:
         """The reasons that a reset clears."""
-        found = [reason for reason in self.reasons if reason.by_reset]
-        return Reasons([*found, str(self.late)] if self.late else found)
+        return Reasons(reason for reason in self.reasons if reason.by_reset)
 
     @property
     def blocked_by(self) -> Reasons:
@@ -95,4 +91,4 @@ class Permit:
                 raise MessageRefused(Code.CTL_14, reason=words)
         if held:
             self._events.put("command", f"acknowledged: {held}", who)
-            self.reasons, self.late = (), None
+            self.reasons = ()

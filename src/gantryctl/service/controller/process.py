@@ -27,7 +27,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
-from gantryctl.runtime import failure_alarm
+from gantryctl.runtime import ScanFailure
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.command.permit import Permit
@@ -94,7 +94,6 @@ class Controller:
         self._recorder = self.engine.recorder
         self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
         self._powered = False
-        self._late: AlarmStop | None = None
         self._resets = self._lost_rows = 0
         self._end_s = math.inf
 
@@ -131,10 +130,12 @@ class Controller:
     def _stopped_by(self, raised: GantryctlError) -> AlarmStop:
         """Bring the axis to rest after an error in a scan, whatever it was; the engine has begun the stop."""
         engine = self.engine
-        failure = (
-            raised if isinstance(raised, AlarmStop) else failure_alarm(raised, engine.scan, engine.time_s)
-        )
-        self.events.put("alarm", str(failure))
+        failure = raised if isinstance(raised, AlarmStop) else ScanFailure(raised, engine.scan, engine.time_s)
+        if isinstance(failure, ScanFailure):
+            self.axis.alarms.raise_(Code.SYS_09, None, **failure.values)
+            self.alarms.scan()
+        else:
+            self.events.put("alarm", str(failure))
         end_s = engine.time_s + _STOP_S
         for _ in range(_STOP_TRIES):
             # A drive that was silent for a moment may answer again.
@@ -174,17 +175,14 @@ class Controller:
         if on is not self._powered:
             self._powered = on
             self._switched(on)
-        if engine.overrun_stop is not None and permit.late is None:
-            permit.late = self._late = engine.overrun_stop
-            self.events.put("alarm", str(engine.overrun_stop))
+        # The program raises it in the scan that it comes in; from its reset on nobody asks for it any more.
+        if engine.system_stop is not None and self.axis.system_stop is None:
+            engine.system_stop = None
         retainer.scan()
 
     def _after_reset(self) -> None:
         """Follow a reset between two scans: forget acknowledged stops, and set up a lost drive again."""
         if not self.permit.held:
-            # What has stopped the axis in this very scan is not what was acknowledged.
-            if self.engine.overrun_stop is self._late:
-                self.engine.overrun_stop = None
             self.retainer.retained = replace(self.retainer.retained, error_stop="")
         if not self.axis.is_off:
             return
