@@ -3,12 +3,14 @@
 import importlib.util
 import json
 import os
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
+
+from support.oracle.taps import Oracle, tapped, watching
 
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
 settings.load_profile("reproducible")
@@ -53,6 +55,34 @@ def fail_if_skipped(report: Any) -> Any:
         report.outcome = "failed"
         report.longrepr = f"{report.nodeid}: {reason} (CI=true: nothing may be skipped)"
     return report
+
+
+@pytest.fixture(scope="session", autouse=True)
+def oracle_taps() -> Iterator[None]:
+    """Where the oracle looks: once for all tests."""
+    with tapped():
+        yield
+
+
+@pytest.fixture(autouse=True)
+def oracle(request: pytest.FixtureRequest) -> Iterator[Oracle]:
+    """Watches the true plant and the wire of every axis that the test moves (INV-1 to INV-7); on by default.
+
+    A test that breaks an invariant on purpose takes what it expects out (`oracle.caught`), or says why it is not held:
+    `@pytest.mark.no_oracle("reason", "INV-1", ...)`; without a name, none is.
+    """
+    judge = Oracle()
+    excused = request.node.get_closest_marker("no_oracle")
+    if excused is not None and len(excused.args) == 1:
+        yield judge
+        return
+    with watching(judge):
+        yield judge
+    for invariant in () if excused is None else excused.args[1:]:
+        judge.caught(invariant)
+    broken = "\n".join(map(str, judge.violations))
+    if broken:
+        pytest.fail(f"the oracle saw:\n{broken}", pytrace=False)
 
 
 @pytest.fixture(scope="session")

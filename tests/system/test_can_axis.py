@@ -84,6 +84,12 @@ def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
         session.close("looked")
 
 
+@pytest.mark.no_oracle(
+    "defects: what a lost or lying drive did is told wrongly, and torque lost is found late",
+    "INV-1",
+    "INV-6",
+    "INV-7",
+)
 @pytest.mark.parametrize(
     ("fault", "value", "codes", "way_deg"),
     [
@@ -178,6 +184,10 @@ def test_a_parameter_changed_behind_our_back_stops_the_axis_and_keeps_it(
     run.session.close("done")
 
 
+@pytest.mark.no_oracle(
+    "defect: nothing was switched on, it says",
+    "INV-7",
+)
 def test_after_a_restart_of_the_drive_a_reset_is_enough() -> None:
     """DRV-11 in motion; then set up anew, reset by service (the angle was doubted), and the next move goes on."""
     run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)

@@ -1,0 +1,438 @@
+"""One axis under the oracle: what is true of the plant, what is on the wire, and what is told about both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
+
+from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
+from gantryctl.program import GantryProgram
+from gantryctl.program.alarms.codes import Reaction
+from gantryctl.program.alarms.log import Alarm
+from support.oracle import limits
+from support.oracle.limits import StopClass
+from support.oracle.words import Instant, Stop, judge_words
+
+_ENABLE: Final = DriveRequest.ENABLE
+_QUICK_STOP: Final = DriveRequest.QUICK_STOP
+_STOPS: Final = Reaction.QUICK_STOP
+# ms after a command that is nearly zero in which the servo still settles.
+_SETTLES_MS: Final = 300
+# ms that the servo may take to follow a stop's last set-point, on top of its ramp.
+_COMES_TO_REST_MS: Final = 1500
+# A command of this size at the gantry, deg/s, is regulation at standstill, not motion.
+_REGULATION_DEG_S: Final = 0.05
+_LEASE_MS: Final = 250
+# ms in which a drive that switched itself off is told as an alarm: the heartbeat is missed after 150 ms.
+_TOLD_MS: Final = 200
+# An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
+_CAUSE_MS: Final = 3000
+_AT_REST_MS: Final = 50
+
+
+class Violation(NamedTuple):
+    """One broken invariant."""
+
+    invariant: str
+    time_s: float
+    text: str
+
+    def __str__(self) -> str:
+        return f"{self.invariant} at {self.time_s:.3f} s: {self.text}"
+
+
+class AxisOracle:
+    """Judges one axis, every millisecond of its plant and every command on its wire.
+
+    Until a program commands the drive, nothing is judged: a drive alone on a bench has no controller that could keep
+    a promise.
+
+    **INV-1, bounded stop.** From the onset of a known fault (else from the alarm) of a stop class to rest, the motor
+    side goes no further than the limit of the class (`limits.way_deg`), and rests in the time of the class.
+    **INV-2, no motion without a reason.** While the wire commands no speed and no stop is under way, the motor side
+    stays within 0.15 deg; the shipped program commands a speed only while an operator's move, key with a living lease
+    or increment asks for it, and enables only after a rising edge of power or of a brake test, or for HOLD.
+    **INV-3, envelope.** The motor side stays within +-180.5 deg (or where it began), within 1.1 of the highest speed
+    setting (+1.2 deg/s in a fault of the feedback); the speed command changes no faster than the steepest ramp in
+    force, and the correction that the position loop may add.
+    **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
+    exactly 0 unless the request is ENABLE with the brake commanded open.
+    **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
+    for HOLD; the shipped program loses no latched alarm without a rising edge of reset.
+    **INV-6, the load is held.** Torque on, or the brake closed, or closing for at most 0.2 s. The brake opens only
+    while torque has been on for 10 ms. Torque is taken off only behind a closed brake, unless
+    TORQUE OFF was told; a drive that goes off by itself is told as such within 0.2 s.
+    **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; no
+    stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`).
+
+    Args:
+        found: takes each violation, the first of each invariant.
+
+    Attributes:
+        ms: virtual time, samples since the first.
+        angle, speed, torque, energised, brake_open: the last sample, motor side, rad, rad/s, N m.
+        program: who commands; None on a bench. `program_over`: it failed, and the engine stops the axis.
+        offset: of the angle that is told, rad at the motor.
+        inside: samples are taken inside the scan, which is longer than a millisecond.
+    """
+
+    def __init__(self, found: Callable[[Violation], None]) -> None:
+        self._found, self._seen = found, set[str]()
+        self.ms = 0
+        self.angle = self.speed = self.torque = 0.0
+        self.energised, self.brake_open = False, False
+        self.bound = self.program_over = self.inside = False
+        self.program: Any = None
+        self._axis: Any = None
+        self._energised_ms = self._off_ms = -1_000_000
+        self._unheld_ms = 0
+        self._off_unjudged = False
+        self._anchor: float | None = None
+        self._reason_ms = -1
+        self._origin_ms: float = -1.0
+        self._target: float | None = None
+        self._lease_ms = -1_000_000
+        self._operator = OperatorCommand()
+        self._power_asked = self._test_asked = self._reset_asked = False
+        self._vel = 0.0
+        self._wire_ms = -1
+        self._request = DriveRequest.DISABLE
+        self._stop: Stop | None = None
+        self._latched: Alarm | None = None
+        self._onset: Instant | None = None
+        self._onset_of_feedback = False
+        self._disobeys = False
+        self._wrong_since: int | None = None
+        self._zero_counts = math.nan
+        self.offset = 0.0
+        # Replaced by `bind`; in motor units.
+        self._deg = 1.0
+        self._sag = self._high = self._speed_max = self._rest = self._told = self._settled = math.inf
+        self._low = -math.inf
+        self._vel_max = self._torque_max = self._slope_up = self._slope_down = math.inf
+
+    # --- who commands -------------------------------------------------------------------------------------------
+
+    def bind(self, program: Any) -> None:
+        """From now on this program commands the axis: its settings say what was promised."""
+        self.program, self._axis, self.bound = program, program.axis, True
+        settings = self._axis.settings
+        self._deg = k = settings.law.ratio * math.pi / 180.0
+        speed, ramps = settings.speed, settings.ramps
+        ratio = settings.law.ratio
+        self._sag = limits.SAG_DEG * k
+        self._speed_max = limits.OVERSPEED * speed.setting_max_rad_s * ratio
+        self._rest, self._told = limits.REST_DEG_S * k, limits.TOLD_DEG * k
+        self._settled = _REGULATION_DEG_S * k
+        # The clamp is a float that the law reaches exactly.
+        self._vel_max = speed.command_clamp_rad_s * ratio * (1.0 + 1e-12)
+        self._torque_max = settings.power.torque_max_nm * (1.0 + 1e-12)
+        # Correction of the position loop: Kpp times the speed that the deviation monitor lets pass.
+        correction = settings.law.kpp_per_s * settings.monitors.velocity_deviation_rad_s
+        steepest = max(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2, ramps.acc_rad_s2)
+        self._slope_up = self._slope_down = (steepest + correction) * ratio * 1e-3
+        self._zero_counts = math.nan
+
+    def begin(self, angle: float, brake_open: bool, energised: bool) -> None:
+        """Take the state in which the axis is met."""
+        self.angle, self.brake_open, self.energised = angle, brake_open, energised
+
+    def say(self, invariant: str, text: str) -> None:
+        """Report the first violation of an invariant."""
+        if invariant not in self._seen:
+            self._seen.add(invariant)
+            self._found(Violation(invariant, self.ms * 1e-3, text))
+
+    def fault_injected(self, *, feedback: bool, at_once: bool) -> None:
+        """A test spoils something now; a cause that lasts keeps its first onset.
+
+        Args:
+            feedback: the reading is in doubt, or what the drive does with it.
+            at_once: it acts now; else only when something else happens, a quick stop for one.
+        """
+        onset = self._onset
+        self._disobeys = self._disobeys or (feedback and not at_once)
+        old = onset is None or self.ms - onset.ms > _CAUSE_MS
+        if at_once and (old or (feedback and not self._onset_of_feedback)):
+            self._onset, self._onset_of_feedback = self._now(), feedback
+
+    def _now(self) -> Instant:
+        return Instant(self.ms, self.angle, self.speed, self.energised, self.brake_open)
+
+    def _feedback_fault(self) -> bool:
+        """A fault of the feedback is known that may still act."""
+        onset = self._onset
+        recent = onset is not None and self.ms - onset.ms < _CAUSE_MS
+        return self._disobeys or (recent and self._onset_of_feedback)
+
+    # --- the wire -----------------------------------------------------------------------------------------------
+
+    def command(self, output: OutputImage, operator: OperatorCommand | None) -> None:
+        """Judge one command before the drive takes it; `operator` is None when no program made it."""
+        request, vel, torque, brake_open = output[:4]
+        axis = self._axis
+        if operator is not None and operator is not self._operator:
+            self._levels(operator)
+        if not (-self._vel_max <= vel <= self._vel_max and -self._torque_max <= torque <= self._torque_max):
+            self.say("INV-4", f"on the wire: speed {vel!r} rad/s, torque {torque!r} N m")
+        if vel != 0.0:
+            self._speed_on_wire(request, vel, brake_open)
+        elif self._vel != 0.0:
+            self._vel, self._wire_ms = 0.0, self.ms
+        if request is not self._request:
+            self._requested(request)
+        if axis is None:
+            return
+        first = axis.alarms.first_out
+        if first is not None or self._latched is not None:
+            self._latch(first, request, vel)
+        if self.program_over:
+            return  # it tells nothing any more
+        if axis.zero_counts != self._zero_counts:
+            self._zero_counts = axis.zero_counts
+            self.offset = axis.pos_act_rad * axis.settings.law.ratio - self.angle
+            self._low, self._high = self._travel(limits.TRAVEL_DEG)
+        wrong = axis.pos_act_rad * axis.settings.law.ratio - self.angle - self.offset
+        if not -self._told <= wrong <= self._told:
+            self._wrong_angle(wrong)
+        elif self._wrong_since is not None:
+            self._wrong_since = None
+
+    def _speed_on_wire(self, request: DriveRequest, vel: float, brake_open: bool) -> None:
+        if request is not _ENABLE or not brake_open:
+            self.say("INV-4", f"speed {vel / self._deg:.4f} deg/s with request {request.name}")
+        now, before = self.ms, self._vel
+        passed = max(1, now - self._wire_ms)
+        slope = self._slope_up * passed + self._settled
+        if not -slope <= vel - before <= slope and not self._feedback_fault():
+            self.say(
+                "INV-3",
+                f"speed command {before / self._deg:.3f} to {vel / self._deg:.3f} deg/s in {passed} ms",
+            )
+        self._vel, self._wire_ms = vel, now
+        if not -self._settled < vel < self._settled:
+            self._reason_ms = now + _SETTLES_MS
+            if now > self._origin_ms:
+                self._check_origin(now, vel)
+
+    def _check_origin(self, now: int, vel: float) -> None:
+        """A speed without a person behind it. Programs of one's own move by their own logic."""
+        if type(self.program) is not GantryProgram:
+            self._origin_ms = math.inf
+            return
+        operator = self._operator
+        key = operator.forward is not operator.reverse and operator.power
+        if key and now - self._lease_ms <= _LEASE_MS:
+            self._origin_ms = now + 50
+        else:
+            self.say("INV-2", f"{vel / self._deg:.3f} deg/s commanded, and nobody asks for it")
+
+    def _comes_to_rest(self, dec_rad_s2: float) -> float:
+        """ms until a stop on a ramp has ended."""
+        ratio = self._axis.settings.law.ratio
+        return 1e3 * abs(self._vel) / (dec_rad_s2 * ratio) + _COMES_TO_REST_MS
+
+    def _levels(self, op: OperatorCommand) -> None:
+        """New levels of the operator: what is asked for, and until when."""
+        last, self._operator, now = self._operator, op, self.ms
+        ramps = self._axis.settings.ramps
+        if op.lease != last.lease:
+            self._lease_ms = now
+        if op.power and not last.power:
+            self._power_asked = True
+        self._test_asked = self._test_asked or (op.brake_test and not last.brake_test)
+        self._reset_asked = self._reset_asked or (op.reset and not last.reset)
+        stopping = (op.stop and not last.stop) or (op.halt and not last.halt) or (last.power and not op.power)
+        if not op.power:
+            self._power_asked = False
+        pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
+        if (op.move and not last.move) or pressed or op.override != last.override:
+            # An increment and a move go on without a lease until they have arrived.
+            self._origin_ms = math.inf
+        if stopping:
+            self._origin_ms = now + self._comes_to_rest(min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2))
+        released = (last.forward or last.reverse) and not (op.forward or op.reverse)
+        if released and op.mode.value == 1:
+            self._origin_ms = now + self._comes_to_rest(ramps.jog_release_dec_rad_s2)
+
+    def _requested(self, request: DriveRequest) -> None:
+        before, self._request = self._request, request
+        if request is _QUICK_STOP:
+            self._reason_ms = max(self._reason_ms, self.ms + round(1e3 * limits.REST_S[StopClass.QUICK]))
+        # A program that failed is replaced by the engine, which tells it as an exception (SYS-09).
+        silent = self._axis is not None and self._axis.alarms.first_out is None and not self.program_over
+        if silent and request is _QUICK_STOP and before is _ENABLE:
+            self.say("INV-7", "a quick stop on the wire without a first-out alarm")
+
+    # --- alarms and latch ---------------------------------------------------------------------------------------
+
+    def _latch(self, first: Alarm | None, request: DriveRequest, vel: float) -> None:
+        before, self._latched = self._latched, first
+        if first is None:
+            self._reset_asked = self._power_asked = False
+            self._stop = None
+            return
+        if first is not before:
+            self._alarm(first)
+            return
+        if vel != 0.0:
+            self.say("INV-5", f"speed {vel / self._deg:.4f} deg/s while {first.code} is latched")
+        if request is _ENABLE and not self._holding():
+            self.say("INV-5", f"ENABLE on the wire while {first.code} is latched")
+        stop = self._stop
+        if stop is not None and first.steps is not stop.steps:
+            stop.steps = first.steps
+            for what in judge_words(first, stop, self):
+                self.say("INV-7", f"{first.code}: {what}")
+
+    def _holding(self) -> bool:
+        alarms = self._axis.alarms.active.values()
+        return any(alarm.reaction is Reaction.HOLD for alarm in alarms)
+
+    def _told_torque_off(self) -> bool:
+        alarms = self._axis.alarms.active.values()
+        return any(alarm.reaction >= Reaction.TORQUE_OFF for alarm in alarms)
+
+    def _alarm(self, first: Alarm) -> None:
+        """A stop-class alarm is told now: the stop begins."""
+        self._power_asked = self._test_asked = self._reset_asked = False
+        self._origin_ms = -1.0
+        onset = self._onset
+        if self._feedback_fault():
+            kind = StopClass.FEEDBACK
+        else:
+            kind = StopClass.QUICK if first.reaction is _STOPS else StopClass.TORQUE_OFF
+        now = self._now()
+        recent = onset is not None and self.ms - onset.ms < _CAUSE_MS
+        self._stop = Stop(first, kind, onset if onset is not None and recent else now, now)
+
+    # --- the plant ----------------------------------------------------------------------------------------------
+
+    def sample(self, angle: float, speed: float, torque: float, brake_open: bool, energised: bool) -> None:
+        """Judge one millisecond: true motor angle rad and speed rad/s, torque N m, brake, torque on."""
+        self.ms = now = self.ms + 1
+        before, self.angle, self.speed, self.torque = self.angle, angle, speed, torque
+        if not self.bound:
+            self.energised, self.brake_open = energised, brake_open
+            return
+        if energised is not self.energised or brake_open is not self.brake_open:
+            self._switched(energised, brake_open)
+        if not (-self._speed_max <= speed <= self._speed_max and self._low <= angle <= self._high):
+            self._outside()
+        if now > self._reason_ms:
+            anchor = self._anchor
+            if anchor is None or abs(angle - before) > 1e-2 + 2e-3 * abs(speed):
+                self._anchor = angle  # also where a test has put the plant elsewhere
+            elif not -self._sag <= angle - anchor <= self._sag and self._stop is None:
+                self._moves(angle - anchor)
+        elif self._anchor is not None:
+            self._anchor = None
+        if self._stop is not None:
+            self._stopping(self._stop)
+        if not energised and (brake_open or self._off_unjudged):
+            self._unheld()
+        elif self._unheld_ms:
+            self._unheld_ms = 0
+
+    def _moves(self, way: float) -> None:
+        state = "torque on" if self.energised else "torque off"
+        state += ", brake open" if self.brake_open else ", brake closed"
+        self.say("INV-2", f"moved {way / self._deg:.3f} deg without a reason ({state})")
+
+    def _outside(self) -> None:
+        limit = self._speed_max
+        onset = self._onset
+        if self._feedback_fault():
+            limit += limits.FAULT_OVERSPEED_DEG_S * self._deg
+        if not -limit <= self.speed <= limit:
+            self.say("INV-3", f"true speed {self.speed / self._deg:.3f} deg/s")
+        low, high = (self._low, self._high) if onset is None else self._travel(limits.STOPS_DEG)
+        if not low <= self.angle <= high:
+            self.say("INV-3", f"true angle {(self.angle + self.offset) / self._deg:.3f} deg")
+
+    def _travel(self, limit_deg: float) -> tuple[float, float]:
+        """Motor angles of the travel by the zero of the machine; an axis that stands outside may stand there."""
+        limit = limit_deg * self._deg
+        return (
+            min(-limit - self.offset, self.angle - self._sag),
+            max(limit - self.offset, self.angle + self._sag),
+        )
+
+    def _switched(self, energised: bool, brake_open: bool) -> None:
+        now = self.ms
+        was_energised, self.energised = self.energised, energised
+        was_open, self.brake_open = self.brake_open, brake_open
+        if energised and not was_energised:
+            self._energised_ms = now
+            asked = self._power_asked or self._test_asked or type(self.program) is not GantryProgram
+            if self._latched is not None and not self._holding():
+                self.say("INV-5", f"torque came on while {self._latched.code} is latched")
+            elif not asked and not self._holding():
+                self.say("INV-2", "enabled, and nobody asked for it")
+        if was_energised and not energised:
+            self._off_ms = now
+            self._test_asked = False
+            if self._stop is not None:
+                self._stop.torque_off(now)
+            self._off_unjudged = was_open and brake_open
+            if self._off_unjudged and self._request is DriveRequest.DISABLE and not self._told_torque_off():
+                self.say("INV-6", "torque taken off with the brake open, and no alarm says torque off")
+        if brake_open and not was_open and (not energised or now - self._energised_ms < 10):
+            self.say("INV-6", "the brake opens without torque")
+        if was_open and not brake_open and self._stop is not None:
+            self._stop.brake_closed(now)
+
+    def _unheld(self) -> None:
+        """Torque off: the brake must come, and an order other than brake first needs an alarm."""
+        now = self.ms
+        if self._off_unjudged:
+            if self._told_torque_off():
+                self._off_unjudged = False
+            elif now - self._off_ms > _TOLD_MS:
+                self._off_unjudged = False
+                self.say("INV-6", "torque went off with the brake open, and no alarm says so")
+        self._unheld_ms = self._unheld_ms + 1 if self.brake_open else 0
+        if self._unheld_ms > 1e3 * limits.BRAKE_CLOSES_S:
+            self.say("INV-6", f"neither torque nor brake for {self._unheld_ms} ms")
+
+    def _stopping(self, stop: Stop) -> None:
+        """INV-1 while a stop is under way, and the record against which its words are judged."""
+        now, speed = self.ms, self.speed
+        stop.speeds.append(abs(speed) / self._deg)
+        slow = -self._rest <= speed <= self._rest
+        stop.slow_ms = stop.slow_ms + 1 if slow else 0
+        way = abs(self.angle - stop.onset.angle) / self._deg
+        allowed = limits.way_deg(stop.kind, stop.onset.speed / self._deg)
+        if way > allowed and not stop.ended:
+            self.say(
+                "INV-1",
+                f"{stop.alarm.code}, {stop.kind.value} from {stop.onset.speed / self._deg:.2f} deg/s: "
+                f"{way:.3f} deg, at most {allowed:.3f}",
+            )
+        if not slow and now - stop.told.ms > 1e3 * limits.REST_S[stop.kind]:
+            late = (now - stop.told.ms) * 1e-3
+            self.say("INV-1", f"{stop.alarm.code}: still {speed / self._deg:.3f} deg/s after {late:.2f} s")
+        if stop.slow_ms >= _AT_REST_MS and (not self.brake_open or self.energised):
+            stop.ended = True
+            self._reason_ms = max(self._reason_ms, now if self._anchor is None else -1)
+        if stop.ended and self._anchor is not None:
+            if not -self._sag <= self.angle - self._anchor <= self._sag:
+                self._moves(self.angle - self._anchor)
+        elif not stop.ended:
+            self._anchor = self.angle
+
+    # --- what is told ---------------------------------------------------------------------------------------------
+
+    def _wrong_angle(self, wrong: float) -> None:
+        if not self._axis.feedback.position_valid:
+            self._wrong_since = None
+            return
+        if self._wrong_since is None:
+            self._wrong_since = self.ms
+            self.fault_injected(feedback=True, at_once=True)
+        elif (self.ms - self._wrong_since) * 1e-3 > limits.TOLD_WRONG_S:
+            told = self._axis.pos_act_rad * 180.0 / math.pi
+            self.say(
+                "INV-7", f"{told:.3f} deg are told, wrong by {wrong / self._deg:.3f} deg, and called valid"
+            )

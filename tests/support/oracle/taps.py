@@ -1,0 +1,207 @@
+"""Taps on the ways that the truth takes: class-level patches of drives, plants and programs, for as long as wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from typing import Any, Final
+
+from gantryctl.drives.faults import Faults
+from gantryctl.drives.simulated import SimDrive
+from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
+from gantryctl.image import DriveState, InputImage, OutputImage
+from gantryctl.program import AxisProgram
+from gantryctl.runtime import Engine
+from support.oracle.axis_oracle import AxisOracle, Violation
+
+_ENERGISED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
+# Faults that put the reading, or what the drive does with it, in doubt: the class of feedback faults.
+_FEEDBACK: Final = frozenset(
+    {"freeze_position", "position_offset", "command_sign", "encoder_gain", "encoder_flags", "velocity_reading",
+     "ignore_target", "never_move", "quick_stop_off", "mode_display"}
+)  # fmt: skip
+# Faults that show only when something else happens: a quick stop, a closing brake, a command to change state.
+_LATER: Final = frozenset(
+    {"quick_stop_off", "stuck_state", "brake_feedback", "brake_torque_share", "brake_close_slow_s", "torque_offset",
+     "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share"}
+)  # fmt: skip
+_COUNT_RAD: Final = 1.0
+_SAMPLE_S: Final = 1e-3
+# Drive cycles of 125 us in a millisecond.
+_CYCLES: Final = 8
+
+
+class Oracle:
+    """Every axis of one test, and what was found."""
+
+    def __init__(self) -> None:
+        self.violations: list[Violation] = []
+        self.axes: dict[int, AxisOracle] = {}
+        self._kept: list[object] = []
+        self.last: tuple[Any, InputImage] | None = None
+
+    def axis(self, plant: object, faults: object = None) -> AxisOracle:
+        """The oracle of the axis with this plant (a `SimDrive` or a `DrivePlant`)."""
+        axis = self.axes.get(id(plant))
+        if axis is None:
+            axis = self.axes[id(plant)] = AxisOracle(self.violations.append)
+            if faults is not None:
+                self.axes[id(faults)] = axis
+            self._kept += [plant, faults]
+        return axis
+
+    def caught(self, invariant: str) -> list[Violation]:
+        """Take the violations of one invariant out: a test that plants one expects them."""
+        taken = [each for each in self.violations if each.invariant == invariant]
+        self.violations[:] = [each for each in self.violations if each.invariant != invariant]
+        return taken
+
+    def command(self, axis: AxisOracle, output: OutputImage) -> None:
+        """A command goes to the drive of an axis."""
+        last = self.last
+        if last is None:
+            if axis.bound:
+                axis.program_over = True
+                axis.command(output, None)
+            return
+        self.last = None
+        program, image = last
+        if axis.program is not program:
+            axis.bind(program)
+        axis.command(output, image.operator)
+
+
+class _Now:
+    """The oracle that watches at present, if any."""
+
+    oracle: Oracle | None = None
+
+
+@contextmanager
+def watching(oracle: Oracle) -> Iterator[Oracle]:
+    """Every axis that moves meanwhile is judged by `oracle`."""
+    before, _Now.oracle = _Now.oracle, oracle
+    try:
+        yield oracle
+    finally:
+        _Now.oracle = before
+
+
+def _replace(stack: ExitStack, owner: type, name: str, made: Callable[[Any], Any]) -> None:
+    """Put `made(original)` in the place of a method until the stack closes."""
+    own, original = owner.__dict__.get(name), getattr(owner, name)
+    setattr(owner, name, made(original))
+    stack.callback(lambda: setattr(owner, name, own) if own is not None else delattr(owner, name))
+
+
+@contextmanager
+def tapped() -> Iterator[None]:
+    """Install the taps; without an oracle that watches, each costs one comparison."""
+    with ExitStack() as stack:
+        _replace(stack, AxisProgram, "scan", _program_scan)
+        _replace(stack, Engine, "_stop_drive", _engine_stop)
+        _replace(stack, SimDrive, "write", _sim_write)
+        _replace(stack, DrivePlant, "scan", _plant_scan)
+        _replace(stack, Faults, "__setattr__", _fault)
+        with_bus(stack)
+        yield
+
+
+def with_bus(stack: ExitStack) -> None:
+    """The master of a bus, where it is installed."""
+    try:
+        from gantryctl.drives.canopen.drive import CanopenDrive
+    except ModuleNotFoundError:
+        return
+    _replace(stack, CanopenDrive, "write", _bus_write)
+
+
+def _program_scan(original: Callable[..., OutputImage]) -> Callable[..., OutputImage]:
+    def scan(program: AxisProgram, image: InputImage) -> OutputImage:
+        output = original(program, image)
+        if _Now.oracle is not None:
+            _Now.oracle.last = (program, image)
+        return output
+
+    return scan
+
+
+def _engine_stop(original: Callable[..., Any]) -> Callable[..., Any]:
+    """A scan has failed: the command that follows is the engine's, not the program's."""
+
+    def stop(engine: Engine, failure: BaseException) -> Any:
+        if _Now.oracle is not None:
+            _Now.oracle.last = None
+        return original(engine, failure)
+
+    return stop
+
+
+def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
+    def write(drive: SimDrive, output: OutputImage) -> None:
+        oracle = _Now.oracle
+        if oracle is None:
+            original(drive, output)
+            return
+        axis = oracle.axes.get(id(drive))
+        if axis is None:
+            axis = oracle.axis(drive, drive.faults)
+            sim = drive.sim
+            axis.inside = sim.scan_period_s > 1.5 * _SAMPLE_S
+            if axis.inside:
+                sim.sample_every(_CYCLES)
+            axis.begin(sim.truth()[2], sim.feedback(_COUNT_RAD)[3], drive.state in _ENERGISED)
+        oracle.command(axis, output)
+        original(drive, output)
+        sim = drive.sim
+        energised = drive.state in _ENERGISED
+        if axis.inside:
+            sample = axis.sample
+            for angle, speed, _, _, torque, closed in sim.samples_taken():
+                sample(angle, speed, torque, not closed, energised)
+        else:
+            truth = sim.truth()
+            _, _, torque, brake_open, _, _, _ = sim.feedback(_COUNT_RAD)
+            axis.sample(truth[2], truth[3], torque, brake_open, energised)
+
+    return write
+
+
+def _fault(original: Callable[..., None]) -> Callable[..., None]:
+    def set_fault(faults: Faults, name: str, value: object) -> None:
+        original(faults, name, value)
+        if _Now.oracle is not None and name in faults.spoilt:
+            axis = _Now.oracle.axes.get(id(faults))
+            if axis is not None:
+                axis.fault_injected(feedback=name in _FEEDBACK, at_once=name not in _LATER)
+
+    return set_fault
+
+
+def _plant_scan(original: Callable[..., None]) -> Callable[..., None]:
+    def scan(plant: DrivePlant, mode: StageMode, *command: Any) -> None:
+        oracle = _Now.oracle
+        if oracle is None:
+            original(plant, mode, *command)
+            return
+        axis = oracle.axes.get(id(plant))
+        if axis is None:
+            axis = oracle.axis(plant, plant._faults)
+            axis.begin(plant.sim.truth()[2], plant.brake_open, energised=False)
+        original(plant, mode, *command)
+        truth = plant.sim.truth()
+        axis.sample(truth[2], truth[3], plant.torque_nm, plant.brake_open, mode is not StageMode.OFF)
+
+    return scan
+
+
+def _bus_write(original: Callable[..., None]) -> Callable[..., None]:
+    def write(drive: Any, output: OutputImage) -> None:
+        oracle = _Now.oracle
+        if oracle is not None:
+            plant = getattr(drive.plant, "plant", None)
+            if isinstance(plant, DrivePlant):
+                oracle.command(oracle.axis(plant, plant._faults), output)
+        original(drive, output)
+
+    return write

@@ -1,0 +1,102 @@
+"""The words of a stop against what was true: times, angle moved, position, state."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from gantryctl.program.alarms.log import Alarm
+from gantryctl.program.alarms.words import Said, Words
+from support.oracle import limits
+from support.oracle.limits import StopClass
+
+if TYPE_CHECKING:
+    from support.oracle.axis_oracle import AxisOracle
+
+# deg/s at the motor side from the time that is told as "at rest after" on; the controller judges at 0.02.
+_AT_REST_DEG_S: Final = 0.1
+# ms besides the scans: a contact, or a closing time that stands for one, may be told later than the brake acts.
+_EARLY_MS: Final = 3.0
+_LATE_MS: Final = 60.0
+_SCANS: Final = 3.0
+
+
+class Instant(NamedTuple):
+    """What was true at one millisecond: motor side, rad, rad/s."""
+
+    ms: int
+    angle: float
+    speed: float
+    energised: bool
+    brake_open: bool
+
+
+class Stop:
+    """One stop, followed from its alarm on.
+
+    Args:
+        alarm: of a stop class.
+        kind: how far and how long.
+        onset: when the fault began to act; the way counts from here.
+        told: when the alarm was told; its words count from here.
+
+    Attributes:
+        speeds: the true speed of each millisecond since, deg/s at the gantry.
+        slow_ms: how long it has been slow. `ended`: at rest and held.
+        off_ms, closed_ms: when the torque went off and the brake closed, after the alarm.
+    """
+
+    def __init__(self, alarm: Alarm, kind: StopClass, onset: Instant, told: Instant) -> None:
+        self.alarm, self.kind, self.onset, self.told = alarm, kind, onset, told
+        self.steps: Any = alarm.steps
+        self.speeds: list[float] = []
+        self.slow_ms = 0
+        self.ended = False
+        self.off_ms: int | None = None
+        self.closed_ms: int | None = None
+
+    def torque_off(self, ms: int) -> None:
+        """Torque went off."""
+        self.off_ms = ms - self.told.ms if self.off_ms is None else self.off_ms
+
+    def brake_closed(self, ms: int) -> None:
+        """The brake closed."""
+        self.closed_ms = ms - self.told.ms if self.closed_ms is None else self.closed_ms
+
+
+def judge_words(alarm: Alarm, stop: Stop, true: AxisOracle) -> Iterator[str]:
+    """What the words of a finished stop say that is not so."""
+    settings = true.program.axis.settings
+    per_deg = settings.law.ratio * math.pi / 180.0
+    scans_ms = _SCANS * settings.period_s * 1e3
+    moved = abs(true.angle - stop.told.angle) / per_deg
+    for step in alarm.steps:
+        words = step.words if isinstance(step, Said) else step
+        values: dict[str, Any] = dict(step.values) if isinstance(step, Said) else {}
+        if words is Words.NOTHING_ON:
+            told = stop.told
+            if told.energised or told.brake_open or abs(told.speed) / per_deg > limits.REST_DEG_S:
+                yield f"nothing was switched on, but torque {told.energised}, brake open {told.brake_open}"
+        elif words is Words.MOVED_TO:
+            if not abs(values["way"] - moved) <= limits.TOLD_DEG:
+                yield f"moved {values['way']:.3f} deg is told, true {moved:.3f}"
+            position = (true.angle + true.offset) / per_deg
+            if not abs(values["position"] - position) <= limits.TOLD_DEG:
+                yield f"position {values['position']:.3f} deg is told, true {position:.3f}"
+        elif words is Words.AT_REST_AFTER:
+            time_ms = values["time_ms"]
+            after = stop.speeds[math.ceil(time_ms + scans_ms) :]
+            if after and max(after) > _AT_REST_DEG_S:
+                yield f"at rest after {time_ms:.0f} ms is told, {max(after):.3f} deg/s later"
+        elif words is Words.TORQUE_OFF_AFTER:
+            yield from _time("torque off", values["time_ms"], stop.off_ms, scans_ms)
+        elif words is Words.BRAKE_CLOSED_AFTER:
+            yield from _time("brake closed", values["time_ms"], stop.closed_ms, scans_ms)
+
+
+def _time(what: str, told_ms: float, true_ms: int | None, scans_ms: float) -> Iterator[str]:
+    if true_ms is None:
+        yield f"{what} after {told_ms:.0f} ms is told, and is not so"
+    elif not true_ms - _EARLY_MS - scans_ms <= told_ms <= true_ms + _LATE_MS + scans_ms:
+        yield f"{what} after {told_ms:.0f} ms is told, true {true_ms} ms"
