@@ -45,6 +45,8 @@ class EncoderFlag(IntFlag):
     CRC_ERROR = 1
     ALARM = 2
     WARNING = 4
+    BATTERY = 8
+    """The battery that keeps the turns is empty or missing; only an encoder with a battery shows it."""
 
 
 class LinkFlag(IntFlag):
@@ -109,6 +111,8 @@ class DriveFeedback(NamedTuple):
     link: LinkFlag = LinkFlag.NONE
     changed: str = ""
     """Parameter of the drive that differs from its set value: which, want, have."""
+    motor_temp_c: float | None = None
+    """Temperature of the winding; None without a sensor, out of any range for one that is open or shorted."""
 
 
 class DriveIdentity(NamedTuple):

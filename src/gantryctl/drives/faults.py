@@ -49,7 +49,7 @@ class Faults:
     """Part of the shaft's motion that the encoder shows from now on, to the reading and to the drive's own speed loop:
     0 frozen, -1 sign wrong, 0.9 a coupling that slips."""
     encoder_flags: Annotated[int, Field(ge=0, le=0xFF)] = 0
-    """Bits of `EncoderFlag`: checksum error, alarm, warning."""
+    """Bits of `EncoderFlag`: checksum error, alarm, warning, battery."""
     velocity_reading: _Finite | None = None
     """Value that 606C shows, rad/s at the motor; the drive's own speed loop goes on."""
     never_move: bool = False
@@ -107,6 +107,8 @@ class Faults:
     limit_plus_ok: bool | None = None
     torque_offset: Annotated[float, Field(gt=-1e9, lt=1e9)] = 0.0
     """Added to the torque that 6077 reports, N m."""
+    motor_temp_c: _Finite | None = None
+    """Temperature that the sensor of the motor shows; None: the motor has none."""
     tpdo: dict[int, FrameFault] = field(default_factory=dict)
     """TPDOs, by number, 1 for the first; of `frame_fault`."""
     frames: dict[int, FrameFault] = field(default_factory=dict)

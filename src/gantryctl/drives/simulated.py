@@ -226,6 +226,7 @@ class SimDrive(BaseDrive):
             encoder=EncoderFlag(faults.encoder_flags),
             warning=faults.warning,
             inputs=inputs,
+            motor_temp_c=faults.motor_temp_c,
             link=LinkFlag.IGNORES_COMMAND if ignores else LinkFlag.NONE,
         )
 

@@ -47,11 +47,11 @@ class Feedback:
     """
 
     __slots__ = (
-        "_alarms", "_bad_scans", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max", "_frozen_scans",
-        "_frozen_speed", "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_old_scans", "_period_s",
-        "_ratio", "brake_open", "counts", "encoder_alarm", "error_code", "inputs", "overload",
-        "periods", "pos_ring_rad", "position_valid", "state", "torque_limited", "torque_nm", "unchanged_scans",
-        "vel_rad_s", "warning",
+        "_alarms", "_bad_scans", "_battery", "_counts_per_rad", "_doubt", "_error_scans", "_errors_max",
+        "_frozen_scans", "_frozen_speed", "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_old_scans",
+        "_period_s", "_ratio", "brake_open", "counts", "encoder_alarm", "error_code", "inputs", "motor_temp_c",
+        "overload", "periods", "pos_ring_rad", "position_valid", "state", "torque_limited", "torque_nm",
+        "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
@@ -69,6 +69,7 @@ class Feedback:
         self._frozen_scans = settings.scans(monitors.encoder_frozen_time_s, least=3)
         self._error_scans = settings.scans(monitors.encoder_errors_time_s, least=monitors.encoder_errors_max)
         self._errors_max = monitors.encoder_errors_max
+        self._battery = monitors.encoder_battery
         # At least three scans: one or two late telegrams are bridged (A16).
         self._old_scans = max(3, int(monitors.reading_age_s / period_s + 1e-9))
         self._bad_scans: deque[int] = deque(maxlen=self._errors_max)
@@ -78,6 +79,7 @@ class Feedback:
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
         self.state = DriveState.UNKNOWN
         self.inputs = DigitalInputs()
+        self.motor_temp_c: float | None = None
         self.counts: float = math.nan
         self.vel_rad_s = self.torque_nm = self.overload = self.pos_ring_rad = 0.0
         self.brake_open = self.torque_limited = self.warning = False
@@ -87,6 +89,7 @@ class Feedback:
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
             encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link, changed,
+            self.motor_temp_c,
         ) = drive  # fmt: skip
         if link:
             self._link(link, age)
@@ -137,6 +140,11 @@ class Feedback:
             self._raise(Code.ENC_05)
         if encoder & EncoderFlag.WARNING:
             self._alarms.raise_(Code.ENC_06)
+        if encoder & EncoderFlag.BATTERY and self._battery:
+            self._alarms.raise_(Code.ENC_13)
+            # At the start nothing proves the turns; while the encoder has its supply, the battery counts nothing.
+            if math.isnan(self.counts):
+                self.position_valid = False
         scan = self._alarms.scan
         if age:
             self._late_scan, self._late_age = scan, age

@@ -101,6 +101,7 @@ class MonitorSettings:
 
     Attributes:
         encoder_errors_max: that many bad readings within `encoder_errors_time_s` stop the axis.
+        encoder_battery: a battery keeps the turns of the encoder while its supply is off.
         door_quick_stop: an opened room door is a quick stop; without, the jog-release ramp.
     """
 
@@ -127,13 +128,13 @@ class MonitorSettings:
     encoder_errors_time_s: float = 0.100
     # Three scans of 10 ms; Feedback never takes fewer than three scans.
     reading_age_s: float = 0.030
-    overload_warning: float = 0.9
     # Both channels of a chain switch within some 10 ms; half a second is a contact or a wire (fault catalogue G10).
     estop_discrepancy_time_s: float = 0.5
     # More often than this within a minute is a loose wire, not people (fault catalogue G8).
     chatter_edges_max: int = 5
     chatter_time_s: float = 60.0
     door_quick_stop: bool = False
+    encoder_battery: bool = False
     lease_s: float = 0.250
 
 
@@ -142,6 +143,23 @@ class StandstillPolicy(Enum):
 
     SERVO = "servo"
     BRAKE = "brake"
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalSettings:
+    """Thermal protection of the motor; shares of its limit.
+
+    Attributes:
+        warning_share: a warning from here on, and motion again below it.
+        refusal_share: from here on a motion that is under way ends, and no other begins.
+    """
+
+    torque_rated_nm: float = 257.0
+    time_constant_s: float = 1800.0
+    winding_max_c: float = 155.0
+    # Fault catalogue G12.
+    warning_share: float = 0.80
+    refusal_share: float = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,6 +228,7 @@ class AxisSettings:
     law: LawSettings
     power: PowerSettings
     monitors: MonitorSettings = field(default_factory=MonitorSettings)
+    thermal: ThermalSettings = field(default_factory=ThermalSettings)
     compensation: CompensationSettings | None = None
 
     def scans(self, time_s: float, least: int = 2) -> int:

@@ -17,6 +17,7 @@ from gantryctl.program.settings import (
     RampSettings,
     SpeedSettings,
     StandstillPolicy,
+    ThermalSettings,
     TravelSettings,
 )
 from gantryctl.units import rad
@@ -53,6 +54,11 @@ def axis_settings(
         ),
         power=_power(machine, holding_torque_nm, torque_preload),
         monitors=_monitors(machine),
+        thermal=ThermalSettings(
+            torque_rated_nm=machine.motor.torque_rated_nm,
+            time_constant_s=machine.monitors.motor_thermal_time_constant_s,
+            winding_max_c=machine.monitors.motor_temp_max_c,
+        ),
         compensation=compensation_settings(machine),
     )
 
@@ -136,6 +142,7 @@ def _monitors(machine: Machine) -> MonitorSettings:
         in_position_tolerance_time_s=m.in_position_tolerance_time_s,
         torque_saturation_time_s=m.torque_saturation_time_ms * _MS,
         lease_s=m.lease_ms * _MS,
+        encoder_battery=m.encoder_battery,
         door_quick_stop=m.door_reaction == "quick_stop",
     )
 

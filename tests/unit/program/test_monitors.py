@@ -131,7 +131,7 @@ def test_overload_warns():
     rig.spoil = lambda drive: drive._replace(overload=0.93)
     rig.run(0.1)
     assert rig.codes == ["THM-01"]
-    assert "93 % of the drive's overload budget used" in rig.axis.alarms.active["THM-01"].text
+    assert "93 % of its thermal limit" in rig.axis.alarms.active["THM-01"].text
 
 
 # --- standing -------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Literal
 
 from gantryctl.machine.tables.compensation import CompensationTable
-from gantryctl.machine.tables.fields import Table, choice, number, table
+from gantryctl.machine.tables.fields import Table, choice, number, switch, table
 
 
 class ControlTable(Table):
@@ -55,6 +55,18 @@ class MonitorsTable(Table):
     # Harder than the stop on a ramp: the drive ramps, then brake and torque off.
     door_reaction: Literal["stop", "quick_stop"] = choice(
         "stop", "What an opened room door does in motion: the jog-release ramp, or a quick stop."
+    )
+    encoder_battery: bool = switch(
+        False,
+        "A battery keeps the encoder's turns while the supply is off; its alarm is watched.",
+        "catalogue",
+    )
+    # A motor of this size takes two to three hours to its final temperature: four time constants of the winding.
+    motor_thermal_time_constant_s: float = number(
+        1800.0, 10.0, 20_000.0, "After this the winding has 63 % of its final temperature rise.", "estimate"
+    )
+    motor_temp_max_c: float = number(
+        155.0, 60.0, 250.0, "Highest temperature of the motor's winding; thermal class F.", "standard"
     )
 
 

@@ -23,7 +23,8 @@ UNITS: Final = {
     "deg": "deg", "deg_s": "deg/s", "deg_s2": "deg/s2", "deg_s3": "deg/s3", "rad": "rad", "rad_s": "rad/s",
     "r_min": "r/min", "nm": "N m", "nm_per_rad": "N m/rad", "nm_s_per_rad": "N m s/rad", "kg": "kg",
     "kg_m2": "kg m2", "m": "m", "mm": "mm", "um": "um", "s": "s", "ms": "ms", "us": "us", "days": "d", "hours": "h",
-    "hz": "Hz", "per_s": "1/s", "kw": "kW", "a": "A", "turns": "turns", "per_turn": "1/turn", "cycles_per_turn": "-",
+    "hz": "Hz", "c": "degC", "per_s": "1/s", "kw": "kW", "a": "A", "turns": "turns",
+    "per_turn": "1/turn", "cycles_per_turn": "-",
 }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity, Text
+from gantryctl.program.alarms.words import Words
 
 _STOP, _WARN = Severity.STOP, Severity.WARNING
 _TO: Final = Reaction.TORQUE_OFF
@@ -82,5 +83,16 @@ ENCODER: Final = (
              "两个编码器之一有误、标定属于另一台机器，或电机与齿圈之间有打滑或断裂。",
              "将角度与刻线比较。在任何运动之前先查明哪个编码器正确。"),
         lock=True,
+    ),
+    # Fault catalogue A8: the count is right while the supply is on, and nothing is known once it was off.
+    Definition(
+        Code.ENC_13, _WARN, Reaction.W,
+        Text("Encoder battery", "The battery of the encoder is empty or missing",
+             "The battery keeps the turns while the supply is off. Without it turns can be lost unseen.",
+             "Keep the supply on and have the battery changed. Then service compares the angle with the marks and "
+             "resets. No motion before."),
+        Text("编码器电池", "编码器电池耗尽或缺失", "断电期间由电池保持圈数。没有电池时圈数可能悄然丢失。",
+             "保持供电并更换电池。然后由维修人员将角度与刻线比较并复位。此前不能运动。"),
+        lock=True, blocks_motion=True, before_motion=Words.SERVICE_FIRST,
     ),
 )  # fmt: skip

@@ -229,12 +229,42 @@ POWER: Final = (
         Text("主电源丢失", "主电源在 {measured}°、{speed} °/s 时不再就绪", "供电被切断或失效。",
              "恢复供电，复位，重新上电。"),
     ),
+    # Fault catalogue G12: a warning, then no new motion, then a stop, before the drive trips by itself.
     Definition(
         Code.THM_01, _WARN, Reaction.W,
-        Text("Overload high",
-             "{measured:.0f} % of the drive's overload budget used, warning at {limit:.0f} %",
-             "More torque than rated for too long.", "Move less or slower; check balance and friction."),
-        Text("过载偏高", "已用驱动器过载余量的 {measured} %，警告值 {limit} %",
-             "转矩超过额定值的时间过长。", "减少运动或降低速度；检查平衡和摩擦。"),
+        Text("Motor warm", "The motor is at {measured:.0f} % of its thermal limit, warning at {limit:.0f} %",
+             "More torque than rated for too long, or the motor's cooling is poor.",
+             "Move less or slower; check balance, friction and cooling."),
+        Text("电机偏热", "电机已达热极限的 {measured} %，警告值 {limit} %",
+             "转矩超过额定值的时间过长，或电机冷却不良。", "减少运动或降低速度；检查平衡、摩擦和冷却。"),
+    ),
+    # Fault catalogue G13: the axis goes on, and the model alone has half of the limit.
+    Definition(
+        Code.THM_02, _WARN, Reaction.W,
+        Text("Motor temperature sensor",
+             "The motor's temperature sensor shows {measured:.0f} C, possible are {low:.0f} to {high:.0f} C",
+             "The sensor or its wire is open or shorted.",
+             "Have the sensor repaired. Until then the motor counts as twice as warm as computed: it may have to "
+             "rest sooner."),
+        Text("电机温度传感器", "电机温度传感器显示 {measured} C，可能范围为 {low} 至 {high} C",
+             "传感器或其导线断路或短路。", "请修复传感器。在此之前电机按计算温升的两倍计：可能需要更早休息。"),
+    ),
+    Definition(
+        Code.THM_03, _WARN, Reaction.W,
+        Text("Motor hot",
+             "The motor is at {measured:.0f} % of its thermal limit, no new motion from {limit:.0f} % on; {ready}",
+             "More torque than rated for too long, or the motor's cooling is poor.",
+             "The motion under way ends as planned. Switch power off and wait; then reset."),
+        Text("电机过热", "电机已达热极限的 {measured} %，自 {limit} % 起不再开始新运动；{ready}",
+             "转矩超过额定值的时间过长，或电机冷却不良。", "当前运动按计划结束。断电等待，然后复位。"),
+        blocks_motion=True, before_motion=Words.COOL_FIRST,
+    ),
+    Definition(
+        Code.THM_04, _STOP, _QS,
+        Text("Motor too hot", "The motor is at {measured:.0f} % of its thermal limit; {ready}",
+             "More torque than rated for too long, or the motor's cooling is poor.",
+             "Let the motor cool with power off, then reset. Find out what took the torque before moving again."),
+        Text("电机温度超限", "电机已达热极限的 {measured} %；{ready}",
+             "转矩超过额定值的时间过长，或电机冷却不良。", "断电让电机冷却，然后复位。再次运动之前查明转矩的去向。"),
     ),
 )  # fmt: skip

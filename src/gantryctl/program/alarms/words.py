@@ -92,6 +92,10 @@ class Words(Enum):
     LATCHED = "{code} is latched ({measured}): reset first", "{code} 已锁存（{measured}）：请先复位"
     ACTIVE = "{code} is active ({measured}): {first}", "{code} 有效（{measured}）：{first}"
     RESET_FIRST = "reset first", "请先复位"
+    SERVICE_FIRST = "service must reset", "须由维修人员复位"
+    COOL_FIRST = "let it cool, then reset", "请冷却后复位"
+    READY_IN = "ready again in {time_min} min with power off", "断电后 {time_min} 分钟可再次运动"
+    READY_WITH_DRIVE = "ready again when the drive has recovered", "驱动器恢复后可再次运动"
     TEST_OR_SERVICE = "a brake test must pass, or service must reset", "须先通过制动器测试，或由维修人员复位"
     ERROR_STOP = (
         "the axis is in ErrorStop by {code} ({measured}): reset first",

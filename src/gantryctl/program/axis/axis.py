@@ -21,6 +21,7 @@ from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.site import SiteInterlocks
+from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.power.phases import PowerPhase
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
@@ -63,14 +64,14 @@ class Axis:
         system_stop: what the engine stopped the axis for, until a reset; or None.
         brake_test: the brake test and its last result.
         plans: every plan taken with its start scan, if asked for with `keep_plans`.
-        power, virtual, motion, monitors, feedback, recovery: the parts, for reading.
+        power, virtual, motion, monitors, thermal, feedback, recovery: the parts, for reading.
     """
 
     __slots__ = (
         "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled", "_site", "_switching_off",
         "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
         "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
-        "scan", "settings", "state", "system_stop", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+        "scan", "settings", "state", "system_stop", "thermal", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS
@@ -97,6 +98,7 @@ class Axis:
         self.brake_test = self.power.brake_test
         self.interlocks = Interlocks(settings, self.feedback, self.alarms)
         self._site = SiteInterlocks(settings, self.feedback, self.alarms)
+        self.thermal = MotorThermal(settings, self.feedback, self.alarms)
         self.monitors = Monitors(settings, self.feedback, self.virtual, self.power.holding, self.alarms)
         self.motion = MotionCommands(
             settings, self.virtual, self.power, self.monitors, self.interlocks, self.alarms
@@ -151,6 +153,7 @@ class Axis:
             self.monitors.scan_released(pos)
         self.interlocks.scan(pos, power.phase is not _OFF)
         self._site.scan(pos, power.phase is not _OFF)
+        self.thermal.scan(time_s)
         power.step(pos)
         # An alarm raised in this scan acts on the output of this scan.
         if alarms.pending or self._error or self._switching_off or self.recovery.resetting:

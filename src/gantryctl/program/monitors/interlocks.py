@@ -22,14 +22,13 @@ class Interlocks:
     """
 
     __slots__ = (
-        "_alarms", "_code_known", "_feedback", "_inputs", "_overload_warning", "_was_minus", "_was_plus",
+        "_alarms", "_code_known", "_feedback", "_inputs", "_was_minus", "_was_plus",
         "minus_open", "plus_open",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
         self._feedback = feedback
         self._alarms = alarms
-        self._overload_warning = settings.monitors.overload_warning
         self._inputs: DigitalInputs | None = None
         self._code_known = False
         self._was_plus = self._was_minus = True
@@ -47,9 +46,6 @@ class Interlocks:
             self._code_known = False
         if feedback.warning:
             self._alarms.raise_(Code.DRV_02)
-        if not feedback.overload < self._overload_warning:
-            limit = 100.0 * self._overload_warning
-            self._alarms.raise_(Code.THM_01, measured=100.0 * feedback.overload, limit=limit)
 
     def _check_inputs(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
         # One switch open in the first scan is an axis that stands at it. Both are a broken common wire: LIM-04.
