@@ -102,6 +102,14 @@ def test_the_model_follows_the_square_of_the_torque(share_of_torque):
     assert rig.axis.thermal.share == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize("torque_nm", [math.nan, math.inf, -1e300])
+def test_an_absurd_torque_does_not_heat_the_model(torque_nm):
+    rig = Rig()
+    rig.spoil = showing(torque_act_nm=torque_nm)
+    rig.run(1.0)
+    assert rig.axis.thermal.share == 0.0
+
+
 def test_a_load_that_only_the_motor_holds_keeps_its_torque_when_it_is_too_hot():
     rig = moving_rig()
     rig.drive.error_code = 0x8611

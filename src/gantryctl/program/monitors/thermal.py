@@ -17,6 +17,7 @@ _LOOK_S: Final = 0.1
 _SENSOR_MIN_C: Final = -30.0
 _SENSOR_MAX_C: Final = 250.0
 _SENSOR_TIME_S: Final = 1.0
+_LOAD_MAX: Final = 10.0
 # The rise of a winding is permitted from this ambient temperature on (IEC 60034-1).
 _AMBIENT_C: Final = 40.0
 # Without its sensor the model has half of the rise (fault catalogue G13): it knows nothing of ambient and cooling.
@@ -61,7 +62,8 @@ class MotorThermal:
     def _look(self, time_s: float) -> None:
         elapsed_s, self._last_s, self._due_s = time_s - self._last_s, time_s, time_s + _LOOK_S
         load = self._feedback.torque_nm / self._torque_rated_nm
-        if math.isfinite(load):
+        # Ten times rated is no torque of a motor: such a reading is another monitor's matter.
+        if -_LOAD_MAX <= load <= _LOAD_MAX:
             part = 1.0 - math.exp(-elapsed_s / self._time_constant_s)
             self._model += (load * load - self._model) * part
         model, sensor = self._model, self._sensor_share(elapsed_s)
