@@ -11,6 +11,7 @@ from gantryctl.cli.options import PATH, json_option, print_json
 
 if TYPE_CHECKING:
     from gantryctl.machine import Machine
+    from gantryctl.operation.ledger import LedgerRow
 
 DEFAULT_DEST = "machine.toml"
 
@@ -119,6 +120,11 @@ def show(file: Path | None, option: Path | None, as_json: bool, with_derived: bo
     _show_values(machine, path)
     if with_derived:
         _show_derived(machine)
+    rows = _ledger(machine)
+    if rows:
+        click.echo("\n# Safety ledger: what gives each property, or who has accepted that nothing does.")
+        for row in rows:
+            click.echo(row.text)
 
 
 @config.command()
@@ -184,9 +190,18 @@ def _show_data(machine: Machine, path: Path, with_derived: bool) -> dict[str, An
         "hash": _hash(machine),
         "values": values,
     }
+    data["ledger"] = [row._asdict() for row in _ledger(machine)]
     if with_derived:
         data["derived"] = [figure._asdict() for figure in derived(machine)]
     return data
+
+
+def _ledger(machine: Machine) -> tuple[LedgerRow, ...]:
+    """Rows of a machine with a real drive; () for any other."""
+    from gantryctl.operation.proofs import must_be_proven, read_ledger
+    from gantryctl.operation.store import state_root
+
+    return read_ledger(machine, state_root() / machine.name) if must_be_proven(machine) else ()
 
 
 def _show_values(machine: Machine, path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,13 +12,14 @@ from gantryctl.commissioning.run import STEPS, complete
 from gantryctl.engineering.report.page import render_page, signed
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
+from gantryctl.operation.ledger import LedgerRow
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "commissioning.html.j2"
 _STYLES: Final = {Outcome.PASSED: "pass", Outcome.FAILED: "fail", Outcome.NOT_TESTABLE: "none"}
 _NOT_DONE: Final = "not done"
 
 
-def write_report(progress: Progress, folder: Path) -> Path:
+def write_report(progress: Progress, ledger: Sequence[LedgerRow], folder: Path) -> Path:
     """Write `commissioning.html` and `commissioning.json`, compared with the JSON of an earlier report there.
 
     Raises:
@@ -31,11 +33,11 @@ def write_report(progress: Progress, folder: Path) -> Path:
         before = None
     store_progress(data, progress)
     page = folder / "commissioning.html"
-    write_whole(page, render_page(TEMPLATE, _view(progress, before)))
+    write_whole(page, render_page(TEMPLATE, _view(progress, ledger, before)))
     return page
 
 
-def _view(progress: Progress, before: Progress | None) -> dict[str, Any]:
+def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | None) -> dict[str, Any]:
     results = [progress.results.get(step.key) for step in STEPS]
     # Steps that were never run are shown as well: a report without them would look complete.
     counts = Counter(_NOT_DONE if result is None else result.outcome.value for result in results)
@@ -43,6 +45,7 @@ def _view(progress: Progress, before: Progress | None) -> dict[str, Any]:
     return {
         "progress": progress,
         "before": before,
+        "ledger": ledger,
         "badge": "COMPLETE" if done else "NOT COMPLETE",
         "badge_class": "pass" if done else "fail" if counts[Outcome.FAILED.value] else "none",
         "tiles": [

@@ -19,8 +19,17 @@ from gantryctl.commissioning.results import (
 )
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
+from gantryctl.operation.ledger import LedgerRow
 from gantryctl.operation.opening import read_only
-from gantryctl.operation.proofs import CommissioningRecord, proven_hash, record_path, store_record
+from gantryctl.operation.proofs import (
+    CommissioningRecord,
+    must_be_proven,
+    proven_hash,
+    read_ledger,
+    record_path,
+    store_record,
+    why_inputs_missing,
+)
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import StateStore, now_text
 
@@ -130,7 +139,14 @@ class Commissioning:
         return tuple(step for step in STEPS if step.key not in done)
 
     def start(self, again: bool) -> None:
-        """Pin the drive; another one than before begins from the start."""
+        """Pin the drive; another one than before begins from the start.
+
+        Raises:
+            CommandRefused: a safety input is neither wired nor accepted by a person.
+        """
+        missing = why_inputs_missing(self.ledger) if must_be_proven(self.machine) else None
+        if missing is not None:
+            raise CommandRefused(missing.text)
         with read_only(self.machine, self.store) as machine:
             who = machine.drive.health()
         # A CAN machine is commissioned.
@@ -157,6 +173,11 @@ class Commissioning:
         self.progress = replace(self.progress, results={**self.progress.results, step.key: result})
         store_progress(self._path, self.progress)
         return result
+
+    @property
+    def ledger(self) -> tuple[LedgerRow, ...]:
+        """What gives each safety property; of a virtual drive too, which needs no acceptance."""
+        return read_ledger(self.machine, self.store.directory)
 
     @property
     def complete(self) -> bool:

@@ -22,7 +22,7 @@ from gantryctl.operation.home_reference import (
     judge_reference,
     why_not_referenced,
 )
-from gantryctl.operation.proofs import bus_reasons
+from gantryctl.operation.proofs import accepted_lacks, bus_reasons
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
@@ -115,6 +115,7 @@ def open_axis(
     with left_on_failure(found.drive):
         reasons = _reasons(found, bus_reasons(machine, store, found.drive, commissioning=commissioning))
         retained, notes = _with_accepted_motion(found, reasons)
+        notes = (*notes, *accepted_lacks(machine, store))
         made = build_program(
             machine,
             found.drive,

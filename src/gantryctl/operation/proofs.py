@@ -13,6 +13,7 @@ from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.image import LinkHealth
 from gantryctl.machine import Machine
+from gantryctl.operation.ledger import LedgerRow, Standing, lacks, ledger, ledger_path, load_acceptances
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Code
@@ -117,15 +118,16 @@ def bus_reasons(
     """Why a drive on a bus may not be enabled; () for any other drive.
 
     Args:
-        commissioning: the record is what is being made.
+        commissioning: the record is what is being made; what nobody has accepted counts all the same.
     """
     if drive.refusals:
         return (Reason(Code.CFG_CAN_01, {"parameters": "; ".join(drive.refusals)}, ClearedBy.RESTART),)
     health = drive.health()
-    if health is None or machine.plant_is_local or commissioning or not machine.can.commissioning_required:
+    if health is None or store is None or not must_be_proven(machine):
         return ()
-    if store is None:
-        return ()
+    missing = why_inputs_missing(read_ledger(machine, store.directory))
+    if missing is not None or commissioning:
+        return () if missing is None else (missing,)
     record = load_record(record_path(store.directory, machine))
     proof = load_silent_master_proof(silent_master_proof_path(store.directory, machine))
     found = (why_not_commissioned(machine, record, health.drive_key), why_silence_not_proven(proof, health))
@@ -134,6 +136,39 @@ def bus_reasons(
         for code, why in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), found, strict=True)
         if why
     )
+
+
+def must_be_proven(machine: Machine) -> bool:
+    """A drive that is not a virtual one: nothing of it is known before it was proven."""
+    return machine.on_bus and not machine.plant_is_local and machine.can.commissioning_required
+
+
+def read_ledger(machine: Machine, directory: Path) -> tuple[LedgerRow, ...]:
+    """The ledger of a machine, with what is kept in its state directory.
+
+    Raises:
+        StateError: a file is damaged.
+    """
+    bound_to = proven_hash(machine)
+    record = load_record(record_path(directory, machine))
+    steps = record.steps if record is not None and record.proven_hash == bound_to else ()
+    return ledger(machine, load_acceptances(ledger_path(directory, machine)), bound_to, steps)
+
+
+def accepted_lacks(machine: Machine, store: StateStore | None) -> tuple[str, ...]:
+    """What persons have accepted, for the journal and for whoever opens the machine."""
+    if store is None or not must_be_proven(machine):
+        return ()
+    rows = read_ledger(machine, store.directory)
+    return tuple(f"ledger: {row.text}" for row in rows if row.standing is Standing.ACCEPTED)
+
+
+def why_inputs_missing(rows: tuple[LedgerRow, ...]) -> Reason | None:
+    """The reason against power while a safety input is neither wired nor accepted."""
+    missing = lacks(rows)
+    if not missing:
+        return None
+    return Reason(Code.CFG_CAN_04, {"inputs": ", ".join(missing)}, ClearedBy.COMMISSIONING)
 
 
 def why_not_commissioned(

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 DEFAULT_OUT = Path("commissioning_report")
 
 
-@click.command()
+@click.group(invoke_without_command=True)
 @config_option
 @click.option(
     "--with-sim", is_flag=True, help="With a virtual drive in this process: one terminal, no adapter."
@@ -26,7 +26,9 @@ DEFAULT_OUT = Path("commissioning_report")
 @click.option("--again", is_flag=True, help="From the start, though an earlier run has got further.")
 @click.option("--yes", is_flag=True, help="Do not ask before steps that move.")
 @out_option
+@click.pass_context
 def commission(
+    context: click.Context,
     config_file: Path | None,
     with_sim: bool,
     dry_run: bool,
@@ -41,6 +43,8 @@ def commission(
     report (HTML and JSON, with a hash) and the record without which the machine does not move. Exit code 1 when a step
     has failed.
     """
+    if context.invoked_subcommand is not None:
+        return 0
     from gantryctl.machine import default_machine_path
     from gantryctl.operation.store import StateStore, state_root
 
@@ -59,6 +63,44 @@ def commission(
         # A virtual gantry hurts no one, so its steps are not asked for.
         work = Commissioning(machine, store, folder, click.echo, lambda step: yes or with_sim or _ask(step))
         return _run(work, only, again, folder)
+
+
+@commission.command()
+@config_option
+@click.option(
+    "--input", "what", required=True, metavar="INPUT", help="Key of [can.inputs], estop_ok for one."
+)
+@click.option("--by", required=True, metavar="NAME", help="Who answers for it.")
+@click.option("--because", required=True, metavar="TEXT", help="Why the machine is safe without it.")
+def accept(config_file: Path | None, what: str, by: str, because: str) -> int:
+    """Accept by name that a safety input is not wired; kept with the machine until its configuration changes.
+
+    Without it the machine does not switch power on. It covers a lack, never a failed proof.
+    """
+    from gantryctl.errors import CommandRefused
+    from gantryctl.machine import default_machine_path
+    from gantryctl.operation.ledger import (
+        Acceptance,
+        check_acceptance,
+        ledger_path,
+        load_acceptances,
+        store_acceptances,
+    )
+    from gantryctl.operation.proofs import must_be_proven, proven_hash, read_ledger
+    from gantryctl.operation.state import operator_name
+    from gantryctl.operation.store import StateStore, now_text
+
+    machine = proven_machine(config_file or default_machine_path().parent / "hust_can.toml")
+    if not must_be_proven(machine):
+        raise CommandRefused(f"{machine.name}: a simulated or virtual drive needs no acceptance")
+    check_acceptance(machine, what, by, because)
+    made = Acceptance(what, by.strip(), because.strip(), now_text(), operator_name(), proven_hash(machine))
+    with StateStore(machine) as store:
+        path = ledger_path(store.directory, machine)
+        store_acceptances(path, (*load_acceptances(path), made))
+        for row in read_ledger(machine, store.directory):
+            click.echo(row.text)
+    return 0
 
 
 def _with_virtual_drive(machine: Machine) -> Machine:
@@ -105,7 +147,7 @@ def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> in
         if result.outcome is Outcome.FAILED:
             ended_badly = True
             break
-    page = write_report(work.progress, folder)
+    page = write_report(work.progress, work.ledger, folder)
     click.echo(f"report: {page.resolve()} ({work.progress.hash[:16]})")
     if work.complete:
         click.echo(f"record: {work.record()}")

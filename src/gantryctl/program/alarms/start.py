@@ -85,6 +85,17 @@ START: Final = (
              "`gantryctl commission --only silence --config FILE` 在静止状态下数秒内证明。"),
     ),
     Definition(
+        Code.CFG_CAN_04, _REF, Reaction.REF,
+        Text("Safety input missing", "safety inputs that are neither wired nor accepted by a person: {inputs}",
+             "In [can.inputs] their bit is -1: they would count as good whatever happens.",
+             "Wire them and give their bits, or have each accepted by name: "
+             "`gantryctl commission accept --input INPUT --by NAME --because TEXT --config FILE`."),
+        Text("缺少安全输入", "既未接线也无人签字接受的安全输入：{inputs}",
+             "[can.inputs] 中其位为 -1：无论发生什么都视为正常。",
+             "接线并填写其位，或由负责人逐项签字接受："
+             "`gantryctl commission accept --input INPUT --by NAME --because TEXT --config FILE`。"),
+    ),
+    Definition(
         Code.SYS_12, _REF, Reaction.REF,
         Text("Earlier stop not acknowledged",
              "{stopped_by} stopped the axis in an earlier run and is not acknowledged",
