@@ -164,6 +164,11 @@ class SimDrive(BaseDrive):
         """Shift the multiturn part of the encoder, as after a fault of its gear or battery."""
         self.sim.count_offset += turns * self._identity.counts_per_turn
 
+    @property
+    def plant_params(self) -> _core.PlantParams:
+        """Parameters of the plant in force."""
+        return self._maker.plant
+
     def sample_every(self, cycles: int) -> None:
         """Take samples of the true state inside each scan (`GantrySim.samples_taken`); 0: none."""
         self._sample_cycles = cycles

@@ -140,6 +140,10 @@ class DriveAxis:
         self.state = State.FAULT_REACTION
         self._stop(reaction, State.FAULT)
 
+    def leave_by_itself(self) -> None:
+        """Go to Switch on disabled without a command and without a fault (side channel)."""
+        self._off(State.SWITCH_ON_DISABLED)
+
     # --- one tick ----------------------------------------------------------------------------------------------
 
     def tick(self) -> None:

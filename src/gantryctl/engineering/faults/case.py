@@ -1,0 +1,99 @@
+"""A row of the fault catalogue as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, StrEnum
+from typing import Literal
+
+from gantryctl.engineering.faults.injection import Injection
+
+
+class Phase(Enum):
+    """Phase of the axis in which a fault begins."""
+
+    OFF = "standstill, power off"
+    POWER_UP = "power-up"
+    ENABLED = "standstill, enabled"
+    FIRST_MOVE = "first move after power-up"
+    ACCELERATION = "acceleration"
+    CRUISE = "cruise"
+    DECELERATION = "deceleration"
+    QUICK_STOP = "quick stop under way"
+    HOLD = "held by torque because the brake is not trusted"
+    BRAKE_TEST = "brake test"
+
+    @property
+    def moves(self) -> bool:
+        """The axis turns when the fault begins."""
+        return self in (Phase.ACCELERATION, Phase.CRUISE, Phase.DECELERATION, Phase.QUICK_STOP)
+
+
+class ReactionClass(Enum):
+    """What limits the way from the fault to rest."""
+
+    QUICK_STOP = "quick stop"
+    TORQUE_OFF = "torque off and brake"
+    FEEDBACK = "torque off and brake, feedback in doubt"
+    STANDSTILL = "caught at standstill"
+    BRAKE_SLIP = "brake slips, held by torque"
+    HALT = "stop on the normal ramp"
+    WARNING = "warning, the motion goes on"
+    REFUSED = "refused"
+    NONE = "none"
+
+
+class Done(StrEnum):
+    """Whether a row is detected, answered and tested."""
+
+    YES = "yes"
+    PARTLY = "partly"
+    NO = "no"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultCase:
+    """One fault: how it is injected, what must happen, and what a person reads.
+
+    Attributes:
+        number: of the catalogue, "A2".
+        title: the fault in a few words.
+        detected_by: monitor and its threshold.
+        reaction: class whose limit holds.
+        codes: alarm that may come first; () where none comes.
+        reads: what the operator reads, in a few words.
+        injections: () where a fault is no matter of the axis; its tests are named then.
+        phase: where the fault begins.
+        buses: drives on which it can be injected.
+        position_valid: at the end; None: not judged.
+        horn: people must leave: the load moves and nothing holds it.
+        hold: the drive may be enabled again to hold the load.
+        seen_after_s: time that the monitor needs beyond that of its class.
+        from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
+        tests: ids of the tests beside the table of reactions.
+        done, why: state, and the reason where it is not "yes".
+        failing: what does not hold yet, and waits for a mend; "" for a row that holds.
+    """
+
+    number: str
+    title: str
+    detected_by: str
+    reaction: ReactionClass
+    codes: tuple[str, ...] = ()
+    reads: str = ""
+    injections: tuple[Injection, ...] = ()
+    phase: Phase = Phase.CRUISE
+    buses: tuple[Literal["sim", "bus"], ...] = ("sim", "bus")
+    position_valid: bool | None = None
+    hold: bool = False
+    seen_after_s: float = 0.0
+    from_deviation: bool = False
+    tests: tuple[str, ...] = ()
+    done: Done = Done.YES
+    why: str = ""
+    failing: str = ""
+
+    @property
+    def injectable(self) -> bool:
+        """It can be run by `run_fault`."""
+        return bool(self.injections)

@@ -1,0 +1,1 @@
+"""Rows of the catalogue, a file for each group."""

@@ -1,0 +1,285 @@
+"""Run one fault: bring the axis into its phase, inject, watch the true plant until it stands, judge."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from gantryctl.engineering.faults.bench import BrakeOwner, FaultBench, FaultLog, bench_machine
+from gantryctl.engineering.faults.case import FaultCase, ReactionClass
+from gantryctl.engineering.faults.injection import finite
+from gantryctl.engineering.faults.limits import limit_deg
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.program.alarms.log import Alarm
+from gantryctl.program.alarms.words import Said, Words
+from gantryctl.units import deg
+
+DriveKind = Literal["sim", "bus"]
+# Gravity of the mass that the eccentric moment is given by.
+_G: Final = 9.81
+_BEFORE_S: Final = 0.3
+_WATCH_S: Final = 2.0
+_LONGEST_S: Final = 12.0
+# A told angle may be this far from the true one (motor side).
+TOLD_DEG: Final = 0.05
+AT_REST_DEG_S: Final = 0.05
+_DEVIATION_DEG_S: Final = 0.1
+_STOPS: Final = (
+    ReactionClass.QUICK_STOP,
+    ReactionClass.TORQUE_OFF,
+    ReactionClass.FEEDBACK,
+    ReactionClass.STANDSTILL,
+    ReactionClass.BRAKE_SLIP,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class FaultResult:
+    """What a fault led to. Angles at the gantry; the true ones are of the motor.
+
+    Attributes:
+        way_deg: farthest from the angle at the onset; limit_deg: permitted.
+        rest_s: from the onset until the motor stands; infinite when it does not.
+        vel_peak_deg_s: fastest true speed after the onset.
+        first_out: code of the alarm that stopped the axis, "" for none; codes: all alarms after the onset.
+        told_deg, true_deg: at the end. position_valid: the told one is said to be valid.
+        enables: times at which the drive was enabled after the first alarm.
+        held: the load is held by torque at the end.
+        texts: the alarms in words.
+        faults: what is against the case; () when everything is as it must be.
+    """
+
+    number: str
+    kind: DriveKind
+    brake_owner: str
+    scan_ms: float
+    speed_deg_s: float
+    angle_deg: float
+    onset_s: float
+    way_deg: float
+    limit_deg: float
+    rest_s: float
+    vel_peak_deg_s: float
+    first_out: str
+    codes: tuple[str, ...]
+    told_deg: float
+    true_deg: float
+    position_valid: bool
+    enables: int
+    held: bool
+    texts: tuple[str, ...]
+    faults: tuple[str, ...]
+    log: FaultLog
+
+    @property
+    def ok(self) -> bool:
+        """Everything is as it must be."""
+        return not self.faults
+
+
+def fault_machine(
+    machine: Machine | None,
+    kind: DriveKind,
+    speed_deg_s: float,
+    scan_ms: float,
+    brake_owner: BrakeOwner = "drive",
+    eccentric_knm: float = 16.0,
+) -> Machine:
+    """Machine for a run: the reference gantry on the simulator or on its bus, unless another one is given.
+
+    Raises:
+        ConfigError: a machine file with these values is refused.
+        UsageError: a value that is no number of its range.
+    """
+    moment = finite(eccentric_knm, "eccentric moment in kN m", 0.0, 200.0) * 1e3
+    if machine is None:
+        machine = default_machine() if kind == "sim" else load_machine(configs_folder() / "hust_can.toml")
+    if machine.on_bus is not (kind == "bus"):
+        raise UsageError(
+            f'{machine.name} has [drive] kind = "{machine.drive.kind}": {"leave out" if kind == "bus" else "add"} --bus'
+        )
+    values: dict[str, object] = {
+        **bench_machine(machine, speed_deg_s),
+        "control.scan_period_ms": float(scan_ms),
+        "plant.load.eccentricity_m": moment / (machine.plant.load.mass_kg * _G),
+    }
+    if kind == "bus":
+        # Three quarters of a scan at most.
+        answer_ms = min(machine.can.answer_ms, 0.5 * scan_ms)
+        values |= {
+            "brake.owner": brake_owner,
+            "can.commissioning_required": False,
+            "can.answer_ms": answer_ms,
+        }
+    return with_values(machine, values)
+
+
+def run_fault(
+    case: FaultCase,
+    speed_deg_s: float = 6.0,
+    angle_deg: float = 90.0,
+    scan_ms: float = 1.0,
+    kind: DriveKind = "sim",
+    *,
+    brake_owner: BrakeOwner = "drive",
+    eccentric_knm: float = 16.0,
+    machine: Machine | None = None,
+) -> FaultResult:
+    """Run one case in virtual time, on the engine and the program of the product.
+
+    Args:
+        speed_deg_s: of phases in motion, and of the first move; its sign is the direction.
+        angle_deg: where the fault begins.
+        kind: the simulated drive in process, or the virtual drive behind a bus.
+
+    Raises:
+        UsageError: the case is not injectable, or not on this drive, or the sound axis does not reach the phase.
+        ConfigError: a machine with these values is refused.
+    """
+    if not case.injectable:
+        raise UsageError(
+            f"{case.number} '{case.title}' is no fault of the axis; its tests: {', '.join(case.tests) or '-'}"
+        )
+    if kind not in case.buses:
+        needed = "a drive on a bus: --bus" if kind == "sim" else "the simulated drive"
+        raise UsageError(f"{case.number} '{case.title}' needs {needed}")
+    built = fault_machine(machine, kind, speed_deg_s, scan_ms, brake_owner, eccentric_knm)
+    top = built.speed.setting_max_deg_s
+    if not abs(finite(speed_deg_s, "speed in deg/s", -top, top)) > 0.0:
+        raise UsageError("speed in deg/s must not be 0")
+    bench = FaultBench(built, case.phase, speed_deg_s, finite(angle_deg, "angle in deg", -180.0, 180.0))
+    try:
+        bench.reach()
+        before, refusals = len(bench.axis.alarms.history), bench.axis.refusal_count
+        bench.record()
+        if not case.phase.moves:
+            bench.run_for(_BEFORE_S)
+        bench.inject(case.injections)
+        bench.go_on()
+        _watch(bench, case)
+        return _judged(case, bench, built, kind, speed_deg_s, angle_deg, bench.offset_deg, before, refusals)
+    finally:
+        bench.close()
+
+
+def _watch(bench: FaultBench, case: FaultCase) -> None:
+    if bench.target.silent or case.reaction in (ReactionClass.WARNING, ReactionClass.NONE):
+        bench.run_for(3.0)
+        return
+    bench.until(lambda: bench.target.silent or (bench.onset_s is not None and bench.settled), _LONGEST_S)
+    bench.run_for(_WATCH_S)
+
+
+def _judged(
+    case: FaultCase,
+    bench: FaultBench,
+    machine: Machine,
+    kind: DriveKind,
+    speed_deg_s: float,
+    angle_deg: float,
+    offset_deg: float,
+    before: int,
+    refusals: int,
+) -> FaultResult:
+    axis, log = bench.axis, bench.log()
+    time_s, pos, vel = log["time_s"], log["pos_deg"], log["vel_deg_s"]
+    onset_s = bench.onset_s if bench.onset_s is not None else math.nan
+    begin = int(np.searchsorted(time_s, onset_s - 1e-9)) if math.isfinite(onset_s) else 0
+    begin = min(begin, len(time_s) - 1)
+    start_deg, counted = pos[begin], begin
+    if case.from_deviation:
+        away = np.nonzero(np.abs(vel[begin:] - vel[begin]) > _DEVIATION_DEG_S)[0]
+        counted = begin + int(away[0]) if len(away) else len(pos) - 1
+        start_deg = pos[counted]
+    way = float(np.max(np.abs(pos[counted:] - start_deg)))
+    moving = np.nonzero(np.abs(vel[begin:]) > AT_REST_DEG_S)[0]
+    rests = not len(moving) or begin + int(moving[-1]) < len(vel) - 1
+    rest_s = float((moving[-1] + 1) * 1e-3) if len(moving) else 0.0
+    alarms = list(axis.alarms.history)[before:]
+    first = axis.alarms.first_out
+    refusal = axis.refusal
+    refused = () if refusal is None or axis.refusal_count == refusals else (refusal.code.value,)
+    first_out = first.code.value if first is not None else ""
+    speed = abs(speed_deg_s) if case.phase.moves else 0.0
+    limit = limit_deg(machine, case.reaction, speed) + speed * case.seen_after_s
+    true_deg = bench.pos_deg + offset_deg
+    result = FaultResult(
+        number=case.number,
+        kind=kind,
+        brake_owner=machine.brake.owner,
+        scan_ms=machine.control.scan_period_ms,
+        speed_deg_s=speed_deg_s,
+        angle_deg=angle_deg,
+        onset_s=onset_s,
+        way_deg=way,
+        limit_deg=limit,
+        rest_s=rest_s if rests else math.inf,
+        vel_peak_deg_s=float(np.max(np.abs(vel[begin:]))),
+        first_out=first_out,
+        codes=tuple(dict.fromkeys([*(alarm.code.value for alarm in alarms), *refused])),
+        told_deg=deg(axis.pos_act_rad),
+        true_deg=true_deg,
+        position_valid=axis.feedback.position_valid,
+        enables=bench.enables,
+        held=bench.enabled,
+        texts=tuple(alarm.text for alarm in alarms),
+        faults=(),
+        log=log,
+    )
+    return replace(result, faults=tuple(_against(case, bench, result, alarms, offset_deg)))
+
+
+def _against(
+    case: FaultCase, bench: FaultBench, result: FaultResult, alarms: list[Alarm], offset_deg: float
+) -> list[str]:
+    """What is against the case."""
+    wrong = []
+    if not math.isfinite(result.onset_s):
+        return ["the fault was never injected: its moment did not come"]
+    if not result.way_deg <= result.limit_deg:
+        wrong.append(f"moved {result.way_deg:.3f} deg, permitted {result.limit_deg:.3f}")
+    if case.reaction in _STOPS and not math.isfinite(result.rest_s):
+        wrong.append("the load still moves")
+    if not bench.target.silent:
+        wrong += _told(case, result, alarms, offset_deg)
+        if result.enables > int(case.hold):
+            wrong.append(f"the drive was enabled {result.enables} times after the alarm; nobody asked for it")
+    return wrong
+
+
+def _told(case: FaultCase, result: FaultResult, alarms: list[Alarm], offset_deg: float) -> list[str]:
+    """What the operator reads and is not true."""
+    wrong = []
+    # A reaction shows as the first alarm that stopped, a warning as any.
+    seen = (result.first_out,) if case.reaction in _STOPS else result.codes
+    if case.codes and not set(seen) & set(case.codes):
+        told = " ".join(result.codes) or "nothing"
+        expected = "/".join(case.codes)
+        wrong.append(f"told {told}, first {result.first_out or '-'}; expected {expected}")
+    if not case.codes and result.first_out:
+        wrong.append(f"stopped by {result.first_out}; nothing should have")
+    if case.position_valid is not None and result.position_valid is not case.position_valid:
+        wrong.append(f"the position is told to be {'valid' if result.position_valid else 'not valid'}")
+    if result.position_valid and not abs(result.told_deg - result.true_deg) <= TOLD_DEG:
+        wrong.append(f"told {result.told_deg:.3f} deg, true {result.true_deg:.3f}")
+    for alarm in alarms:
+        for said in alarm.steps:
+            if isinstance(said, Said) and said.words is Words.MOVED_TO:
+                told_deg = float(str(said.values["position"]))
+                at_rest_deg = _true_at_rest(result, offset_deg)
+                if not abs(told_deg - at_rest_deg) <= TOLD_DEG:
+                    wrong.append(f"{alarm.code} tells {told_deg:.3f} deg at rest, true {at_rest_deg:.3f}")
+    return wrong
+
+
+def _true_at_rest(result: FaultResult, offset_deg: float) -> float:
+    """True angle where the motor came to rest."""
+    log = result.log
+    if not math.isfinite(result.rest_s):
+        return float(log["pos_deg"][-1]) + offset_deg
+    at = int(np.searchsorted(log["time_s"], result.onset_s + result.rest_s))
+    return float(log["pos_deg"][min(at, len(log["pos_deg"]) - 1)]) + offset_deg
