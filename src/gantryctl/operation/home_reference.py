@@ -16,9 +16,6 @@ ACCEPTED_DEG: Final = 0.05
 SHOWN_DEG: Final = 0.001
 # Beyond this nothing tells a motion from lost turns: only the witness mark does (A13).
 AMBIGUOUS_DEG: Final = 1.0
-# The brake holds the motor's shaft, so a way of whole motor turns (0.3147 deg each at the reference gantry) to this
-# accuracy is a fault of the multiturn part, not a motion (A10).
-TURN_DEG: Final = 0.01
 
 
 class RestVerdict(Enum):
@@ -142,7 +139,9 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
     if abs(moved) <= ACCEPTED_DEG:
         return RestVerdict.OK
     turns = round(moved / scale.turn_deg)
-    if turns and abs(moved - turns * scale.turn_deg) <= TURN_DEG:
+    # The brake holds the motor's shaft, so a way of whole motor turns (0.3147 deg each at the reference gantry), within
+    # what settles, is a fault of the multiturn part; nobody may acknowledge it as a motion (A10).
+    if turns and abs(moved - turns * scale.turn_deg) <= ACCEPTED_DEG:
         return RestVerdict.TURNS
     return RestVerdict.MOVED if abs(moved) <= AMBIGUOUS_DEG else RestVerdict.NOT_VALID
 

@@ -122,6 +122,15 @@ class MonitorSettings:
     # A jump is more than the speed explains: 2 deg/s beyond it for one scan, and 0.02 deg.
     encoder_jump_base_rad: float = 0.02 * _DEG
     encoder_jump_speed_rad_s: float = 2.0 * _DEG
+    # Position against integrated speed: at most 0.0004 deg on the sound reference plant, in every stop.
+    encoder_drift_max_rad: float = 0.045 * _DEG
+    # Twice the highest motor speed, at the gantry. Beyond it a speed is an invalid reading.
+    speed_reading_max_rad_s: float = 21.0 * _DEG
+    # Full torque and brake on the bare rotor: 169 deg/s2 on the reference machine, where a brake stop shows 56. Without
+    # inertia (an ideal drive) any change is possible.
+    speed_change_max_rad_s2: float = math.inf
+    # Resolution and filter of the speed reading.
+    speed_change_base_rad_s: float = 0.2 * _DEG
     encoder_frozen_speed_rad_s: float = 0.1 * _DEG
     encoder_frozen_time_s: float = 0.030
     encoder_errors_max: int = 3

@@ -137,6 +137,9 @@ class VirtualAxis:
 
     def stopping_angle_rad(self, limits: MotionLimits) -> float:
         """Angle that the set-point would still travel in a stop with `limits`."""
+        # Nothing to stop, also where no angle is known yet.
+        if self.at_rest:
+            return 0.0
         return abs(stop_point(self._set_point(), limits) - self.pos_ref_rad)
 
     def _within_travel(self, plan: Segments) -> bool:

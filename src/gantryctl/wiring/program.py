@@ -20,7 +20,7 @@ from gantryctl.program.settings import (
     ThermalSettings,
     TravelSettings,
 )
-from gantryctl.units import rad
+from gantryctl.units import rad, rad_s_from_r_min
 from gantryctl.wiring.compensation import compensation_settings
 
 # The program does not know the machine file (decision 0003), and nothing that controls may read [plant]: a test
@@ -126,8 +126,14 @@ def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | 
 
 
 def _monitors(machine: Machine) -> MonitorSettings:
-    m = machine.monitors
+    m, motor, ratio = machine.monitors, machine.motor, machine.axis.ratio
     return MonitorSettings(
+        speed_reading_max_rad_s=2.0 * rad_s_from_r_min(motor.speed_max_r_min) / ratio,
+        speed_change_max_rad_s2=(
+            math.inf
+            if machine.drive.kind == "ideal"
+            else (motor.torque_max_nm + machine.brake.torque_nm) / (motor.inertia_kg_m2 * ratio)
+        ),
         following_error_base_rad=rad(m.following_error_base_deg),
         following_error_per_speed_s=m.following_error_per_speed_s,
         following_error_warning_ratio=m.following_error_warning_ratio,

@@ -42,11 +42,11 @@ def kept(turned_deg: float = 0.0, error_stop: str = "") -> StateStore:
         (0.0, "", []),
         (0.03, "", []),
         (0.2, "", [(Code.ENC_09, ClearedBy.RESET)]),
-        (5.0, "", [(Code.ENC_10, ClearedBy.RESTART)]),
+        (4.85, "", [(Code.ENC_10, ClearedBy.RESTART)]),
         (0.0, "CTL-03", [(Code.SYS_12, ClearedBy.RESET)]),
         (0.0, "ENC-01", [(Code.SYS_12, ClearedBy.SERVICE)]),
         (0.2, "CTL-03", [(Code.ENC_09, ClearedBy.RESET), (Code.SYS_12, ClearedBy.RESET)]),
-        (5.0, "CTL-03", [(Code.ENC_10, ClearedBy.RESTART), (Code.SYS_12, ClearedBy.RESET)]),
+        (4.85, "CTL-03", [(Code.ENC_10, ClearedBy.RESTART), (Code.SYS_12, ClearedBy.RESET)]),
     ],
 )
 def test_reasons_name_their_code_and_what_clears_them(

@@ -24,4 +24,6 @@ def slip(rig, degrees):
     steps = max(1, round(abs(degrees) / (5.0 * rig.period_s)))
     for _ in range(steps):
         rig.drive.pos_motor_rad += rad(degrees / steps) * RATIO
+        rig.drive.vel_rad_s = rad(degrees / steps) * RATIO / rig.period_s
         rig.step()
+        rig.drive.vel_rad_s = 0.0

@@ -5,7 +5,8 @@ import pytest
 from gantryctl.image import DigitalInputs, DriveRequest, Mode
 from gantryctl.program import AxisState
 from gantryctl.units import rad
-from unit.program.rig import COUNTS_PER_DEG, RATIO, Rig, moving_rig, powered, press
+from unit.program.rig import COUNTS_PER_DEG, RATIO, Rig, moving_rig, powered, press, settings
+from unit.program.spoiling import POSITION_ALONE
 
 
 @pytest.fixture
@@ -125,7 +126,7 @@ def test_further_out_trips_again(side):
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_over_travel_then_reset_and_back(side):
-    rig = Rig(at_deg=side * 180.45)
+    rig = Rig(at_deg=side * 180.45, config=settings(monitors=POSITION_ALONE))
     rig.power_up()
     pushed = {"deg": 0.0}
 

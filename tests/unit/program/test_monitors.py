@@ -6,7 +6,7 @@ from gantryctl.image import DriveRequest
 from gantryctl.program import AxisState, Reaction
 from gantryctl.units import rad
 from unit.program.rig import RATIO, Rig, moving_rig, settings
-from unit.program.spoiling import counts, expect
+from unit.program.spoiling import POSITION_ALONE, counts, expect
 
 # --- following error, speed, torque ---------------------------------------------------------------
 
@@ -38,7 +38,7 @@ def lagging(rig, per_scan_deg):
 
 
 def test_b3_following_error_warns_then_stops():
-    rig = moving_rig()
+    rig = moving_rig(config=settings(monitors=POSITION_ALONE))
     lagging(rig, 0.004)
     rig.until(lambda: rig.codes, 0.1)
     assert rig.codes == ["CTL-12"], "half the band is the warning"
@@ -77,13 +77,13 @@ def test_b4_overspeed():
 
 
 def test_b4_far_too_fast_is_torque_off():
-    rig = moving_rig(config=settings(monitors={"velocity_deviation_rad_s": 10.0}))
+    rig = moving_rig(config=settings(monitors={"velocity_deviation_rad_s": 10.0} | POSITION_ALONE))
     rig.spoil = lambda drive: drive._replace(vel_act_rad_s=-rad(7.3) * RATIO)
     expect(rig, "CTL-04", Reaction.TORQUE_OFF, 0.021)
 
 
 def test_b5_moves_against_command():
-    rig = moving_rig()
+    rig = moving_rig(config=settings(monitors=POSITION_ALONE))
     rig.spoil = lambda drive: drive._replace(vel_act_rad_s=-drive.vel_act_rad_s)
     expect(rig, "CTL-05", Reaction.TORQUE_OFF, 0.021, "Speed -6.00 deg/s while 6.00 deg/s was commanded")
 

@@ -8,7 +8,7 @@ from gantryctl.image import DigitalInputs, DriveRequest, DriveState, EncoderFlag
 from gantryctl.program import AxisState, PowerPhase, Reaction
 from gantryctl.units import rad
 from unit.program.rig import COUNTS_PER_DEG, Rig, moving_rig, settings
-from unit.program.spoiling import counts, expect
+from unit.program.spoiling import POSITION_ALONE, counts, expect
 
 # --- brake, drive, inputs -------------------------------------------------------------------------
 
@@ -136,7 +136,7 @@ def test_g4_both_limit_switches():
 
 def test_g2_over_travel():
     # A wide band of following error and a slow standstill monitor: they would be first.
-    monitors = {"following_error_base_rad": 1.0, "standstill_time_s": 10.0}
+    monitors = {"following_error_base_rad": 1.0, "standstill_time_s": 10.0} | POSITION_ALONE
     rig = Rig(at_deg=179.9, config=settings(monitors=monitors))
     rig.power_up()
     pushed = {"deg": 0.0}

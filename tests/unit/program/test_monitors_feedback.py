@@ -45,13 +45,13 @@ def test_a2_frozen_in_motion():
     rig = moving_rig()
     held, held_rad = rig.drive.read().pos_act_counts, rig.drive.pos_rad
     rig.spoil = lambda drive: drive._replace(pos_act_counts=held)
-    # 30 ms, or the trip of the following error (0.102 deg at 6 deg/s: 17 ms, for 10 ms), whichever is first.
-    expect(rig, "ENC-02", Reaction.TORQUE_OFF, 0.030, "unchanged for 26 ms while 6.30")
+    # The speed goes on: 0.045 deg of it without a count are reached in 8 ms at 6 deg/s.
+    expect(rig, "ENC-02", Reaction.TORQUE_OFF, 0.030, "unchanged for 7 ms while 6.30")
     rig.run(5.0)
     assert "the angle is not known" in rig.first.text
     assert "gantry moved" not in rig.first.text, "it moved, and nobody knows how far"
     assert "at rest" not in rig.first.text, "the speed is of the same encoder"
-    assert abs(rig.drive.pos_rad - held_rad) > rad(0.1)
+    assert abs(rig.drive.pos_rad - held_rad) > rad(0.045)
 
 
 def test_a2_frozen_at_a_low_speed():

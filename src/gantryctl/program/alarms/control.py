@@ -112,18 +112,18 @@ CONTROL: Final = (
     # Fault catalogue G3: the way back is open, and only that.
     Definition(
         Code.LIM_03, _STOP, _QS,
-        Text("Limit switch", "The {side} limit switch opened at {measured:.2f} deg",
+        Text("Limit switch", "The {side} limit switch opened at {measured}",
              "The axis is at the hardware limit, or the switch's wire is broken.",
              "Reset, then move back inward: the way back is open. Check the switch if the angle is well inside."),
-        Text("限位开关", "{side}限位开关在 {measured}° 断开", "轴在硬件限位处，或开关的导线断开。",
+        Text("限位开关", "{side}限位开关在 {measured} 断开", "轴在硬件限位处，或开关的导线断开。",
              _INWARD_ZH + "若角度远在行程之内，请检查开关。"),
     ),
     # Fault catalogue G4: an axis is not at both ends; a common wire or supply is.
     Definition(
         Code.LIM_04, _STOP, _QS,
-        Text("Both limit switches", "Both limit switches are open at {measured:.2f} deg",
+        Text("Both limit switches", "Both limit switches are open at {measured}",
              "The axis cannot be at both ends: common wire or supply.", "Repair the wiring, then reset."),
-        Text("两个限位开关", "在 {measured}° 两个限位开关都断开", "轴不可能同时在两端：公共导线或供电。",
+        Text("两个限位开关", "在 {measured} 两个限位开关都断开", "轴不可能同时在两端：公共导线或供电。",
              "修复接线，然后复位。"),
     ),
 )  # fmt: skip

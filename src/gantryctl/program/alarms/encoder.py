@@ -84,6 +84,19 @@ ENCODER: Final = (
              "将角度与刻线比较。在任何运动之前先查明哪个编码器正确。"),
         lock=True,
     ),
+    # Fault catalogue A15: two signals of one encoder that do not belong together; nobody knows which is right.
+    Definition(
+        Code.ENC_12, _STOP, _TO,
+        Text("Encoder scale or sign wrong",
+             "Position {measured:.4f} deg away from what the speed adds up to, limit {limit:.4f} deg",
+             "Position and speed of the drive disagree: scaling or sign of one of them, or the position stays behind.",
+             "Do not move again. Check encoder resolution, polarity and scaling in drive and machine file, "
+             "and compare the angle."),
+        Text("编码器比例或符号错误", "位置与速度积分相差 {measured}°，限值 {limit}°",
+             "驱动器的位置与速度不一致：其中之一的比例或符号有误，或位置滞后。",
+             "不要再运动。检查驱动器和机器文件中的编码器分辨率、极性和比例，并核对角度。"),
+        lock=True,
+    ),
     # Fault catalogue A8: the count is right while the supply is on, and nothing is known once it was off.
     Definition(
         Code.ENC_13, _WARN, Reaction.W,
@@ -94,5 +107,14 @@ ENCODER: Final = (
         Text("编码器电池", "编码器电池耗尽或缺失", "断电期间由电池保持圈数。没有电池时圈数可能悄然丢失。",
              "保持供电并更换电池。然后由维修人员将角度与刻线比较并复位。此前不能运动。"),
         lock=True, blocks_motion=True, before_motion=Words.SERVICE_FIRST,
+    ),
+    # No torque and no brake can change the speed like that: the reading did, or the encoder's coupling.
+    Definition(
+        Code.ENC_14, _STOP, _TO,
+        Text("Speed reading impossible", "Speed reading {measured}, limit {limit:.2f} deg/s",
+             "Nothing can turn the motor, or change its speed, like that: encoder, coupling or speed reading.", _CALL),
+        Text("速度读数不可能", "速度读数 {measured}，限值 {limit} °/s",
+             "电机不可能这样转动或变速：编码器、联轴器或速度读数。", _CALL_ZH),
+        lock=True,
     ),
 )  # fmt: skip

@@ -166,20 +166,20 @@ POWER: Final = (
     # Fault catalogue G9: the hardware acts; the program mirrors it within a scan.
     Definition(
         Code.INT_03, _STOP, _TO,
-        Text("Emergency stop", "The emergency-stop chain opened at {measured:.2f} deg",
+        Text("Emergency stop", "The emergency-stop chain opened at {measured}",
              "A button was pressed or the chain is broken. The hardware acts; this mirrors it.",
              "Release the button when it is safe, reset, switch on again."),
-        Text("急停", "急停回路在 {measured}° 断开",
+        Text("急停", "急停回路在 {measured} 断开",
              "有人按下按钮或回路断线。硬件自行动作；此处只是反映。", "安全时松开按钮，复位，重新上电。"),
     ),
     # Fault catalogue G7: fail-safe, so a broken wire is the same as a touched sensor.
     Definition(
         Code.INT_01, _STOP, _QS,
-        Text("Collision interlock", "The collision interlock opened at {measured:.2f} deg, {speed:.2f} deg/s",
+        Text("Collision interlock", "The collision interlock opened at {measured}",
              "A collision sensor was touched, or its wire is broken.",
              "Look at gantry and couch from all sides. Clear the way, then reset. Nothing moves while it is open: to "
              "free a sensor that stays touched, call service."),
-        Text("防碰撞联锁", "防碰撞联锁在 {measured}°、{speed} °/s 时断开", "碰撞传感器被触碰，或其导线断开。",
+        Text("防碰撞联锁", "防碰撞联锁在 {measured} 时断开", "碰撞传感器被触碰，或其导线断开。",
              "从各个方向查看机架和治疗床。排除障碍后复位。联锁断开期间一切不能运动：若传感器一直被压住，联系维修。"),
     ),
     # Fault catalogue G8: pulses of a loose wire; each is latched by its first edge.
@@ -206,27 +206,27 @@ POWER: Final = (
     # Fault catalogue G11: the machine file may make it a quick stop.
     Definition(
         Code.INT_07, _WARN, Reaction.HLT,
-        Text("Room door", "The room door opened at {measured:.2f} deg, {speed:.2f} deg/s",
+        Text("Room door", "The room door opened at {measured}",
              "Somebody opened the door, or the permit that stands for it was taken away.",
              "See that nobody is in danger, close the door, reset. No motion before."),
-        Text("机房门", "机房门在 {measured}°、{speed} °/s 时打开", "有人开门，或代替它的许可信号被撤销。",
+        Text("机房门", "机房门在 {measured} 时打开", "有人开门，或代替它的许可信号被撤销。",
              "确认无人处于危险中，关门，复位。此前不能运动。"),
         blocks_motion=True,
     ),
     Definition(
         Code.INT_06, _STOP, _QS,
         Text("Quick stop asked for",
-             "Quick stop by the operator at {measured:.2f} deg, {speed:.2f} deg/s",
+             "Quick stop by the operator at {measured}",
              "The operator asked for it.", "Reset, switch on again."),
-        Text("要求快速停止", "操作员要求快速停止，在 {measured}°、{speed} °/s", "由操作员要求。",
+        Text("要求快速停止", "操作员要求快速停止，在 {measured}", "由操作员要求。",
              "复位，重新上电。"),
     ),
     # Fault catalogue G14: the brake closes by its spring; the mirror closes it in order.
     Definition(
         Code.PWR_01, _STOP, _TO,
-        Text("Mains lost", "Mains no longer ready at {measured:.2f} deg, {speed:.2f} deg/s",
+        Text("Mains lost", "Mains no longer ready at {measured}",
              "Supply switched off or failed.", "Restore the supply, reset, switch on again."),
-        Text("主电源丢失", "主电源在 {measured}°、{speed} °/s 时不再就绪", "供电被切断或失效。",
+        Text("主电源丢失", "主电源在 {measured} 时不再就绪", "供电被切断或失效。",
              "恢复供电，复位，重新上电。"),
     ),
     # Fault catalogue G12: a warning, then no new motion, then a stop, before the drive trips by itself.

@@ -21,6 +21,13 @@ class Words(Enum):
     SPEED = "{value:.10g} deg/s", "{value} °/s"
     ACCELERATION = "{value:.10g} deg/s2", "{value} °/s²"
     PERCENT = "{value:.10g} %", "{value} %"
+    AT = "{value:.2f} deg", "{value}°"
+    AT_SPEED = "{value:.2f} deg, {speed:.2f} deg/s", "{value}°、{speed} °/s"
+    AT_UNKNOWN = "an angle that is not known", "未知角度"
+    SPEED_CHANGE = (
+        "{before:.2f} deg/s and {value:.2f} deg/s one scan later",
+        "{before} °/s，一个扫描周期后 {value} °/s",
+    )
     WITHIN_ANGLES = "within {low:.4g} and {high:.4g} deg", "在 {low} 和 {high}° 之间"
     WITHIN_TRAVEL = "within {low:.2f} and {high:.2f} deg", "在 {low} 和 {high}° 之间"
     WITHIN_SPEEDS = "within {low:.2f} and {high:.2f} deg/s", "在 {low} 和 {high} °/s 之间"

@@ -36,6 +36,7 @@ TRACE_COLUMNS: Final = (
 
 _OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
+_NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 # Builds an image in half the time of its constructor.
 _new = tuple.__new__
 
@@ -265,8 +266,7 @@ class Axis:
     def quick_stop(self) -> None:
         """Stop on the quick-stop ramp of the drive, at the request of a person; ErrorStop afterwards."""
         if not self.is_off:
-            speed = deg(self.feedback.vel_rad_s)
-            self.alarms.raise_(Code.INT_06, measured=deg(self.pos_act_rad), speed=speed)
+            self.alarms.raise_(Code.INT_06, measured=self.feedback.where_moving(self.pos_act_rad))
             self._interrupted()
             self._unfollow()
 
@@ -374,6 +374,9 @@ class Axis:
         """Act on a pending or latched alarm, on power that goes off, or on a reset under way."""
         if self.alarms.pending:
             self._react()
+        # Whatever phase another alarm has led to: no torque on a reading in doubt.
+        if self.feedback.in_doubt and self.power.phase not in _NO_TORQUE:
+            self.power.react(Reaction.TORQUE_OFF)
         if self._error:
             self.recovery.scan(self.scan, self.pos_act_rad)
         if self._switching_off and self.virtual.at_rest:

@@ -93,5 +93,4 @@ class LoadSide:
             return
         self._count = self._feedback.lasting(self._count)
         if self._count >= self._scans:
-            self._feedback.position_valid = False
-            self._alarms.raise_(Code.ENC_07, measured=deg(self.disagreement_rad), limit=deg(limit))
+            self._feedback.doubt(Code.ENC_07, measured=deg(self.disagreement_rad), limit=deg(limit))

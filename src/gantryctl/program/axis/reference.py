@@ -37,7 +37,10 @@ class Reference:
             allowed = Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad))
             measured = Words.ANGLE(value=deg(position_rad))
             return refusal(Code.CTL_01, name=Words.NAME_POSITION, allowed=allowed, measured=measured)
-        if not standing or abs(self._feedback.vel_rad_s) > self._creep_rad_s:
+        # Before the first reading, and with one in doubt, there is no count to give an angle to.
+        if not self._feedback.position_valid or math.isnan(self._feedback.counts):
+            return refusal(Code.CTL_14, reason=Words.POSITION_NOT_VALID)
+        if not (standing and abs(self._feedback.vel_rad_s) <= self._creep_rad_s):
             return refusal(Code.CTL_14, reason=Words.REFERENCE_AT_REST)
         turn_rad = 2.0 * math.pi / law.ratio  # one motor turn at the gantry
         raw_rad = self._feedback.counts / law.counts_per_turn * turn_rad
@@ -45,7 +48,7 @@ class Reference:
         high = raw_rad - position_rad + travel.pos_max_rad
         margin = min(low, law.turns * turn_rad - high)
         # A wrap inside the travel is a jump of the angle by the whole range at some later move.
-        if margin < law.wrap_margin_rad:
+        if not margin >= law.wrap_margin_rad:
             wrap = Words.ENCODER_WOULD_WRAP(margin=deg(margin), limit=deg(law.wrap_margin_rad))
             return refusal(Code.CTL_14, reason=wrap)
         return None

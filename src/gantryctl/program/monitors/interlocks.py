@@ -8,7 +8,6 @@ from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import deg
 
 
 class Interlocks:
@@ -54,19 +53,18 @@ class Interlocks:
         self._inputs = inputs
         # No filter: a hard-wired input acts on the first scan.
         if not inputs.estop_closed:
-            self._alarms.raise_(Code.INT_03, measured=deg(pos_rad))
+            self._alarms.raise_(Code.INT_03, measured=self._feedback.where(pos_rad))
         if powered and not inputs.mains_ready:
-            speed = deg(self._feedback.vel_rad_s)
-            self._alarms.raise_(Code.PWR_01, measured=deg(pos_rad), speed=speed)
+            self._alarms.raise_(Code.PWR_01, measured=self._feedback.where_moving(pos_rad))
         self.plus_open, self.minus_open = inputs.limit_plus_ok, inputs.limit_minus_ok
         opened_plus = self._was_plus and not self.plus_open
         opened_minus = self._was_minus and not self.minus_open
         self._was_plus, self._was_minus = self.plus_open, self.minus_open
         if (opened_plus or opened_minus) and not (self.plus_open or self.minus_open):
-            self._alarms.raise_(Code.LIM_04, measured=deg(pos_rad))
+            self._alarms.raise_(Code.LIM_04, measured=self._feedback.where(pos_rad))
         elif opened_plus or opened_minus:
             side = Words.PLUS if opened_plus else Words.MINUS
-            self._alarms.raise_(Code.LIM_03, measured=deg(pos_rad), side=side)
+            self._alarms.raise_(Code.LIM_03, measured=self._feedback.where(pos_rad), side=side)
 
     def _fault(self) -> None:
         code = self._feedback.error_code
@@ -76,6 +74,3 @@ class Interlocks:
         if code and not self._code_known:
             self._alarms.complete(Code.DRV_01, measured=error)
         self._code_known = code != 0
-
-
-# No axis turns faster: beyond this a speed is an invalid reading.

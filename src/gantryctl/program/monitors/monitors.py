@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Final
 
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
@@ -13,8 +12,6 @@ from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
-
-_ANY_RAD_S: Final = 1e9
 
 
 class Monitors:
@@ -133,9 +130,7 @@ class Monitors:
     def scan_released(self, pos_rad: float) -> None:
         """Judge a scan in which the axis does not follow: invalid readings only."""
         feedback = self._feedback
-        vel, torque_max = feedback.vel_rad_s, self._torque_max
-        if not -_ANY_RAD_S < vel < _ANY_RAD_S:
-            self._velocity_deviation(vel, 0.0)
+        torque_max = self._torque_max
         if not -torque_max <= feedback.torque_nm <= torque_max:
             self._invalid(Words.TORQUE_READING)
         self._arm_over_travel(pos_rad)
@@ -177,10 +172,6 @@ class Monitors:
 
     def _velocity_deviation(self, vel: float, command: float) -> None:
         """A drive at its torque limit may be slow in the right direction; everything else is disobedience (B5)."""
-        if not math.isfinite(vel):
-            self._feedback.position_valid = False
-            self._invalid(Words.SPEED_READING)
-            return
         self._deviation_count = self._feedback.lasting(self._deviation_count)
         if self._deviation_count < self._deviation_scans:
             return
@@ -201,7 +192,7 @@ class Monitors:
         beyond = self._over_travel_plus if stop_rad > 0.0 else self._over_travel_minus
         if not self._over_travel_minus <= pos_rad <= self._over_travel_plus:
             self._alarms.raise_(Code.LIM_02, measured=deg(pos_rad), limit=deg(beyond))
-        elif not math.isnan(vel):
+        else:
             self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=deg(stop_rad), limit=deg(beyond))
 
     def _saturated(self, error: float) -> None:

@@ -42,10 +42,10 @@ class StopRecord:
             self._slow_scan = -1
         elif self._slow_scan < 0:
             self._slow_scan = scan
+        # Speed and angle of a wrong or frozen encoder say nothing, nor do they where it was so for a while.
+        self._angle_known = self._angle_known and feedback.position_valid
         if not falling:
             self._rest_pos_rad = pos_rad
-            # Speed and angle of a wrong or frozen encoder say nothing.
-            self._angle_known = feedback.position_valid
             self.finished = True
             self.alarm.steps = self._steps()
 
@@ -156,6 +156,8 @@ class Recovery:
             reason = Words.JUST_RAISED(code=first.code)
         elif locked is not None and not service:
             reason = Words.SERVICE_ONLY(code=locked.code, measured=locked.refusal)
+        elif feedback.in_doubt and not service:
+            reason = Words.POSITION_NOT_VALID
         elif Code.INT_03 in active and not feedback.inputs.estop_closed:
             reason = Words.ESTOP_STILL_OPEN
         elif (opened := why_site_keeps(active, feedback.inputs)) is not None:

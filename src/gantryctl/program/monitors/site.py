@@ -11,7 +11,6 @@ from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import deg
 
 
 def why_site_forbids(inputs: DigitalInputs) -> Words | None:
@@ -79,8 +78,7 @@ class SiteInterlocks:
     def _opened(self, code: Code, reaction: Reaction | None, pos_rad: float, powered: bool) -> None:
         # With power off a door is opened all day: then it only keeps power from being switched on.
         if powered:
-            speed = deg(self._feedback.vel_rad_s)
-            self._alarms.raise_(code, reaction, measured=deg(pos_rad), speed=speed)
+            self._alarms.raise_(code, reaction, measured=self._feedback.where_moving(pos_rad))
 
     def _note_edge(self, edges: deque[float], name: Words) -> None:
         """Count an input that opens, and call a loose wire by its name (G8)."""

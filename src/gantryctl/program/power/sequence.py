@@ -467,7 +467,7 @@ class PowerSequence:
             return
         self._driven = feedback.lasting(self._driven)
         if self._driven * self._period_s >= _HOLD_DRIVEN_S:
-            feedback.position_valid = feedback.position_valid and not wrong_reading
+            feedback.in_doubt = feedback.in_doubt or wrong_reading
             self._load_moves(pos_rad, Reaction.TORQUE_OFF)
 
     def _load_moves(self, pos_rad: float, reaction: Reaction | None = None) -> None:

@@ -1,0 +1,164 @@
+"""A reading in doubt on the plant: torque off and brake in every phase, within the angle; what is told is true.
+
+Limits are those of feedback faults, true angle of the motor from the onset of the fault to rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from gantryctl.image import DriveRequest
+from gantryctl.program import Code, PowerPhase
+from gantryctl.program.alarms.words import Words
+from gantryctl.units import rad
+from unit.program.plant_rig import CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig
+
+SCANS_MS = (1.0, 4.0, 10.0)
+SPEEDS = (6.0, 3.0, 1.0)
+
+
+def assert_told_as_doubt(rig: PlantRig, way_deg: float, limit_deg: float) -> None:
+    """Torque off and brake, position not valid, no angle told, only service resets."""
+    feedback = rig.axis.feedback
+    assert way_deg <= limit_deg, rig.texts
+    assert feedback.in_doubt
+    assert not feedback.position_valid
+    assert rig.axis.power.request is DriveRequest.DISABLE
+    assert not rig.axis.power.brake_open
+    assert rig.first is not None
+    assert "gantry moved" not in rig.first.text
+    assert "at rest after" not in rig.first.text
+    assert Words.ANGLE_UNKNOWN in rig.first.steps
+    rig.op(power=False, reset=True)
+    rig.op(reset=False)
+    rig.run(0.1)
+    assert feedback.in_doubt, "an operator may not accept the position"
+    assert rig.first is not None
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("gain", [0.0, -1.0], ids=["frozen", "sign"])
+def test_encoder_of_the_drive_fails_in_motion(
+    gain: float, scan_ms: float, speed: float, direction: float
+) -> None:
+    rig = PlantRig(-90.0 * direction, scan_ms)
+    rig.cruise(speed, direction)
+    rig.sim.encoder_gain = gain
+    assert_told_as_doubt(rig, rig.way_to_rest(), FEEDBACK_LIMIT_DEG[speed])
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5])
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: float) -> None:
+    rig = PlantRig(60.0, scan_ms, CHECK_NM)
+    rig.cruise(speed)
+    rig.op(quick_stop=True)
+    rig.run(0.004 + share * speed / 5.5)
+    rig.sim.encoder_gain = 0.0
+    way = rig.way_to_rest()
+    assert_told_as_doubt(rig, way, FEEDBACK_LIMIT_DEG[speed])
+    assert rig.first is not None
+    assert rig.first.code is Code.INT_06
+    assert {alarm.code for alarm in rig.first.consequences} & {Code.ENC_02, Code.ENC_14}
+
+
+@pytest.mark.parametrize("speed", SPEEDS)
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("speed_too", [False, True], ids=["position", "position and speed"])
+def test_only_the_reading_freezes(speed_too: bool, scan_ms: float, speed: float) -> None:
+    """The drive's own loop goes on with a sound encoder: the axis stops, and nobody knows where."""
+    rig = PlantRig(-60.0, scan_ms)
+    rig.cruise(speed)
+    held = rig.drive.read()
+    rig.spoil = lambda drive: drive._replace(
+        pos_act_counts=held.pos_act_counts, vel_act_rad_s=0.0 if speed_too else drive.vel_act_rad_s
+    )
+    assert_told_as_doubt(rig, rig.way_to_rest(), FEEDBACK_LIMIT_DEG[speed])
+
+
+@pytest.mark.parametrize("own_loop", [False, True], ids=["reading", "encoder"])
+@pytest.mark.parametrize("jump_deg", [0.05, -0.05, 0.3147, -2.0])
+@pytest.mark.parametrize("speed", [6.0, -6.0, 1.0, -1.0])
+@pytest.mark.parametrize("scan_ms", [*SCANS_MS, 20.0])
+def test_a_jump_is_seen_with_and_against_the_motion(
+    scan_ms: float, speed: float, jump_deg: float, own_loop: bool
+) -> None:
+    rig = PlantRig(-90.0 * math.copysign(1.0, speed), scan_ms)
+    rig.cruise(abs(speed), math.copysign(1.0, speed))
+    ratio, counts = rig.axis.settings.law.ratio, rig.axis.settings.law.counts_per_turn
+    if own_loop:
+        rig.sim.jump_encoder(rad(jump_deg) * ratio)
+    else:
+        shift = round(jump_deg / 360.0 * ratio * counts)
+        rig.spoil = lambda drive: drive._replace(pos_act_counts=drive.pos_act_counts + shift)
+    before = rig.engine.scan
+    rig.until(lambda: rig.first is not None, 3 * rig.period_s)
+    assert rig.engine.scan - before <= 2
+    assert rig.first is not None
+    assert rig.first.code in (Code.ENC_01, Code.ENC_14)
+    assert rig.axis.feedback.in_doubt
+
+
+@pytest.mark.parametrize("value", [1e300, -1e300, 1e9, math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("moving", [False, True])
+def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> None:
+    rig = PlantRig(-90.0, 4.0)
+    if moving:
+        rig.cruise(6.0)
+    else:
+        rig.power_up()
+    rig.spoil = lambda drive: drive._replace(vel_act_rad_s=value)
+    rig.engine.step()
+    assert rig.first is not None
+    assert rig.first.code in (Code.CTL_02, Code.ENC_14)
+    assert rig.axis.power.request is DriveRequest.DISABLE
+    assert rig.axis.feedback.in_doubt
+    rig.run(2.0)
+    assert math.isfinite(rig.axis.feedback.vel_rad_s)
+    assert rig.axis.power.phase is PowerPhase.OFF
+
+
+@pytest.mark.parametrize("at_deg", [-70.0, 20.0])
+@pytest.mark.parametrize("moment_nm", [NOMINAL_NM, CHECK_NM])
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("stop", ["quick stop", "torque off", "brake in motion"])
+def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: float, at_deg: float) -> None:
+    """The hardest stops from 6 deg/s: up to 10 deg/s2 by the drive, 56 deg/s2 by the brake."""
+    rig = PlantRig(at_deg, scan_ms, moment_nm)
+    rig.cruise(6.0)
+    if stop == "quick stop":
+        rig.op(quick_stop=True)
+    elif stop == "torque off":
+        rig.drive.faults.estop_ok = False
+    else:
+        rig.output = lambda out: out._replace(brake_open=False)
+    rig.run(5.0)
+    assert not rig.axis.feedback.in_doubt, rig.texts
+    assert rig.axis.feedback.position_valid
+    assert rig.first is not None
+    assert "gantry moved" in rig.first.text
+
+
+def test_an_emergency_stop_with_a_doubtful_reading_tells_no_angle() -> None:
+    rig = PlantRig(-90.0)
+    rig.cruise(3.0)
+    rig.spoil = lambda drive: drive._replace(vel_act_rad_s=1e300)
+    rig.engine.step()
+    rig.drive.faults.estop_ok = False
+    rig.engine.step()
+    assert rig.axis.alarms.active[Code.INT_03].values["measured"] is Words.AT_UNKNOWN
+    assert "not known" in rig.axis.alarms.active[Code.INT_03].text
+
+
+def test_before_the_first_reading_no_angle_is_set_and_none_is_asked() -> None:
+    rig = PlantRig()
+    rig.axis.virtual.pos_ref_rad = math.nan
+    assert rig.axis.stopping_angle_rad() == 0.0
+    refused = rig.axis._reference.check(0.0, standing=True)
+    assert refused is not None
+    assert refused.code is Code.CTL_14
