@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from gantryctl.drives.simulated import SimDrive
-from gantryctl.image import DriveFeedback, OutputImage
+from gantryctl.image import DriveFeedback
 from gantryctl.machine import default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
 from gantryctl.runtime import FixedOperator
@@ -53,13 +53,8 @@ class PlantRig:
         self.engine = build_engine(self.machine, self.drive, program, self.operator)
         self.period_s = scan_ms * 1e-3
         self.spoil: Callable[[DriveFeedback], DriveFeedback] | None = None
-        self.output: Callable[[OutputImage], OutputImage] | None = None
-        self.longest_still_s = 0.0
-        read, write = self.drive.read, self.drive.write
+        read = self.drive.read
         self.drive.read = lambda: read() if self.spoil is None else self.spoil(read())  # type: ignore[method-assign]
-        self.drive.write = lambda out: write(  # type: ignore[method-assign]
-            out if self.output is None else self.output(out)
-        )
 
     @property
     def true_deg(self) -> float:

@@ -67,6 +67,8 @@ def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: fl
     assert {alarm.code for alarm in rig.first.consequences} & {Code.ENC_02, Code.ENC_14}
 
 
+# Until it is seen, a reading that stands drives the speed command by the error that seems to grow: 60 deg/s2 at 6 deg/s.
+@pytest.mark.no_oracle("the command follows the spoilt reading for some 10 ms", "INV-3")
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
 @pytest.mark.parametrize("speed_too", [False, True], ids=["position", "position and speed"])
@@ -136,7 +138,7 @@ def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: 
     elif stop == "torque off":
         rig.drive.faults.estop_ok = False
     else:
-        rig.output = lambda out: out._replace(brake_open=False)
+        rig.drive.faults.brake = "closed"
     rig.run(5.0)
     assert not rig.axis.feedback.in_doubt, rig.texts
     assert rig.axis.feedback.position_valid
