@@ -128,11 +128,20 @@ def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> No
 @pytest.mark.parametrize("at_deg", [-70.0, 20.0])
 @pytest.mark.parametrize("moment_nm", [NOMINAL_NM, CHECK_NM])
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
-@pytest.mark.parametrize("stop", ["quick stop", "torque off", "brake in motion"])
+@pytest.mark.parametrize(
+    "stop",
+    [
+        "quick stop",
+        "torque off",
+        pytest.param(
+            "brake in motion", marks=pytest.mark.no_oracle("its angle is judged elsewhere", "INV-1")
+        ),
+    ],
+)
 def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: float, at_deg: float) -> None:
     """The hardest stops: up to 10 deg/s2 by the drive, 56 deg/s2 by the brake."""
     rig = PlantRig(at_deg, scan_ms, moment_nm)
-    rig.cruise(5.5)
+    rig.cruise(6.0)
     if stop == "quick stop":
         rig.op(quick_stop=True)
     elif stop == "torque off":
