@@ -123,7 +123,7 @@ class PlantRig:
 
     def cruise_to(self, at_deg: float, speed_deg_s: float, sign: float) -> None:
         """Begin a move that passes `at_deg` at full speed, and run until it does."""
-        target = at_deg + sign * 40.0
+        target = at_deg + sign * 60.0
         self.say(move=True, target_rad=rad(target), speed_rad_s=rad(speed_deg_s))
         self.say(move=False)
         self.until(lambda: (self.motor_deg - at_deg) * sign >= 0.0, 120.0)

@@ -177,9 +177,11 @@ class PowerSettings:
 
     Attributes:
         torque_max_nm: no torque command passes it.
+        torque_rated_nm: what the motor gives continuously.
         torque_preload: the drive adds `torque_ff_nm` to its torque (60B2 mapped); without, its own sequence is
             accepted, unproven.
         proof_share: the actual torque must reach this share of the torque asked for against the closed brake.
+        proof_excess_nm: a reading that far beyond the torque asked for is wrong.
         settle_time_s: from the proof torque to the preload; as long again before the brake opens.
         learn_time_s: time constant of the learned holding torque.
         holding_torque_nm: learned holding torque from retained memory: the preload at the first release.
@@ -189,11 +191,13 @@ class PowerSettings:
     """
 
     torque_max_nm: float
+    torque_rated_nm: float
     standstill: StandstillPolicy = StandstillPolicy.SERVO
     hold_brake_after_s: float = 30.0
     torque_preload: bool = True
     proof_torque_nm: float = 30.0
     proof_share: float = 0.8
+    proof_excess_nm: float = 60.0
     proof_time_s: float = 0.5
     settle_time_s: float = 0.050
     learn_time_s: float = 1.0

@@ -96,6 +96,7 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
     brake, monitors = machine.brake, machine.monitors
     return PowerSettings(
         torque_max_nm=machine.motor.torque_max_nm,
+        torque_rated_nm=machine.motor.torque_rated_nm,
         standstill=StandstillPolicy(brake.hold),
         hold_brake_after_s=brake.hold_brake_after_s,
         torque_preload=torque_preload,

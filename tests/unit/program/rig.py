@@ -32,7 +32,7 @@ def settings(*, period_s=0.001, acc=4.0, dec=4.0, jerk=math.inf, monitors=None, 
         speed=SpeedSettings(rad(0.6), rad(6.0), rad(6.3), rad(6.6)),
         ramps=RampSettings(rad(acc), rad(dec), rad(jerk), rad(5.0), rad(100.0), rad(5.5)),
         law=LawSettings(10.0, 1.0, RATIO, COUNTS_PER_TURN, 4096),
-        power=PowerSettings(torque_max_nm=385.0, **power),
+        power=PowerSettings(torque_max_nm=385.0, torque_rated_nm=257.0, **power),
         monitors=replace(MonitorSettings(), **(monitors or {})),
     )
 

@@ -121,6 +121,19 @@ POWER: Final = (
              "所有人员离开房间。从负载可及范围之外固定负载并联系维修。"),
         lock=True, horn=True,
     ),
+    # Fault catalogue C1 and C5 with a brake contact that lies, or a torque reading that does: torque is asked for and
+    # the shaft does not answer. The two cannot be told apart, and torque off with the brake is right for both.
+    Definition(
+        Code.BRK_14, _STOP, _TO,
+        Text("Torque without effect",
+             "Torque {measured:.0f} N m without effect: {speed:.2f} deg/s while {command:.2f} deg/s was commanded",
+             "The brake is closed though its contact says open, the shaft is blocked, or the motor does not give "
+             "the torque that the drive reports.",
+             "Check brake, motor cable and drive, then reset."),
+        Text("转矩无效果", "转矩 {measured} N m 没有效果：指令 {command} °/s，实际 {speed} °/s",
+             "制动器已抱紧而触点显示松开、轴被卡住，或电机没有给出驱动器报告的转矩。",
+             "检查制动器、电机电缆和驱动器，然后复位。"),
+    ),
     # Fault catalogue D1: raised by the status word; the following error would show it much later.
     Definition(
         Code.DRV_01, _STOP, _TO,
@@ -162,6 +175,26 @@ POWER: Final = (
              "The drive does not brake as set, or its speed feedback is wrong.", _CHECK_DRIVE),
         Text("快速停止未执行", "快速停止中速度 {measured} °/s，斜坡允许 {limit} °/s",
              "驱动器没有按设定制动，或其速度反馈有误。", _CHECK_DRIVE_ZH),
+    ),
+    # No torque: the drive cannot ramp, so it is never a quick stop.
+    Definition(
+        Code.DRV_13, _STOP, _TO,
+        Text("Torque lost",
+             "Torque {measured:.1f} N m while the speed is {deviation:.2f} deg/s off its command for {time_ms:.0f} ms",
+             "The drive is enabled and gives no torque: power stage, motor cable, torque limit.",
+             _CHECK_DRIVE),
+        Text("转矩丧失", "速度偏离指令 {deviation} °/s 已 {time_ms} ms，而转矩为 {measured} N m",
+             "驱动器已使能但没有转矩：功率级、电机电缆、转矩限值。", _CHECK_DRIVE_ZH),
+    ),
+    # The axis goes on: only what is judged by torque is blind, and nothing learns from the reading meanwhile.
+    Definition(
+        Code.DRV_14, _WARN, Reaction.W,
+        Text("Torque reading implausible", "{measured}",
+             "The drive reports a torque that it does not give: current sensor, scaling, mapping of 6077.",
+             "The present motion goes on. Switch off, check the torque reading, then reset. No motion before."),
+        Text("转矩读数不可信", "{measured}", "驱动器报告的转矩并非其输出：电流传感器、比例、6077 映射。",
+             "当前运动继续。断电，检查转矩读数，然后复位。此前不得运动。"),
+        blocks_motion=True,
     ),
     # Fault catalogue G9: the hardware acts; the program mirrors it within a scan.
     Definition(

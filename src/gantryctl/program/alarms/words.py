@@ -220,6 +220,24 @@ class Words(Enum):
     ENDED_BY = "ended by {code}", "由 {code} 结束"
     ENDED_BY_ALARM = "ended by an alarm", "由报警结束"
 
+    # Why a torque reading is not believed (DRV-14).
+    TORQUE_WHILE_OFF = (
+        "{torque:.0f} N m reported while the drive is switched off",
+        "驱动器断电时报告 {torque} N m",
+    )
+    TORQUE_AGAINST_BRAKE = (
+        "{torque:.0f} N m reported against the closed brake, {wanted:.0f} N m asked for",
+        "对抱紧的制动器报告 {torque} N m，要求 {wanted} N m",
+    )
+    TORQUE_WITHOUT_EFFECT = (
+        "reported torque changed by {change:+.0f} to {torque:.0f} N m without any effect on the speed",
+        "报告的转矩变化 {change} 至 {torque} N m，而速度没有任何变化",
+    )
+    TORQUE_STILL_WRONG = (
+        "the reported torque was wrong, and the drive has not been switched off since",
+        "报告的转矩有误，此后驱动器尚未断电",
+    )
+
     # The absolute reference: why the angle is not valid (ENC-10).
     NO_ZERO = "no zero offset is stored for this machine", "此机器未存储零点偏移"
     NO_REST_POSITION = (

@@ -8,6 +8,7 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
 from gantryctl.program.virtual_axis import VirtualAxis
@@ -33,7 +34,7 @@ class Monitors:
         "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_look_ahead", "_over_travel",
         "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
         "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
-        "_standstill_scans", "_tolerance_scans", "_torque_max", "_trip", "_virtual", "_warning_ratio",
+        "_standstill_scans", "_tolerance_scans", "_torque_max", "_torque_watch", "_trip", "_virtual", "_warning_ratio",
         "_window", "in_position", "not_in_position", "rest_scans",
     )  # fmt: skip
 
@@ -70,6 +71,7 @@ class Monitors:
         self._torque_max = 4.0 * settings.power.torque_max_nm
         self._over_travel_plus = self._over_travel
         self._over_travel_minus = -self._over_travel
+        self._torque_watch = TorqueWatch(settings, feedback, holding, alarms)
         self.reset()
 
     def reset(self) -> None:
@@ -77,6 +79,7 @@ class Monitors:
         self._following = self._deviation_count = self._overspeed = self._saturation = self._brake = 0
         self._standstill = self._dwell = self.rest_scans = 0
         self._error_at_saturation = 0.0
+        self._torque_watch.begin()
         self._in_window = self._at_rest = False
         self.in_position = self.not_in_position = False
 
@@ -98,6 +101,7 @@ class Monitors:
             self._velocity_deviation(vel, vel_cmd_rad_s / self._ratio)
         elif self._deviation_count:
             self._deviation_count = 0
+        self._torque_watch.scan(deviation)
         trip = self._trip
         if not -trip <= vel <= trip:
             self._too_fast(vel)
@@ -133,6 +137,7 @@ class Monitors:
         torque_max = self._torque_max
         if not -torque_max <= feedback.torque_nm <= torque_max:
             self._invalid(Words.TORQUE_READING)
+        self._torque_watch.scan_released()
         self._arm_over_travel(pos_rad)
 
     def _arm_over_travel(self, pos_rad: float) -> None:

@@ -36,7 +36,7 @@ _HOLD_CATCH_S: Final = 0.300
 # A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
 _HOLD_DRIVEN_S: Final = 0.050
 # After these nobody gives torque back by itself: the drive does not obey, or another master may command it.
-_NO_HOLD_AFTER: Final = frozenset({Code.CAN_12, Code.CTL_05, Code.DRV_05, Code.DRV_07})
+_NO_HOLD_AFTER: Final = frozenset({Code.CAN_12, Code.CTL_05, Code.DRV_05, Code.DRV_07, Code.DRV_13})
 
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ABLE: Final = (
@@ -308,7 +308,11 @@ class PowerSequence:
         proof_nm = self.holding.proof_nm
         wanted = self._settings.proof_share * abs(proof_nm)
         given = self._feedback.torque_nm * math.copysign(1.0, proof_nm)
-        if given >= wanted:
+        if not abs(given) <= abs(proof_nm) + self._settings.proof_excess_nm:
+            self.holding.believed = False
+            reading = Words.TORQUE_AGAINST_BRAKE(torque=self._feedback.torque_nm, wanted=proof_nm)
+            self._alarms.raise_(Code.DRV_14, Reaction.QUICK_STOP, measured=reading)
+        elif given >= wanted:
             self.proof = Proof.PROVEN
             self._enter(PowerPhase.SETTLING)
         elif self._count > self._proof_scans:
@@ -364,7 +368,8 @@ class PowerSequence:
         )
 
     def _unload(self) -> None:
-        if self._drive_owns_brake or not self._settings.torque_preload:
+        # A reading that is not believed would load the brake with what it is wrong by.
+        if self._drive_owns_brake or not (self._settings.torque_preload and self.holding.believed):
             self._enter(PowerPhase.DISABLING)
             return
         self._enter(PowerPhase.UNLOADING)

@@ -1,0 +1,175 @@
+"""Whether motor torque and motion of the shaft belong together: torque lost, shaft blocked, reading wrong."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.feedback import ENABLED, Feedback
+from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg, rad
+
+# Sound machines with +-20 % on every figure, 16 and 50 kN m, moves, keys and stops: the drive is never more than
+# 0.014 deg/s from its command, and a speed loop that has torque answers a twentieth of a degree with 78 N m.
+_DEVIATION_RAD_S: Final = rad(0.05)
+# A reading of nothing, as part of the rated torque. A swing of the load passes through it in less than 30 ms.
+_NOTHING_SHARE: Final = 0.02
+_LOST_S: Final = 0.050
+# The load swings at 2 Hz, so a mean over 0.3 s takes part in its swing; sound torque leaves this mean by 137 N m at
+# most (50 kN m, end of a jog), and then the speed shows the effect.
+_MEAN_S: Final = 0.3
+_RISE_NM: Final = 60.0
+_EFFORT_NM: Final = 100.0
+# Speed that torque above that should have made and did not, deg/s at the gantry. Sound machines: 0.024.
+_MISSING_RAD_S: Final = rad(0.15)
+_MISSING_UNNOTICED_RAD_S: Final = rad(0.25)
+# From one scan to the next sound torque changes by 20 N m; a shaft that gets or needs so much more at once shows it.
+_LEAP_SHARE: Final = 0.8
+_LEAP_S: Final = 0.020
+# A shaft that is started follows within some milliseconds.
+_START_RAD_S: Final = rad(0.02)
+_START_S: Final = 0.010
+# With the drive switched off there is no torque to read; the same share is more than any proof may be wrong by.
+_OFF_SHARE: Final = 0.1
+_OFF_S: Final = 0.100
+
+
+class TorqueWatch:
+    """Compares the reported torque with what the shaft does; for drives that report their torque.
+
+    No figure of the plant is needed. The moment of inertia is bounded by the machine's own quick stop, which must be
+    possible within the torque limit: J <= T_max / (i a_quick). Where torque and speed contradict each other,
+    the drive has lost its torque (DRV-13), the shaft does not answer (BRK-14), or the reading is wrong (DRV-14).
+    """
+
+    __slots__ = (
+        "_alarms", "_blocked", "_blocked_scans", "_effort_share", "_feedback", "_holding", "_known", "_last_nm",
+        "_leap", "_leap_nm", "_leap_scans", "_lost", "_lost_scans", "_mean_nm", "_mean_share", "_missing",
+        "_nothing_nm", "_off", "_off_nm", "_off_scans", "_period_s", "_pulled", "_suspicious", "_vel_start",
+    )  # fmt: skip
+
+    def __init__(
+        self, settings: AxisSettings, feedback: Feedback, holding: HoldingTorque, alarms: AlarmLog
+    ) -> None:
+        power = settings.power
+        self._feedback, self._holding, self._alarms = feedback, holding, alarms
+        self._known = power.torque_preload
+        self._period_s = settings.period_s
+        self._mean_share = min(1.0, settings.period_s / _MEAN_S)
+        self._nothing_nm = _NOTHING_SHARE * power.torque_rated_nm
+        self._off_nm = _OFF_SHARE * power.torque_rated_nm
+        self._leap_nm = _LEAP_SHARE * power.torque_rated_nm
+        self._leap_scans = settings.scans(_LEAP_S)
+        self._lost_scans = settings.scans(_LOST_S)
+        self._blocked_scans = settings.scans(_START_S)
+        self._off_scans = settings.scans(_OFF_S)
+        # Speed at the gantry that 1 N m makes in a scan, at least.
+        self._effort_share = settings.period_s * settings.ramps.quick_dec_rad_s2 / power.torque_max_nm
+        self._off = 0
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget what was suspected; the axis follows from the next scan on."""
+        self._mean_nm = self._last_nm = self._feedback.torque_nm
+        self._calm()
+
+    def _calm(self) -> None:
+        self._lost = self._blocked = self._leap = 0
+        self._missing = self._vel_start = 0.0
+        self._pulled = self._suspicious = False
+
+    def scan(self, deviation_rad_s: float) -> None:
+        """Judge a scan in which the axis follows; the deviation is the drive's speed minus its last command."""
+        torque_nm = self._feedback.torque_nm
+        rise_nm = torque_nm - self._mean_nm
+        self._mean_nm += rise_nm * self._mean_share
+        if (
+            -_DEVIATION_RAD_S <= deviation_rad_s <= _DEVIATION_RAD_S
+            and -_RISE_NM <= rise_nm <= _RISE_NM
+            and not self._lost
+            and self._holding.believed
+        ):
+            if self._suspicious:
+                self._calm()
+            self._last_nm = torque_nm
+            return
+        if self._known:
+            self._suspect(torque_nm, rise_nm, deviation_rad_s)
+
+    def scan_released(self) -> None:
+        """Judge a scan in which the axis does not follow: switched off there is nothing to read."""
+        if -self._off_nm <= self._feedback.torque_nm <= self._off_nm:
+            if self._off or not self._holding.believed:
+                self._sound_again()
+        elif self._known and self._feedback.state not in ENABLED:
+            self._off = self._feedback.lasting(self._off)
+            if self._off >= self._off_scans:
+                self._wrong_reading(Words.TORQUE_WHILE_OFF(torque=self._feedback.torque_nm))
+
+    def _sound_again(self) -> None:
+        """A reading that is nothing while the drive is off is believed again."""
+        self._off = 0
+        if self._feedback.state not in ENABLED:
+            self._holding.believed = True
+
+    def _suspect(self, torque_nm: float, rise_nm: float, deviation_rad_s: float) -> None:
+        feedback, believed = self._feedback, self._holding.believed
+        off_command = not -_DEVIATION_RAD_S <= deviation_rad_s <= _DEVIATION_RAD_S
+        # A reading that is not believed may hide that there is nothing: then the speed alone decides.
+        nothing = not believed or -self._nothing_nm <= torque_nm <= self._nothing_nm
+        self._lost = feedback.lasting(self._lost) if off_command and nothing else 0
+        if self._lost >= self._lost_scans:
+            time_ms = self._lost * self._period_s * 1e3
+            self._alarms.raise_(
+                Code.DRV_13, measured=torque_nm, deviation=deg(abs(deviation_rad_s)), time_ms=time_ms
+            )
+        self._pulled = self._pulled or off_command
+        if not -self._leap_nm <= torque_nm - self._last_nm <= self._leap_nm:
+            self._leap = 1
+        self._last_nm = torque_nm
+        self._suspicious = True
+        if not believed:
+            # Only the drive switched off can show that the reading is sound again; a reset cannot.
+            self._wrong_reading(Words.TORQUE_STILL_WRONG)
+            return
+        vel = feedback.vel_rad_s
+        command = vel - deviation_rad_s
+        stands = abs(command) > _START_RAD_S and abs(vel) < 0.25 * abs(command) and rise_nm * command > 0.0
+        self._blocked = feedback.lasting(self._blocked) if stands and abs(rise_nm) > _RISE_NM else 0
+        if self._leap and not self._pulled:
+            self._leap = feedback.lasting(self._leap)
+        if self._blocked >= self._blocked_scans:
+            self._without_effect(torque_nm, vel, command)
+        elif self._leap > self._leap_scans and not self._pulled:
+            self._wrong_reading(Words.TORQUE_WITHOUT_EFFECT(change=rise_nm, torque=torque_nm))
+        elif -_EFFORT_NM <= rise_nm <= _EFFORT_NM:
+            self._missing = 0.0
+        else:
+            self._effort(rise_nm, vel, deviation_rad_s)
+
+    def _effort(self, rise_nm: float, vel: float, deviation_rad_s: float) -> None:
+        """Add up the speed that the torque should have made, and take off what it has made."""
+        feedback = self._feedback
+        if self._missing == 0.0:
+            self._vel_start = vel
+        sign = 1.0 if rise_nm > 0.0 else -1.0
+        self._missing += (abs(rise_nm) - _EFFORT_NM) * self._effort_share * feedback.periods
+        missing = self._missing - sign * (vel - self._vel_start)
+        if self._pulled:
+            # The shaft was held back, and the torque answered: it is real, or should be. With a load that helps the
+            # motor turns the shaft against a closed brake and is back at its command.
+            if missing > _MISSING_RAD_S:
+                self._without_effect(feedback.torque_nm, vel, vel - deviation_rad_s)
+        elif missing > _MISSING_UNNOTICED_RAD_S:
+            # The drive follows its command as if nothing were: so nothing is.
+            self._wrong_reading(Words.TORQUE_WITHOUT_EFFECT(change=rise_nm, torque=feedback.torque_nm))
+
+    def _without_effect(self, torque_nm: float, vel: float, command: float) -> None:
+        self._alarms.raise_(Code.BRK_14, measured=torque_nm, speed=deg(vel), command=deg(command))
+
+    def _wrong_reading(self, words: object) -> None:
+        self._holding.believed = False
+        self._alarms.raise_(Code.DRV_14, measured=words)
