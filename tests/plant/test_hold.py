@@ -36,7 +36,7 @@ def test_a_sound_hold_catches_the_load_and_does_not_say_that_it_moves(scan_ms, m
 
 
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
-def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms):
+def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms, oracle):
     rig = slipping(scan_ms, CHECK_NM, torque_limit_share=0.05)
     rig.until(lambda: "BRK-13" in rig.codes, 5.0)
     assert rig.reach_deg < CAUGHT_DEG
@@ -46,6 +46,7 @@ def test_limited_torque_that_does_not_hold_the_load_is_told_and_stays_on(scan_ms
     assert output.request is DriveRequest.ENABLE, "19 N m slow a load of 44 N m down"
     assert not output.brake_open
     assert not rig.axis.power.brake_open
+    oracle.caught("INV-1")  # neither brake nor motor can hold it
 
 
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
@@ -81,7 +82,7 @@ def test_no_torque_by_itself_after_feedback_or_drive_were_in_doubt(scan_ms, code
 
 
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
-def test_a_slip_with_the_emergency_stop_open_is_told_and_not_held(scan_ms):
+def test_a_slip_with_the_emergency_stop_open_is_told_and_not_held(scan_ms, oracle):
     rig = slipping(scan_ms, CHECK_NM, estop_ok=False)
     rig.run(1.0)
     assert rig.codes == ["INT-03", "BRK-04", "BRK-13"]
@@ -89,9 +90,10 @@ def test_a_slip_with_the_emergency_stop_open_is_told_and_not_held(scan_ms):
     rig.faults.estop_ok = True
     rig.run(1.0)
     assert rig.engine.output.request is DriveRequest.DISABLE, "a released button enables nothing"
+    oracle.caught("INV-1")  # nothing is left that could hold it
 
 
-def test_a_drive_that_leaves_a_hold_is_not_enabled_again():
+def test_a_drive_that_leaves_a_hold_is_not_enabled_again(oracle):
     rig = slipping(1.0, CHECK_NM)
     rig.run(2.0)
     assert rig.phase is PowerPhase.TORQUE_HOLD
@@ -100,6 +102,8 @@ def test_a_drive_that_leaves_a_hold_is_not_enabled_again():
     assert "DRV-04" in rig.codes
     assert rig.engine.output.request is DriveRequest.DISABLE
     assert "Torque kept" not in rig.axis.alarms.active[Code.BRK_04].text
+    oracle.caught("INV-1")  # nothing is left that could hold it
+    oracle.caught("INV-2")
 
 
 def test_service_ends_the_horn():
