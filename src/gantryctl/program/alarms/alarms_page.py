@@ -33,12 +33,14 @@ command changes nothing.
 | LOCK | beside one of the above: only the service role may reset |
 
 QUICK_STOP is for what leaves the feedback believable and the drive obedient. Whatever puts either in doubt is
-TORQUE_OFF: with a frozen or wrong encoder the drive's own ramp runs away. A quick stop that the drive does not
-obey becomes TORQUE_OFF (DRV-07); a load that a brake does not stop or hold becomes HOLD where the drive can give
-torque and the emergency-stop chain is closed.
+TORQUE_OFF: with a frozen or wrong encoder the drive's own ramp runs away. A reading in doubt stays so, in every
+phase, until service has compared the angle: the alarm says that the angle is not known. A quick stop that the drive
+does not obey becomes TORQUE_OFF (DRV-07); a load that a brake does not stop or hold becomes HOLD where the drive can
+give torque, the reading is believed and the emergency-stop chain is closed. A load that moves all the same is BRK-13:
+the horn sounds, and everybody leaves.
 
 Times in the machine file are turned into scans: at least two, so that one reading alone never trips them. These
-act on the first scan: emergency stop, mains, limit switches, over-travel, stop point beyond travel, drive state
+act on the first scan: emergency stop, collision, room door, mains, limit switches, over-travel, stop point beyond travel, drive state
 and drive fault, encoder jump, encoder alarm, anything that is not a finite number. Frozen encoder and old
 readings take at least three.
 

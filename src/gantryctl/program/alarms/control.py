@@ -9,7 +9,7 @@ from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity,
 _STOP, _WARN = Severity.STOP, Severity.WARNING
 _QS, _TO = Reaction.QUICK_STOP, Reaction.TORQUE_OFF
 
-_INWARD_ZH: Final = "复位，然后向内移动：返回方向是开放的。"
+_INWARD_ZH: Final = "复位，上电，然后向内移动：返回方向是开放的。"
 
 CONTROL: Final = (
     # Fault catalogue B2: checked before the output of each scan; no drive defines what it does with such a value.
@@ -77,9 +77,9 @@ CONTROL: Final = (
         Text("Stop point beyond travel",
              "From {measured:.2f} deg/s the axis would come to rest at {position:.2f} deg, limit {limit:.2f} deg",
              "The measured angle and speed would carry the axis over its travel.",
-             "Move back inward at low speed; check why the axis ran ahead of its set-point."),
+             "Reset, switch on, then move back inward at low speed; check why the axis ran ahead of its set-point."),
         Text("停止点超出行程", "以 {measured} °/s 轴将停在 {position}°，限值 {limit}°",
-             "按实测角度和速度，轴将越出行程。", "低速向内移动；查明轴为何超前于设定值。"),
+             "按实测角度和速度，轴将越出行程。", "复位，上电，然后低速向内移动；查明轴为何超前于设定值。"),
     ),
     # Fault catalogue B12: the set-point has arrived, so nothing would ever end the wait.
     Definition(
@@ -106,7 +106,7 @@ CONTROL: Final = (
         Code.LIM_02, _STOP, _QS,
         Text("Over-travel", "Angle {measured:.2f} deg, limit {limit:.2f} deg",
              "The measured angle passed the over-travel limit.",
-             "Reset, then move back inward: the way back is open."),
+             "Reset, switch on, then move back inward: the way back is open."),
         Text("超程", "角度 {measured}°，限值 {limit}°", "实测角度越过超程限值。", _INWARD_ZH),
     ),
     # Fault catalogue G3: the way back is open, and only that.
@@ -114,7 +114,8 @@ CONTROL: Final = (
         Code.LIM_03, _STOP, _QS,
         Text("Limit switch", "The {side} limit switch opened at {measured}",
              "The axis is at the hardware limit, or the switch's wire is broken.",
-             "Reset, then move back inward: the way back is open. Check the switch if the angle is well inside."),
+             "Reset, switch on, then move back inward: the way back is open. Check the switch if the angle is well "
+             "inside."),
         Text("限位开关", "{side}限位开关在 {measured} 断开", "轴在硬件限位处，或开关的导线断开。",
              _INWARD_ZH + "若角度远在行程之内，请检查开关。"),
     ),

@@ -9,8 +9,8 @@ from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity,
 _INFO, _WARN, _STOP, _REFUSED = Severity.INFO, Severity.WARNING, Severity.STOP, Severity.REFUSED
 _W, _REF, _QS = Reaction.W, Reaction.REF, Reaction.QUICK_STOP
 
-_BUSY: Final = "Find what kept the processor busy, then start again."
-_BUSY_ZH: Final = "查明占用处理器的原因，然后重新启动。"
+_BUSY: Final = "Find what kept the processor busy, then reset."
+_BUSY_ZH: Final = "查明占用处理器的原因，然后复位。"
 _AGAIN: Final = "Look at the screen, then send the command again."
 _AGAIN_ZH: Final = "查看屏幕，然后重新发出指令。"
 
