@@ -40,9 +40,9 @@ give torque, the reading is believed and the emergency-stop chain is closed. A l
 the horn sounds, and everybody leaves.
 
 Times in the machine file are turned into scans: at least two, so that one reading alone never trips them. These
-act on the first scan: emergency stop, collision, room door, mains, limit switches, over-travel, stop point beyond travel, drive state
-and drive fault, encoder jump, encoder alarm, anything that is not a finite number. Frozen encoder and old
-readings take at least three.
+act on the first scan: emergency stop, collision, room door, mains, limit switches, over-travel, stop point beyond
+travel, drive state and drive fault, encoder jump, encoder alarm, anything that is not a finite number. Frozen
+encoder and old readings take at least three.
 
 Reset clears what is latched when its cause is gone. It never enables, never shortens a stop, and leads from
 ErrorStop to Disabled when power is off. Power then needs a new rising edge, every motion a new command.

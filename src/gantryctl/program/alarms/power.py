@@ -31,11 +31,11 @@ POWER: Final = (
         Text("Brake does not hold",
              "Moved {measured:.4f} deg while the torque was taken off, limit {limit:.4f} deg",
              "The brake slips under the load; the motor holds it where it can.",
-             "Keep people away. Do not switch off and do not press the emergency stop while the motor holds the load. "
+             "Keep people away. Switching off or an emergency stop takes away the torque that holds the load. "
              "Secure the load and call service."),
         Text("制动器未抱住", "卸除转矩时移动了 {measured}°，限值 {limit}°",
              "制动器在负载下打滑；可能时由电机保持。",
-             "人员远离。电机保持负载期间不要断电，也不要按急停。固定负载并联系维修。"),
+             "人员远离。断电或急停会撤去保持负载的转矩。固定负载并联系维修。"),
         lock=True,
     ),
     # Fault catalogue C4: torque comes back only where the emergency-stop chain is closed.
@@ -43,10 +43,11 @@ POWER: Final = (
         Code.BRK_04, _STOP, _HOLD,
         Text("Brake slips", "Moved {measured:.4f} deg while switched off, limit {limit:.4f} deg",
              "The closed brake lets the load move; the motor holds it where it can.",
-             "Keep people away. Do not switch off while the motor holds the load. Secure the load and call service."),
+             "Keep people away. Switching off takes away the torque that holds the load. Secure the load and call "
+             "service."),
         Text("制动器打滑", "断电状态下移动了 {measured}°，限值 {limit}°",
              "抱紧的制动器让负载移动；可能时由电机保持。",
-             "人员远离。电机保持负载期间不要断电。固定负载并联系维修。"),
+             "人员远离。断电会撤去保持负载的转矩。固定负载并联系维修。"),
         lock=True, horn=True,
     ),
     # Fault catalogue C5: the drive still brakes on its ramp, and both together stop sooner.
