@@ -7,6 +7,7 @@ from enum import Enum, StrEnum
 from typing import Literal
 
 from gantryctl.engineering.faults.injection import Injection
+from gantryctl.program.alarms.codes import Code
 
 
 class Phase(Enum):
@@ -79,7 +80,7 @@ class FaultCase:
     title: str
     detected_by: str
     reaction: ReactionClass
-    codes: tuple[str, ...] = ()
+    codes: tuple[Code, ...] = ()
     reads: str = ""
     injections: tuple[Injection, ...] = ()
     phase: Phase = Phase.CRUISE

@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.case import Done, FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import When, injection
+from gantryctl.program.alarms.codes import Code
 
 _TORQUE_OFF, _SLIP = ReactionClass.TORQUE_OFF, ReactionClass.BRAKE_SLIP
 
@@ -15,7 +16,7 @@ ROWS: Final = (
         title="brake does not open",
         detected_by="contact, or torque without motion, 300 ms after the command",
         reaction=ReactionClass.STANDSTILL,
-        codes=("BRK-01",),
+        codes=(Code.BRK_01,),
         reads="the brake does not open; power stays off",
         injections=(injection("brake", "stuck", position="closed"),),
         phase=Phase.POWER_UP,
@@ -26,7 +27,6 @@ ROWS: Final = (
         title="brake drags",
         detected_by="residual of the torque model, 15 % of the rated torque for 1 s",
         reaction=ReactionClass.WARNING,
-        codes=("BRK-02",),
         reads="the brake drags",
         injections=(injection("plant", "set", name="motor_coulomb_nm", value=60.0),),
         position_valid=True,
@@ -36,7 +36,10 @@ ROWS: Final = (
         title="brake does not hold at power-off",
         detected_by="way of 0.02 deg while the torque is taken off",
         reaction=_SLIP,
-        codes=("BRK-03", "BRK-04"),
+        codes=(
+            Code.BRK_03,
+            Code.BRK_04,
+        ),
         reads="the brake does not hold; torque keeps the load",
         injections=(
             injection("brake", "torque", share=0.0),
@@ -51,7 +54,7 @@ ROWS: Final = (
         title="brake slips at standstill, power off",
         detected_by="way of 0.02 deg while off",
         reaction=_SLIP,
-        codes=("BRK-04",),
+        codes=(Code.BRK_04,),
         reads="the brake slips; torque keeps the load",
         injections=(injection("brake", "torque", share=0.0),),
         phase=Phase.OFF,
@@ -63,7 +66,13 @@ ROWS: Final = (
         title="brake closes by itself in motion",
         detected_by="contact",
         reaction=_TORQUE_OFF,
-        codes=("BRK-05", "CTL-07", "CTL-03", "CTL-05", "DRV-13"),
+        codes=(
+            Code.BRK_05,
+            Code.CTL_07,
+            Code.CTL_03,
+            Code.CTL_05,
+            Code.DRV_13,
+        ),
         reads="the brake closed in motion; stop",
         injections=(injection("brake", "stuck", position="closed"),),
     ),
@@ -72,7 +81,10 @@ ROWS: Final = (
         title="contact of the brake contradicts the command, in motion",
         detected_by="contact against command, 300 ms",
         reaction=ReactionClass.QUICK_STOP,
-        codes=("BRK-05", "BRK-06"),
+        codes=(
+            Code.BRK_05,
+            Code.BRK_06,
+        ),
         reads="the contact says closed; quick stop",
         injections=(injection("brake", "contact", open=False),),
         seen_after_s=0.3,
@@ -82,7 +94,11 @@ ROWS: Final = (
         title="drive is enabled and gives no torque, at power-up",
         detected_by="torque against the learned holding torque before the brake opens, 500 ms",
         reaction=ReactionClass.STANDSTILL,
-        codes=("BRK-07", "DRV-13", "ENC-12"),
+        codes=(
+            Code.BRK_07,
+            Code.DRV_13,
+            Code.ENC_12,
+        ),
         reads="torque not proven; the brake stays closed",
         injections=(injection("drive", "no_torque"),),
         phase=Phase.POWER_UP,
@@ -92,7 +108,7 @@ ROWS: Final = (
         title="brake test fails",
         detected_by="way under 1.3 x the holding torque",
         reaction=ReactionClass.REFUSED,
-        codes=("BRK-08",),
+        codes=(Code.BRK_08,),
         reads="the brake failed its test",
         tests=("tests/unit/operation/test_brake_on_bus.py", "tests/unit/program/test_brake_test.py"),
     ),
@@ -101,7 +117,6 @@ ROWS: Final = (
         title="energy that emergency stops have put into the brake",
         detected_by="counter in the retained memory",
         reaction=ReactionClass.WARNING,
-        codes=("BRK-09",),
         reads="the brake is due for service",
         done=Done.PARTLY,
         why="the counter lives in the retained memory, which a run in virtual time does not have",
@@ -111,7 +126,12 @@ ROWS: Final = (
         title="brake closes by itself in motion, its contact says open",
         detected_by="residual of the torque model",
         reaction=_TORQUE_OFF,
-        codes=("DRV-13", "BRK-02", "CTL-07", "CTL-05", "CTL-03"),
+        codes=(
+            Code.DRV_13,
+            Code.CTL_07,
+            Code.CTL_05,
+            Code.CTL_03,
+        ),
         reads="torque does not do what it should; torque off",
         injections=(
             injection("brake", "contact", open=True),
@@ -123,7 +143,7 @@ ROWS: Final = (
         title="brake closes 0.2 s late after torque off",
         detected_by="contact, and the way",
         reaction=ReactionClass.NONE,
-        codes=("INT-03",),
+        codes=(Code.INT_03,),
         reads="emergency stop",
         injections=(
             injection("brake", "slow", late_s=0.2),
@@ -136,7 +156,7 @@ ROWS: Final = (
         title="weak brake after torque off: half of its torque",
         detected_by="way after the stop",
         reaction=ReactionClass.NONE,
-        codes=("INT-03",),
+        codes=(Code.INT_03,),
         reads="emergency stop",
         injections=(
             injection("brake", "torque", share=0.5),

@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import injection
+from gantryctl.program.alarms.codes import Code
 
 _TORQUE_OFF, _QUICK = ReactionClass.TORQUE_OFF, ReactionClass.QUICK_STOP
 _WARNING = ReactionClass.WARNING
@@ -16,7 +17,7 @@ ROWS: Final = (
         title="SYNC does not reach the drive",
         detected_by="no answers to SYNC; RPDO deadline of the drive",
         reaction=_QUICK,
-        codes=("CAN-01", "CAN-03", "CAN-07"),
+        codes=(Code.CAN_07,),
         reads="no answers; the drive stops",
         injections=(injection("frame", "sync_lost"),),
         buses=("bus",),
@@ -36,7 +37,7 @@ ROWS: Final = (
         title="position telegrams of the drive are lost (one of two TPDOs)",
         detected_by="age of the position",
         reaction=_QUICK,
-        codes=("CAN-03", "CAN-07"),
+        codes=(Code.CAN_07,),
         reads="the reading is old; the angle is not known",
         injections=(injection("frame", "tpdo", number=1, kind="drop"),),
         buses=("bus",),
@@ -47,7 +48,7 @@ ROWS: Final = (
         title="speed and torque telegrams of the drive are lost (the other of two TPDOs)",
         detected_by="age of the speed",
         reaction=_QUICK,
-        codes=("CAN-03", "CAN-07"),
+        codes=(Code.CAN_07,),
         reads="the reading is old; quick stop",
         injections=(injection("frame", "tpdo", number=2, kind="drop"),),
         buses=("bus",),
@@ -77,7 +78,7 @@ ROWS: Final = (
         title="telegrams of a wrong length",
         detected_by="length against the mapping",
         reaction=_QUICK,
-        codes=("CAN-04", "CAN-03", "CAN-07"),
+        codes=(Code.CAN_07,),
         reads="telegrams of a wrong length; quick stop",
         injections=(injection("frame", "tpdo", number=1, kind="length", amount=3),),
         buses=("bus",),
@@ -87,7 +88,12 @@ ROWS: Final = (
         title="commands do not reach the drive",
         detected_by="RPDO deadline of the drive",
         reaction=_QUICK,
-        codes=("DRV-04", "DRV-01", "CAN-13", "CAN-05", "DRV-12", "DRV-05"),
+        codes=(
+            Code.DRV_04,
+            Code.DRV_01,
+            Code.CAN_13,
+            Code.DRV_05,
+        ),
         reads="the drive stopped by itself",
         injections=(injection("frame", "rpdo_lost"),),
         buses=("bus",),
@@ -98,7 +104,10 @@ ROWS: Final = (
         detected_by="age of the readings; heartbeat of the drive",
         # The drive hears nothing either: its own deadline makes its own quick stop.
         reaction=_QUICK,
-        codes=("CAN-03", "CAN-07", "CAN-06", "CAN-01"),
+        codes=(
+            Code.CAN_07,
+            Code.CAN_06,
+        ),
         reads="the drive does not answer; the angle is not known",
         injections=(injection("frame", "drive_silent"),),
         buses=("bus",),
@@ -109,7 +118,7 @@ ROWS: Final = (
         title="heartbeat of the drive is lost, its telegrams come",
         detected_by="heartbeat, 150 ms",
         reaction=_TORQUE_OFF,
-        codes=("CAN-06",),
+        codes=(Code.CAN_06,),
         reads="heartbeat lost; torque off",
         injections=(injection("frame", "heartbeat_off"),),
         buses=("bus",),
@@ -129,7 +138,6 @@ ROWS: Final = (
         title="flood of emergency messages",
         detected_by="messages are counted, ten a second are told",
         reaction=ReactionClass.NONE,
-        codes=("CAN-09", "DRV-12"),
         reads="so many more messages",
         injections=(injection("drive", "emcy", code=0x5000, count=2000),),
         buses=("bus",),
@@ -150,7 +158,7 @@ ROWS: Final = (
         title="another master commands the drive",
         detected_by="any frame on an identifier that only this controller may send",
         reaction=_QUICK,
-        codes=("CAN-12",),
+        codes=(Code.CAN_12,),
         reads="another master on the bus; stop, service",
         injections=(injection("frame", "foreign", can_id=0x202, data="0f0000000000"),),
         buses=("bus",),
@@ -161,7 +169,10 @@ ROWS: Final = (
         title="drive stops its communication (NMT) by itself",
         detected_by="state in the heartbeat",
         reaction=_TORQUE_OFF,
-        codes=("CAN-13", "CAN-03", "CAN-07"),
+        codes=(
+            Code.CAN_13,
+            Code.CAN_07,
+        ),
         reads="the drive left OPERATIONAL; torque off",
         injections=(injection("frame", "nmt", state="STOPPED"),),
         buses=("bus",),
@@ -171,7 +182,10 @@ ROWS: Final = (
         title="third party puts the drive pre-operational in motion",
         detected_by="foreign NMT command, at once",
         reaction=_TORQUE_OFF,
-        codes=("CAN-12", "CAN-13"),
+        codes=(
+            Code.CAN_12,
+            Code.CAN_13,
+        ),
         reads="another master on the bus; torque off",
         injections=(injection("frame", "foreign_nmt", command="pre_operational"),),
         buses=("bus",),
@@ -181,7 +195,10 @@ ROWS: Final = (
         title="third party stops the drive's communication in motion",
         detected_by="foreign NMT command, at once",
         reaction=_TORQUE_OFF,
-        codes=("CAN-12", "CAN-13"),
+        codes=(
+            Code.CAN_12,
+            Code.CAN_13,
+        ),
         reads="another master on the bus; torque off",
         injections=(injection("frame", "foreign_nmt", command="stop"),),
         buses=("bus",),
@@ -191,7 +208,10 @@ ROWS: Final = (
         title="third party puts the drive pre-operational at standstill",
         detected_by="foreign NMT command, at once",
         reaction=ReactionClass.STANDSTILL,
-        codes=("CAN-12", "CAN-13"),
+        codes=(
+            Code.CAN_12,
+            Code.CAN_13,
+        ),
         reads="another master on the bus; torque off",
         injections=(injection("frame", "foreign_nmt", command="pre_operational"),),
         phase=Phase.ENABLED,

@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import injection
+from gantryctl.program.alarms.codes import Code
 
 _TORQUE_OFF, _QUICK = ReactionClass.TORQUE_OFF, ReactionClass.QUICK_STOP
 
@@ -15,7 +16,7 @@ ROWS: Final = (
         title="limit switch opens in motion",
         detected_by="input, one scan",
         reaction=_QUICK,
-        codes=("LIM-03",),
+        codes=(Code.LIM_03,),
         reads="limit switch; quick stop",
         injections=(injection("input", "off", name="limit_plus_ok"),),
         position_valid=True,
@@ -25,7 +26,7 @@ ROWS: Final = (
         title="both limit switches open: a broken wire",
         detected_by="both inputs, one scan",
         reaction=_QUICK,
-        codes=("LIM-04",),
+        codes=(Code.LIM_04,),
         reads="both limit switches; quick stop",
         injections=(
             injection("input", "off", name="limit_plus_ok"),
@@ -38,7 +39,7 @@ ROWS: Final = (
         title="emergency stop in motion",
         detected_by="input, one scan; the hardware acts",
         reaction=_TORQUE_OFF,
-        codes=("INT-03",),
+        codes=(Code.INT_03,),
         reads="emergency stop",
         injections=(injection("input", "off", name="estop_ok"),),
         position_valid=True,
@@ -48,7 +49,7 @@ ROWS: Final = (
         title="emergency stop in a quick stop",
         detected_by="input, one scan; the hardware acts",
         reaction=_TORQUE_OFF,
-        codes=("INT-06",),
+        codes=(Code.INT_06,),
         reads="quick stop, then emergency stop",
         injections=(injection("input", "off", name="estop_ok"),),
         phase=Phase.QUICK_STOP,
@@ -59,7 +60,10 @@ ROWS: Final = (
         title="mains lost in motion",
         detected_by="input, or fault of the drive",
         reaction=_TORQUE_OFF,
-        codes=("PWR-01", "DRV-01"),
+        codes=(
+            Code.PWR_01,
+            Code.DRV_01,
+        ),
         reads="mains lost; brake closed",
         injections=(injection("input", "off", name="mains_ready"),),
         position_valid=True,
@@ -69,7 +73,10 @@ ROWS: Final = (
         title="mains flicker for 0.1 s in motion",
         detected_by="input, or fault of the drive",
         reaction=_TORQUE_OFF,
-        codes=("PWR-01", "DRV-01"),
+        codes=(
+            Code.PWR_01,
+            Code.DRV_01,
+        ),
         reads="mains lost; brake closed; nothing starts again",
         injections=(injection("input", "off", name="mains_ready", for_s=0.1),),
         position_valid=True,
@@ -79,7 +86,7 @@ ROWS: Final = (
         title="quick stop by a person, nothing is wrong",
         detected_by="the person",
         reaction=_QUICK,
-        codes=("INT-06",),
+        codes=(Code.INT_06,),
         reads="quick stop by the operator",
         injections=(injection("operator", "quick_stop"),),
         position_valid=True,

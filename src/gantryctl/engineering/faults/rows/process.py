@@ -6,6 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.faults.case import FaultCase, ReactionClass
 from gantryctl.engineering.faults.injection import injection
+from gantryctl.program.alarms.codes import Code
 
 ROWS: Final = (
     FaultCase(
@@ -22,7 +23,7 @@ ROWS: Final = (
         title="a scan 40 ms late",
         detected_by="lateness of the scan, 30 ms",
         reaction=ReactionClass.QUICK_STOP,
-        codes=("SYS-02",),
+        codes=(Code.SYS_02,),
         reads="the controller was late; quick stop",
         injections=(injection("clock", "stall", late_s=0.040),),
         position_valid=True,
@@ -32,7 +33,7 @@ ROWS: Final = (
         title="controller stalls for 2 s",
         detected_by="deadlines of the drive; on waking the own lateness, 50 ms",
         reaction=ReactionClass.QUICK_STOP,
-        codes=("SYS-03",),
+        codes=(Code.SYS_03,),
         reads="the controller was frozen; the drive stopped by itself",
         injections=(injection("clock", "stall", late_s=2.0),),
         buses=("bus",),
