@@ -1,0 +1,474 @@
+"""What of the program's state decides what it does next: one declared rule for every attribute of every object.
+
+Two states with the same key have the same successors, because a rule leaves out only what the program cannot tell
+apart, or never reads:
+
+- *same*: the value itself. *number*: rounded far below every limit and far above the rounding of a double.
+- *count*: scans that a condition has lasted. Every timer of these settings ends within `_CAP` scans, and counts are
+  compared with "at least" only: above the cap two counts are the same.
+- *part*: another object with rules, by its place in the walk, so that two names of one command stay one.
+- *clock*: scan numbers, times, sequence numbers: kept with a state, not in its key, because only differences are read;
+  a difference that matters has a rule by itself (a function).
+- *shown*: outputs of the blocks, which nothing in the program reads again: kept, not in the key.
+- *fixed*: settings and links to other parts, never set again. *unread*: texts and records for people.
+
+That this is so is checked by running two states of one key side by side (`Exploration.twins`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from operator import attrgetter
+from typing import Any, Final
+
+from gantryctl.image import OperatorCommand
+from gantryctl.program import Axis, GantryProgram, PowerPhase
+from gantryctl.program.alarms.log import Alarm, AlarmLog
+from gantryctl.program.axis.commands import MotionCommand, MotionCommands
+from gantryctl.program.blocks import BrakeTest as BrakeTestBlock
+from gantryctl.program.blocks import Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.monitors.recovery import Recovery, StopRecord
+from gantryctl.program.power.brake_test import BrakeTest
+from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.power.phases import RISING
+from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.virtual_axis import VirtualAxis
+from gantryctl.service.command.arming import Arming
+from gantryctl.service.command.authority import Authority
+from gantryctl.service.command.inbox import CommandQueue, Inbox
+from gantryctl.service.command.lease import HoldToRun
+from gantryctl.service.command.operator import ServiceOperator
+from gantryctl.service.command.permit import Permit
+from states.people import Now, Panel
+from states.snapshot import names_of
+from states.stub_drive import StubDrive
+
+# No timer of the settings in `world.py` needs more scans than this (unloading: five steps).
+_CAP: Final = 6
+Special = Callable[[Any, "Roots"], object]
+
+
+@dataclass(frozen=True)
+class Roots:
+    """The objects that a state consists of."""
+
+    program: GantryProgram
+    operator: Any
+    drive: StubDrive
+    now: object
+
+    @property
+    def all(self) -> tuple[object, ...]:
+        return self.program, self.operator, self.drive, self.now
+
+    @property
+    def axis(self) -> Axis:
+        return self.program.axis
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Rules of one class: attribute names by kind, and functions for the rest."""
+
+    same: str = ""
+    number: str = ""
+    count: str = ""
+    part: str = ""
+    clock: str = ""
+    shown: str = ""
+    fixed: str = ""
+    unread: str = ""
+    special: Mapping[str, Special] = field(default_factory=dict)
+    when: Special | None = None
+    """Only then *same*, *number* and *count* are read before they are set anew."""
+
+    def names(self) -> set[str]:
+        kinds = (
+            self.same,
+            self.number,
+            self.count,
+            self.part,
+            self.clock,
+            self.shown,
+            self.fixed,
+            self.unread,
+        )
+        return {*" ".join(kinds).split(), *self.special}
+
+
+def _rounded(value: float | None) -> float | None:
+    if value is None or math.isnan(value):
+        return None if value is None else math.inf
+    return round(value, 4) + 0.0
+
+
+def _ref_target(virtual: VirtualAxis, _: Roots) -> object:
+    """Read only when a motion under way is planned anew."""
+    under_way = virtual.following and not virtual.stopping and (not virtual.at_rest or virtual.paused)
+    return (_rounded(virtual._target), _rounded(virtual._speed)) if under_way else None
+
+
+def _scans_left(virtual: VirtualAxis, roots: Roots) -> object:
+    """Of the plan: where it ends, and how many scans later."""
+    if not virtual.following or virtual.at_rest:
+        return None
+    period_s = roots.axis.settings.period_s
+    left_s = virtual._duration - (roots.axis.scan - virtual.start_scan) * period_s
+    return math.ceil(left_s / period_s - 1e-9), _rounded(virtual.plan.pos_end)
+
+
+def _in_phases(name: str, *phases: PowerPhase) -> Special:
+    """A number that only these phases read."""
+
+    def rule(power: PowerSequence, _: Roots) -> object:
+        return _rounded(getattr(power, name)) if power.phase in phases else None
+
+    return rule
+
+
+def _held(power: PowerSequence, roots: Roots) -> object:
+    """Way since the phase began."""
+    return None if power._pos_hold is None else _rounded(power._pos_hold - roots.axis.pos_act_rad)
+
+
+def _levels(name: str) -> Special:
+    """Operator levels: of the lease only whether it is new counts."""
+
+    def rule(holder: Any, roots: Roots) -> object:
+        levels: OperatorCommand = getattr(holder, name)
+        renewed = levels.lease == roots.operator.levels.lease
+        # A target counts at the edge of `move` only.
+        return levels._replace(lease=0, target_rad=levels.target_rad if levels.move else 0.0), renewed
+
+    return rule
+
+
+def _since(name: str, cap: int = 4) -> Special:
+    def rule(each: Any, roots: Roots) -> object:
+        return min(roots.axis.scan - getattr(each, name), cap)
+
+    return rule
+
+
+_PROVEN: Final = RISING - {PowerPhase.ENABLING, PowerPhase.TESTING}
+_RESTING: Final = (PowerPhase.OFF, PowerPhase.PARKED)
+_BLOCK: Final = "error_id error_text"
+_EXECUTE: Final = "_execute active attention busy"
+_SHOWN: Final = "_final command_aborted done error"
+
+RULES: Final[dict[type, Rules]] = {
+    GantryProgram: Rules(
+        same="_keys_dead _move_gate _remote mode service",
+        number="_speed",
+        count="_lease_age",
+        part="axis power reset override stop halt move jog inch brake_test",
+        fixed="_lease_scans _without_switch trace_columns",
+        special={"_last": _levels("_last")},
+    ),
+    Axis: Rules(
+        same="_error _events _settled _switching_off state",
+        number="pos_act_rad pos_err_rad vel_cmd_rad_s",
+        part="alarms brake_test feedback interlocks monitors motion power recovery virtual",
+        clock="scan time_s refusal_count",
+        fixed="_law _park_scans _ratio _reference _torque_max _vel_max load_side plans settings zero_counts",
+        unread="refusal",
+        special={"_vel_next": lambda axis, _: _rounded(axis._vel_next) if axis.virtual.following else None},
+    ),
+    AlarmLog: Rules(
+        same="pending",
+        clock="pos_rad scan time_s",
+        unread="history",
+        special={
+            "active": lambda log, _: frozenset((each.code, each.reaction) for each in log.active.values()),
+            "first_out": lambda log, _: None if log.first_out is None else log.first_out.code,
+        },
+    ),
+    Alarm: Rules(same="code reaction", clock="scan time_s pos_rad steps values follows consequences"),
+    Feedback: Rules(
+        same="_doubt brake_open encoder_alarm error_code inputs periods position_valid state torque_limited warning",
+        number="overload pos_ring_rad torque_nm vel_rad_s",
+        count="_late_age unchanged_scans",
+        fixed="_alarms _counts_per_rad _error_scans _errors_max _frozen_scans _frozen_speed _jump_base "
+        "_jump_per_speed _old_scans _period_s _ratio",
+        special={
+            "_late_scan": _since("_late_scan"),
+            "_bad_scans": lambda feedback, roots: tuple(
+                min(roots.axis.scan - scan, 8) for scan in feedback._bad_scans
+            ),
+            "counts": lambda feedback, _: _rounded(feedback.counts / feedback._counts_per_rad),
+        },
+    ),
+    VirtualAxis: Rules(
+        same="at_rest changed following override paused stopping",
+        number="acc_ref_rad_s2 pos_ref_rad vel_ref_rad_s",
+        clock="_duration _sample _speed start_scan",
+        fixed="_period_s _pos_max _pos_min keep_plans plans ramps",
+        special={"_target": _ref_target, "plan": _scans_left},
+    ),
+    PowerSequence: Rules(
+        same="_drive_owns_brake _parking _unloaded brake_open fault_reset phase request status",
+        number="torque_ff_nm",
+        count="_over_envelope _rest_count",
+        part="brake_test holding",
+        clock="_pos_rad",
+        fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
+        "_proof_scans _quick_dec _rest_scans _sag_scans _settings _settle_scans _slip_scans _step_scans",
+        special={
+            "_pos_hold": _held,
+            # Decided when ENABLING ends.
+            "proof": lambda power, _: power.proof if power.phase in _PROVEN else None,
+            # Behind the closed brake only a contact that is late and a watch of one scan are timed.
+            "_count": lambda power, _: min(power._count, 3 if power.phase in _RESTING else _CAP),
+            "_load_nm": _in_phases("_load_nm", PowerPhase.UNLOADING),
+            "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING),
+        },
+    ),
+    HoldingTorque: Rules(number="mean_nm preload_nm proof_nm", fixed="_learn _proof_least_nm _torque_max_nm"),
+    BrakeTest: Rules(
+        same="outcome phase",
+        number="_correction _mean _preload_nm on_brake_nm",
+        count="_scans",
+        clock="count minus_nm moved_rad plus_nm last words",
+        fixed="_period_s _torque_max_nm level_nm moved_max_rad",
+        when=lambda test, roots: test.under_way or roots.program.brake_test.busy,
+        special={
+            "_start_rad": lambda test, roots: (
+                _rounded(test._start_rad - roots.axis.pos_act_rad)
+                if test.under_way and test._start_rad is not None
+                else None
+            )
+        },
+    ),
+    Interlocks: Rules(
+        same="_code_known _inputs _was_minus _was_plus minus_open plus_open",
+        fixed="_alarms _feedback _overload_warning",
+    ),
+    Monitors: Rules(
+        when=lambda _, roots: roots.axis.virtual.following,
+        same="_at_rest _in_window in_position not_in_position",
+        number="_error_at_saturation _over_travel_minus _over_travel_plus",
+        count="_brake _deviation_count _dwell _following _overspeed _saturation _standstill rest_scans",
+        fixed="_alarms _band_base _band_per_speed _brake_scans _deviation _deviation_scans _dwell_scans _feedback "
+        "_following_scans _holding _look_ahead _over_travel _overspeed_scans _period_s _ratio _saturation_scans "
+        "_settings _standstill_scans _tolerance_scans _torque_max _trip _virtual _warning_ratio _window",
+    ),
+    MotionCommands: Rules(
+        same="_stop_execute brake_overdue state",
+        part="current stop_command waiting",
+        clock="scan",
+        fixed="_alarms _interlocks _monitors _power _settings _virtual",
+    ),
+    MotionCommand: Rules(
+        same="endless settles state status",
+        number="speed_rad_s target_rad",
+        special={"refusal": lambda command, _: command.refusal is not None},
+    ),
+    Recovery: Rules(
+        same="resetting service",
+        count="_count",
+        part="_record",
+        fixed="_alarms _feedback _period_s _power _reset_scans",
+        special={"failure": lambda recovery, _: recovery.failure is not None},
+    ),
+    StopRecord: Rules(
+        same="finished",
+        clock="_angle_known _brake_scan _rest_pos_rad _rest_scan _slow_scan _torque_scan _was_open _was_torque alarm",
+        fixed="_period_s",
+    ),
+    Power: Rules(same="_enable _on", shown="error status", fixed="axis", unread=_BLOCK),
+    Reset: Rules(same="_execute busy", shown="done error", fixed="axis", unread=_BLOCK),
+    SetOverride: Rules(same="_asked", shown="enabled error", fixed="axis", unread=_BLOCK),
+    Stop: Rules(same=_EXECUTE, shown=_SHOWN, part="_held command", fixed="axis", unread=_BLOCK),
+    Halt: Rules(same=_EXECUTE, shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK),
+    MoveAbsolute: Rules(same=_EXECUTE, shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK),
+    Jog: Rules(
+        same=_EXECUTE + " _backward _direction _forward _released",
+        shown=_SHOWN + " at_limit",
+        number="_speed",
+        part="command",
+        fixed="axis",
+        unread=_BLOCK,
+    ),
+    Inch: Rules(
+        same=_EXECUTE + " _backward _forward", shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK
+    ),
+    BrakeTestBlock: Rules(
+        same="_execute busy",
+        shown=_SHOWN,
+        fixed="axis",
+        unread=_BLOCK + " minus_nm moved_rad phase plus_nm",
+        special={"_tests": lambda block, roots: block.busy and block._tests == roots.axis.brake_test.count},
+    ),
+    ServiceOperator: Rules(
+        same="_gap _test_ended shutdown",
+        count="_stop_scans",
+        part="_inbox arming authority hold permit",
+        clock="_acting _refusals",
+        fixed="_acknowledge events now program ranges start_s",
+        special={
+            "levels": _levels("levels"),
+            "_test_epoch": lambda operator, _: operator._test_epoch == operator.authority.epoch,
+        },
+    ),
+    HoldToRun: Rules(
+        same="client forward reverse",
+        clock="_began_s _renewed_s _used count too_long",
+        fixed="lease_s",
+        unread="ended",
+        special={"_lease": lambda hold, _: bool(hold._lease)},
+    ),
+    Authority: Rules(same="holder", clock="_alive_s epoch"),
+    Arming: Rules(
+        fixed="second_person",
+        special={
+            # What is armed dies with its epoch.
+            "_armed": lambda arming, roots: (
+                None
+                if arming._armed is None or arming._armed.epoch != roots.operator.authority.epoch
+                else (arming._armed.action, arming._armed.who)
+            )
+        },
+    ),
+    Permit: Rules(same="reasons late", clock="resets", fixed="_axis _events _journal"),
+    Inbox: Rules(part="others", clock="_last_seq first gone time_s", fixed="_commands _replies events"),
+    CommandQueue: Rules(
+        clock="_count",
+        special={
+            "_waiting": lambda queue, _: tuple(
+                (pending.who.client, pending.message.kind) for pending in queue._waiting
+            )
+        },
+    ),
+    StubDrive: Rules(
+        same="brake_open faults race slipped standing state",
+        number="pos_rad vel_rad_s",
+    ),
+    Panel: Rules(special={"levels": _levels("levels")}),
+    Now: Rules(clock="time_s"),
+}
+
+
+def kept(each: object) -> tuple[str, ...] | None:
+    """Attributes of an object that belong to a state; None for an object that has no rules: a value."""
+    rules = RULES.get(type(each))
+    if rules is None:
+        return None
+    return tuple(sorted(rules.names() - set(f"{rules.fixed} {rules.unread}".split())))
+
+
+def without_rule(roots: Roots) -> list[str]:
+    """Attributes that no rule names, rules for attributes that are gone, and objects of a class without rules."""
+    found: set[str] = set()
+    seen: set[int] = set()
+    waiting: list[object] = [*roots.all]
+    while waiting:
+        each = waiting.pop()
+        if id(each) in seen or each is None:
+            continue
+        seen.add(id(each))
+        rules, name = RULES.get(type(each)), type(each).__name__
+        if rules is None:
+            found.add(f"{name}: no rules for this class")
+            continue
+        has = set(names_of(each)) - {"_"}
+        found |= {f"{name}.{one}: no rule" for one in has - rules.names()}
+        found |= {f"{name}.{one}: a rule, but no such attribute" for one in rules.names() - has}
+        waiting.extend(getattr(each, part) for part in rules.part.split() if part in has)
+    return sorted(found)
+
+
+def _all_of(names: list[str]) -> Callable[[Any], tuple[Any, ...]]:
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda each: tuple(getattr(each, name) for name in names)
+
+
+class Compiled:
+    """The rules of one class, ready for many objects; `known`: the numbers of values seen before."""
+
+    __slots__ = ("known", "parts", "plain", "rules", "special", "when")
+
+    def __init__(self, rules: Rules) -> None:
+        self.rules, self.when = rules, rules.when
+        self.plain = _all_of(f"{rules.same} {rules.number} {rules.count}".split())
+        self.parts = _all_of(rules.part.split()) if rules.part else None
+        self.special = tuple(rules.special.values())
+        self.known: dict[tuple[Any, ...], int] = {}
+
+
+def _reduced(raw: tuple[Any, ...], rules: Rules) -> tuple[object, ...]:
+    same, number = len(rules.same.split()), len(rules.number.split())
+    numbers, counts = raw[same : same + number], raw[same + number :]
+    return (raw[:same], tuple(map(_rounded, numbers)), tuple(min(count, _CAP) for count in counts))
+
+
+class Keys:
+    """Makes the key of a state: the walk over all parts, each object's own values as one small number."""
+
+    def __init__(self, roots: Roots) -> None:
+        self._roots = roots
+        self._compiled: dict[type, Compiled] = {}
+        self._values: dict[tuple[type, object], int] = {}
+        self.texts: list[tuple[type, object]] = []
+
+    def make(self) -> tuple[int, ...]:
+        """Key of the state that the program is in now."""
+        place: dict[int, int] = {}
+        key: list[int] = []
+        roots = self._roots
+        waiting: list[Any] = [*roots.all]
+        compiled = self._compiled
+        while waiting:
+            each = waiting.pop()
+            if each is None:
+                key.append(-1)
+                continue
+            at = place.get(id(each))
+            if at is not None:
+                key.append(-2 - at)
+                continue
+            place[id(each)] = len(place)
+            one = compiled.get(type(each))
+            if one is None:
+                one = compiled[type(each)] = Compiled(RULES[type(each)])
+            key.append(self._number(each, one))
+            if one.parts is not None:
+                waiting.extend(one.parts(each))
+        return tuple(key)
+
+    def _number(self, each: Any, one: Compiled) -> int:
+        cls, roots = type(each), self._roots
+        if one.when is None or one.when(each, roots):
+            raw = one.plain(each)
+            number = one.known.get(raw)
+            if number is None:
+                number = one.known[raw] = self._interned(cls, _reduced(raw, one.rules))
+        else:
+            number = self._interned(cls, "nothing of it is read now")
+        if not one.special:
+            return number
+        return self._interned(cls, (number, *[rule(each, roots) for rule in one.special]))
+
+    def _interned(self, cls: type, values: object) -> int:
+        number = self._values.get((cls, values))
+        if number is None:
+            number = self._values[cls, values] = len(self.texts)
+            self.texts.append((cls, values))
+        return number
+
+    def differences(self, one: tuple[int, ...], other: tuple[int, ...]) -> list[str]:
+        """Where two keys differ, in words."""
+        return [f"{self._words(a)} | {self._words(b)}" for a, b in zip(one, other, strict=False) if a != b]
+
+    def _words(self, number: int) -> str:
+        if number < 0:
+            return str(number)
+        cls, values = self.texts[number]
+        if isinstance(values, tuple) and values and isinstance(values[0], int):
+            return f"{self._words(values[0])} {values[1:]}"
+        return f"{cls.__name__} {values}"
