@@ -33,6 +33,8 @@ from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery, StopRecord
+from gantryctl.program.monitors.site import SiteInterlocks
+from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import RISING
@@ -171,16 +173,16 @@ RULES: Final[dict[type, Rules]] = {
         special={"_last": _levels("_last")},
     ),
     Axis: Rules(
-        same="_error _events _settled _switching_off state",
+        same="_error _events _settled _switching_off state system_stop",
         number="pos_act_rad pos_err_rad vel_cmd_rad_s",
-        part="alarms brake_test feedback interlocks monitors motion power recovery virtual",
+        part="alarms brake_test feedback interlocks monitors motion power recovery virtual _site thermal",
         clock="scan time_s refusal_count",
         fixed="_law _park_scans _ratio _reference _torque_max _vel_max load_side plans settings zero_counts",
         unread="refusal",
         special={"_vel_next": lambda axis, _: _rounded(axis._vel_next) if axis.virtual.following else None},
     ),
     AlarmLog: Rules(
-        same="pending",
+        same="horn pending",
         clock="pos_rad scan time_s",
         unread="history",
         special={
@@ -190,10 +192,14 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Alarm: Rules(same="code reaction", clock="scan time_s pos_rad steps values follows consequences"),
     Feedback: Rules(
-        same="_doubt brake_open encoder_alarm error_code inputs periods position_valid state torque_limited warning",
+        same="_look _old brake_open encoder_alarm error_code in_doubt inputs motor_temp_c periods state "
+        "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",
         count="_late_age unchanged_scans",
-        fixed="_alarms _counts_per_rad _error_scans _errors_max _frozen_scans _frozen_speed _jump_base "
+        # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
+        clock="_drift _step _vel_before",
+        fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
+        "_counts_per_rad _error_scans _errors_max _frozen_scans _frozen_speed _jump_base "
         "_jump_per_speed _old_scans _period_s _ratio",
         special={
             "_late_scan": _since("_late_scan"),
@@ -213,7 +219,7 @@ RULES: Final[dict[type, Rules]] = {
     PowerSequence: Rules(
         same="_drive_owns_brake _parking _unloaded brake_open fault_reset phase request status",
         number="torque_ff_nm",
-        count="_over_envelope _rest_count",
+        count="_driven _held _over_envelope _rest_count",
         part="brake_test holding",
         clock="_pos_rad",
         fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
@@ -225,7 +231,7 @@ RULES: Final[dict[type, Rules]] = {
             # Behind the closed brake only a contact that is late and a watch of one scan are timed.
             "_count": lambda power, _: min(power._count, 3 if power.phase in _RESTING else _CAP),
             "_load_nm": _in_phases("_load_nm", PowerPhase.UNLOADING),
-            "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING),
+            "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING, PowerPhase.TORQUE_HOLD),
         },
     ),
     HoldingTorque: Rules(number="mean_nm preload_nm proof_nm", fixed="_learn _proof_least_nm _torque_max_nm"),
@@ -246,7 +252,20 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Interlocks: Rules(
         same="_code_known _inputs _was_minus _was_plus minus_open plus_open",
-        fixed="_alarms _feedback _overload_warning",
+        fixed="_alarms _feedback",
+    ),
+    SiteInterlocks: Rules(
+        same="_inputs",
+        count="_differ_count",
+        # Chatter is switched off by these settings.
+        clock="_collision _door",
+        fixed="_alarms _chatter_max _chatter_s _differ_scans _door_reaction _feedback _period_s",
+    ),
+    MotorThermal: Rules(
+        same="_blind _hot",
+        number="_bad_s _model share",
+        clock="_due_s _last_s",
+        fixed="_alarms _feedback _refusal _rise_max_c _time_constant_s _torque_rated_nm _warning",
     ),
     Monitors: Rules(
         when=lambda _, roots: roots.axis.virtual.following,
@@ -334,7 +353,7 @@ RULES: Final[dict[type, Rules]] = {
             )
         },
     ),
-    Permit: Rules(same="reasons late", clock="resets", fixed="_axis _events _journal"),
+    Permit: Rules(same="reasons", clock="resets", fixed="_axis _events _journal"),
     Inbox: Rules(part="others", clock="_last_seq first gone time_s", fixed="_commands _replies events"),
     CommandQueue: Rules(
         clock="_count",

@@ -17,6 +17,7 @@ from gantryctl.program.settings import (
     RampSettings,
     SpeedSettings,
     StandstillPolicy,
+    ThermalSettings,
     TravelSettings,
 )
 from gantryctl.units import rad
@@ -62,8 +63,15 @@ def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
             # The drive takes three scans to its enable.
             power_up_time_s=3.5 * PERIOD_S,
         ),
-        # The set-point starts within the scan: its speed is compared with the command of the scan before.
         monitors=replace(
-            MonitorSettings(), velocity_deviation_rad_s=1.5 * SPEED_RAD_S, lease_s=2.0 * PERIOD_S
+            MonitorSettings(),
+            # The set-point starts within the scan: its speed is compared with the command of the scan before, and its
+            # way with the speed before.
+            velocity_deviation_rad_s=1.5 * SPEED_RAD_S,
+            encoder_drift_max_rad=1.5 * WAY_RAD,
+            lease_s=2.0 * PERIOD_S,
+            chatter_time_s=-1.0,
         ),
+        # The motor is as warm as its torque says now, and never warm.
+        thermal=replace(ThermalSettings(), torque_rated_nm=1e6, time_constant_s=1e-9),
     )

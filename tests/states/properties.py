@@ -67,7 +67,7 @@ def violations(before: Before, event: Event, world: World) -> list[str]:
     """Every property that this scan has broken, in words."""
     return [
         f"{judge.__name__}: {said}"
-        for judge in (clean_wire, latched, asked_for, load_held, torque_off_stays, stop_accepted, told)
+        for judge in (clean_wire, latched, asked_for, load_held, doubted, torque_off_stays, stop_accepted, told)
         for said in judge(before, event, world)
     ]
 
@@ -149,6 +149,14 @@ def load_held(before: Before, _: Event, world: World) -> list[str]:
     if goes_off and power.phase is not PowerPhase.TORQUE_OFF and drive.brake_open and not contact_lies:
         found.append(f"torque off in {power.phase.name} with the brake open")
     return found
+
+
+def doubted(_: Before, __: Event, world: World) -> list[str]:
+    """A reading in doubt: torque off and brake, in every phase, in the scan that doubts it."""
+    output = world.output
+    if world.axis.feedback.in_doubt and (output.brake_open or output.request in _TORQUE):
+        return [f"{output.request.name} in {world.axis.power.phase.name} with the reading in doubt"]
+    return []
 
 
 def torque_off_stays(before: Before, _: Event, world: World) -> list[str]:

@@ -55,7 +55,7 @@ class Keeper:
         self._kept = kept
         self._kinds: dict[type, tuple[tuple[str, ...], Callable[[Any], Any]] | None] = {}
 
-    def take(self, before: Snapshot = ()) -> Snapshot:  # type: ignore[assignment]
+    def take(self, before: Snapshot) -> Snapshot:
         """State of now; entries that are as in `before` are shared with it."""
         old = {id(entry.target): entry for entry in before}
         seen: set[int] = set()

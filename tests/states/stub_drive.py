@@ -39,6 +39,8 @@ class Standing(StrEnum):
     MAINS = "mains not ready"
     LIMIT_PLUS = "limit switch plus open"
     LIMIT_MINUS = "limit switch minus open"
+    COLLISION = "collision interlock open"
+    DOOR = "room door open"
     SWITCH = "enabling switch released"
     FAULT = "drive fault"
     STUCK = "drive obeys no request"
@@ -123,6 +125,8 @@ class StubDrive:
                 Standing.LIMIT_MINUS not in on,
                 Standing.LIMIT_PLUS not in on,
                 Standing.MAINS not in on,
+                collision_ok=Standing.COLLISION not in on,
+                door_ok=Standing.DOOR not in on,
             ),
             0.0,
             link,

@@ -46,7 +46,7 @@ PEOPLE = Alphabet(
         "sil",
     ),
     (),
-    without_right=without_right(),
+    without_right=without_right()[::2],
 )
 WHOLE = Alphabet(buttons(), tuple(Standing), tuple(Once))
 ALL_PEOPLE = Alphabet(commands(), (S.ESTOP,), without_right=without_right())

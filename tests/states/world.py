@@ -47,7 +47,7 @@ class World:
         self.wires = Wire(), Wire()
         if people:
             journal: Any = Journal()
-            self.inbox = Inbox(self.wires, (Wire(), Wire()), journal)  # type: ignore[arg-type]
+            self.inbox = Inbox(self.wires, (Wire(), Wire()), journal)
             self.operator = ServiceOperator(
                 _MACHINE,
                 self.program,
