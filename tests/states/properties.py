@@ -67,7 +67,16 @@ def violations(before: Before, event: Event, world: World) -> list[str]:
     """Every property that this scan has broken, in words."""
     return [
         f"{judge.__name__}: {said}"
-        for judge in (clean_wire, latched, asked_for, load_held, doubted, torque_off_stays, stop_accepted, told)
+        for judge in (
+            clean_wire,
+            latched,
+            asked_for,
+            load_held,
+            doubted,
+            torque_off_stays,
+            stop_accepted,
+            told,
+        )
         for said in judge(before, event, world)
     ]
 
