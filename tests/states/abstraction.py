@@ -35,6 +35,7 @@ from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery, StopRecord
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
+from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import RISING
@@ -234,7 +235,9 @@ RULES: Final[dict[type, Rules]] = {
             "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING, PowerPhase.TORQUE_HOLD),
         },
     ),
-    HoldingTorque: Rules(number="mean_nm preload_nm proof_nm", fixed="_learn _proof_least_nm _torque_max_nm"),
+    HoldingTorque: Rules(
+        number="mean_nm preload_nm proof_nm", fixed="_learn _learn_max_nm _proof_least_nm _torque_max_nm"
+    ),
     BrakeTest: Rules(
         same="outcome phase",
         number="_correction _mean _preload_nm on_brake_nm",
@@ -267,7 +270,17 @@ RULES: Final[dict[type, Rules]] = {
         clock="_due_s _last_s",
         fixed="_alarms _feedback _refusal _rise_max_c _time_constant_s _torque_rated_nm _warning",
     ),
+    TorqueWatch: Rules(
+        when=lambda _, roots: roots.axis.virtual.following,
+        same="_pulled _suspicious",
+        number="_last_nm _mean_nm _missing _vel_start",
+        count="_blocked _leap _lost",
+        fixed="_alarms _blocked_scans _effort_share _feedback _holding _known _leap_nm _leap_scans _lost_scans "
+        "_mean_share _nothing_nm _off_nm _off_scans _period_s",
+        special={"_off": lambda watch, _: min(watch._off, _CAP)},
+    ),
     Monitors: Rules(
+        part="_torque_watch",
         when=lambda _, roots: roots.axis.virtual.following,
         same="_at_rest _in_window in_position not_in_position",
         number="_error_at_saturation _over_travel_minus _over_travel_plus",
@@ -365,7 +378,7 @@ RULES: Final[dict[type, Rules]] = {
     ),
     StubDrive: Rules(
         same="brake_open faults race slipped standing state",
-        number="pos_rad vel_rad_s",
+        number="pos_rad shown_rad_s vel_rad_s",
     ),
     Panel: Rules(special={"levels": _levels("levels")}),
     Now: Rules(clock="time_s"),

@@ -56,6 +56,7 @@ def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
         law=LawSettings(1.0, 1.0, 100.0, 1 << 22, 1 << 12, 0.0),
         power=PowerSettings(
             torque_max_nm=385.0,
+            torque_rated_nm=257.0,
             standstill=StandstillPolicy.BRAKE if parks else StandstillPolicy.SERVO,
             hold_brake_after_s=2.0 * PERIOD_S,
             torque_preload=torque_preload,
@@ -65,9 +66,7 @@ def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
         ),
         monitors=replace(
             MonitorSettings(),
-            # The set-point starts within the scan: its speed is compared with the command of the scan before, and its
-            # way with the speed before.
-            velocity_deviation_rad_s=1.5 * SPEED_RAD_S,
+            # The speed shown is the command of the scan before; the way is that of the set-point.
             encoder_drift_max_rad=1.5 * WAY_RAD,
             lease_s=2.0 * PERIOD_S,
             chatter_time_s=-1.0,

@@ -69,17 +69,28 @@ class StubDrive:
 
     Attributes:
         standing: conditions that stand now.
+        shown_rad_s: speed reading: that of the command before, while the drive obeys it.
         slipped: the next reading shows the load beside where it stood.
         race: the next reading shows a speed that is far too high.
         faults: how many have happened since the axis was last without any.
     """
 
-    __slots__ = ("brake_open", "faults", "pos_rad", "race", "slipped", "standing", "state", "vel_rad_s")
+    __slots__ = (
+        "brake_open",
+        "faults",
+        "pos_rad",
+        "race",
+        "shown_rad_s",
+        "slipped",
+        "standing",
+        "state",
+        "vel_rad_s",
+    )
 
     def __init__(self) -> None:
         self.state = DriveState.SWITCH_ON_DISABLED
         self.brake_open = False
-        self.pos_rad = self.vel_rad_s = 0.0
+        self.pos_rad = self.vel_rad_s = self.shown_rad_s = 0.0
         self.standing: frozenset[Standing] = frozenset()
         self.slipped = self.race = False
         self.faults = 0
@@ -104,7 +115,7 @@ class StubDrive:
         link = LinkFlag.HEARTBEAT_LOST if Standing.SILENT in on else LinkFlag.NONE
         link |= LinkFlag.OTHER_MASTER if Standing.FOREIGN in on else LinkFlag.NONE
         angle, self.slipped = self.pos_rad + self._offset_rad, False
-        speed = self.vel_rad_s
+        speed = self.shown_rad_s
         if self.race:
             speed, self.race = _TOO_FAST * axis.settings.speed.overspeed_trip_rad_s, False
         return DriveFeedback(
@@ -156,6 +167,8 @@ class StubDrive:
         enabled = self.state in ENABLED
         self.brake_open = enabled and (output.brake_open or Standing.OWNS_BRAKE in on)
         self._move(axis)
+        obeys = self.state is DriveState.OPERATION_ENABLED and self.brake_open
+        self.shown_rad_s = output.vel_cmd_rad_s / axis.settings.law.ratio if obeys else self.vel_rad_s
         if not self.standing and not axis.alarms.active:
             self.faults = 0
 
