@@ -236,7 +236,14 @@ RULES: Final[dict[type, Rules]] = {
         },
     ),
     HoldingTorque: Rules(
-        number="mean_nm preload_nm proof_nm", fixed="_learn _learn_max_nm _proof_least_nm _torque_max_nm"
+        same="believed",
+        number="mean_nm preload_nm",
+        special={
+            "proof_nm": lambda holding, roots: (
+                _rounded(holding.proof_nm) if roots.axis.power.phase in _PROVEN else None
+            )
+        },
+        fixed="_learn _learn_max_nm _proof_least_nm _torque_max_nm",
     ),
     BrakeTest: Rules(
         same="outcome phase",
