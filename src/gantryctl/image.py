@@ -62,6 +62,8 @@ class LinkFlag(IntFlag):
     """Another node sends frames that only the controller may send."""
     IGNORES_COMMAND = 32
     """The drive is enabled and does not follow the speed command."""
+    LATE = 64
+    """A telegram of the drive is missing in this scan: see the ages."""
 
 
 class DigitalInputs(NamedTuple):
@@ -104,7 +106,7 @@ class DriveFeedback(NamedTuple):
     error_code: int = 0
     warning: bool = False
     age_scans: int = 0
-    """Age of this reading in scans: 0 when it belongs to this scan."""
+    """Age of state, position and torque in scans: 0 when they belong to this scan."""
     inputs: DigitalInputs = DigitalInputs()
     pos_ring_rad: float = 0.0
     """Second, load-side encoder at the gantry, zeroed at 0 deg; 0 without one, NaN for an invalid reading."""
@@ -113,6 +115,11 @@ class DriveFeedback(NamedTuple):
     """Parameter of the drive that differs from its set value: which, want, have."""
     motor_temp_c: float | None = None
     """Temperature of the winding; None without a sensor, out of any range for one that is open or shorted."""
+    speed_age_scans: int = 0
+    inputs_age_scans: int = 0
+    """Age of inputs and brake contact."""
+    brake_contact: bool = True
+    """False without a contact: `brake_open` is what the brake must have done."""
 
 
 class DriveIdentity(NamedTuple):

@@ -124,6 +124,19 @@ class BusRig:
         assert abs(self.ticks[-1].vel_deg_s - speed_deg_s) < 0.2, self.ticks[-1]
         return self
 
+    # --- on the bus ----------------------------------------------------------------------------------------------
+
+    def foreign(self, can_id: int, data: bytes, *, seen: bool = True) -> None:
+        """Let another node send a frame; `seen`: the controller receives it too."""
+        if seen:
+            self.node._out(can_id, data)
+        self.node.on_frame(can_id, data)
+
+    def drop_telegram(self, number: int, count: int | None = None) -> None:
+        """Lose a TPDO on its way, for good or so many times."""
+        request = {"cmd": "inject", "fault": "tpdo", "tpdo": number, "kind": "drop"}
+        assert self.ask(request | ({} if count is None else {"count": count}))["ok"]
+
     # --- what happened -----------------------------------------------------------------------------------------
 
     @property

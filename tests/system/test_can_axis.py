@@ -103,7 +103,7 @@ def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
         ("freeze_position", True, ("ENC-02", "CTL-05"), 2.1),
         ("command_sign", -1, ("CTL-05", "CTL-03", "ENC-01"), 2.1),
         ("no_torque", True, ("CTL-05", "CTL-03", "BRK-05"), 2.1),
-        ("silence", True, ("CAN-07", "CAN-06"), 2.1),  # out of reach: its own watch must stop it
+        ("silence", True, ("CAN-03", "CAN-06"), 2.1),  # out of reach: its own watch must stop it
     ],
 )
 def test_a_drive_that_lies_in_motion_is_caught(

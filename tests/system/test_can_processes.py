@@ -73,7 +73,7 @@ def test_a_killed_drive_is_an_alarm_within_three_syncs(
     found = scenario("kill_drive", tmp_path)
     evidence("can_kill_drive", {"alarms": found["out"]["alarms"]})
     assert found["out"]["exit_code"] == 4
-    assert "CAN-07" in found["err"]
+    assert "CAN-03" in found["err"]
     assert "30 ms old" in found["err"]  # three SYNC periods of 10 ms
 
 

@@ -49,6 +49,7 @@ class Feedback:
         counts: encoder count used this scan; a single bad reading is replaced by a prediction.
         vel_rad_s: the drive's speed at the gantry.
         pos_ring_rad: reading of a load-side encoder, unchecked; 0 without one.
+        state_old: the state is unknown because its telegram is missing, not because the drive shows another.
         unchanged_scans: scans without a new count while a speed is commanded.
         periods: scan periods since the scan before: 1, and more where scans were missed. Every count of scans that
             stands for a time counts these (decision 5).
@@ -56,11 +57,12 @@ class Feedback:
 
     __slots__ = (
         "_alarms", "_bad_scans", "_battery", "_change_base", "_change_max", "_counts_per_rad", "_drift",
-        "_drift_keep", "_drift_max", "_error_scans", "_errors_max", "_frozen_scans", "_frozen_speed",
+        "_drift_keep", "_drift_max", "_error_scans", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
         "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
-        "_ratio", "_stands_from", "_step", "_vel_before", "_vel_max", "brake_open", "counts", "encoder_alarm",
-        "error_code", "in_doubt", "inputs", "motor_temp_c", "overload", "periods", "pos_ring_rad", "state",
-        "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
+        "_ratio", "_speed_age", "_stands_from", "_step", "_vel_before", "_vel_max", "_was_energised", "brake_contact",
+        "brake_open", "counts", "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload",
+        "periods", "pos_ring_rad", "state", "state_old", "torque_limited", "torque_nm", "unchanged_scans",
+        "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
@@ -100,6 +102,9 @@ class Feedback:
         self._look = self.encoder_alarm = self.in_doubt = self._old = False
         self._drift = self._step = self._vel_before = 0.0
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
+        self._speed_age = self._inputs_age = 0
+        self.brake_contact = True
+        self._was_energised = self.state_old = False
         self.state = DriveState.UNKNOWN
         self.inputs = DigitalInputs()
         self.motor_temp_c: float | None = None
@@ -114,11 +119,14 @@ class Feedback:
 
     def scan(self, drive: DriveFeedback, vel_cmd_rad_s: float) -> None:
         """Take the reading of this scan; `vel_cmd_rad_s` is the speed command of the last scan, motor side."""
+        state_before = self.state
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
             encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link, changed,
-            self.motor_temp_c,
+            self.motor_temp_c, self._speed_age, self._inputs_age, self.brake_contact,
         ) = drive  # fmt: skip
+        if self.state is not state_before:
+            self._state_changed(state_before)
         if link:
             self._link(link, age)
         if changed:
@@ -178,6 +186,26 @@ class Feedback:
             return Words.AT_UNKNOWN
         return Words.AT_SPEED(value=deg(pos_rad), speed=deg(self.vel_rad_s))
 
+    @property
+    def speed_known(self) -> bool:
+        """The speed is not older than a reading may be."""
+        return self._speed_age < self._old_scans
+
+    @property
+    def brake_known(self) -> bool:
+        """A contact says whether the brake is open, and its telegram is not too old."""
+        return self.brake_contact and self._inputs_age < self._old_scans
+
+    @property
+    def energised(self) -> bool:
+        """The motor has torque; of a drive that is not heard any more, whether it had."""
+        return self.state in ENABLED or (self.state is DriveState.UNKNOWN and self._was_energised)
+
+    def _state_changed(self, before: DriveState) -> None:
+        if before is not DriveState.UNKNOWN:
+            self._was_energised = before in ENABLED
+        self.state_old = False
+
     def _link(self, link: LinkFlag, age: int) -> None:
         """Raise the alarm of the connection to the drive; the reading of a lost drive is not valid."""
         # A drive that booted again has lost its mapping: what arrives may be anything.
@@ -186,6 +214,23 @@ class Feedback:
         for flag, code in _LINK_CODES:
             if link & flag:
                 self._alarms.raise_(code)
+                break
+        # It follows from whatever else is wrong, and locks.
+        if link & LinkFlag.OTHER_MASTER:
+            self._alarms.raise_(Code.CAN_12)
+        if link & LinkFlag.LATE and not link & _LOST:
+            self._late(age)
+
+    def _late(self, age: int) -> None:
+        """Raise CAN-03 for a telegram that is missing for too long; a state that is too old is not known."""
+        if age >= self._old_scans:
+            self._state_changed(self.state)
+            self.state, self.state_old = DriveState.UNKNOWN, True
+        for words, each in ((Words.TELEGRAM_POSITION, age), (Words.TELEGRAM_INPUTS, self._inputs_age)):
+            if each >= self._old_scans:
+                period_ms = self._period_s * 1e3
+                limit = self._old_scans * period_ms
+                self._alarms.raise_(Code.CAN_03, measured=words, time_ms=each * period_ms, limit=limit)
                 return
 
     def _look_closely(
@@ -212,7 +257,7 @@ class Feedback:
         missed = self._late_age if scan - self._late_scan <= 1 + self.periods else 0
         self._look = self.encoder_alarm or age > 0
         self._old = age >= self._old_scans
-        if self._old:
+        if self._old and Code.CAN_03 not in self._alarms.active:
             period_ms = self._period_s * 1e3
             self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
         # A late telegram may have been sampled late too: one scan more.

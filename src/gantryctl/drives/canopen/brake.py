@@ -9,6 +9,8 @@ from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.image import DriveRequest, DriveState
 
 _ENABLED: Final = DriveState.OPERATION_ENABLED
+# 60FE, bit 0 (CiA 402): set the brake.
+_SET_BRAKE: Final = 1
 # Beyond the closing time of the machine file; after that the torque goes off whether the drive has followed or not.
 _RESERVE_S: Final = 0.2
 
@@ -26,8 +28,9 @@ class BrakeControl:
     def __init__(self, settings: CanopenSettings) -> None:
         self._by_60fe = settings.brake_owner == "object_60FE"
         self._most = round((settings.brake_close_s + _RESERVE_S) / settings.period_s)
+        self._close = round(settings.brake_close_s / settings.period_s)
         self._was_released = False
-        self._closing = 0
+        self._closing = self._close if self._by_60fe else 0
         self._closed_in_order = False
         self.released = False
         """Release command for 60FE; always False for a brake that the drive owns."""
@@ -36,6 +39,7 @@ class BrakeControl:
         """Controlword with an orderly way down where the drive owns the brake."""
         if self._by_60fe:
             self.released = brake_open and state in TURNING
+            self._closing = 0 if self.released else self._closing + 1
             return word
         if request is not DriveRequest.ENABLE or brake_open:
             self._closed_in_order = False
@@ -53,8 +57,13 @@ class BrakeControl:
         self._closed_in_order = request is DriveRequest.ENABLE
         return DISABLE_OPERATION
 
+    @property
+    def output(self) -> int:
+        """Value for 60FE:01."""
+        return 0 if self.released else _SET_BRAKE
+
     def is_open(self, state: DriveState, contact: bool | None) -> bool:
-        """State of the brake contact; without one, what the drive must have done."""
+        """State of the brake contact; without one, what the brake must have done by its closing time."""
         if contact is not None:
             return contact
-        return self.released if self._by_60fe else state in TURNING
+        return self._closing < self._close if self._by_60fe else state in TURNING

@@ -14,6 +14,7 @@ from gantryctl.drives.base import SimulatedPlant
 from gantryctl.drives.canopen.brake import BrakeControl
 from gantryctl.drives.canopen.bus.link import BusLink
 from gantryctl.drives.canopen.bus.node import LATCHED, LOST, NmtCommand, RemoteNode, connection_flags
+from gantryctl.drives.canopen.bus.requests import SdoRequests
 from gantryctl.drives.canopen.cia402 import (
     DISABLE_VOLTAGE,
     ENABLE_OPERATION,
@@ -29,6 +30,7 @@ from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, open_node, write_restart_marker
 from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict
 from gantryctl.drives.canopen.setup.parameter_watch import ParameterWatch
+from gantryctl.drives.canopen.stop_by_sdo import StopBySdo
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     SAFE_OUTPUT,
@@ -47,6 +49,8 @@ _FIRST_ANSWER_S: Final = 0.5
 _CLOSE_S: Final = 3.0
 # A controlword acts at the next SYNC and shows at the one after (decision 0012); one scan more is granted.
 _OBEYED_SCANS: Final = 3
+# Scans without any answer to SYNC after which a stop is asked for by SDO as well.
+_SILENT_SCANS: Final = 2
 _REST_RAD_S: Final = 0.02
 _TORQUE_TAKEN: Final = (
     # A drive opens its brake against the preload (60B2) before it shows Operation enabled.
@@ -67,6 +71,7 @@ class CanopenDrive:
 
     Attributes:
         node: NMT, SDO, emergency messages.
+        requests: SDO behind the process data.
         opened: identity, parameter check and mapping; after `open`.
         parameter_watch: the same parameters, read again while the axis runs.
         commanded: the program has written: heartbeats are sent, and the drive watches the controller.
@@ -104,7 +109,9 @@ class CanopenDrive:
         settings, node = self.settings, self.node
         self.opened = opened
         self.process = ProcessImage(node, settings, opened.units, opened.mapping, before)
-        self.parameter_watch = ParameterWatch(node, opened.kept, settings.period_s)
+        self.requests = SdoRequests(node)
+        self.parameter_watch = ParameterWatch(self.requests, opened.kept, settings.period_s)
+        self._stop_by_sdo = StopBySdo(node, self.requests, settings)
         self._brake, self._controlword = BrakeControl(settings), DISABLE_VOLTAGE
         self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
         self._flags, self._enabling = LinkFlag.NONE, 0
@@ -205,7 +212,15 @@ class CanopenDrive:
         vel = output.vel_cmd_rad_s if enabled else 0.0
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
-            self.process.send(word, vel, torque, self._brake.released)
+            brake = self._brake.output
+            # Behind one missing SYNC answer there may be a drive that takes no commands either.
+            if self.silent_heartbeat:
+                pass  # a proof: what the drive does is its own doing
+            elif self._flags & LOST or self.process.silence >= _SILENT_SCANS:
+                self._stop_by_sdo.scan(word, brake, self._passed)
+            else:
+                self._stop_by_sdo.forget()
+            self.process.send(word, vel, torque, brake)
             # A fault without EMCY, and without 603F in a telegram, is completed by an SDO read of 603F (decision
             # 0012).
             unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
@@ -226,7 +241,8 @@ class CanopenDrive:
         self.scan += periods
         node.scan = self.scan
         # A drive that left OPERATIONAL takes no command; if it still turns, silence makes its own watch stop it.
-        speaks = self.commanded and not self.silent_heartbeat and not self._flags & LinkFlag.NOT_OPERATIONAL
+        deaf = self._flags & LinkFlag.NOT_OPERATIONAL and process.silence
+        speaks = self.commanded and not self.silent_heartbeat and not deaf
         if speaks and self.scan >= self._heartbeat_due:
             node.heartbeat()
             self._heartbeat_due = self.scan + self.settings.heartbeat_scans
@@ -250,7 +266,8 @@ class CanopenDrive:
         process = self.process
         flags = self._flags = self._link_flags()
         status = process.statusword
-        state = DriveState.UNKNOWN if flags & LOST else self._shown(decode_statusword(status), status)
+        # Of a drive that is lost only what it has said by SDO since counts.
+        state = self._stop_by_sdo.state if flags & LOST else self._shown(decode_statusword(status), status)
         inputs, brake = process.inputs()
         brake_open = self._brake.is_open(state, brake)
         code = process.error_code or self.node.emergencies.code or self.parameter_watch.error_code
@@ -269,6 +286,9 @@ class CanopenDrive:
             inputs,
             link=flags,
             changed="" if flags & LOST else self.parameter_watch.line,
+            speed_age_scans=process.speed_age,
+            inputs_age_scans=process.inputs_age,
+            brake_contact=brake is not None,
         )
 
     def _shown(self, state: DriveState, status: int) -> DriveState:
@@ -285,6 +305,8 @@ class CanopenDrive:
         flags = connection_flags(
             self.node, self._flags, commanded=self.commanded, timeout_scans=self._heartbeat_timeout
         )
+        if self.process.age or self.process.inputs_age:
+            flags |= LinkFlag.LATE
         return flags | LinkFlag.IGNORES_COMMAND if self.commanded and self._ignores_command() else flags
 
     def _ignores_command(self) -> bool:

@@ -17,10 +17,8 @@ from gantryctl.image import DigitalInputs
 _ALL_GOOD: Final = DigitalInputs()
 _TIMES_KEPT: Final = 5000
 # A position whose telegram is missing goes on with its last speed for this time: an old reading in the position loop
-# is a step of the speed command (decision 0012). After that the program stops the axis (CAN-07).
+# is a step of the speed command (decision 0012). After that the program stops the axis (CAN-03).
 _CARRIED_S: Final = 0.030
-# 60FE, bit 0 (CiA 402): set the brake.
-_BRAKE_CLOSED: Final = 1
 
 
 # 6064 is a 32-bit number; some drives wrap it at their multiturn range instead (CiA 402 leaves it open).
@@ -91,6 +89,8 @@ class ProcessImage:
         self._identifiers = [0x200 + 0x100 * pdo.number + settings.node for pdo in mapping.rpdos]
         self._rpdos = mapping.rpdos
         self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
+        self._first = self.watches[0]
+        self._speed = self.watches[_telegram_of(m.VELOCITY, mapping)]
         self._fields = tuple(_fields(pdo) for pdo in mapping.tpdos)
         turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
         self._unwrap: Unwrap = (
@@ -140,7 +140,7 @@ class ProcessImage:
         self._counts_before = self.counts if self.complete else None
         for watch in self.watches:
             watch.begin(periods)
-        self._span_s = self.watches[0].age * self._period_s
+        self._span_s = self._first.age * self._period_s
 
     def collect(self, answer_s: float) -> None:
         """Wait for the answers to SYNC, at most `answer_s`; dispatch every other frame meanwhile."""
@@ -159,18 +159,22 @@ class ProcessImage:
             self.answer_times_s.append(link.now_s() - end + answer_s)
         for watch in self.watches:
             watch.end()
-        # Without 606C the speed is the difference of 6064 over the time between two telegrams.
-        if not self._has_velocity and self._counts_before is not None and not self.watches[0].age:
+        # Without 606C, or its telegram, the speed is the difference of 6064 over the time between two telegrams.
+        if (
+            (self._speed.age or not self._has_velocity)
+            and self._counts_before is not None
+            and not self._first.age
+        ):
             step = self.counts - self._counts_before
             self._vel_rad_s = step / self._span_s * self._units.rad_per_increment
 
-    def send(self, word: int, vel_rad_s: float, torque_nm: float, brake_released: bool) -> None:
+    def send(self, word: int, vel_rad_s: float, torque_nm: float, outputs: int) -> None:
         """Send the RPDOs."""
         values = {
             m.CONTROLWORD: word,
             m.TARGET_VELOCITY: self._units.velocity(vel_rad_s),
             m.TORQUE_OFFSET: self._units.torque(torque_nm),
-            m.OUTPUTS: 0 if brake_released else _BRAKE_CLOSED,
+            m.OUTPUTS: outputs,
         }
         for can_id, pdo in zip(self._identifiers, self._rpdos, strict=True):
             data = b"".join(
@@ -188,13 +192,28 @@ class ProcessImage:
 
     @property
     def age(self) -> int:
-        """Age of the oldest telegram, in scans."""
-        return max(watch.age for watch in self.watches)
+        """Age of state, position and torque, in scans."""
+        return self._first.age
+
+    @property
+    def speed_age(self) -> int:
+        """Age of the speed, in scans; without its telegram it comes from the position."""
+        return min(self._speed.age, self._first.age)
+
+    @property
+    def inputs_age(self) -> int:
+        """Age of the last telegram, in scans: inputs and brake contact."""
+        return self.watches[-1].age
+
+    @property
+    def silence(self) -> int:
+        """Scans without any telegram."""
+        return min(watch.age for watch in self.watches)
 
     @property
     def position(self) -> int:
         """6064, continuous, extrapolated to this scan's SYNC."""
-        late_s = min(self.watches[0].age * self._period_s, _CARRIED_S)
+        late_s = min(self._first.age * self._period_s, _CARRIED_S)
         if late_s == 0.0:
             return self.counts
         return self.counts + round(self.vel_rad_s * late_s / self._units.rad_per_increment)
@@ -207,7 +226,7 @@ class ProcessImage:
     @property
     def vel_rad_s(self) -> float:
         """606C, or differences of 6064; motor side."""
-        if self._has_velocity:
+        if self._has_velocity and self._speed.age <= self._first.age:
             return self._raw[m.VELOCITY] * self._units.rad_s_per_unit
         return self._vel_rad_s
 
@@ -256,3 +275,8 @@ def _fields(pdo: Pdo) -> tuple[tuple[Signal, int, int], ...]:
         found.append((signal, at, at + signal.bits // 8))
         at += signal.bits // 8
     return tuple(found)
+
+
+def _telegram_of(signal: Signal, mapping: Mapping) -> int:
+    """Number of the telegram that a signal comes with; 0, the first, for one that is not mapped."""
+    return next((n for n, pdo in enumerate(mapping.tpdos) if signal in pdo.signals), 0)

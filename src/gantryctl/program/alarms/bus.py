@@ -15,6 +15,16 @@ _CABLE: Final = (
 _CABLE_ZH: Final = "检查总线电缆、终端电阻和负载。断电后复位或重新启动：驱动器将被重新设置。"
 
 BUS: Final = (
+    # Fault catalogue E4, E5: the drive's own loop is sound, so its ramp is; what is old is not believed meanwhile.
+    Definition(
+        Code.CAN_03, _STOP, _QS,
+        Text("Telegram of the drive missing",
+             "No telegram with {measured} from the drive for {time_ms:.0f} ms, limit {limit:.0f} ms",
+             "The drive's telegrams are lost or come late.",
+             "Check bus cable, terminators and load, then reset."),
+        Text("驱动器报文缺失", "已有 {time_ms} ms 没有收到驱动器的{measured}报文，限值 {limit} ms",
+             "驱动器的报文丢失或迟到。", "检查总线电缆、终端电阻和负载，然后复位。"),
+    ),
     # Fault catalogue E9: a drive that is not heard cannot be told to stop; the brake can.
     Definition(
         Code.CAN_06, _STOP, _TO,
@@ -46,9 +56,10 @@ BUS: Final = (
         Text("Another master on the bus",
              "Telegrams that only this controller may send came from another sender",
              "A second controller, or a service tool that takes part in control.",
-             "Take it off the bus, then reset."),
+             "Take it off the bus. Service resets, with power off: the drive is set up again."),
         Text("总线上有另一个主站", "只有本控制器可以发送的报文来自别处",
-             "有第二个控制器，或参与控制的维修工具。", "将其从总线上移除，然后复位。"),
+             "有第二个控制器，或参与控制的维修工具。", "将其从总线上移除。由维修人员复位。"),
+        lock=True,
     ),
     # Fault catalogue E16: outside OPERATIONAL the drive takes no process data.
     Definition(

@@ -73,6 +73,7 @@ class Code(StrEnum):
     CTL_16 = "CTL-16"
     CTL_17 = "CTL-17"
     CTL_21 = "CTL-21"
+    CAN_03 = "CAN-03"
     CAN_06 = "CAN-06"
     CAN_07 = "CAN-07"
     CAN_08 = "CAN-08"

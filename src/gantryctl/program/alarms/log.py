@@ -162,6 +162,13 @@ class AlarmLog:
         elif reaction >= Reaction.QUICK_STOP:
             self.first_out = alarm
 
+    def locate(self) -> None:
+        """Give the alarms of this scan the angle of this scan: some are raised before it is computed."""
+        for alarm in reversed(self.history):
+            if alarm.scan != self.scan:
+                return
+            alarm.pos_rad = self.pos_rad
+
     def complete(self, code: Code, /, **values: object) -> None:
         """Complete an active alarm with values that were not known when it was raised."""
         alarm = self.active.get(code)

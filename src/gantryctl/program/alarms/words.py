@@ -70,6 +70,9 @@ class Words(Enum):
         "{count:.0f} overruns within 1 s (limit {limit:.0f})",
         "1 s 内超限 {count} 次（限值 {limit} 次）",
     )
+    # Telegrams of a drive on a bus (CAN-03).
+    TELEGRAM_POSITION = "state and position", "状态和位置"
+    TELEGRAM_INPUTS = "speed and inputs", "速度和输入"
 
     # States of the drive, in the words of IEC 61800-7-201 (CiA 402).
     STATE_UNKNOWN = "an unknown state", "未知状态"
@@ -91,6 +94,9 @@ class Words(Enum):
     AT_REST_AFTER = "at rest after {time_ms:.0f} ms", "{time_ms} ms 后静止"
     TORQUE_OFF_AFTER = "torque off after {time_ms:.0f} ms", "{time_ms} ms 后转矩切断"
     BRAKE_CLOSED_AFTER = "brake closed after {time_ms:.0f} ms", "{time_ms} ms 后制动器抱紧"
+    TORQUE_OFF_SEEN = "torque seen off after {time_ms:.0f} ms", "{time_ms} ms 后确认转矩已切断"
+    TORQUE_UNKNOWN = "whether the torque is off is not known", "转矩是否已切断未知"
+    BRAKE_COMMANDED = "brake commanded closed, not confirmed", "已指令制动器抱紧，未经确认"
     MOVED_TO = "gantry moved {way:.2f} deg to {position:.2f} deg", "机架移动 {way}° 至 {position}°"
     ANGLE_UNKNOWN = "the angle is not known", "角度未知"
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
+from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
-from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
+from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
 from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings
@@ -19,33 +20,39 @@ class StopRecord:
 
     __slots__ = (
         "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
-        "_was_open", "_was_torque", "alarm", "finished",
+        "_torque_unseen", "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
     def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback) -> None:
         self.alarm = alarm
         self._period_s = period_s
         self._was_open = feedback.brake_open
-        self._was_torque = feedback.state in ENABLED
+        self._was_torque = feedback.energised
         self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
         self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
+        self._torque_unseen = False
         self.finished = False
 
     def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
         """Record one scan; `falling`: the stop is still under way."""
-        if self._brake_scan < 0 and not feedback.brake_open:
+        if self._brake_scan < 0 and not feedback.brake_open and feedback.brake_known:
             self._brake_scan = scan
-        if self._torque_scan < 0 and feedback.state not in ENABLED:
-            self._torque_scan = scan
-        if not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S:
+        if self._torque_scan < 0:
+            # A state that was not known in between shows that the torque is off, not since when.
+            self._torque_unseen = self._torque_unseen or feedback.state is DriveState.UNKNOWN
+            if not feedback.energised:
+                self._torque_scan = scan
+        if not feedback.speed_known or not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S:
             self._slow_scan = -1
         elif self._slow_scan < 0:
             self._slow_scan = scan
         # Speed and angle of a wrong or frozen encoder say nothing, nor do they where it was so for a while.
-        self._angle_known = self._angle_known and feedback.position_valid
+        self._angle_known = self._angle_known and not feedback.in_doubt
         if not falling:
             self._rest_pos_rad = pos_rad
+            # An old reading says nothing either; it may have come again.
+            self._angle_known = self._angle_known and feedback.position_valid
             self.finished = True
             self.alarm.steps = self._steps()
 
@@ -54,7 +61,11 @@ class StopRecord:
         hold = Words.TORQUE_KEPT in alarm.steps
         steps = (
             (self._slow_scan, Words.AT_REST_AFTER, self._slow_scan > alarm.scan and self._angle_known),
-            (self._torque_scan, Words.TORQUE_OFF_AFTER, self._was_torque and not hold),
+            (
+                self._torque_scan,
+                Words.TORQUE_OFF_SEEN if self._torque_unseen else Words.TORQUE_OFF_AFTER,
+                self._was_torque and not hold,
+            ),
             (self._brake_scan, Words.BRAKE_CLOSED_AFTER, self._was_open and not hold),
         )
         parts: list[Words | Said] = [Words.TORQUE_KEPT] if hold else []
@@ -63,8 +74,12 @@ class StopRecord:
         for at, words, happened in sorted(steps, key=lambda step: step[0]):
             if happened and at >= 0:
                 parts.append(words(time_ms=(at - alarm.scan) * self._period_s * 1e3))
-        if not parts:
+        if not (parts or self._was_torque or self._was_open):
             return (Words.NOTHING_ON,)
+        if self._was_torque and self._torque_scan < 0 and not hold:
+            parts.append(Words.TORQUE_UNKNOWN)
+        if self._was_open and self._brake_scan < 0 and not hold:
+            parts.append(Words.BRAKE_COMMANDED)
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
         parts.append(
             Words.MOVED_TO(way=abs(moved), position=deg(self._rest_pos_rad))

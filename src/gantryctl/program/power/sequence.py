@@ -27,6 +27,8 @@ _ENVELOPE_S: Final = 0.050
 _STOP_TIME_S: Final = 3.0
 # Without a valid position the end of a brake stop is judged by time alone.
 _BLIND_STOP_S: Final = 1.5
+# Beyond the time of the ramp where the speed is not known: reaction of the drive, and the load that swings on.
+_BLIND_RAMP_S: Final = 0.25
 _UNLOAD_STEPS: Final = 3
 # HOLD: a sound drive without a brake catches 50 kN m at 0.13 to 0.21 deg/s and stops it within 0.3 s; a brake that
 # slips at rest moves the load by 0.15 deg at most until then.
@@ -240,11 +242,12 @@ class PowerSequence:
         phase = self.phase
         if phase is _ON:
             # At once: waiting for the following error took 850 ms on a rigid model (D1).
-            if self._feedback.state is not _OPERATION_ENABLED:
+            if self._feedback.state is not _OPERATION_ENABLED and not self._feedback.state_old:
                 self._lost()
             return
         self._count += self._feedback.periods
-        if phase in TORQUE_ON and self._feedback.state not in ENABLED:
+        # A state that is too old has an alarm of its own, and the stop that it asked for goes on.
+        if phase in TORQUE_ON and self._feedback.state not in ENABLED and not self._feedback.state_old:
             if self._quick_stop_ended():
                 self._enter(PowerPhase.DISABLING)
             else:
@@ -411,6 +414,9 @@ class PowerSequence:
 
     def _quick_stopping(self, _pos_rad: float) -> None:
         """Follow the ramp of the drive; a drive slower than its ramp does not obey."""
+        if not self._feedback.speed_known:
+            self._quick_stopping_blind()
+            return
         speed = abs(self._feedback.vel_rad_s)
         elapsed_s = self._count * self._period_s
         ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
@@ -422,9 +428,18 @@ class PowerSequence:
         elif self._at_rest():
             self._enter(PowerPhase.CLOSING)
 
+    def _quick_stopping_blind(self) -> None:
+        """Without a speed give the drive the time of its ramp; then the torque goes off."""
+        first = self._alarms.first_out
+        if (
+            first is not None
+            and self._count * self._period_s > self._vel_start / self._quick_dec + _BLIND_RAMP_S
+        ):
+            self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
+
     def _torque_off(self, _pos_rad: float) -> None:
         elapsed_s = self._count * self._period_s
-        if not self._feedback.position_valid:
+        if not (self._feedback.position_valid and self._feedback.speed_known):
             if elapsed_s > _BLIND_STOP_S:
                 self._enter(PowerPhase.OFF)
             return
@@ -556,7 +571,7 @@ class PowerSequence:
 
     def _at_rest(self) -> bool:
         """Whether the axis has been slow for long enough."""
-        slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S
+        slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S and self._feedback.speed_known
         self._rest_count = self._feedback.lasting(self._rest_count) if slow else 0
         return self._rest_count >= self._rest_scans
 
@@ -581,6 +596,9 @@ class PowerSequence:
         )
 
     def _brake_still_open(self) -> None:
+        # Without a contact, or with a reading of it that is too old, nothing contradicts.
+        if not self._feedback.brake_known:
+            return
         time_ms = self._milliseconds(self._count)
         self._alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)
 

@@ -163,17 +163,28 @@ def test_a_node_that_leaves_operational_is_noticed() -> None:
 
 
 @pytest.mark.parametrize("state", ["PRE_OPERATIONAL", "STOPPED"])
-def test_a_turning_drive_that_leaves_operational_is_stopped_by_its_own_watch(state: str) -> None:
-    """It takes no process data any more: the controller falls silent, and the drive sees that."""
+def test_a_turning_drive_that_leaves_operational_is_stopped(state: str) -> None:
+    """It takes no process data any more, but SDO, or a start by NMT; in STOPPED it stops by its own 6007 as well."""
     bench = Bench().open().enable()
     bench.ramp_to(1.0)
     begun = bench.load_deg
     bench.event("nmt", state=state)
     bench.run(1.0, ENABLE, 1.0)
-    # 1 deg/s for its heartbeat (50 ms), ours (50 ms) and its time-out (150 ms), the ramp of 5.4 deg/s2, some swing
-    assert bench.load_deg - begun < 1.0 * 0.26 + 1.0 / (2.0 * 5.4) + 0.05
-    assert bench.virtual.axis.state.name == "FAULT"
+    # 1 deg/s for two scans until it counts as silent or 50 ms to its heartbeat, then ramp or brake, some swing
+    assert bench.load_deg - begun < 1.0 * 0.06 + 1.0 / (2.0 * 5.4) + 0.1
+    assert bench.virtual.axis.state.name in ("SWITCH_ON_DISABLED", "FAULT")
     assert not bench.virtual.plant.brake_open
+
+
+def test_nothing_enables_a_drive_by_sdo() -> None:
+    bench = Bench().open()
+    bench.run(0.1)
+    bench.event("nmt", state="PRE_OPERATIONAL")
+    written = []
+    bench.virtual.od.actions[0x6040, 0] = written.append
+    for _ in range(250):
+        bench.scan(ENABLE)
+    assert set(written) <= {0}
 
 
 def test_missing_and_doubled_telegrams_are_counted_and_bridged() -> None:
@@ -224,7 +235,7 @@ def test_ages_and_heartbeats_count_the_periods_that_were_missed(monkeypatch: pyt
     for _ in range(13):  # its heartbeat comes every 12
         scan(1)
     bench.inject("silence")
-    assert [scan(20), bench.scan().link] == [20, LinkFlag.NONE]
+    assert [scan(20), bench.scan().link] == [20, LinkFlag.LATE]
     assert scan(20) == 41
     assert bench.scan().link & LinkFlag.HEARTBEAT_LOST  # 150 ms
 

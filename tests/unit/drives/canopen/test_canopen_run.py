@@ -27,9 +27,8 @@ def test_parameters_are_read_again_while_the_axis_moves(monkeypatch: pytest.Monk
     bench = quick_round(monkeypatch, quirk)
     bench.ramp_to(0.6)
     assert bench.run(1.0, ENABLE, 0.6).changed == ""
-    back = bench.drive.parameter_watch
-    assert back.answered >= 2 * len(bench.drive.opened.kept)
-    assert back.unanswered == 0
+    assert bench.drive.requests.answered >= 2 * len(bench.drive.opened.kept)
+    assert bench.drive.requests.unanswered == 0
     counters = bench.drive.health()
     assert counters.missed == (0, 0)
     assert counters.unknown == 0
@@ -54,7 +53,7 @@ def test_a_parameter_that_is_not_answered_any_more_holds_nothing_up(monkeypatch:
     bench = quick_round(monkeypatch)
     bench.inject("silence")
     bench.run(0.3)
-    assert bench.drive.parameter_watch.unanswered > 3
+    assert bench.drive.requests.unanswered > 3
     assert (
         bench.drive.parameter_watch.line == ""
     )  # what is not known is not wrong; the heartbeat has an alarm of its own
@@ -63,7 +62,7 @@ def test_a_parameter_that_is_not_answered_any_more_holds_nothing_up(monkeypatch:
 @given(data=st.binary(max_size=8))
 def test_no_answer_to_a_request_breaks_a_scan(data: bytes) -> None:
     bench = _asked()
-    bench.drive.parameter_watch._answer(data)
+    bench.drive.requests._answer(data)
     assert isinstance(bench.drive.parameter_watch.line, str)
 
 
@@ -137,7 +136,8 @@ def test_a_drive_that_stays_silent_stays_lost() -> None:
         bench.drive.set_up_again()
     assert bench.drive.lost
     bench.inject("silence", False)
-    assert bench.run(0.4).state is DriveState.UNKNOWN
+    # Lost, but it has said by SDO that it is off.
+    assert bench.run(0.4).state is DriveState.FAULT
     assert not bench.virtual.plant.brake_open
 
 
@@ -147,4 +147,4 @@ def test_another_drive_on_the_bus_is_not_taken() -> None:
     bench.ask("write", index=0x1018, sub=4, value=77)
     with pytest.raises(DeviceError, match="another drive"):
         bench.drive.set_up_again()
-    assert bench.run(0.4).state is DriveState.UNKNOWN
+    assert bench.run(0.4).state is DriveState.SWITCH_ON_DISABLED

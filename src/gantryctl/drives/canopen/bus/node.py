@@ -41,6 +41,14 @@ class NmtState(IntEnum):
     PRE_OPERATIONAL = 0x7F
 
 
+_LEAVES_OPERATIONAL: Final[dict[int, NmtState]] = {
+    NmtCommand.STOP: NmtState.STOPPED,
+    NmtCommand.ENTER_PRE_OPERATIONAL: NmtState.PRE_OPERATIONAL,
+    NmtCommand.RESET_NODE: NmtState.PRE_OPERATIONAL,
+    NmtCommand.RESET_COMMUNICATION: NmtState.PRE_OPERATIONAL,
+}
+
+
 class NodeIdentity(NamedTuple):
     """Objects 1000, 1008 to 100A and 1018, recorded by the commissioning."""
 
@@ -91,10 +99,11 @@ class RemoteNode:
         self.boots = self.foreign = self.unknown = 0
         self.scan = 0
         self._heartbeat_frame = bytes((NmtState.OPERATIONAL,))
-        ours = (NMT, SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node)
+        ours = (SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node)
         self._handlers: dict[int, Callable[[bytes], object]] = {
             _EMCY + node: lambda data: self.emergencies.take(data, self.scan),
             _HEARTBEAT + node: self._heartbeat,
+            NMT: self._foreign_nmt,
             **dict.fromkeys(ours, self._foreign),
         }
 
@@ -126,6 +135,12 @@ class RemoteNode:
 
     def _foreign(self, _data: bytes) -> None:
         self.foreign += 1
+
+    def _foreign_nmt(self, data: bytes) -> None:
+        """Another master changes the state of a node: of this one it acts at once, not with the next heartbeat."""
+        self.foreign += 1
+        if len(data) == 2 and data[1] in (0, self.node) and data[0] in _LEAVES_OPERATIONAL:
+            self.state, self.heartbeat_age = _LEAVES_OPERATIONAL[data[0]], 0
 
     def forget_boots(self) -> None:
         """Clear the counters of boot-ups and foreign frames, and the heartbeat age."""
@@ -187,11 +202,13 @@ class RemoteNode:
         return NodeIdentity(vendor, product, revision, serial, device_type, *names)
 
 
-# A rebooted drive has lost its mapping, so these flags stay until the drive is set up again.
-LATCHED: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEAT_LOST
+_GONE: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEAT_LOST
 # With one of these the last feedback is not valid: without a heartbeat time-out a killed drive reads "operation
 # enabled".
-LOST: Final = LATCHED | LinkFlag.BUS_DOWN
+LOST: Final = _GONE | LinkFlag.BUS_DOWN
+# A rebooted drive has lost its mapping, and of one that obeyed another master nothing is sure: these flags stay until
+# the drive is set up again.
+LATCHED: Final = _GONE | LinkFlag.OTHER_MASTER
 _WELL: Final = (None, NmtState.BOOT_UP, NmtState.OPERATIONAL)
 
 

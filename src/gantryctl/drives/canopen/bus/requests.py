@@ -1,0 +1,82 @@
+"""SDO requests of the running axis: sent behind the process data, never waited for, one at a time."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+from typing import Final
+
+from gantryctl.drives.canopen.bus.node import RemoteNode
+
+_ABORT: Final = 0x80
+_UPLOAD: Final = 0x40
+_DOWNLOAD: Final = 0x20
+_DOWNLOADED: Final = 0x60
+_EXPEDITED: Final = 0x02
+_SIZED: Final = 0x01
+
+Answer = Callable[[bytes | None], None]
+"""Takes the data of a read, b"" for a write that was done, None for a refusal."""
+
+
+class SdoRequests:
+    """Expedited transfers with one node (CiA 301); the answer comes with the frames of a later scan.
+
+    A new request takes the place of one that was not answered: a drive that stays silent has alarms of its own.
+
+    Args:
+        node: sends and takes the frames.
+
+    Attributes:
+        answered, unanswered: requests so far.
+    """
+
+    # One client for a drive, in the thread of the scan: a thread of its own would need the bus for itself, and waiting
+    # would cost the scan (decision 0012).
+
+    def __init__(self, node: RemoteNode) -> None:
+        self._node = node
+        self._head = b""
+        self._command = 0
+        self._then: Answer | None = None
+        self.answered = self.unanswered = 0
+        node.listen(node.sdo.response_id, self._answer)
+
+    @property
+    def waiting(self) -> bool:
+        """A request is under way."""
+        return self._then is not None
+
+    def read(self, index: int, sub: int, then: Answer) -> None:
+        """Ask for an object of up to four bytes."""
+        self._send(_UPLOAD, index, sub, b"", then)
+
+    def write(self, index: int, sub: int, data: bytes, then: Answer) -> None:
+        """Write one to four bytes."""
+        self._send(_DOWNLOAD | (4 - len(data)) << 2 | _EXPEDITED | _SIZED, index, sub, data, then)
+
+    def _send(self, command: int, index: int, sub: int, data: bytes, then: Answer) -> None:
+        self.unanswered += self._then is not None
+        self._head, self._then = struct.pack("<HB", index, sub), then
+        self._command = _UPLOAD if command == _UPLOAD else _DOWNLOADED
+        request = bytes((command,)) + self._head + data.ljust(4, b"\0")
+        self._node.link.send(self._node.sdo.request_id, request)
+
+    def _answer(self, data: bytes) -> None:
+        """Take a frame of the drive's SDO server, whatever it is."""
+        then = self._then
+        if then is None or len(data) < 8 or data[1:4] != self._head:
+            return
+        command = data[0]
+        found: bytes | None = None
+        if command != _ABORT:
+            if command & 0xE0 != self._command:
+                return
+            found = b""
+            if self._command == _UPLOAD:
+                if not command & _EXPEDITED:
+                    return
+                found = data[4 : 8 - (command >> 2 & 3 if command & _SIZED else 0)]
+        self._then = None
+        self.answered += 1
+        then(found)
