@@ -114,6 +114,10 @@ def fault_machine(
             "brake.owner": brake_owner,
             "can.commissioning_required": False,
             "can.answer_ms": answer_ms,
+            # Inputs that not every machine has: the bits of the virtual drive.
+            "can.inputs.collision_ok": 20,
+            "can.inputs.door_ok": 21,
+            "can.inputs.estop_ok_2": 22,
         }
     return with_values(machine, values)
 
