@@ -49,6 +49,8 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'DRV-03': {"title": "驱动器卡住", "message": "驱动器停留在{measured}已 {time_ms:.0f} ms，应为{command}", "cause": "驱动器没有执行要求的步骤：缺少释放信号、本地控制、参数错误。", "to_do": "查看驱动器自身的故障显示，排除原因后复位。"},
   'DRV-04': {"title": "驱动器失去使能", "message": "驱动器未经要求进入{measured}", "cause": "他人或他物关断了驱动器：释放输入、工具、供电。", "to_do": "查看驱动器自身的故障显示，排除原因后复位。"},
   'DRV-07': {"title": "快速停止未执行", "message": "快速停止中速度 {measured:.2f} °/s，斜坡允许 {limit:.2f} °/s", "cause": "驱动器没有按设定制动，或其速度反馈有误。", "to_do": "查看驱动器自身的故障显示，排除原因后复位。"},
+  'CTL-06': {"title": "保持转矩偏高", "message": "保持转矩为额定值的 {measured:.0f} %：静止时 {torque:.0f} N m", "cause": "负载不平衡，或有物体置于其上。", "to_do": "取下所加物体，检查平衡。超过 90 % 时由制动器保持并断电。"},
+  'CTL-08': {"title": "振荡", "message": "速度在设定值两侧摆动 {measured:.2f} °/s，每秒 {rate:.1f} 次，已 {time_s:.1f} s", "cause": "增益过高，或齿轮有间隙。", "to_do": "检查位置环和速度环的增益及齿轮间隙，然后复位。"},
   'DRV-13': {"title": "转矩丧失", "message": "速度偏离指令 {deviation:.2f} °/s 已 {time_ms:.0f} ms，而转矩为 {measured:.1f} N m", "cause": "驱动器已使能但没有转矩：功率级、电机电缆、转矩限值。", "to_do": "查看驱动器自身的故障显示，排除原因后复位。"},
   'DRV-14': {"title": "转矩读数不可信", "message": "{measured}", "cause": "驱动器报告的转矩并非其输出：电流传感器、比例、6077 映射。", "to_do": "当前运动继续。断电，检查转矩读数，然后复位。此前不得运动。"},
   'INT-03': {"title": "急停", "message": "急停回路在 {measured} 断开", "cause": "有人按下按钮或回路断线。硬件自行动作；此处只是反映。", "to_do": "安全时松开按钮，复位，重新上电。"},

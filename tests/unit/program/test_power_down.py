@@ -5,7 +5,8 @@ import itertools
 import pytest
 
 from gantryctl.image import DigitalInputs, DriveRequest, DriveState
-from gantryctl.program import AxisState
+from gantryctl.program import AxisState, Code, Reaction
+from gantryctl.program.feedback import ENABLED
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.units import deg
 from unit.program.power_steps import P, record, slip
@@ -321,3 +322,33 @@ def test_stale_position_jump_while_off_is_seen():
     rig.run(0.01)
     assert rig.codes == ["ENC-01"], "an encoder fault, not a slipping brake: nothing is enabled"
     assert rig.output.request is DriveRequest.DISABLE
+
+
+@pytest.mark.parametrize(
+    ("degrees", "after_s", "codes"),
+    [(0.025, 0.1, ["INT-06"]), (0.06, 0.1, ["INT-06", "BRK-04"]), (0.025, 0.4, ["INT-06", "BRK-04"])],
+)
+def test_the_gear_unwinds_behind_a_drive_that_owns_its_brake(degrees, after_s, codes):
+    """Up to 0.026 deg, over after 0.3 s: no slip. What is more, or later, is one."""
+    rig = Rig()
+    rig.spoil = lambda drive: drive._replace(brake_open=drive.state in ENABLED)
+    rig.power_up()
+    rig.op(quick_stop=True)
+    rig.run(0.3)
+    rig.drive.state = DriveState.SWITCH_ON_DISABLED  # ramp, brake, torque off: 605A = 2
+    rig.until(lambda: rig.axis.power.phase is P.OFF, 1.0)
+    rig.run(after_s)
+    slip(rig, degrees)
+    rig.run(0.01)
+    assert rig.codes == codes
+
+
+def test_a_warning_that_becomes_a_stop_is_the_first_alarm_of_that_stop():
+    rig = moving_rig()
+    rig.axis.alarms.raise_(Code.CTL_06, measured=65.0, torque=170.0)
+    rig.run(0.5)
+    assert rig.first is None
+    rig.axis.alarms.raise_(Code.CTL_06, Reaction.QUICK_STOP, measured=95.0, torque=245.0)
+    rig.run(0.1)
+    assert rig.output.request is DriveRequest.QUICK_STOP
+    assert rig.first.text.startswith("CTL-06 STOP · Holding torque 95 % of rated")

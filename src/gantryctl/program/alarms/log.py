@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
-from gantryctl.program.alarms.codes import Code, Definition, Reaction
+from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity
 from gantryctl.program.alarms.reason import Reason
 from gantryctl.program.alarms.table import ALARMS
 from gantryctl.program.alarms.words import Said, Words
@@ -64,6 +64,11 @@ class Alarm:
         return ALARMS[self.code]
 
     @property
+    def severity(self) -> Severity:
+        """That of its row; a warning that had to become a stop is one."""
+        return Severity.STOP if self.reaction >= Reaction.QUICK_STOP else self.definition.severity
+
+    @property
     def refusal(self) -> Refusal:
         """The same code and values as the reason of a refusal."""
         return Refusal(self.code, self.values)
@@ -90,7 +95,7 @@ class Alarm:
     def text(self) -> str:
         """Code, severity, what was measured, what was done, what to do: one line."""
         row = self.definition
-        parts = [f"{self.code} {row.severity.value}", self.measured, self.done, row.english.to_do]
+        parts = [f"{self.code} {self.severity.value}", self.measured, self.done, row.english.to_do]
         return " · ".join(part for part in parts if part)
 
     def __repr__(self) -> str:
@@ -148,7 +153,8 @@ class AlarmLog:
         if known is not None and reaction <= known.reaction:
             return
         self.pending = max(self.pending, reaction)
-        if known is not None:
+        # A warning that becomes a stop is told anew, with the time and the values of the stop.
+        if known is not None and (known.reaction >= Reaction.QUICK_STOP or reaction < Reaction.QUICK_STOP):
             known.reaction = reaction
             return
         alarm = Alarm(code, self.time_s, values, reaction, self.scan, self.pos_rad)

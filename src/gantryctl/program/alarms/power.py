@@ -180,6 +180,27 @@ POWER: Final = (
         Text("快速停止未执行", "快速停止中速度 {measured} °/s，斜坡允许 {limit} °/s",
              "驱动器没有按设定制动，或其速度反馈有误。", _CHECK_DRIVE_ZH),
     ),
+    # Fault catalogue B7: a quick stop where the torque is nearly used up, so the brake closes while the motor holds.
+    Definition(
+        Code.CTL_06, _WARN, Reaction.W,
+        Text("Holding torque high",
+             "Holding torque {measured:.0f} % of rated: {torque:.0f} N m at standstill",
+             "The load is out of balance, or something was put on it.",
+             "Take off what was put on, check the balance. Above 90 % the brake holds, and power goes off."),
+        Text("保持转矩偏高", "保持转矩为额定值的 {measured} %：静止时 {torque} N m", "负载不平衡，或有物体置于其上。",
+             "取下所加物体，检查平衡。超过 90 % 时由制动器保持并断电。"),
+    ),
+    # Fault catalogue B9: the drive's ramp does not need the loop that oscillates.
+    Definition(
+        Code.CTL_08, _STOP, _QS,
+        Text("Oscillation",
+             "Speed swings by {measured:.2f} deg/s to both sides of its set-point, {rate:.1f} times a second "
+             "for {time_s:.1f} s",
+             "Gains too high, or play in the gear.",
+             "Check the gains of position and speed loop and the play of the gear, then reset."),
+        Text("振荡", "速度在设定值两侧摆动 {measured} °/s，每秒 {rate} 次，已 {time_s} s", "增益过高，或齿轮有间隙。",
+             "检查位置环和速度环的增益及齿轮间隙，然后复位。"),
+    ),
     # No torque: the drive cannot ramp, so it is never a quick stop.
     Definition(
         Code.DRV_13, _STOP, _TO,

@@ -8,6 +8,7 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.oscillation import SWING_RAD_S, Oscillation
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
@@ -31,7 +32,8 @@ class Monitors:
     __slots__ = (
         "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
         "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
-        "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_look_ahead", "_over_travel",
+        "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_look_ahead",
+        "_oscillation", "_over_travel",
         "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
         "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
         "_standstill_scans", "_tolerance_scans", "_torque_max", "_torque_watch", "_trip", "_virtual", "_warning_ratio",
@@ -71,6 +73,7 @@ class Monitors:
         self._torque_max = 4.0 * settings.power.torque_max_nm
         self._over_travel_plus = self._over_travel
         self._over_travel_minus = -self._over_travel
+        self._oscillation = Oscillation(settings, alarms)
         self._torque_watch = TorqueWatch(settings, feedback, holding, alarms)
         self.reset()
 
@@ -102,6 +105,9 @@ class Monitors:
         elif self._deviation_count:
             self._deviation_count = 0
         self._torque_watch.scan(deviation)
+        swing = vel - vel_ref
+        if not -SWING_RAD_S <= swing <= SWING_RAD_S:
+            self._oscillation.scan(swing)
         trip = self._trip
         if not -trip <= vel <= trip:
             self._too_fast(vel)
@@ -232,6 +238,7 @@ class Monitors:
                 self.in_position = self._in_window = True
                 self.not_in_position = False
                 self._holding.learn(self._feedback.torque_nm)
+                self._torque_watch.standing()
         else:
             self._dwell = 0
             self.in_position = False

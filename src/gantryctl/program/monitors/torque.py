@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import ENABLED, Feedback
-from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.power.holding_torque import LEARN_SHARE, HoldingTorque
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
 
@@ -32,6 +32,9 @@ _LEAP_S: Final = 0.020
 # A shaft that is started follows within some milliseconds.
 _START_RAD_S: Final = rad(0.02)
 _START_S: Final = 0.010
+# Mean torque at standstill, as part of the rated torque: more than LEARN_SHARE warns, more than this is a stop.
+_TOO_HEAVY_SHARE: Final = 0.9
+_HEAVY_S: Final = 0.200
 # With the drive switched off there is no torque to read; the same share is more than any proof may be wrong by.
 _OFF_SHARE: Final = 0.1
 _OFF_S: Final = 0.100
@@ -46,9 +49,10 @@ class TorqueWatch:
     """
 
     __slots__ = (
-        "_alarms", "_blocked", "_blocked_scans", "_effort_share", "_feedback", "_holding", "_known", "_last_nm",
-        "_leap", "_leap_nm", "_leap_scans", "_lost", "_lost_scans", "_mean_nm", "_mean_share", "_missing",
-        "_nothing_nm", "_off", "_off_nm", "_off_scans", "_period_s", "_pulled", "_suspicious", "_vel_start",
+        "_alarms", "_blocked", "_blocked_scans", "_effort_share", "_feedback", "_heavy", "_heavy_nm",
+        "_heavy_scans", "_holding", "_known", "_last_nm", "_leap", "_leap_nm", "_leap_scans", "_lost",
+        "_lost_scans", "_mean_nm", "_mean_share", "_missing", "_nothing_nm", "_off", "_off_nm", "_off_scans",
+        "_period_s", "_pulled", "_rated_nm", "_suspicious", "_vel_start",
     )  # fmt: skip
 
     def __init__(
@@ -61,6 +65,9 @@ class TorqueWatch:
         self._mean_share = min(1.0, settings.period_s / _MEAN_S)
         self._nothing_nm = _NOTHING_SHARE * power.torque_rated_nm
         self._off_nm = _OFF_SHARE * power.torque_rated_nm
+        self._rated_nm = power.torque_rated_nm
+        self._heavy_nm = LEARN_SHARE * power.torque_rated_nm
+        self._heavy_scans = settings.scans(_HEAVY_S)
         self._leap_nm = _LEAP_SHARE * power.torque_rated_nm
         self._leap_scans = settings.scans(_LEAP_S)
         self._lost_scans = settings.scans(_LOST_S)
@@ -77,7 +84,7 @@ class TorqueWatch:
         self._calm()
 
     def _calm(self) -> None:
-        self._lost = self._blocked = self._leap = 0
+        self._lost = self._blocked = self._leap = self._heavy = 0
         self._missing = self._vel_start = 0.0
         self._pulled = self._suspicious = False
 
@@ -98,6 +105,21 @@ class TorqueWatch:
             return
         if self._known:
             self._suspect(torque_nm, rise_nm, deviation_rad_s)
+
+    def standing(self) -> None:
+        """Judge the torque that holds an axis in position (fault catalogue B7)."""
+        if -self._heavy_nm <= self._mean_nm <= self._heavy_nm:
+            self._heavy = 0
+        elif self._known and self._holding.believed:
+            self._heavy = self._feedback.lasting(self._heavy)
+            if self._heavy >= self._heavy_scans:
+                self._too_heavy()
+
+    def _too_heavy(self) -> None:
+        share = abs(self._mean_nm) / self._rated_nm
+        # The drive still holds zero speed, so a quick stop is torque at rest, then the brake, then torque off in steps.
+        reaction = Reaction.QUICK_STOP if share > _TOO_HEAVY_SHARE else None
+        self._alarms.raise_(Code.CTL_06, reaction, measured=100.0 * share, torque=abs(self._mean_nm))
 
     def scan_released(self) -> None:
         """Judge a scan in which the axis does not follow: switched off there is nothing to read."""

@@ -102,7 +102,7 @@ class AlarmView:
         return {
             "id": row.number,
             "code": str(alarm.code),
-            "severity": definition.severity.value,
+            "severity": alarm.severity.value,
             "title": definition.english.title,
             "measured": alarm.measured,
             "values": to_wire(alarm.values),
