@@ -6,10 +6,15 @@ import contextlib
 import os
 import secrets
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from gantryctl.errors import StateError
+
+# A disk that stalls takes some seconds (fault F12); nothing that is younger than this is taken for left behind.
+DRAFT_S: Final = 60.0
 
 
 def write_whole(path: Path, data: bytes | str, *, private: bool = False, make_folder: bool = False) -> None:
@@ -60,6 +65,16 @@ def replacing(path: Path, ending: str = ".part", *, make_folder: bool = False) -
         if isinstance(fault, OSError):
             raise StateError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
         raise
+
+
+def remove_drafts(folder: Path) -> None:
+    """Remove what killed writers have left behind in a folder; drafts that may still be written stay."""
+    now_s = time.time()
+    for draft in folder.glob("*.part"):
+        # Another process may have finished or removed it meanwhile.
+        with contextlib.suppress(OSError):
+            if now_s - draft.stat().st_mtime > DRAFT_S:
+                draft.unlink()
 
 
 def _sync_folder(folder: Path) -> None:

@@ -6,19 +6,19 @@ Prints what was measured as JSON. Not a test itself; test_service_can.py runs it
 from __future__ import annotations
 
 import json
-import math
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from gantryctl.drives.virtual.side_channel.control import ControlClient
-from gantryctl.engineering.stops import StopClass, worst_stop
 from gantryctl.machine import load_machine
-from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.service.clients.link import ServiceLink
+from support.controller_death import kill_in_motion as death
 
 
 def machine_file(root: Path, control: Path) -> Path:
@@ -81,40 +81,28 @@ def measure(root: Path, speed_deg_s: float) -> dict[str, object]:
         drive.communicate(timeout=60)
 
 
+def until(link: ServiceLink, reached: Callable[[dict[str, Any]], bool]) -> None:
+    """Wait for a state; an alarm before it is no measurement, and its words say why."""
+    end_s = time.monotonic() + 60.0
+    while not reached(link.look()):
+        if link.tags["alarms"]:
+            raise SystemExit(f"before the kill: {link.tags['alarms'][0]['text']}")
+        if time.monotonic() > end_s:
+            raise SystemExit(f"before the kill: not within 60 s: {link.tags}")
+        link.alive()
+
+
 def kill_in_motion(
     root: Path, config: Path, service: int, control: Path, speed_deg_s: float
 ) -> dict[str, object]:
     with ServiceLink(root / "hust_can") as link, ControlClient(control) as true:
         link.ask("take", over=False)
         link.ask("power", on=True)
-        while not link.look()["power"]:
-            link.alive()
+        until(link, lambda tags: tags["power"])
         link.ask("set", tag="speed_setting_deg_s", value=speed_deg_s)
         link.ask("move", target_deg=60.0)
-        while link.look()["vel_act_deg_s"] < 0.999 * speed_deg_s:
-            assert not link.tags["alarms"], link.tags["alarms"]  # a computer that is too busy: no measurement
-            link.alive()
-        pid = child(service, "controller")
-        machine = load_machine(config)
-        per_rad = math.degrees(1.0) / machine.axis.ratio
-        before = true.ask("truth")["pos_motor_rad"] * per_rad
-        os.kill(pid, signal.SIGKILL)
-        begin_s = time.monotonic()
-        last, still_s = before, begin_s
-        while time.monotonic() - still_s < 1.0 and time.monotonic() - begin_s < 30.0:
-            now = true.ask("truth")["pos_motor_rad"] * per_rad
-            if abs(now - last) > 0.001:
-                last, still_s = now, time.monotonic()
-        angle = worst_stop(machine, StopClass.QUICK, speed_deg_s).angle_deg
-        # the motor side carries the reading's own delay of one question beside it: a few ms
-        return {
-            "speed_deg_s": speed_deg_s,
-            "travelled_deg": round(last - before, 4),
-            "rest_after_s": round(still_s - begin_s, 3),
-            "quick_stop_deg": round(angle, 4),
-            "reaction_s": REACTION_S,
-            "limit_deg": round(angle + REACTION_S * speed_deg_s, 4),
-        }
+        until(link, lambda tags: tags["vel_act_deg_s"] >= 0.999 * speed_deg_s)
+        return death(true.ask, load_machine(config), child(service, "controller"))
 
 
 if __name__ == "__main__":

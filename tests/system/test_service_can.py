@@ -12,8 +12,13 @@ from pathlib import Path
 
 import pytest
 
+from support.controller_death import judge
+
 TESTS = Path(__file__).parents[1]
-WITH_HELPERS = {**os.environ, "PYTHONPATH": str(TESTS)}
+WITH_HELPERS = {
+    **os.environ,
+    "PYTHONPATH": os.pathsep.join([str(TESTS), os.environ.get("PYTHONPATH", "")]),
+}
 # Multicast stays on the loopback of a network namespace of its own.
 OWN_NETWORK = [
     "unshare",
@@ -31,21 +36,24 @@ def possible() -> bool:
     return subprocess.run([*OWN_NETWORK, "true"], capture_output=True, check=False).returncode == 0
 
 
+BUSY = ("SYS-02", "SYS-03", "CAN-03")
+"""Controller late, controller frozen, drive late: both are processes of this computer."""
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(600)
 @pytest.mark.skipif(not possible(), reason="no network namespace for CAN over multicast")
 def test_the_drive_stops_the_axis_of_a_killed_controller(
     tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:
-    """Within the quick stop of the full plant plus 60 ms of travel (deadline of the drive's RPDO and reaction)."""
+    """Within what deadline, clock and ramp of the drive add up to, counted from the controller's last telegram."""
     found = []
     for number, speed_deg_s in enumerate((1.0, 3.0, 3.0, 3.0, 6.0)):
         root = tmp_path / str(number)
         root.mkdir()
         command = [*OWN_NETWORK, sys.executable, str(TESTS / "support" / "killed_on_bus.py")]
-        for attempt in range(
-            3
-        ):  # a computer that is late stops the axis before it is killed: not what is measured
+        # A computer that is late stops the axis before the kill, and the first alarm says so: no measurement.
+        for attempt in range(5):
             place = root / str(attempt)
             place.mkdir()
             done = subprocess.run(
@@ -55,13 +63,13 @@ def test_the_drive_stops_the_axis_of_a_killed_controller(
                 check=False,
                 env=WITH_HELPERS,
             )
-            if done.returncode == 0:
+            if not any(f"before the kill: {code} STOP" in done.stderr for code in BUSY):
                 break
         assert done.returncode == 0, done.stderr
         found.append(json.loads(done.stdout))
+        judge(found[-1])
+        assert found[-1]["speed_deg_s"] == pytest.approx(speed_deg_s, rel=0.02)
     evidence("service_killed_on_bus", {"runs": found})
-    for run in found:
-        assert 0.0 < run["travelled_deg"] <= run["limit_deg"], run
 
 
 @pytest.mark.slow

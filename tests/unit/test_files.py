@@ -5,12 +5,13 @@ from __future__ import annotations
 import errno
 import os
 import stat
+import time
 from pathlib import Path
 
 import pytest
 
 from gantryctl.errors import StateError
-from gantryctl.files import write_whole
+from gantryctl.files import DRAFT_S, remove_drafts, write_whole
 
 
 def test_text_and_bytes_replace_what_was_there_and_leave_nothing_beside_it(tmp_path: Path) -> None:
@@ -59,6 +60,18 @@ def test_the_file_and_its_folder_are_on_the_disk_in_this_order(
     monkeypatch.setattr(os, "fsync", note)
     write_whole(tmp_path / "record", "x")
     assert synchronised == [False, True]
+
+
+def test_what_a_killed_writer_left_is_removed_and_what_may_still_be_written_stays(tmp_path: Path) -> None:
+    old, fresh, kept = (tmp_path / name for name in ("a.toml.1234.part", "b.toml.part", "c.toml"))
+    for path in (old, fresh, kept):
+        path.write_text("x")
+    long_ago = time.time() - DRAFT_S - 1.0
+    for path in (old, kept):
+        os.utime(path, (long_ago, long_ago))
+    remove_drafts(tmp_path)
+    remove_drafts(tmp_path / "missing")
+    assert sorted(tmp_path.iterdir()) == [fresh, kept]
 
 
 def test_a_folder_that_is_a_file_is_named(tmp_path: Path) -> None:

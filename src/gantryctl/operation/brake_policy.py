@@ -84,7 +84,7 @@ def after_test(retained: Retained, result: BrakeTestResult, power_ups: int, now:
     shown = replace(
         retained,
         brake_test_outcome=result.outcome.name.lower(),
-        brake_test_text=f"{result.outcome.name.lower()}: {result.text}",
+        brake_test_text=result.text,
         brake_test_words=json.dumps(messages_to_wire(result.words)),
         brake_plus_nm=_known(result.plus_nm),
         brake_minus_nm=_known(result.minus_nm),

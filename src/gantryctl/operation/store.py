@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import StateError, UsageError
-from gantryctl.files import write_whole
+from gantryctl.files import remove_drafts, write_whole
 from gantryctl.machine import Machine
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
 
@@ -93,6 +93,8 @@ class StateStore:
 
     def __enter__(self) -> StateStore:
         self._lock.__enter__()
+        for folder in (self.directory, self.traces):
+            remove_drafts(folder)
         return self
 
     def __exit__(self, *_raised: object) -> None:

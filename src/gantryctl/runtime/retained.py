@@ -46,8 +46,8 @@ class Retained:
         zero_set_at, zero_witness: who, when, and what proved it. rest_position_counts: raw reading when the
         axis was last left at rest. holding_torque_nm: motor torque that held the load there, N m.
         brake_tested_at: date of the last brake test that passed or failed; `brake_tested_power_ups` the
-        power-ups before it. brake_test_outcome: the last test in one word, brake_test_text: in
-        a sentence, brake_test_words: the sentence as words and values, JSON;
+        power-ups before it. brake_test_outcome: the last test in one word, brake_test_text: what
+        was measured, in a sentence, brake_test_words: the sentence as words and values, JSON;
         brake_plus_nm, brake_minus_nm: torque that the brake bore in it, N m. brake_failed:
         what a failed test measured, until one passes or service resets; or "".
         brake_tests, brake_tests_failed: counters. power_ups, moves, emergency_brake_stops: counters.

@@ -116,5 +116,5 @@ def test_an_aborted_test_changes_neither_verdict_nor_date() -> None:
     assert (record.brake_failed, record.brake_minus_nm, record.brake_tests_failed) == ("slipped", None, 1)
     after = after_test(record, aborted, 6, NOW + timedelta(days=1))
     assert (after.brake_failed, after.brake_tested_at) == ("slipped", record.brake_tested_at)
-    assert after.brake_test_text == "aborted: stopped"
+    assert after.brake_test_text == "stopped"
     assert after_test(after, passed, 7, NOW).brake_failed == ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -165,3 +166,14 @@ def test_a_reset_angle_beyond_the_stops_is_refused_and_changes_nothing(machine: 
 def test_nothing_to_reset_is_said(machine: Machine) -> None:
     kept(machine)
     assert reset_machine(machine) == "nothing to reset"
+
+
+def test_what_a_killed_writer_left_is_removed_when_the_machine_is_opened(machine: Machine) -> None:
+    left = StateStore(machine)
+    left.traces.mkdir(parents=True)
+    drafts = [folder / "retain.a.toml.1234abcd.part" for folder in (left.directory, left.traces)]
+    for draft in drafts:
+        draft.write_text("half")
+        os.utime(draft, (0.0, 0.0))
+    with StateStore(machine):
+        assert not any(draft.exists() for draft in drafts)

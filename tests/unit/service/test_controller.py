@@ -14,7 +14,7 @@ import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
 from gantryctl.image import DriveRequest, OutputImage, StopCause, SystemStop
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
@@ -135,6 +135,30 @@ def moved_while_off(kept: Retained) -> Retained:
     return replace(
         kept, rest_position_counts=kept.rest_position_counts + int(0.1 / 360.0 * 1144 * TURN_COUNTS)
     )
+
+
+@pytest.mark.can
+def test_a_controller_that_cannot_be_made_leaves_the_bus(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    from gantryctl.drives.canopen.drive import CanopenDrive
+
+    left = []
+    close = CanopenDrive.close
+    monkeypatch.setattr(CanopenDrive, "close", lambda drive: (left.append(drive), close(drive)))
+
+    def fails(*_: object) -> None:
+        raise DeviceError("no memory for the alarms")
+
+    monkeypatch.setattr("gantryctl.service.controller.process.AlarmView", fails)
+    machine = load_machine(configs_folder() / "hust_can.toml")
+    memory = SharedMemory.create()
+    try:
+        with StateStore(machine, tmp_path) as store, pytest.raises(DeviceError, match="no memory"):
+            Controller(machine, store, memory)
+        assert len(left) == 1
+    finally:
+        memory.close()
 
 
 # --- what keeps the power off ---------------------------------------------------------------------

@@ -196,10 +196,11 @@ class ServiceAxis:
     def brake_test_report(self) -> BrakeTestReport:
         """Report of the last test at the service, without an outcome until this command has made one."""
         tags = self.tags or self.look()
-        word = tags["brake_test_result"]
         return BrakeTestReport(
-            outcome=BrakeTestOutcome[word.upper()] if self._tested else BrakeTestOutcome.NONE,
-            detail=tags["brake_test_text"].removeprefix(f"{word}: "),
+            outcome=BrakeTestOutcome[tags["brake_test_result"].upper()]
+            if self._tested
+            else BrakeTestOutcome.NONE,
+            detail=tags["brake_test_text"],
             level_nm=tags["brake_test_level_nm"],
             plus_nm=_number(tags["brake_test_plus_nm"]),
             minus_nm=_number(tags["brake_test_minus_nm"]),

@@ -52,7 +52,7 @@ def service_rows(tags: Tags) -> list[tuple[str, str]]:
 def _brake_words(machine: Machine, tags: Tags) -> str:
     if not tags["brake_test_available"]:
         return f"not testable here: {tags['brake_test_blocked']}"
-    last = f"{tags['brake_test_text']}; " if tags["brake_test_text"] else ""
+    last = f"{tags['brake_test_result']}: {tags['brake_test_text']}; " if tags["brake_test_text"] else ""
     return f"{last}{brake_due(machine, tags).words}"
 
 

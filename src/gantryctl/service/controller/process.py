@@ -21,7 +21,7 @@ from typing import Final
 
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
-from gantryctl.operation.opening import open_axis, set_up_again
+from gantryctl.operation.opening import left_on_failure, open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
@@ -65,37 +65,39 @@ class Controller:
     ) -> None:
         self.machine, self.memory, self._store = machine, memory, store
         opened = open_axis(machine, store)
-        program, retained = opened.program, opened.retained
-        assert isinstance(program, GantryProgram)
-        self.axis, self.notes = program.axis, opened.notes
-        # Commands in the rings were sent to a controller that is gone.
-        for ring in memory.commands:
-            ring.clear()
-        self.events = EventLog(memory.events[Source.CONTROLLER])
-        self.alarms = AlarmView(self.axis.alarms, self.events)
-        self.brake = BrakeWatch(machine, self.axis, self.events, retained)
-        self.permit = Permit(self.axis, JournalHealth(memory.words), self.events, opened.reasons)
-        self.operator = ServiceOperator(
-            machine,
-            program,
-            Inbox(memory.commands, memory.replies, self.events),
-            self.permit,
-            self.alarms.acknowledge,
-            first_levels(machine, retained.speed_rad_s, retained.increment_rad),
-            # Epochs start from a random number, so that none of a previous start is met again (decision 0011).
-            epoch=secrets.randbits(40),
-            second_person=second_person,
-        )
-        self.engine = build_engine(
-            machine, opened.drive, program, self.operator,
-            recorder=partial(RingRecorder, memory.rows), real_time=True,
-        )  # fmt: skip
-        assert isinstance(self.engine.recorder, RingRecorder)
-        self._recorder = self.engine.recorder
-        self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
-        self._powered = False
-        self._resets = self._lost_rows = 0
-        self._end_s = math.inf
+        # Whatever fails from here on, a drive that was set up is not left behind on its bus.
+        with left_on_failure(opened.drive):
+            program, retained = opened.program, opened.retained
+            assert isinstance(program, GantryProgram)
+            self.axis, self.notes = program.axis, opened.notes
+            # Commands in the rings were sent to a controller that is gone.
+            for ring in memory.commands:
+                ring.clear()
+            self.events = EventLog(memory.events[Source.CONTROLLER])
+            self.alarms = AlarmView(self.axis.alarms, self.events)
+            self.brake = BrakeWatch(machine, self.axis, self.events, retained)
+            self.permit = Permit(self.axis, JournalHealth(memory.words), self.events, opened.reasons)
+            self.operator = ServiceOperator(
+                machine,
+                program,
+                Inbox(memory.commands, memory.replies, self.events),
+                self.permit,
+                self.alarms.acknowledge,
+                first_levels(machine, retained.speed_rad_s, retained.increment_rad),
+                # Epochs start from a random number, so that none of a previous start is met again (decision 0011).
+                epoch=secrets.randbits(40),
+                second_person=second_person,
+            )
+            self.engine = build_engine(
+                machine, opened.drive, program, self.operator,
+                recorder=partial(RingRecorder, memory.rows), real_time=True,
+            )  # fmt: skip
+            assert isinstance(self.engine.recorder, RingRecorder)
+            self._recorder = self.engine.recorder
+            self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
+            self._powered = False
+            self._resets = self._lost_rows = 0
+            self._end_s = math.inf
 
     # --- the run ----------------------------------------------------------------------------------
 

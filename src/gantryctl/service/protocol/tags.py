@@ -162,7 +162,7 @@ _BRAKE: Final = (
     _out("brake_test_result", "", "enum", "on change", "How the last test ended; aborted ones show nothing.",
          _labels(BrakeTestOutcome)),
     _out("brake_tests", "", "int", "on change", "Tests that have ended since the controller started."),
-    _out("brake_test_text", "", "text", "on change", "The last test in one sentence, with what was measured."),
+    _out("brake_test_text", "", "text", "on change", "What the last test measured, in one sentence."),
     _out("brake_test_messages", "", "messages", "on change",
          "The same as words and values, without the outcome."),
     _out("brake_test_plus_nm", "N m", "float", "on change",

@@ -160,6 +160,8 @@ class Rpdo:
     ) -> None:
         self.parameters = PdoParameters(od, number, transmit=False)
         self._od, self._emcy, self._lost = od, emcy, lost
+        self.received_us = 0
+        """When the last whole frame came, in the drive's own time."""
         self.reload()
 
     def reload(self) -> None:
@@ -188,6 +190,7 @@ class Rpdo:
         if self._short:
             self._short = False
             self._emcy(LENGTH_ERROR, False)
+        self.received_us = now_us
         if self._overdue:
             self._overdue = False
             self._emcy(DEADLINE, False)
@@ -365,6 +368,11 @@ class ProcessData:
     def sync_id(self) -> int:
         """Identifier of SYNC."""
         return self._od.number(0x1005) & _ID
+
+    @property
+    def command_us(self) -> int:
+        """When the last RPDO came: from then on the deadline of 1400:05 runs."""
+        return max(rpdo.received_us for rpdo in self.rpdos)
 
     def set_operational(self, operational: bool) -> None:
         """Start or stop the PDOs, which exist in OPERATIONAL only."""

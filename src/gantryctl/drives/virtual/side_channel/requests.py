@@ -103,6 +103,7 @@ class Requests:
         }
         return {
             "time_s": node.time_us * 1e-6,
+            "command_s": node.process_data.command_us * 1e-6,
             "nmt": node.state.name,
             "state": axis.state.name,
             "phase": axis.stage.phase.name,
