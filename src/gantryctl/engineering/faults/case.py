@@ -34,6 +34,7 @@ class ReactionClass(Enum):
     """What limits the way from the fault to rest."""
 
     QUICK_STOP = "quick stop"
+    DRIVE_DEADLINE = "quick stop of the drive by its own deadline"
     TORQUE_OFF = "torque off and brake"
     FEEDBACK = "torque off and brake, feedback in doubt"
     STANDSTILL = "caught at standstill"

@@ -13,6 +13,7 @@ from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
 
 _MARGIN: Final = 1.02
+_DRIVE_TICK_S: Final = 1e-3
 STANDSTILL_DEG: Final = 0.35
 BRAKE_SLIP_DEG: Final = 0.15
 # A refused command and a warning leave the set-point alone: what the load sways at rest.
@@ -29,6 +30,12 @@ def limit_deg(machine: Machine, reaction: ReactionClass, speed_deg_s: float) -> 
     match reaction:
         case ReactionClass.QUICK_STOP:
             return _quick_stop_deg(machine, speed) if speed > 0.0 else STANDSTILL_DEG
+        case ReactionClass.DRIVE_DEADLINE:
+            # The last command, the deadline, the drive's own period; at 50 ms and scans of 10 ms a little above the
+            # 60 ms of every other quick stop.
+            seen_s = 1e-3 * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
+            late_s = max(0.0, seen_s - REACTION_S)
+            return _quick_stop_deg(machine, speed) + _MARGIN * late_s * speed
         case ReactionClass.TORQUE_OFF:
             return _between(_TORQUE_OFF, speed)
         case ReactionClass.FEEDBACK:

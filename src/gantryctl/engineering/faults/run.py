@@ -30,6 +30,7 @@ AT_REST_DEG_S: Final = 0.05
 _DEVIATION_DEG_S: Final = 0.1
 _STOPS: Final = (
     ReactionClass.QUICK_STOP,
+    ReactionClass.DRIVE_DEADLINE,
     ReactionClass.TORQUE_OFF,
     ReactionClass.FEEDBACK,
     ReactionClass.STANDSTILL,

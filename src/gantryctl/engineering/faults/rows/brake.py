@@ -30,6 +30,7 @@ ROWS: Final = (
         reads="the brake drags",
         injections=(injection("plant", "set", name="motor_coulomb_nm", value=60.0),),
         position_valid=True,
+        failing="brake drags",
     ),
     FaultCase(
         number="C3",
@@ -75,6 +76,7 @@ ROWS: Final = (
         ),
         reads="the brake closed in motion; stop",
         injections=(injection("brake", "stuck", position="closed"),),
+        failing="brake closes in motion",
     ),
     FaultCase(
         number="C6",
@@ -102,6 +104,7 @@ ROWS: Final = (
         reads="torque not proven; the brake stays closed",
         injections=(injection("drive", "no_torque"),),
         phase=Phase.POWER_UP,
+        failing="torque proof of a drive that owns its brake",
     ),
     FaultCase(
         number="C8",
@@ -137,6 +140,7 @@ ROWS: Final = (
             injection("brake", "contact", open=True),
             injection("brake", "stuck", position="closed"),
         ),
+        failing="torque lost",
     ),
     FaultCase(
         number="C11",

@@ -21,6 +21,7 @@ ROWS: Final = (
         reads="no answers; the drive stops",
         injections=(injection("frame", "sync_lost"),),
         buses=("bus",),
+        failing="SYNC lost",
     ),
     FaultCase(
         number="E3",
@@ -42,6 +43,7 @@ ROWS: Final = (
         injections=(injection("frame", "tpdo", number=1, kind="drop"),),
         buses=("bus",),
         position_valid=False,
+        failing="age of each signal",
     ),
     FaultCase(
         number="E4b",
@@ -52,6 +54,7 @@ ROWS: Final = (
         reads="the reading is old; quick stop",
         injections=(injection("frame", "tpdo", number=2, kind="drop"),),
         buses=("bus",),
+        failing="age of each signal",
     ),
     FaultCase(
         number="E5",
@@ -82,12 +85,13 @@ ROWS: Final = (
         reads="telegrams of a wrong length; quick stop",
         injections=(injection("frame", "tpdo", number=1, kind="length", amount=3),),
         buses=("bus",),
+        failing="age of each signal",
     ),
     FaultCase(
         number="E8",
         title="commands do not reach the drive",
         detected_by="RPDO deadline of the drive",
-        reaction=_QUICK,
+        reaction=ReactionClass.DRIVE_DEADLINE,
         codes=(
             Code.DRV_04,
             Code.DRV_01,
@@ -102,8 +106,8 @@ ROWS: Final = (
         number="E9",
         title="drive is off the bus",
         detected_by="age of the readings; heartbeat of the drive",
-        # The drive hears nothing either: its own deadline makes its own quick stop.
-        reaction=_QUICK,
+        # The drive hears nothing either.
+        reaction=ReactionClass.DRIVE_DEADLINE,
         codes=(
             Code.CAN_07,
             Code.CAN_06,
@@ -127,7 +131,7 @@ ROWS: Final = (
         number="E10",
         title="controller is killed",
         detected_by="RPDO deadline and heartbeat consumer of the drive",
-        reaction=_QUICK,
+        reaction=ReactionClass.DRIVE_DEADLINE,
         reads="after the restart: the last run ended in motion",
         injections=(injection("process", "killed"),),
         buses=("bus",),
@@ -142,6 +146,7 @@ ROWS: Final = (
         injections=(injection("drive", "emcy", code=0x5000, count=2000),),
         buses=("bus",),
         position_valid=True,
+        failing="emergency messages",
     ),
     FaultCase(
         number="E13",
@@ -189,6 +194,7 @@ ROWS: Final = (
         reads="another master on the bus; torque off",
         injections=(injection("frame", "foreign_nmt", command="pre_operational"),),
         buses=("bus",),
+        failing="foreign NMT command",
     ),
     FaultCase(
         number="E18b",

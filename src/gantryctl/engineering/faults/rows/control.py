@@ -48,6 +48,7 @@ ROWS: Final = (
         ),
         reads="following error; quick stop or torque off",
         injections=(injection("plant", "set", name="motor_coulomb_nm", value=200.0),),
+        failing="residual of the torque model",
     ),
     FaultCase(
         number="B4",
@@ -101,6 +102,7 @@ ROWS: Final = (
         reads="holding torque high; no new moves",
         injections=(injection("plant", "ramp", name="eccentric_moment_nm", value=200e3, over_s=1.0),),
         phase=Phase.ENABLED,
+        failing="holding torque high",
     ),
     FaultCase(
         number="B8",
@@ -116,6 +118,7 @@ ROWS: Final = (
         reads="torque limit reached; stop",
         injections=(injection("drive", "torque_limit", share=0.02),),
         from_deviation=True,
+        failing="torque lost",
     ),
     FaultCase(
         number="B9",
@@ -174,5 +177,6 @@ ROWS: Final = (
         injections=(injection("drive", "torque_limit", share=0.0),),
         phase=Phase.HOLD,
         hold=True,
+        failing="HOLD that moves",
     ),
 )

@@ -73,6 +73,7 @@ ROWS: Final = (
         reads="the drive is in another mode; torque off",
         injections=(injection("drive", "mode_display", mode=3),),
         buses=("bus",),
+        failing="mode display",
     ),
     FaultCase(
         number="D7",
@@ -126,6 +127,7 @@ ROWS: Final = (
         reads="the drive has restarted; brake closed",
         injections=(injection("drive", "restart", off_s=0.1),),
         buses=("bus",),
+        failing="boot-up before the age of the reading",
     ),
     FaultCase(
         number="D12",
@@ -136,6 +138,7 @@ ROWS: Final = (
         injections=(injection("drive", "emcy", code=0x5000),),
         buses=("bus",),
         position_valid=True,
+        failing="emergency message without a fault state",
     ),
     FaultCase(
         number="D13",
@@ -151,6 +154,7 @@ ROWS: Final = (
         reads="torque lost; torque off and brake",
         injections=(injection("drive", "no_torque"),),
         from_deviation=True,
+        failing="torque lost",
     ),
     FaultCase(
         number="D14",
@@ -162,5 +166,6 @@ ROWS: Final = (
         injections=(injection("drive", "torque_reading", offset_nm=300.0),),
         done=Done.PARTLY,
         why="which of the two, torque or reading, is wrong cannot be told: the axis stops as if torque were lost",
+        failing="torque reading not plausible",
     ),
 )

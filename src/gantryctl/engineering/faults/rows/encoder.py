@@ -31,6 +31,7 @@ ROWS: Final = (
         reads="the position jumped; torque off, angle not known",
         injections=(injection("encoder", "jump", angle_deg=-0.05),),
         position_valid=False,
+        failing="jump against the motion",
     ),
     FaultCase(
         number="A2",
@@ -54,6 +55,7 @@ ROWS: Final = (
         reads="encoder value unchanged; torque off, angle not known",
         injections=(injection("encoder", "freeze_reading"),),
         position_valid=False,
+        failing="position not valid after a reading that froze",
     ),
     FaultCase(
         number="A2c",
@@ -65,6 +67,7 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=0.0),),
         phase=Phase.QUICK_STOP,
         position_valid=False,
+        failing="feedback in doubt in a quick stop",
     ),
     FaultCase(
         number="A3",
@@ -87,6 +90,7 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=0.0),),
         phase=Phase.ENABLED,
         position_valid=False,
+        failing="frozen at standstill",
     ),
     FaultCase(
         number="A3c",
@@ -98,6 +102,7 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=0.0),),
         phase=Phase.POWER_UP,
         position_valid=False,
+        failing="frozen before power-up",
     ),
     FaultCase(
         number="A4",
@@ -229,6 +234,7 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=-1.0),),
         phase=Phase.POWER_UP,
         position_valid=False,
+        failing="sign wrong at power-up",
     ),
     FaultCase(
         number="A15b",
@@ -244,6 +250,7 @@ ROWS: Final = (
         reads="moves against the command; torque off, angle not known",
         injections=(injection("encoder", "gain", value=-1.0),),
         position_valid=False,
+        failing="position not valid after a wrong sign",
     ),
     FaultCase(
         number="A16",
@@ -254,6 +261,7 @@ ROWS: Final = (
         reads="the reading is old; quick stop",
         injections=(injection("frame", "tpdo", number=1, kind="delay", amount=4),),
         buses=("bus",),
+        failing="late readings",
     ),
     FaultCase(
         number="A17",
@@ -270,6 +278,7 @@ ROWS: Final = (
         reads="torque off, angle not known",
         injections=(injection("encoder", "gain", value=0.9),),
         position_valid=False,
+        failing="slipping coupling",
     ),
     FaultCase(
         number="A18",
@@ -285,6 +294,7 @@ ROWS: Final = (
         reads="torque off, angle not known",
         injections=(injection("encoder", "gain", value=0.98),),
         position_valid=False,
+        failing="slipping coupling",
     ),
     FaultCase(
         number="A19",
@@ -301,6 +311,7 @@ ROWS: Final = (
         reads="feedback not plausible; torque off",
         injections=(injection("encoder", "speed_reading", speed_deg_s=1e300),),
         position_valid=False,
+        failing="speed reading absurd",
     ),
     FaultCase(
         number="A20",
@@ -316,5 +327,6 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=-1.0, when=When(after_s=0.2)),),
         phase=Phase.HOLD,
         hold=True,
+        failing="torque that drives the motion in HOLD",
     ),
 )

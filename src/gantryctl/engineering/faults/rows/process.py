@@ -32,11 +32,12 @@ ROWS: Final = (
         number="F3",
         title="controller stalls for 2 s",
         detected_by="deadlines of the drive; on waking the own lateness, 50 ms",
-        reaction=ReactionClass.QUICK_STOP,
+        reaction=ReactionClass.DRIVE_DEADLINE,
         codes=(Code.SYS_03,),
         reads="the controller was frozen; the drive stopped by itself",
         injections=(injection("clock", "stall", late_s=2.0),),
         buses=("bus",),
         position_valid=True,
+        failing="first-out of a stall",
     ),
 )
