@@ -36,7 +36,11 @@ class Variant(NamedTuple):
         return f"{where}, scan {self.scan_ms:g} ms, {self.speed_deg_s:g} deg/s"
 
 
-DRIVES: tuple[tuple[DriveKind, BrakeOwner], ...] = (("sim", "drive"), ("bus", "drive"), ("bus", "object_60FE"))
+DRIVES: tuple[tuple[DriveKind, BrakeOwner], ...] = (
+    ("sim", "drive"),
+    ("bus", "drive"),
+    ("bus", "object_60FE"),
+)
 FAST = (
     Variant("sim", "drive", 1.0, 6.0),
     Variant("sim", "drive", 10.0, 1.0),
@@ -46,7 +50,26 @@ FAST = (
 """Each scan period, speed, drive and owner of the brake once."""
 ONCE = (Variant("sim", "drive", 4.0, 6.0), Variant("bus", "object_60FE", 10.0, 3.0))
 """For rows whose answer is one comparison of one input or state."""
-PLAIN = ("A4", "A5", "A6", "A7", "B1", "B10", "C1", "C11", "C12", "D2", "D3", "E3", "E5", "E6", "E13", "G3", "G4", "G15")
+PLAIN = (
+    "A4",
+    "A5",
+    "A6",
+    "A7",
+    "B1",
+    "B10",
+    "C1",
+    "C11",
+    "C12",
+    "D2",
+    "D3",
+    "E3",
+    "E5",
+    "E6",
+    "E13",
+    "G3",
+    "G4",
+    "G15",
+)
 ALL = tuple(
     Variant(kind, owner, scan_ms, speed)
     for (kind, owner), scan_ms, speed in product(DRIVES, (1.0, 4.0, 10.0), (1.0, 3.0, 6.0))

@@ -52,6 +52,9 @@ COMMANDS: Final = {
     "compare": Entry(
         "engineering.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
     ),
+    "faults": Entry(
+        "engineering.faults", "faults", "Faults on a simulated axis: list, show, run with a picture."
+    ),
     "serve": Entry("service.serve", "serve", "Run the controller with its operator page."),
     "user": Entry("service.user", "user", "Users of the page: add, list, remove, passwd."),
     "journal": Entry("service.journal", "journal", "The service's journal: show, verify, export."),

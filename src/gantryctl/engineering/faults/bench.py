@@ -230,7 +230,8 @@ class FaultBench:
 
     def record(self) -> None:
         """Keep a row of every millisecond from now on."""
-        self._recording, self._tick_s = True, self.time_s
+        if not self._recording:
+            self._recording, self._tick_s = True, self.time_s
 
     def log(self) -> FaultLog:
         """What was recorded."""
@@ -337,6 +338,7 @@ class FaultBench:
         wanted = 0.5 * speed if half else 0.999 * speed
         ref = self.axis.virtual
         self._reached(self.until(lambda: abs(deg(ref.vel_ref_rad_s)) >= wanted, 4.0 * _RAMP_UP_S + 30.0))
+        self.record()
         if half:
             return
         sign = math.copysign(1.0, self._speed)

@@ -72,6 +72,7 @@ class FaultCase:
         hold: the drive may be enabled again to hold the load.
         seen_after_s: time that the monitor needs beyond that of its class.
         from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
+        judged: False: nothing is demanded of the run, it is shown.
         tests: ids of the tests beside the table of reactions.
         done, why: state, and the reason where it is not "yes".
         failing: what does not hold yet, and waits for a mend; "" for a row that holds.
@@ -90,6 +91,7 @@ class FaultCase:
     hold: bool = False
     seen_after_s: float = 0.0
     from_deviation: bool = False
+    judged: bool = True
     tests: tuple[str, ...] = ()
     done: Done = Done.YES
     why: str = ""

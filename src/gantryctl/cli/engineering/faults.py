@@ -1,0 +1,149 @@
+"""`gantryctl faults`: the fault catalogue, and one fault on a simulated axis."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import PATH, config_option, json_option, machine_of, number_option, print_json
+from gantryctl.cli.text import print_table
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.faults.case import FaultCase
+
+
+@click.group()
+def faults() -> None:
+    """Inject faults into a simulated axis: list, show, run.
+
+    Nothing of this is loaded by a controller: on a real bus there is no injection.
+    """
+
+
+@faults.command("list")
+@click.option("--kinds", is_flag=True, help="List the kinds that a file of injections may have instead.")
+@json_option
+def list_command(kinds: bool, as_json: bool) -> None:
+    """List the fault catalogue."""
+    from gantryctl.engineering.faults.catalogue import CATALOGUE
+    from gantryctl.engineering.faults.seams import KINDS
+    from gantryctl.engineering.faults.text import case_data, catalogue_text, kinds_text
+
+    if as_json and kinds:
+        print_json(
+            [
+                {"where": row.place.value, "kind": row.name, "args": list(row.arguments), "words": row.words}
+                for row in KINDS.values()
+            ]
+        )
+    elif as_json:
+        print_json([case_data(case) for case in CATALOGUE])
+    else:
+        print_table(kinds_text() if kinds else catalogue_text(CATALOGUE))
+
+
+@faults.command()
+@click.argument("number")
+@json_option
+def show(number: str, as_json: bool) -> None:
+    """Show one fault of the catalogue: how it is injected, and what must happen."""
+    from gantryctl.engineering.faults.catalogue import fault_case
+    from gantryctl.engineering.faults.text import case_data, case_lines
+
+    case = fault_case(number)
+    if as_json:
+        print_json(case_data(case))
+    else:
+        click.echo("\n".join(case_lines(case)))
+
+
+@faults.command()
+@config_option
+@click.option("--fault", "number", help="Number of the catalogue, e.g. A2.")
+@click.option("--file", "file", type=PATH, help="Injections of a TOML or JSON file instead.")
+@number_option(["--speed"], 6.0, "Speed in deg/s; a minus turns the other way.")
+@number_option(["--angle"], 90.0, "Angle in deg at which the fault begins.")
+@number_option(["--scan"], 4.0, "Scan period in ms.")
+@number_option(["--moment"], 16.0, "Eccentric moment in kN m.")
+@click.option("--bus", is_flag=True, help="Use the virtual drive behind a CANopen bus.")
+@click.option(
+    "--brake-owner",
+    type=click.Choice(("drive", "object_60FE")),
+    default="drive",
+    show_default=True,
+    help="Who closes the brake of a drive on a bus.",
+)
+@click.option("--out", "out", type=PATH, help="Picture of the run, .png or .svg.")
+@json_option
+def run(
+    config_file: Path | None,
+    number: str | None,
+    file: Path | None,
+    speed: float,
+    angle: float,
+    scan: float,
+    moment: float,
+    bus: bool,
+    brake_owner: str,
+    out: Path | None,
+    as_json: bool,
+) -> int:
+    """Run one fault in virtual time, and judge way, alarm and words by the true plant.
+
+    Exit code 1 when something is not as it must be.
+    """
+    from gantryctl.engineering.faults.run import run_fault
+    from gantryctl.engineering.faults.text import result_data, result_lines
+
+    case = _case(number, file)
+    result = run_fault(
+        case,
+        speed,
+        angle,
+        scan,
+        "bus" if bus else "sim",
+        brake_owner="object_60FE" if brake_owner == "object_60FE" else "drive",
+        eccentric_knm=moment,
+        machine=None if config_file is None else machine_of(config_file),
+    )
+    title = f"{case.number}: {case.title}"
+    if out is not None:
+        from gantryctl.engineering.faults.figure import draw_fault
+
+        drive = f"bus, brake by {brake_owner}" if bus else "simulated drive"
+        draw_fault(result, f"{title} - {speed:g} deg/s at {angle:g} deg, scan {scan:g} ms, {drive}", out)
+    if as_json:
+        print_json(result_data(result))
+    else:
+        click.echo("\n".join((title, *result_lines(result))))
+        if out is not None:
+            click.echo(f"picture: {out}")
+    return int(not result.ok)
+
+
+def _case(number: str | None, file: Path | None) -> FaultCase:
+    """The row that was asked for, or one around the injections of a file, of which nothing is demanded.
+
+    Raises:
+        UsageError: neither or both, an unknown number, or a wrong file.
+    """
+    from gantryctl.engineering.faults.case import FaultCase, ReactionClass
+    from gantryctl.engineering.faults.catalogue import fault_case
+    from gantryctl.engineering.faults.injection import load_injections
+    from gantryctl.errors import UsageError
+
+    if (number is None) is (file is None):
+        raise UsageError("give --fault or --file, one of the two")
+    if number is not None:
+        return fault_case(number)
+    assert file is not None
+    return FaultCase(
+        number="file",
+        title=file.name,
+        detected_by="-",
+        reaction=ReactionClass.NONE,
+        injections=load_injections(file),
+        judged=False,
+    )
