@@ -77,6 +77,7 @@ def speed_settings(machine: Machine) -> SpeedSettings:
         setting_max_rad_s=rad(speed.setting_max_deg_s),
         command_clamp_rad_s=rad(speed.command_clamp_deg_s),
         overspeed_trip_rad_s=rad(speed.overspeed_trip_deg_s),
+        creep_rad_s=rad(speed.creep_deg_s),
     )
 
 
