@@ -32,6 +32,7 @@ from gantryctl.program.blocks import Halt, Inch, Jog, MoveAbsolute, Power, Reset
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.monitors import Monitors
+from gantryctl.program.monitors.oscillation import Oscillation
 from gantryctl.program.monitors.recovery import Recovery, StopRecord
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
@@ -151,6 +152,15 @@ def _levels(name: str) -> Special:
     return rule
 
 
+def _swing(oscillation: Oscillation, roots: Roots) -> object:
+    """Side, turns and length of a swing; one that the next scan is too late for is forgotten."""
+    scan = roots.axis.scan
+    if not oscillation._side or scan + 1 - oscillation._scan > oscillation._half_scans:
+        return None
+    lasted = min(scan - oscillation._began, _CAP)
+    return scan - oscillation._scan, oscillation._side, min(oscillation._turns, _CAP), lasted
+
+
 def _since(name: str, cap: int = 4) -> Special:
     def rule(each: Any, roots: Roots) -> object:
         return min(roots.axis.scan - getattr(each, name), cap)
@@ -193,10 +203,11 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Alarm: Rules(same="code reaction", clock="scan time_s pos_rad steps values follows consequences"),
     Feedback: Rules(
-        same="_look _old brake_open encoder_alarm error_code in_doubt inputs motor_temp_c periods state "
+        same="_look _old _was_energised brake_contact brake_open encoder_alarm error_code in_doubt inputs "
+        "motor_temp_c periods state state_old "
         "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",
-        count="_late_age unchanged_scans",
+        count="_inputs_age _late_age _speed_age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         clock="_drift _step _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
@@ -218,7 +229,7 @@ RULES: Final[dict[type, Rules]] = {
         special={"_target": _ref_target, "plan": _scans_left},
     ),
     PowerSequence: Rules(
-        same="_drive_owns_brake _parking _unloaded brake_open fault_reset phase request status",
+        same="_drive_owns_brake _parking _unloaded _unwinding brake_open fault_reset phase request status",
         number="torque_ff_nm",
         count="_driven _held _over_envelope _rest_count",
         part="brake_test holding",
@@ -281,13 +292,19 @@ RULES: Final[dict[type, Rules]] = {
         when=lambda _, roots: roots.axis.virtual.following,
         same="_pulled _suspicious",
         number="_last_nm _mean_nm _missing _vel_start",
-        count="_blocked _leap _lost",
-        fixed="_alarms _blocked_scans _effort_share _feedback _holding _known _leap_nm _leap_scans _lost_scans "
-        "_mean_share _nothing_nm _off_nm _off_scans _period_s",
+        count="_blocked _heavy _leap _lost",
+        fixed="_alarms _blocked_scans _effort_share _feedback _heavy_nm _heavy_scans _holding "
+        "_known _leap_nm _leap_scans _lost_scans "
+        "_mean_share _nothing_nm _off_nm _off_scans _period_s _rated_nm",
         special={"_off": lambda watch, _: min(watch._off, _CAP)},
     ),
+    Oscillation: Rules(
+        clock="_began _side _turns",
+        fixed="_alarms _half_scans _lasts_scans _period_s",
+        special={"_scan": _swing},
+    ),
     Monitors: Rules(
-        part="_torque_watch",
+        part="_oscillation _torque_watch",
         when=lambda _, roots: roots.axis.virtual.following,
         same="_at_rest _in_window in_position not_in_position",
         number="_error_at_saturation _over_travel_minus _over_travel_plus",
