@@ -51,6 +51,7 @@ class VirtualBusBench(CanBench):
                 "can.interface": "virtual",
                 "can.channel": channel,
                 "can.stepped": True,
+                "can.commissioning_required": False,
             },
         )
         bus = stack.enter_context(can.Bus(interface="virtual", channel=channel))

@@ -84,12 +84,6 @@ def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
         session.close("looked")
 
 
-@pytest.mark.no_oracle(
-    "defects: what a lost or lying drive did is told wrongly, and torque lost is found late",
-    "INV-1",
-    "INV-6",
-    "INV-7",
-)
 @pytest.mark.parametrize(
     ("fault", "value", "codes", "way_deg"),
     [
@@ -100,9 +94,9 @@ def test_the_next_run_goes_on_from_the_kept_plant(tmp_path: Path) -> None:
             2.1,
         ),  # says that it follows, and comes to a stand
         ("ignore_target", True, ("DRV-05", "CTL-05"), 2.1),  # goes on at the old speed, bit 12 = 0
-        ("freeze_position", True, ("ENC-02", "CTL-05"), 2.1),
+        ("freeze_position", True, ("ENC-14", "ENC-02", "CTL-05"), 2.1),
         ("command_sign", -1, ("CTL-05", "CTL-03", "ENC-01"), 2.1),
-        ("no_torque", True, ("CTL-05", "CTL-03", "BRK-05"), 2.1),
+        ("no_torque", True, ("DRV-13", "CTL-05", "CTL-03", "BRK-05"), 2.1),
         ("silence", True, ("CAN-03", "CAN-06"), 2.1),  # out of reach: its own watch must stop it
     ],
 )
@@ -130,7 +124,7 @@ def test_a_drive_that_lies_in_motion_is_caught(
 def test_a_drive_that_takes_the_mode_and_never_moves_is_caught_from_the_start() -> None:
     run = Run()
     run.inject("never_move")()
-    with pytest.raises(AlarmStop, match=r"CTL-0[35]|ENC-02"):
+    with pytest.raises(AlarmStop, match=r"CTL-0[35]|ENC-02|DRV-13"):
         run.session.move(5.0, 0.6)
     run.session.close("stopped")
     assert abs(moved_deg(run)) < 0.35  # what a fault at the first move may cost
@@ -184,10 +178,6 @@ def test_a_parameter_changed_behind_our_back_stops_the_axis_and_keeps_it(
     run.session.close("done")
 
 
-@pytest.mark.no_oracle(
-    "defect: nothing was switched on, it says",
-    "INV-7",
-)
 def test_after_a_restart_of_the_drive_a_reset_is_enough() -> None:
     """DRV-11 in motion; then set up anew, reset by service (the angle was doubted), and the next move goes on."""
     run = Run(virtual_axis__acc_deg_s2=2.0, virtual_axis__dec_deg_s2=2.0)

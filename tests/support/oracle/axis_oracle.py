@@ -29,6 +29,8 @@ _TOLD_MS: Final = 200
 # An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
 _CAUSE_MS: Final = 3000
 _AT_REST_MS: Final = 50
+# ms in which a step of the drive that was commanded before power was switched off still takes effect.
+_UNDER_WAY_MS: Final = 100
 
 
 class Violation(NamedTuple):
@@ -59,7 +61,7 @@ class AxisOracle:
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
-    for HOLD; the shipped program loses no latched alarm without a rising edge of reset.
+    for HOLD; and after the reset no torque before a new rising edge of power (shipped program).
     **INV-6, the load is held.** Torque on, or the brake closed, or closing for at most 0.2 s. The brake opens only
     while torque has been on for 10 ms. Torque is taken off only behind a closed brake, unless
     TORQUE OFF was told; a drive that goes off by itself is told as such within 0.2 s.
@@ -91,10 +93,10 @@ class AxisOracle:
         self._anchor: float | None = None
         self._reason_ms = -1
         self._origin_ms: float = -1.0
-        self._target: float | None = None
         self._lease_ms = -1_000_000
         self._operator = OperatorCommand()
-        self._power_asked = self._test_asked = self._reset_asked = False
+        self._test_asked = False
+        self._power_until = -1.0
         self._vel = 0.0
         self._wire_ms = -1
         self._request = DriveRequest.DISABLE
@@ -104,13 +106,15 @@ class AxisOracle:
         self._onset_of_feedback = False
         self._disobeys = False
         self._wrong_since: int | None = None
+        self._wrong = self._kpp = 0.0
+        self._ratio = 1.0
         self._zero_counts = math.nan
         self.offset = 0.0
         # Replaced by `bind`; in motor units.
         self._deg = 1.0
         self._sag = self._high = self._speed_max = self._rest = self._told = self._settled = math.inf
         self._low = -math.inf
-        self._vel_max = self._torque_max = self._slope_up = self._slope_down = math.inf
+        self._vel_max = self._torque_max = self._slope = math.inf
 
     # --- who commands -------------------------------------------------------------------------------------------
 
@@ -120,7 +124,8 @@ class AxisOracle:
         settings = self._axis.settings
         self._deg = k = settings.law.ratio * math.pi / 180.0
         speed, ramps = settings.speed, settings.ramps
-        ratio = settings.law.ratio
+        self._ratio = ratio = settings.law.ratio
+        self._kpp = settings.law.kpp_per_s
         self._sag = limits.SAG_DEG * k
         self._speed_max = limits.OVERSPEED * speed.setting_max_rad_s * ratio
         self._rest, self._told = limits.REST_DEG_S * k, limits.TOLD_DEG * k
@@ -131,12 +136,20 @@ class AxisOracle:
         # Correction of the position loop: Kpp times the speed that the deviation monitor lets pass.
         correction = settings.law.kpp_per_s * settings.monitors.velocity_deviation_rad_s
         steepest = max(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2, ramps.acc_rad_s2)
-        self._slope_up = self._slope_down = (steepest + correction) * ratio * 1e-3
+        self._slope = (steepest + correction) * ratio * 1e-3
         self._zero_counts = math.nan
 
     def begin(self, angle: float, brake_open: bool, energised: bool) -> None:
         """Take the state in which the axis is met."""
         self.angle, self.brake_open, self.energised = angle, brake_open, energised
+
+    def deg(self, motor_rad: float) -> float:
+        """An angle or a speed of the motor at the gantry, deg or deg/s."""
+        return motor_rad / self._deg
+
+    def scans_ms(self, scans: float) -> float:
+        """Time of so many scans."""
+        return scans * float(self._axis.settings.period_s) * 1e3
 
     def say(self, invariant: str, text: str) -> None:
         """Report the first violation of an invariant."""
@@ -176,6 +189,8 @@ class AxisOracle:
             self._levels(operator)
         if not (-self._vel_max <= vel <= self._vel_max and -self._torque_max <= torque <= self._torque_max):
             self.say("INV-4", f"on the wire: speed {vel!r} rad/s, torque {torque!r} N m")
+        if axis is not None and not self.program_over:
+            self._judge_told(axis)
         if vel != 0.0:
             self._speed_on_wire(request, vel, brake_open)
         elif self._vel != 0.0:
@@ -187,13 +202,14 @@ class AxisOracle:
         first = axis.alarms.first_out
         if first is not None or self._latched is not None:
             self._latch(first, request, vel)
-        if self.program_over:
-            return  # it tells nothing any more
+
+    def _judge_told(self, axis: Any) -> None:
+        """The angle that is told in this scan, before the plant goes on."""
+        angle = axis.pos_act_rad * self._ratio
         if axis.zero_counts != self._zero_counts:
-            self._zero_counts = axis.zero_counts
-            self.offset = axis.pos_act_rad * axis.settings.law.ratio - self.angle
+            self._zero_counts, self.offset = axis.zero_counts, angle - self.angle
             self._low, self._high = self._travel(limits.TRAVEL_DEG)
-        wrong = axis.pos_act_rad * axis.settings.law.ratio - self.angle - self.offset
+        self._wrong = wrong = angle - self.angle - self.offset
         if not -self._told <= wrong <= self._told:
             self._wrong_angle(wrong)
         elif self._wrong_since is not None:
@@ -204,7 +220,8 @@ class AxisOracle:
             self.say("INV-4", f"speed {vel / self._deg:.4f} deg/s with request {request.name}")
         now, before = self.ms, self._vel
         passed = max(1, now - self._wire_ms)
-        slope = self._slope_up * passed + self._settled
+        # A reading that is wrong by less than can be told is answered by Kpp times the error all the same.
+        slope = self._slope * passed + self._settled + self._kpp * abs(self._wrong)
         if not -slope <= vel - before <= slope and not self._feedback_fault():
             self.say(
                 "INV-3",
@@ -240,12 +257,11 @@ class AxisOracle:
         if op.lease != last.lease:
             self._lease_ms = now
         if op.power and not last.power:
-            self._power_asked = True
+            self._power_until = math.inf
         self._test_asked = self._test_asked or (op.brake_test and not last.brake_test)
-        self._reset_asked = self._reset_asked or (op.reset and not last.reset)
         stopping = (op.stop and not last.stop) or (op.halt and not last.halt) or (last.power and not op.power)
-        if not op.power:
-            self._power_asked = False
+        if last.power and not op.power:
+            self._power_until = now + _UNDER_WAY_MS
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
         if (op.move and not last.move) or pressed or op.override != last.override:
             # An increment and a move go on without a lease until they have arrived.
@@ -270,7 +286,7 @@ class AxisOracle:
     def _latch(self, first: Alarm | None, request: DriveRequest, vel: float) -> None:
         before, self._latched = self._latched, first
         if first is None:
-            self._reset_asked = self._power_asked = False
+            self._power_until = -1.0
             self._stop = None
             return
         if first is not before:
@@ -296,8 +312,8 @@ class AxisOracle:
 
     def _alarm(self, first: Alarm) -> None:
         """A stop-class alarm is told now: the stop begins."""
-        self._power_asked = self._test_asked = self._reset_asked = False
-        self._origin_ms = -1.0
+        self._test_asked = False
+        self._origin_ms = self._power_until = -1.0
         onset = self._onset
         if self._feedback_fault():
             kind = StopClass.FEEDBACK
@@ -365,7 +381,7 @@ class AxisOracle:
         was_open, self.brake_open = self.brake_open, brake_open
         if energised and not was_energised:
             self._energised_ms = now
-            asked = self._power_asked or self._test_asked or type(self.program) is not GantryProgram
+            asked = now <= self._power_until or self._test_asked or type(self.program) is not GantryProgram
             if self._latched is not None and not self._holding():
                 self.say("INV-5", f"torque came on while {self._latched.code} is latched")
             elif not asked and not self._holding():
@@ -425,12 +441,12 @@ class AxisOracle:
     # --- what is told ---------------------------------------------------------------------------------------------
 
     def _wrong_angle(self, wrong: float) -> None:
+        if not self._feedback_fault():
+            self.fault_injected(feedback=True, at_once=True)
         if not self._axis.feedback.position_valid:
             self._wrong_since = None
-            return
-        if self._wrong_since is None:
+        elif self._wrong_since is None:
             self._wrong_since = self.ms
-            self.fault_injected(feedback=True, at_once=True)
         elif (self.ms - self._wrong_since) * 1e-3 > limits.TOLD_WRONG_S:
             told = self._axis.pos_act_rad * 180.0 / math.pi
             self.say(

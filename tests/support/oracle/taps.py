@@ -50,6 +50,12 @@ class Oracle:
             self._kept += [plant, faults]
         return axis
 
+    def forget(self) -> None:
+        """Forget the axes: a test that makes very many of them has done with these."""
+        self.axes.clear()
+        self._kept.clear()
+        self.last = None
+
     def caught(self, invariant: str) -> list[Violation]:
         """Take the violations of one invariant out: a test that plants one expects them."""
         taken = [each for each in self.violations if each.invariant == invariant]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gantryctl.program.alarms.log import Alarm
@@ -53,8 +53,9 @@ class Stop:
         self.speeds: list[float] = []
         self.slow_ms = 0
         self.ended = False
-        self.off_ms: int | None = None
-        self.closed_ms: int | None = None
+        # What a drive switched off by itself went off within the scan that tells it.
+        self.off_ms: int | None = None if told.energised else 0
+        self.closed_ms: int | None = None if told.brake_open else 0
 
     def torque_off(self, ms: int) -> None:
         """Torque went off."""
@@ -67,36 +68,63 @@ class Stop:
 
 def judge_words(alarm: Alarm, stop: Stop, true: AxisOracle) -> Iterator[str]:
     """What the words of a finished stop say that is not so."""
-    settings = true.program.axis.settings
-    per_deg = settings.law.ratio * math.pi / 180.0
-    scans_ms = _SCANS * settings.period_s * 1e3
-    moved = abs(true.angle - stop.told.angle) / per_deg
     for step in alarm.steps:
         words = step.words if isinstance(step, Said) else step
-        values: dict[str, Any] = dict(step.values) if isinstance(step, Said) else {}
-        if words is Words.NOTHING_ON:
-            told = stop.told
-            if told.energised or told.brake_open or abs(told.speed) / per_deg > limits.REST_DEG_S:
-                yield f"nothing was switched on, but torque {told.energised}, brake open {told.brake_open}"
-        elif words is Words.MOVED_TO:
-            if not abs(values["way"] - moved) <= limits.TOLD_DEG:
-                yield f"moved {values['way']:.3f} deg is told, true {moved:.3f}"
-            position = (true.angle + true.offset) / per_deg
-            if not abs(values["position"] - position) <= limits.TOLD_DEG:
-                yield f"position {values['position']:.3f} deg is told, true {position:.3f}"
-        elif words is Words.AT_REST_AFTER:
-            time_ms = values["time_ms"]
-            after = stop.speeds[math.ceil(time_ms + scans_ms) :]
-            if after and max(after) > _AT_REST_DEG_S:
-                yield f"at rest after {time_ms:.0f} ms is told, {max(after):.3f} deg/s later"
-        elif words is Words.TORQUE_OFF_AFTER:
-            yield from _time("torque off", values["time_ms"], stop.off_ms, scans_ms)
-        elif words is Words.BRAKE_CLOSED_AFTER:
-            yield from _time("brake closed", values["time_ms"], stop.closed_ms, scans_ms)
+        judge = _JUDGES.get(words)
+        if judge is not None:
+            yield from judge(dict(step.values) if isinstance(step, Said) else {}, stop, true)
 
 
-def _time(what: str, told_ms: float, true_ms: int | None, scans_ms: float) -> Iterator[str]:
+def _nothing_on(_: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+    told = stop.told
+    if told.energised or told.brake_open or abs(true.deg(told.speed)) > limits.REST_DEG_S:
+        yield f"nothing was switched on, but torque {told.energised}, brake open {told.brake_open}"
+
+
+def _moved(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+    moved = abs(true.deg(true.angle - stop.told.angle))
+    if not abs(values["way"] - moved) <= limits.TOLD_DEG:
+        yield f"moved {values['way']:.3f} deg is told, true {moved:.3f}"
+    position = true.deg(true.angle + true.offset)
+    if not abs(values["position"] - position) <= limits.TOLD_DEG:
+        yield f"position {values['position']:.3f} deg is told, true {position:.3f}"
+
+
+def _at_rest(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+    time_ms = values["time_ms"]
+    after = stop.speeds[math.ceil(time_ms + true.scans_ms(_SCANS)) :]
+    if after and max(after) > _AT_REST_DEG_S:
+        yield f"at rest after {time_ms:.0f} ms is told, {max(after):.3f} deg/s later"
+
+
+def _torque_off(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+    return _time("torque off", values["time_ms"], stop.off_ms, true)
+
+
+def _torque_seen_off(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+    return _time("torque seen off", values["time_ms"], stop.off_ms, true, late_ms=math.inf)
+
+
+def _brake_closed(values: dict[str, Any], stop: Stop, true: AxisOracle) -> Iterator[str]:
+    return _time("brake closed", values["time_ms"], stop.closed_ms, true)
+
+
+_Judge = Callable[[dict[str, Any], Stop, "AxisOracle"], Iterator[str]]
+_JUDGES: Final[dict[Words, _Judge]] = {
+    Words.NOTHING_ON: _nothing_on,
+    Words.MOVED_TO: _moved,
+    Words.AT_REST_AFTER: _at_rest,
+    Words.TORQUE_OFF_AFTER: _torque_off,
+    Words.TORQUE_OFF_SEEN: _torque_seen_off,
+    Words.BRAKE_CLOSED_AFTER: _brake_closed,
+}
+
+
+def _time(
+    what: str, told_ms: float, true_ms: int | None, true: AxisOracle, late_ms: float = _LATE_MS
+) -> Iterator[str]:
+    scans_ms = true.scans_ms(_SCANS)
     if true_ms is None:
         yield f"{what} after {told_ms:.0f} ms is told, and is not so"
-    elif not true_ms - _EARLY_MS - scans_ms <= told_ms <= true_ms + _LATE_MS + scans_ms:
+    elif not true_ms - _EARLY_MS - scans_ms <= told_ms <= true_ms + late_ms + scans_ms:
         yield f"{what} after {told_ms:.0f} ms is told, true {true_ms} ms"

@@ -102,10 +102,6 @@ PHASES = [
 FIRST = {"stop": "", "estop": "INT-03", "fault": "DRV-01", "mains": "PWR-01", "silence": "CAN"}
 
 
-@pytest.mark.no_oracle(
-    "defects: what a lost or faulty drive did is told wrongly",
-    "INV-7",
-)
 @pytest.mark.parametrize("phase", PHASES)
 @pytest.mark.parametrize("how", FIRST)
 def test_whatever_ends_it_leaves_torque_off_and_the_brake_closed(phase: BrakeTestPhase, how: str) -> None:

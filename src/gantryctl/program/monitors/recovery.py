@@ -10,6 +10,7 @@ from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
+from gantryctl.program.power.phases import TORQUE_ON
 from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -23,11 +24,12 @@ class StopRecord:
         "_torque_unseen", "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
-    def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback) -> None:
+    def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback, power: PowerSequence) -> None:
         self.alarm = alarm
         self._period_s = period_s
-        self._was_open = feedback.brake_open
-        self._was_torque = feedback.energised
+        # A drive that left by itself shows its new state already: what was commanded was on until then.
+        self._was_open = feedback.brake_open or power.brake_open
+        self._was_torque = feedback.energised or power.phase in TORQUE_ON
         self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
         self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
@@ -124,7 +126,7 @@ class Recovery:
         """Follow the stop that `alarm` began."""
         self._abandon_reset(None)
         if self._record is None or self._record.alarm is not alarm:
-            self._record = StopRecord(alarm, self._period_s, self._feedback)
+            self._record = StopRecord(alarm, self._period_s, self._feedback, self._power)
 
     def scan(self, scan: int, pos_rad: float) -> None:
         """Follow the stop; every scan while an alarm is latched."""
