@@ -13,7 +13,13 @@ def test_the_catalogue_is_listed_and_a_row_is_shown() -> None:
     rows = cli("faults", "list", "--json").json
     assert {row["number"] for row in rows} >= {"A2", "B5", "C4", "D1", "E10", "F3", "G9"}
     assert "encoder freezes in motion" in cli("faults", "list").out
-    assert cli("faults", "show", "a2", "--json").json == next(row for row in rows if row["number"] == "A2")
+    shown = cli("faults", "show", "a2b", "--json").json
+    assert shown == next(row for row in rows if row["number"] == "A2")
+    assert [case["number"] for case in shown["cases"]][:2] == ["A2", "A2b"]
+    assert "own loop is sound" in cli("faults", "show", "A2b").out
+    nobody = cli("faults", "show", "A9").out
+    assert "injected on  no axis" in nobody
+    assert "test_a_wrap_near_the_travel_is_refused" in nobody
     assert "encoder gain value=0" in cli("faults", "show", "A2").out
     kinds = cli("faults", "list", "--kinds", "--json").json
     assert {"where": "encoder", "kind": "gain"}.items() <= kinds[0].items()

@@ -110,7 +110,6 @@ def rows() -> list[object]:
             marks=[pytest.mark.xfail(reason=case.failing, strict=False)] if case.failing else [],
         )
         for case in CATALOGUE
-        if case.injectable
     ]
 
 

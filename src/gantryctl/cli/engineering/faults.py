@@ -27,9 +27,9 @@ def faults() -> None:
 @json_option
 def list_command(kinds: bool, as_json: bool) -> None:
     """List the fault catalogue."""
-    from gantryctl.engineering.faults.catalogue import CATALOGUE
     from gantryctl.engineering.faults.seams import KINDS
-    from gantryctl.engineering.faults.text import case_data, catalogue_text, kinds_text
+    from gantryctl.engineering.faults.table.table import ROWS
+    from gantryctl.engineering.faults.text import catalogue_text, kinds_text, row_data
 
     if as_json and kinds:
         print_json(
@@ -39,24 +39,26 @@ def list_command(kinds: bool, as_json: bool) -> None:
             ]
         )
     elif as_json:
-        print_json([case_data(case) for case in CATALOGUE])
+        print_json([row_data(row) for row in ROWS.values()])
     else:
-        print_table(kinds_text() if kinds else catalogue_text(CATALOGUE))
+        print_table(kinds_text() if kinds else catalogue_text())
 
 
 @faults.command()
 @click.argument("number")
 @json_option
 def show(number: str, as_json: bool) -> None:
-    """Show one fault of the catalogue: how it is injected, and what must happen."""
-    from gantryctl.engineering.faults.catalogue import fault_case
-    from gantryctl.engineering.faults.text import case_data, case_lines
+    """Show one fault of the catalogue: how it is injected, what must happen, and the tests that do it.
 
-    case = fault_case(number)
+    As JSON: the whole row, with its variants.
+    """
+    from gantryctl.engineering.faults.catalogue import fault_row
+    from gantryctl.engineering.faults.text import fault_lines, row_data
+
     if as_json:
-        print_json(case_data(case))
+        print_json(row_data(fault_row(number)))
     else:
-        click.echo("\n".join(case_lines(case)))
+        click.echo("\n".join(fault_lines(number)))
 
 
 @faults.command()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, StrEnum
+from enum import Enum
 from typing import Literal
 
 from gantryctl.engineering.faults.injection import Injection
@@ -45,36 +45,26 @@ class ReactionClass(Enum):
     NONE = "none"
 
 
-class Done(StrEnum):
-    """Whether a row is detected, answered and tested."""
-
-    YES = "yes"
-    PARTLY = "partly"
-    NO = "no"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultCase:
-    """One fault: how it is injected, what must happen, and what a person reads.
+    """One run of a fault: how it is injected, what must happen, and what a person reads.
+
+    Its evidence and its state stand in the row of the table to which its number belongs.
 
     Attributes:
-        number: of the catalogue, "A2".
+        number: of the catalogue, "A2"; a letter behind it is a variant, "A2b".
         title: the fault in a few words.
         detected_by: monitor and its threshold.
         reaction: class whose limit holds.
         codes: alarm that may come first; () where none comes.
         reads: what the operator reads, in a few words.
-        injections: () where a fault is no matter of the axis; its tests are named then.
         phase: where the fault begins.
         buses: drives on which it can be injected.
         position_valid: at the end; None: not judged.
-        horn: people must leave: the load moves and nothing holds it.
         hold: the drive may be enabled again to hold the load.
         seen_after_s: time that the monitor needs beyond that of its class.
         from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
         judged: False: nothing is demanded of the run, it is shown.
-        tests: ids of the tests beside the table of reactions.
-        done, why: state, and the reason where it is not "yes".
         failing: what does not hold yet, and waits for a mend; "" for a row that holds.
     """
 
@@ -82,9 +72,9 @@ class FaultCase:
     title: str
     detected_by: str
     reaction: ReactionClass
+    injections: tuple[Injection, ...]
     codes: tuple[Code, ...] = ()
     reads: str = ""
-    injections: tuple[Injection, ...] = ()
     phase: Phase = Phase.CRUISE
     buses: tuple[Literal["sim", "bus"], ...] = ("sim", "bus")
     position_valid: bool | None = None
@@ -92,12 +82,4 @@ class FaultCase:
     seen_after_s: float = 0.0
     from_deviation: bool = False
     judged: bool = True
-    tests: tuple[str, ...] = ()
-    done: Done = Done.YES
-    why: str = ""
     failing: str = ""
-
-    @property
-    def injectable(self) -> bool:
-        """It can be run by `run_fault`."""
-        return bool(self.injections)

@@ -1,4 +1,4 @@
-"""The fault catalogue: every row as data."""
+"""The fault catalogue: every fault that is injected into an axis, and the row of the table that it belongs to."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from typing import Final
 
 from gantryctl.engineering.faults.case import FaultCase
 from gantryctl.engineering.faults.rows import brake, bus, control, drive, encoder, interlocks, process
+from gantryctl.engineering.faults.table.row import Row
+from gantryctl.engineering.faults.table.table import ROWS, base
 from gantryctl.errors import UsageError
 
 CATALOGUE: Final[tuple[FaultCase, ...]] = (
@@ -21,12 +23,31 @@ _BY_NUMBER: Final = {case.number.lower(): case for case in CATALOGUE}
 
 
 def fault_case(number: str) -> FaultCase:
-    """The row of a number, in any case of letters.
+    """The case of a number, in any case of letters.
+
+    Raises:
+        UsageError: there is none, or the fault is not one that is injected into an axis.
+    """
+    wanted = number.strip()
+    found = _BY_NUMBER.get(wanted.lower())
+    if found is not None:
+        return found
+    row = fault_row(wanted)
+    raise UsageError(f"{row.number} '{row.fault}' is no fault of the axis; its tests: {', '.join(row.tests)}")
+
+
+def fault_row(number: str) -> Row:
+    """The row of the table to which a number belongs.
 
     Raises:
         UsageError: there is none.
     """
-    found = _BY_NUMBER.get(number.strip().lower())
-    if found is None:
+    row = ROWS.get(base(number.strip().upper()))
+    if row is None or (number.strip().lower() not in _BY_NUMBER and number.strip().upper() != row.number):
         raise UsageError(f"there is no fault '{number}'; `gantryctl faults list` names them")
-    return found
+    return row
+
+
+def cases_of(row: Row) -> tuple[FaultCase, ...]:
+    """The cases that inject the fault of a row, its variants behind it."""
+    return tuple(case for case in CATALOGUE if base(case.number) == row.number)

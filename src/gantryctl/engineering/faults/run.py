@@ -153,13 +153,9 @@ def run_fault(
         kind: the simulated drive in process, or the virtual drive behind a bus.
 
     Raises:
-        UsageError: the case is not injectable, or not on this drive, or the sound axis does not reach the phase.
+        UsageError: the case is not for this drive, or the sound axis does not reach the phase.
         ConfigError: a machine with these values is refused.
     """
-    if not case.injectable:
-        raise UsageError(
-            f"{case.number} '{case.title}' is no fault of the axis; its tests: {', '.join(case.tests) or '-'}"
-        )
     if kind not in case.buses:
         needed = "a drive on a bus: --bus" if kind == "sim" else "the simulated drive"
         raise UsageError(f"{case.number} '{case.title}' needs {needed}")

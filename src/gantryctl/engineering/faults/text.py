@@ -7,26 +7,36 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from gantryctl.engineering.faults.case import FaultCase
+from gantryctl.engineering.faults.catalogue import cases_of, fault_row
 from gantryctl.engineering.faults.run import FaultResult
 from gantryctl.engineering.faults.seams import KINDS
+from gantryctl.engineering.faults.table.row import Row
+from gantryctl.engineering.faults.table.table import ROWS
 from gantryctl.engineering.report.text import TextTable
+from gantryctl.program.alarms.codes import Code
 
 _LEFT: Final = (0, 1, 2, 3, 4)
 
 
-def catalogue_text(cases: Sequence[FaultCase]) -> TextTable:
-    """One row per fault."""
-    rows = [
-        {
-            "fault": case.number,
-            "what happens": case.title,
-            "reaction": case.reaction.value,
-            "first alarm": " ".join(case.codes[:3]) or "-",
-            "state": case.done.value,
-        }
-        for case in cases
-    ]
-    return TextTable.of("", rows)._replace(left=_LEFT)
+def catalogue_text() -> TextTable:
+    """One line per fault, and one for each further way to inject it."""
+    lines = []
+    for row in ROWS.values():
+        cases = cases_of(row)
+        if not any(case.number == row.number for case in cases):
+            lines.append(_line(row.number, row.fault, row.reaction, row.codes, row))
+        lines += [_line(case.number, case.title, case.reaction.value, case.codes, row) for case in cases]
+    return TextTable.of("", lines)._replace(left=_LEFT)
+
+
+def _line(number: str, title: str, reaction: str, codes: Sequence[Code], row: Row) -> dict[str, str]:
+    return {
+        "fault": number,
+        "what happens": title,
+        "reaction": reaction,
+        "first alarm": " ".join(codes[:3]) or "-",
+        "state": row.state.value,
+    }
 
 
 def kinds_text() -> TextTable:
@@ -44,8 +54,33 @@ def kinds_text() -> TextTable:
     return TextTable.of("", rows)._replace(left=_LEFT)
 
 
-def case_lines(case: FaultCase) -> list[str]:
-    """Everything about a row, line by line."""
+def fault_lines(number: str) -> list[str]:
+    """Everything about a fault, line by line.
+
+    Raises:
+        UsageError: there is none of this number.
+    """
+    row = fault_row(number)
+    case = next((each for each in cases_of(row) if each.number.lower() == number.strip().lower()), None)
+    lines = _row_lines(row) if case is None else _case_lines(case)
+    lines += [f"test         {test}" for test in row.tests]
+    lines.append(f"state        {row.state.value}")
+    if row.why:
+        lines.append(f"reason       {row.why}")
+    return lines
+
+
+def _row_lines(row: Row) -> list[str]:
+    return [
+        f"{row.number}  {row.fault}",
+        f"detected by  {row.detected_by}",
+        f"reaction     {row.reaction}",
+        f"first alarm  {' or '.join(row.codes) or 'none'}",
+        "injected on  no axis",
+    ]
+
+
+def _case_lines(case: FaultCase) -> list[str]:
     lines = [
         f"{case.number}  {case.title}",
         f"begins in    {case.phase.value}",
@@ -53,18 +88,30 @@ def case_lines(case: FaultCase) -> list[str]:
         f"reaction     {case.reaction.value}",
         f"first alarm  {' or '.join(case.codes) or 'none'}",
         f"told         {case.reads or '-'}",
-        f"injected on  {' and '.join(case.buses) if case.injectable else 'no axis'}",
+        f"injected on  {' and '.join(case.buses)}",
     ]
     lines += [f"injection    {each.text}" for each in case.injections]
-    lines += [f"test         {test}" for test in case.tests]
-    lines.append(f"state        {case.done.value}{f': {case.why}' if case.why else ''}")
     if case.failing:
         lines.append(f"waits for    {case.failing}")
     return lines
 
 
-def case_data(case: FaultCase) -> dict[str, Any]:
-    """A row for JSON."""
+def row_data(row: Row) -> dict[str, Any]:
+    """A row of the table for JSON, with the cases that inject it."""
+    return {
+        "number": row.number,
+        "fault": row.fault,
+        "detected_by": row.detected_by,
+        "reaction": row.reaction,
+        "codes": list(row.codes),
+        "tests": list(row.tests),
+        "state": row.state.value,
+        "why": row.why,
+        "cases": [_case_data(case) for case in cases_of(row)],
+    }
+
+
+def _case_data(case: FaultCase) -> dict[str, Any]:
     return {
         "number": case.number,
         "title": case.title,
@@ -73,11 +120,8 @@ def case_data(case: FaultCase) -> dict[str, Any]:
         "reaction": case.reaction.value,
         "codes": list(case.codes),
         "reads": case.reads,
-        "on": list(case.buses) if case.injectable else [],
+        "on": list(case.buses),
         "injections": [each.model_dump(mode="json") for each in case.injections],
-        "tests": list(case.tests),
-        "state": case.done.value,
-        "why": case.why,
         "waits_for": case.failing,
     }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import Done, FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import When, injection
 from gantryctl.program.alarms.codes import Code
 
@@ -107,24 +107,6 @@ ROWS: Final = (
         failing="torque proof of a drive that owns its brake",
     ),
     FaultCase(
-        number="C8",
-        title="brake test fails",
-        detected_by="way under 1.3 x the holding torque",
-        reaction=ReactionClass.REFUSED,
-        codes=(Code.BRK_08,),
-        reads="the brake failed its test",
-        tests=("tests/unit/operation/test_brake_on_bus.py", "tests/unit/program/test_brake_test.py"),
-    ),
-    FaultCase(
-        number="C9",
-        title="energy that emergency stops have put into the brake",
-        detected_by="counter in the retained memory",
-        reaction=ReactionClass.WARNING,
-        reads="the brake is due for service",
-        done=Done.PARTLY,
-        why="the counter lives in the retained memory, which a run in virtual time does not have",
-    ),
-    FaultCase(
         number="C10",
         title="brake closes by itself in motion, its contact says open",
         detected_by="residual of the torque model",
@@ -153,7 +135,6 @@ ROWS: Final = (
             injection("brake", "slow", late_s=0.2),
             injection("input", "off", name="estop_ok"),
         ),
-        why="the way grows by speed x delay: the check of the machine file names the brake that is too slow",
     ),
     FaultCase(
         number="C12",

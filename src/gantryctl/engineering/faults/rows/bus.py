@@ -135,7 +135,6 @@ ROWS: Final = (
         reads="after the restart: the last run ended in motion",
         injections=(injection("process", "killed"),),
         buses=("bus",),
-        tests=("tests/system/test_service_can.py",),
     ),
     FaultCase(
         number="E12",

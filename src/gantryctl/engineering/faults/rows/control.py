@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import Done, FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import injection
 from gantryctl.program.alarms.codes import Code
 
@@ -24,16 +24,6 @@ ROWS: Final = (
         injections=(injection("operator", "move", target_deg=95.0, speed_deg_s=1e300),),
         phase=Phase.ENABLED,
         position_valid=True,
-        tests=("tests/property/test_program_operator.py",),
-    ),
-    FaultCase(
-        number="B2",
-        title="NaN inside the controller",
-        detected_by="output guard of each scan",
-        reaction=_QUICK,
-        codes=(Code.CTL_02,),
-        reads="a number of the controller is not finite; quick stop",
-        tests=("tests/unit/program/test_monitors.py",),
     ),
     FaultCase(
         number="B3",
@@ -49,23 +39,6 @@ ROWS: Final = (
         reads="following error; quick stop or torque off",
         injections=(injection("plant", "set", name="motor_coulomb_nm", value=200.0),),
         failing="residual of the torque model",
-    ),
-    FaultCase(
-        number="B4",
-        title="overspeed",
-        detected_by="speed above 1.1 of the limit, 2 scans",
-        reaction=_TORQUE_OFF,
-        codes=(
-            Code.CTL_04,
-            Code.CTL_03,
-            Code.CTL_05,
-            Code.CTL_07,
-            Code.DRV_13,
-        ),
-        reads="too fast, or the load cannot be held",
-        tests=("tests/unit/program/test_monitors.py",),
-        done=Done.PARTLY,
-        why="the simulated speed loop keeps its speed as long as it has torque: judged on the program alone",
     ),
     FaultCase(
         number="B5",
@@ -121,16 +94,6 @@ ROWS: Final = (
         failing="torque lost",
     ),
     FaultCase(
-        number="B9",
-        title="oscillation",
-        detected_by="changes of sign of the speed with an amplitude of 0.2 deg/s for 1 s",
-        reaction=_QUICK,
-        reads="the axis oscillates; quick stop",
-        tests=("tests/unit/program/test_monitors.py",),
-        done=Done.PARTLY,
-        why="the gains of a simulated drive are fixed when it is made",
-    ),
-    FaultCase(
         number="B10",
         title="target outside the travel, speed out of range, no way at all",
         detected_by="checks of a command before it begins",
@@ -143,25 +106,6 @@ ROWS: Final = (
         injections=(injection("operator", "move", target_deg=400.0, speed_deg_s=1.0),),
         phase=Phase.ENABLED,
         position_valid=True,
-        tests=("tests/property/test_program_operator.py",),
-    ),
-    FaultCase(
-        number="B11",
-        title="a change under way whose stop would leave the travel",
-        detected_by="stopping point of every scan",
-        reaction=ReactionClass.HALT,
-        codes=(Code.CTL_10,),
-        reads="stops earlier",
-        tests=("tests/unit/program/test_gantry.py",),
-    ),
-    FaultCase(
-        number="B12",
-        title="target is never reached",
-        detected_by="3 s after the set-point has arrived",
-        reaction=ReactionClass.HALT,
-        codes=(Code.CTL_11,),
-        reads="not in position",
-        tests=("tests/unit/program/test_monitors.py",),
     ),
     FaultCase(
         number="B13",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import Done, FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import injection
 from gantryctl.program.alarms.codes import Code
 
@@ -88,23 +88,6 @@ ROWS: Final = (
         injections=(injection("drive", "quick_stop_off"), injection("operator", "quick_stop")),
     ),
     FaultCase(
-        number="D8",
-        title="old target velocity when it is enabled",
-        detected_by="60FF = 0 written and read back before it is enabled",
-        reaction=ReactionClass.REFUSED,
-        reads="the drive keeps an old speed command",
-        tests=("tests/unit/drives/canopen",),
-    ),
-    FaultCase(
-        number="D9",
-        title="parameter of the drive changes by itself",
-        detected_by="parameters are read again one by one",
-        reaction=ReactionClass.NONE,
-        codes=(Code.DRV_09,),
-        reads="which object, what it should be, what it is",
-        tests=("tests/unit/drives/canopen",),
-    ),
-    FaultCase(
         number="D10",
         title="DC link over-voltage in a quick stop",
         detected_by="drive fault in the stop",
@@ -164,8 +147,6 @@ ROWS: Final = (
         codes=(Code.DRV_13,),
         reads="torque not plausible; torque off",
         injections=(injection("drive", "torque_reading", offset_nm=300.0),),
-        done=Done.PARTLY,
-        why="which of the two, torque or reading, is wrong cannot be told: the axis stops as if torque were lost",
         failing="torque reading not plausible",
     ),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.case import Done, FaultCase, Phase, ReactionClass
+from gantryctl.engineering.faults.case import FaultCase, Phase, ReactionClass
 from gantryctl.engineering.faults.injection import When, injection
 from gantryctl.program.alarms.codes import Code
 
@@ -153,25 +153,6 @@ ROWS: Final = (
         position_valid=True,
     ),
     FaultCase(
-        number="A8",
-        title="battery of a battery-buffered encoder is empty",
-        detected_by="flag of the encoder",
-        reaction=ReactionClass.REFUSED,
-        codes=(Code.ENC_07,),
-        reads="the position is not valid: no power",
-        done=Done.PARTLY,
-        why="a geared multiturn encoder has no battery; its flag arrives as the warning of A7",
-    ),
-    FaultCase(
-        number="A9",
-        title="multiturn range ends inside the travel",
-        detected_by="rule of the machine file",
-        reaction=ReactionClass.REFUSED,
-        codes=(Code.CFG_ENC_01,),
-        reads="the encoder would wrap inside the travel",
-        tests=("tests/unit/machine/test_rules.py", "tests/unit/drives/test_sim.py"),
-    ),
-    FaultCase(
         number="A10",
         title="multiturn part loses a turn in motion",
         detected_by="step of the reading against speed x time, one scan",
@@ -183,41 +164,6 @@ ROWS: Final = (
         reads="the position jumped; torque off, angle not known",
         injections=(injection("encoder", "turns", turns=1),),
         position_valid=False,
-    ),
-    FaultCase(
-        number="A11",
-        title="turned by less than 0.05 deg while off",
-        detected_by="reading at the start against the retained one",
-        reaction=ReactionClass.NONE,
-        reads="accepted and recorded",
-        tests=("tests/unit/operation/test_opening.py",),
-    ),
-    FaultCase(
-        number="A12",
-        title="turned by 0.05 to 1 deg while off",
-        detected_by="reading at the start against the retained one",
-        reaction=ReactionClass.REFUSED,
-        codes=(Code.ENC_09,),
-        reads="the gantry moved while off: acknowledge by name",
-        tests=("tests/unit/operation/test_opening.py",),
-    ),
-    FaultCase(
-        number="A13",
-        title="turned by more than 1 deg while off",
-        detected_by="reading at the start against the retained one",
-        reaction=ReactionClass.REFUSED,
-        codes=(Code.ENC_10,),
-        reads="the position is not valid: service compares it with the witness mark",
-        tests=("tests/unit/operation/test_opening.py",),
-    ),
-    FaultCase(
-        number="A14",
-        title="another encoder, or another zero",
-        detected_by="serial number and zero against the retained ones",
-        reaction=ReactionClass.REFUSED,
-        codes=(Code.ENC_11,),
-        reads="another encoder: service sets the zero",
-        tests=("tests/unit/operation/test_opening.py",),
     ),
     FaultCase(
         number="A15",
