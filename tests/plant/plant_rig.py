@@ -49,7 +49,7 @@ class PlantRig:
         self.outputs: list[OutputImage] = []
         self.onset_deg = 0.0
         self.reach_deg = 0.0
-        self.torque_most_nm = 0.0
+        self.torque_most_nm = self.brake_work_j = 0.0
         self.mark()
 
     @property
@@ -89,14 +89,16 @@ class PlantRig:
         return self.drive.read()
 
     def mark(self) -> None:
-        """The onset of a fault: `reach_deg` and `torque_most_nm` count from here."""
+        """The onset of a fault: `reach_deg`, `torque_most_nm` and `brake_work_j` count from here."""
         self.onset_deg = self.motor_deg
-        self.reach_deg = self.torque_most_nm = 0.0
+        self.reach_deg = self.torque_most_nm = self.brake_work_j = 0.0
 
     def step(self) -> None:
         self.sim.sample_every(CYCLES_PER_MS)
         self.engine.step()
-        for motor_rad, _, _, _, torque_nm, _ in self.sim.samples_taken():
+        for motor_rad, vel_rad_s, _, _, torque_nm, closed in self.sim.samples_taken():
+            if closed:
+                self.brake_work_j += abs(vel_rad_s) * self.machine.brake.torque_nm * 1e-3
             self.reach_deg = max(self.reach_deg, abs(deg(motor_rad) / self.ratio - self.onset_deg))
             self.torque_most_nm = max(self.torque_most_nm, abs(torque_nm))
 

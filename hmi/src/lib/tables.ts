@@ -222,7 +222,7 @@ export interface Tags {
   brake_test_result: 'none' | 'passed' | 'failed' | 'aborted' | null;
   /** Tests that have ended since the controller started. */
   brake_tests: number | null;
-  /** The last test in one sentence, with what was measured. */
+  /** What the last test measured, in one sentence. */
   brake_test_text: string | null;
   /** The same as words and values, without the outcome. */
   brake_test_messages: Message[] | null;

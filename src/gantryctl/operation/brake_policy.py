@@ -130,6 +130,17 @@ def restore_failure(axis: Axis, retained: Retained) -> None:
         axis.alarms.raise_(Code.BRK_08, measured=_measured(retained))
 
 
+def restore_learned(axis: Axis, retained: Retained) -> None:
+    """Give the axis what earlier runs have learned of its torque, and the brake stops they have counted."""
+    try:
+        weights = json.loads(retained.torque_weights or "[]")
+    except ValueError:
+        weights = []
+    if isinstance(weights, list) and all(isinstance(weight, float) for weight in weights):
+        axis.monitors.drag.model.restore(weights)
+    axis.power.wear.restore(retained.emergency_brake_stops)
+
+
 def still_failed(axis: Axis, retained: Retained) -> str:
     """Measurement of a failed test, unless one has passed or service has reset since; else ""."""
     return retained.brake_failed if Code.BRK_08 in axis.alarms.active else ""

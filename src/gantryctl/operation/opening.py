@@ -5,6 +5,7 @@ The command line, the service and commissioning all open and close a machine her
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -13,7 +14,7 @@ from typing import NamedTuple, Protocol
 from gantryctl.errors import AlarmStop, StateError, UsageError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash
-from gantryctl.operation.brake_policy import LOCKED, restore_failure, still_failed
+from gantryctl.operation.brake_policy import LOCKED, restore_failure, restore_learned, still_failed
 from gantryctl.operation.home_reference import (
     ACCEPTED_DEG,
     SHOWN_DEG,
@@ -124,6 +125,7 @@ def open_axis(
             holding_torque_nm=retained.holding_torque_nm or 0.0,
         )
     restore_failure(made.axis, retained)
+    restore_learned(made.axis, retained)
     return OpenAxis(found.drive, retained, found.reading, made, notes, reasons)
 
 
@@ -257,6 +259,7 @@ def retained_of_new_plant(old: Retained, new: Retained) -> Retained:
         zero_witness=new.zero_witness,
         rest_position_counts=new.rest_position_counts,
         holding_torque_nm=None,
+        torque_weights="",
     )
 
 
@@ -336,6 +339,9 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
         rest_position_counts=int(counts) % counts_range,
         zero_offset_counts=int(axis.zero_counts) % counts_range,
         holding_torque_nm=axis.holding_torque_nm,
+        torque_weights=json.dumps(axis.torque_weights) if axis.torque_weights else before.torque_weights,
+        emergency_brake_stops=before.emergency_brake_stops + axis.power.wear.stops,
+        emergency_brake_energy_j=before.emergency_brake_energy_j + axis.power.wear.energy_j,
         power_ups=before.power_ups + end.power_ups,
         moves=before.moves + end.moves,
         travelled_rad=before.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,

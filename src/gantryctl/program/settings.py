@@ -186,6 +186,8 @@ class PowerSettings:
         learn_time_s: time constant of the learned holding torque.
         holding_torque_nm: learned holding torque from retained memory: the preload at the first release.
         test_torque_nm: what the closed brake must bear both ways in a brake test.
+        brake_torque_nm: of the closed brake.
+        brake_stops_max: stops of a turning axis by the brake, from which on service is due.
         untestable: why the brake cannot be tested by the controller, or nothing.
         unload_step_s: torque goes off in three steps of this length, each with a check of the brake.
     """
@@ -210,6 +212,8 @@ class PowerSettings:
     power_up_time_s: float = 2.0
     # At least 1.3 times the check moment at the motor: 56.8 N m on the reference machine (decision 14).
     test_torque_nm: float = 70.0
+    brake_torque_nm: float = 400.0
+    brake_stops_max: int = 1000
     untestable: Words | Said | None = None
     unload_step_s: float = 0.050
     slip_watch_s: float = 2.0

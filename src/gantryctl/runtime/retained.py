@@ -45,12 +45,14 @@ class Retained:
         reading of the encoder at gantry angle 0; `previous_offset_counts` the one before. zero_set_by,
         zero_set_at, zero_witness: who, when, and what proved it. rest_position_counts: raw reading when the
         axis was last left at rest. holding_torque_nm: motor torque that held the load there, N m.
+        torque_weights: learned torque model of motions, JSON; or "".
         brake_tested_at: date of the last brake test that passed or failed; `brake_tested_power_ups` the
         power-ups before it. brake_test_outcome: the last test in one word, brake_test_text: what
         was measured, in a sentence, brake_test_words: the sentence as words and values, JSON;
         brake_plus_nm, brake_minus_nm: torque that the brake bore in it, N m. brake_failed:
         what a failed test measured, until one passes or service resets; or "".
         brake_tests, brake_tests_failed: counters. power_ups, moves, emergency_brake_stops: counters.
+        emergency_brake_energy_j: what the brake took in those stops, J.
         travelled_rad: total way of the gantry, rad. error_stop: code of the alarm that still holds the axis
         in ErrorStop, or "". last_result: how the last command ended, in words. alarms: the last
         `ALARMS_KEPT`, oldest first.
@@ -68,6 +70,7 @@ class Retained:
     zero_witness: str = ""
     rest_position_counts: int | None = None
     holding_torque_nm: float | None = None
+    torque_weights: str = ""
     brake_tested_at: str = ""
     brake_tested_power_ups: int = 0
     brake_test_outcome: str = ""
@@ -81,6 +84,7 @@ class Retained:
     power_ups: int = 0
     moves: int = 0
     emergency_brake_stops: int = 0
+    emergency_brake_energy_j: float = 0.0
     travelled_rad: float = 0.0
     error_stop: str = ""
     last_result: str = ""
@@ -92,6 +96,7 @@ class Retained:
 
 # Fields that memories of the first version do not have, with what they mean there.
 _ADDED: Final = {
+    "torque_weights": "", "emergency_brake_energy_j": 0.0,
     "brake_tested_power_ups": 0, "brake_test_outcome": "", "brake_test_text": "", "brake_test_words": "",
     "brake_plus_nm": None, "brake_minus_nm": None,
     "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0,

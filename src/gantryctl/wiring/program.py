@@ -108,6 +108,8 @@ def _power(machine: Machine, holding_torque_nm: float, torque_preload: bool) -> 
         brake_close_time_s=brake.close_time_ms * _MS,
         brake_feedback_time_s=monitors.brake_feedback_time_ms * _MS,
         test_torque_nm=brake.test_torque_nm,
+        brake_torque_nm=brake.torque_nm,
+        brake_stops_max=brake.emergency_stops_max,
         untestable=untestable(machine, torque_preload),
         power_up_time_s=monitors.power_up_time_ms * _MS,
     )

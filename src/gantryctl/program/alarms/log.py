@@ -202,7 +202,8 @@ class AlarmLog:
     def blocking(self, but: Code | None = None) -> Alarm | None:
         """An active alarm that forbids motion without having stopped the axis, or None; `but` does not count."""
         for alarm in self.active.values():
-            if alarm.definition.blocks_motion and alarm.code is not but:
+            blocks = alarm.definition.blocks_motion or alarm.reaction is Reaction.HLT
+            if blocks and alarm.code is not but:
                 return alarm
         return None
 

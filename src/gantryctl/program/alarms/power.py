@@ -25,6 +25,18 @@ POWER: Final = (
         Text("制动器未松开", "松开指令后 {time_ms} ms 制动器仍抱紧，限值 {limit} ms",
              "制动器供电、线圈或反馈触点。", "检查制动器的供电和触点，然后复位。"),
     ),
+    # Fault catalogue C2: stopped on the jog-release ramp before the drive's overload ends the motion.
+    Definition(
+        Code.BRK_02, _WARN, Reaction.W,
+        Text("Brake drags",
+             "The motion needs {measured:.0f} N m more than before, {share:.0f} % of rated",
+             "The brake does not open fully, or friction has grown.",
+             "Check the brake's supply and air gap. Above 30 % the motion is stopped; a reset by service makes the "
+             "axis learn anew what it needs."),
+        Text("制动器拖滞", "运动所需转矩比以前多 {measured} N m，为额定值的 {share} %",
+             "制动器未完全松开，或摩擦增大。",
+             "检查制动器的供电和气隙。超过 30 % 时运动被停止；维修人员复位后轴重新学习所需转矩。"),
+    ),
     # Fault catalogue C3: the motor is the only thing left that holds the load, so it keeps its torque.
     Definition(
         Code.BRK_03, _STOP, _HOLD,
@@ -93,6 +105,16 @@ POWER: Final = (
              "制动器在测试转矩以下打滑，或电机没有给出转矩（此时没有任何移动）。",
              "在制动器测试通过或维修人员复位之前，一切不能运动。检查制动器和电机转矩。"),
         lock=True, blocks_motion=True, before_motion=Words.TEST_OR_SERVICE,
+    ),
+    # Fault catalogue C9: counted in retained memory.
+    Definition(
+        Code.BRK_09, _WARN, Reaction.W,
+        Text("Brake due for service",
+             "The brake has stopped the turning axis {measured} times, service due at {limit}",
+             "Torque off in motion: emergency stops, lost mains, faults.",
+             "Measure the air gap and the lining, or replace the brake. The axis goes on."),
+        Text("制动器待维修", "制动器已使运动中的轴停止 {measured} 次，达到 {limit} 次时应维修",
+             "运动中切断转矩：急停、主电源丢失、故障。", "测量气隙和摩擦片，或更换制动器。轴继续运行。"),
     ),
     Definition(
         Code.BRK_10, _STOP, _QS,

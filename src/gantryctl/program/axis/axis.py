@@ -407,6 +407,8 @@ class Axis:
             # A doubted position counts again only after service has compared the angle.
             self.feedback.accept_position()
             self.power.rebase()
+            if Code.BRK_02 in self.alarms.active:
+                self.monitors.drag.model.forget()
         self.alarms.clear()
         self.monitors.reset()
         self._error = False
@@ -465,6 +467,11 @@ class Axis:
     def holding_torque_nm(self) -> float:
         """Learned torque that holds the load at standstill, motor side: for retained memory."""
         return self.power.holding.mean_nm
+
+    @property
+    def torque_weights(self) -> tuple[float, ...]:
+        """Learned torque model of motions: for retained memory; () until learned."""
+        return self.monitors.drag.model.weights
 
     @property
     def paused(self) -> bool:

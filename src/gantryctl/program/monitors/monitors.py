@@ -8,6 +8,7 @@ from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.oscillation import SWING_RAD_S, Oscillation
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
@@ -26,6 +27,7 @@ class Monitors:
     Attributes:
         in_position: at rest within the window for the dwell time.
         not_in_position: the tolerance time ran out since the set-point arrived.
+        drag: the watch for a brake that drags, with the torque model.
         rest_scans: how long the set-point has been at rest.
     """
 
@@ -37,7 +39,7 @@ class Monitors:
         "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
         "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
         "_standstill_scans", "_tolerance_scans", "_torque_max", "_torque_watch", "_trip", "_virtual", "_warning_ratio",
-        "_window", "in_position", "not_in_position", "rest_scans",
+        "_window", "drag", "in_position", "not_in_position", "rest_scans",
     )  # fmt: skip
 
     def __init__(
@@ -73,6 +75,7 @@ class Monitors:
         self._torque_max = 4.0 * settings.power.torque_max_nm
         self._over_travel_plus = self._over_travel
         self._over_travel_minus = -self._over_travel
+        self.drag = DragWatch(settings, feedback, virtual, holding, alarms)
         self._oscillation = Oscillation(settings, alarms)
         self._torque_watch = TorqueWatch(settings, feedback, holding, alarms)
         self.reset()
@@ -83,6 +86,7 @@ class Monitors:
         self._standstill = self._dwell = self.rest_scans = 0
         self._error_at_saturation = 0.0
         self._torque_watch.begin()
+        self.drag.begin()
         self._in_window = self._at_rest = False
         self.in_position = self.not_in_position = False
 
@@ -121,8 +125,10 @@ class Monitors:
         self._torque_and_brake(vel, pos_err_rad, warning)
         if virtual.at_rest:
             self._at_standstill(pos_err_rad)
-        elif self._at_rest:
+            return
+        if self._at_rest:
             self._leave_standstill()
+        self.drag.scan(pos_rad)
 
     def _torque_and_brake(self, vel: float, pos_err_rad: float, warning: float) -> None:
         feedback, torque_max = self._feedback, self._torque_max

@@ -13,6 +13,7 @@ from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
+from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
 
@@ -72,6 +73,7 @@ class PowerSequence:
         proof: whether torque was proven before the last release.
         request, brake_open, torque_ff_nm: commands to the drive.
         holding: the torque that holds the load.
+        wear: stops of a turning axis by its brake.
         brake_test: the brake test, run behind the closed brake from OFF back to OFF.
         fault_reset: ask the drive to clear its fault (Reset); only while off.
     """
@@ -112,7 +114,7 @@ class PowerSequence:
         "proof",
         "request",
         "status",
-        "torque_ff_nm",
+        "torque_ff_nm", "wear",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -140,6 +142,7 @@ class PowerSequence:
         self.brake_test = BrakeTest(
             power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
         )
+        self.wear = BrakeWear(settings, feedback, alarms)
         self.fault_reset = False
         self.request = DriveRequest.DISABLE
         self.brake_open = False
@@ -274,6 +277,8 @@ class PowerSequence:
         self._count = self._rest_count = self._over_envelope = self._held = self._driven = 0
         self._vel_start = abs(self._feedback.vel_rad_s)
         outputs = OUTPUTS[phase]
+        if phase is PowerPhase.TORQUE_OFF and self._feedback.brake_open:
+            self.wear.begin(self._vel_start)
         self.brake_open = outputs.brake_open
         if outputs.request is not None:
             self.request = outputs.request
@@ -453,6 +458,7 @@ class PowerSequence:
             self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
 
     def _torque_off(self, _pos_rad: float) -> None:
+        self.wear.scan()
         elapsed_s = self._count * self._period_s
         if not (self._feedback.position_valid and self._feedback.speed_known):
             if elapsed_s > _BLIND_STOP_S:

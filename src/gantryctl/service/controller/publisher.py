@@ -15,7 +15,6 @@ from gantryctl.service.command.arming import Armed
 from gantryctl.service.command.operator import ServiceOperator
 from gantryctl.service.controller.alarm_view import AlarmView
 from gantryctl.service.controller.brake_watch import BrakeWatch
-from gantryctl.service.controller.torque_model import TorqueModel
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import publish_fast, publish_json, rounded
 from gantryctl.service.memory.trace_ring import RingRecorder
@@ -54,7 +53,7 @@ class Publisher:
         self._machine, self._engine, self._operator = machine, engine, operator
         self._alarms, self._recorder, self._memory = alarms, recorder, memory
         self._brake = brake
-        self._model = TorqueModel(self._axis.settings.law.ratio, machine.motor.torque_rated_nm)
+        self._model = self._axis.monitors.drag.model
         self._fast_scans = max(1, round(FAST_S / engine.period_s))
         self._frame_scans = max(1, round(FRAME_S / engine.period_s))
         self._slow_scans = max(1, round(SLOW_S / engine.period_s))
@@ -71,7 +70,6 @@ class Publisher:
         if self._due(self._fast_scans):
             publish_fast(self._memory.fast, self.fast())
         if self._due(self._frame_scans):
-            self._learn()
             self._publish_slow(self._due(self._slow_scans))
         # Alarm rows a scan later than the other tags: no scan carries both.
         elif self._due(self._frame_scans, 1) and self._alarms.changed:
@@ -82,13 +80,6 @@ class Publisher:
         """Whether so many scans have passed."""
         # Scan numbers jump where deadlines were missed, so a remainder would miss its turn.
         return (self._scan - offset) // scans != (self._scan_before - offset) // scans
-
-    def _learn(self) -> None:
-        axis, virtual = self._axis, self._axis.virtual
-        if virtual.following:
-            self._model.add(
-                axis.pos_act_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, axis.feedback.torque_nm
-            )
 
     def _expected_nm(self) -> float:
         axis, virtual = self._axis, self._axis.virtual

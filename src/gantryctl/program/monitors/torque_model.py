@@ -6,10 +6,11 @@ T = a sin(theta) + b cos(theta) + c sign(v) + d v + e acc, fitted by recursive l
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from operator import mul
 from typing import Final
 
-# For display only: no command depends on it, and it knows nothing of the simulated plant (decision 0011).
+# It knows nothing of the simulated plant (decision 0011). A drag of the brake is judged against it (BRK-02).
 # A gear whose friction grows with the load makes the load look heavier where it is lifted and lighter where it is let
 # down. Motion both ways over the same angles takes most of that out; some 5 to 10 % of the moment stay.
 _COUNT: Final = 5
@@ -24,6 +25,9 @@ _LIMITS: Final = (_FIRM, _FIRM, _START, _START, _START)
 # A weight is known when its standard deviation is below this share of the rated torque.
 _KNOWN_SHARE: Final = 0.005
 _SAMPLES_MIN: Final = 100
+# Of retained weights: as sure as after a minute of motion, with readings that the swing spreads by 5 N m.
+_KEPT: Final = 1e-3
+_KEPT_VAR: Final = 25.0
 # Readings that the variance of one reading is averaged over.
 _SAMPLES_MAX: Final = 2000
 _MOVING_RAD_S: Final = math.radians(0.05)
@@ -38,17 +42,35 @@ class TorqueModel:
     Args:
         ratio: motor turns per gantry turn.
         torque_rated_nm: of the motor; weights are judged in shares of it.
+
+    Attributes:
+        learned: whether it has seen enough.
     """
 
     def __init__(self, ratio: float, torque_rated_nm: float) -> None:
         self._ratio = ratio
         self._known_nm = _KNOWN_SHARE * torque_rated_nm
+        self.forget()
+
+    def restore(self, weights: Sequence[float]) -> None:
+        """Go on from what was learned before; anything but finite weights of this model changes nothing."""
+        if len(weights) == _COUNT and all(map(math.isfinite, weights)):
+            self._weights = list(weights)
+            self._cov = [[_KEPT if i == j else 0.0 for j in range(_COUNT)] for i in range(_COUNT)]
+            self._samples, self._reading_var, self.learned = _SAMPLES_MIN, _KEPT_VAR, True
+
+    def forget(self) -> None:
+        """Begin anew: the load is another one."""
         self._weights = [0.0] * _COUNT
         self._cov = [[_START if i == j else 0.0 for j in range(_COUNT)] for i in range(_COUNT)]
         self._samples = 0
         self._reading_var = 0.0
-        # Whether it has seen enough.
         self.learned = False
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """What is to be retained; () until learned."""
+        return tuple(self._weights) if self.learned else ()
 
     def add(self, pos_rad: float, vel_rad_s: float, acc_rad_s2: float, torque_nm: float) -> None:
         """Add a sample of angle, speed and acceleration at the gantry with the motor's torque; none at rest."""

@@ -13,7 +13,7 @@ from gantryctl.image import InputImage
 from gantryctl.machine import default_machine
 from gantryctl.program import Axis, AxisProgram
 from gantryctl.program.blocks import MoveAbsolute, Power
-from gantryctl.service.controller.torque_model import TorqueModel
+from gantryctl.program.monitors.torque_model import TorqueModel
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine
 from gantryctl.wiring.simulator import eccentric_moment_nm

@@ -1,0 +1,92 @@
+"""A brake that drags: the motor needs more torque than load and friction have needed so far (fault catalogue C2)."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.torque_model import TorqueModel
+from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.settings import AxisSettings
+from gantryctl.program.virtual_axis import VirtualAxis
+
+_SAMPLE_S: Final = 0.050
+# One period of the load's swing, in which it comes to nothing.
+_MEAN_S: Final = 0.5
+_LASTS_S: Final = 1.0
+# Parts of the rated torque.
+_WARNING_SHARE: Final = 0.15
+_HALT_SHARE: Final = 0.30
+
+
+class DragWatch:
+    """Learns what a motion needs and judges what it needs beyond that, in the direction of motion.
+
+    Until it has learned, all that any load may need counts as load: the torque the brake is tested with.
+
+    Attributes:
+        model: what has been learned; its weights are retained memory.
+    """
+
+    __slots__ = (
+        "_alarms", "_feedback", "_halt_nm", "_holding", "_known", "_lasts", "_load_nm", "_mean_nm", "_mean_share",
+        "_over", "_over_halt", "_rated_nm", "_sample_scans", "_virtual", "_wait", "_warning_nm", "model",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        settings: AxisSettings,
+        feedback: Feedback,
+        virtual: VirtualAxis,
+        holding: HoldingTorque,
+        alarms: AlarmLog,
+    ) -> None:
+        power = settings.power
+        self._feedback, self._virtual, self._holding, self._alarms = feedback, virtual, holding, alarms
+        self._known = power.torque_preload
+        self._sample_scans = settings.scans(_SAMPLE_S)
+        sample_s = self._sample_scans * settings.period_s
+        self._mean_share = min(1.0, sample_s / _MEAN_S)
+        self._lasts = round(_LASTS_S / sample_s)
+        self._rated_nm = power.torque_rated_nm
+        self._warning_nm, self._halt_nm = _WARNING_SHARE * self._rated_nm, _HALT_SHARE * self._rated_nm
+        self._load_nm = power.test_torque_nm
+        self.model = TorqueModel(settings.law.ratio, power.torque_rated_nm)
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the motion before; what was learned stays."""
+        self._mean_nm = 0.0
+        self._wait = self._over = self._over_halt = 0
+
+    def scan(self, pos_rad: float) -> None:
+        """Take a scan in which the set-point moves; every 50 ms is judged."""
+        self._wait += self._feedback.periods
+        if self._wait >= self._sample_scans:
+            self._wait = 0
+            if self._known and self._holding.believed:
+                self._judge(pos_rad)
+
+    def _judge(self, pos_rad: float) -> None:
+        virtual, model, torque_nm = self._virtual, self.model, self._feedback.torque_nm
+        vel, acc = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
+        sign = 1.0 if vel > 0.0 else -1.0
+        if model.learned:
+            excess = sign * (torque_nm - model.expected_nm(pos_rad, vel, acc))
+        else:
+            excess = sign * torque_nm - self._load_nm
+        self._mean_nm += (excess - self._mean_nm) * self._mean_share
+        # What drags is not learned.
+        if not self._mean_nm > 0.5 * self._warning_nm:
+            model.add(pos_rad, vel, acc, torque_nm)
+        if not self._mean_nm > self._warning_nm:
+            self._over = self._over_halt = 0
+            return
+        self._over += 1
+        self._over_halt = self._over_halt + 1 if self._mean_nm > self._halt_nm else 0
+        if self._over >= self._lasts:
+            reaction = Reaction.HLT if self._over_halt >= self._lasts else None
+            share = 100.0 * self._mean_nm / self._rated_nm
+            self._alarms.raise_(Code.BRK_02, reaction, measured=self._mean_nm, share=share)
