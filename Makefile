@@ -48,7 +48,8 @@ pytest: setup $(NODE_OPCUA)
 	.venv/bin/python -m pytest -n 2
 
 test-slow: setup $(NODE_OPCUA)
-	.venv/bin/python -m pytest -m slow
+	.venv/bin/python -m pytest -m slow --hypothesis-profile fresh
+	.venv/bin/python -m pytest tests/property tests/states --hypothesis-profile fresh --hypothesis-show-statistics
 
 lint: .venv/dev.stamp
 	.venv/bin/ruff check
@@ -108,5 +109,5 @@ wheel: .venv/run.stamp
 	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .
 
 clean:
-	rm -rf build dist .venv hmi/node_modules tests/opcua_client/node_modules demo_report .pytest_cache .hypothesis .mypy_cache .ruff_cache .import_linter_cache
+	rm -rf build dist .venv hmi/node_modules tests/opcua_client/node_modules demo_report .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
 	rm -f src/gantryctl/_core.pyi src/gantryctl/configs

@@ -1,4 +1,4 @@
-"""What every test shares: reproducible hypothesis runs, and no silent skip in CI."""
+"""What every test shares: reproducible hypothesis runs and fresh ones, the oracle, and no silent skip in CI."""
 
 import importlib.util
 import json
@@ -9,10 +9,20 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from hypothesis.database import DirectoryBasedExampleDatabase
 
 from support.oracle.taps import Oracle, tapped, watching
 
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
+# Other examples in every run; what fails is kept in a directory, is tried first in the next run, and is printed with the
+# line that repeats it. `make test-slow` runs it (CONTRIBUTING.md: how a found example becomes a test).
+settings.register_profile(
+    "fresh",
+    derandomize=False,
+    deadline=None,
+    print_blob=True,
+    database=DirectoryBasedExampleDatabase(Path(__file__).resolve().parent.parent / ".hypothesis" / "found"),
+)
 settings.load_profile("reproducible")
 
 EVIDENCE = Path(__file__).resolve().parent.parent / "docs" / "evidence"
