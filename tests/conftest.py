@@ -14,7 +14,7 @@ from hypothesis.database import DirectoryBasedExampleDatabase
 from support.oracle.taps import Oracle, tapped, watching
 
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
-# Other examples in every run; what fails is kept in a directory, is tried first in the next run, and is printed with the
+# Other examples in every run; what fails is kept in a directory, tried first in the next run, and printed with the
 # line that repeats it. `make test-slow` runs it (CONTRIBUTING.md: how a found example becomes a test).
 settings.register_profile(
     "fresh",
