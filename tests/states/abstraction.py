@@ -30,6 +30,7 @@ from gantryctl.program.axis.commands import MotionCommand, MotionCommands
 from gantryctl.program.blocks import BrakeTest as BrakeTestBlock
 from gantryctl.program.blocks import Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.oscillation import Oscillation
@@ -41,6 +42,7 @@ from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import RISING
 from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.service.command.arming import Arming
 from gantryctl.service.command.authority import Authority
@@ -232,7 +234,7 @@ RULES: Final[dict[type, Rules]] = {
         same="_drive_owns_brake _parking _unloaded _unwinding brake_open fault_reset phase request status",
         number="torque_ff_nm",
         count="_driven _held _over_envelope _rest_count",
-        part="brake_test holding",
+        part="brake_test holding wear",
         clock="_pos_rad",
         fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
         "_proof_scans _quick_dec _rest_scans _sag_scans _settings _settle_scans _slip_scans _step_scans",
@@ -298,13 +300,26 @@ RULES: Final[dict[type, Rules]] = {
         "_mean_share _nothing_nm _off_nm _off_scans _period_s _rated_nm",
         special={"_off": lambda watch, _: min(watch._off, _CAP)},
     ),
+    DragWatch: Rules(
+        when=lambda _, roots: roots.axis.virtual.following,
+        number="_mean_nm",
+        count="_over _over_halt _wait",
+        # What it has learned is a number without end; `world.py` has one that learns nothing.
+        fixed="_alarms _feedback _halt_nm _holding _known _lasts _load_nm _mean_share _rated_nm _sample_scans "
+        "_virtual _warning_nm model",
+    ),
+    BrakeWear: Rules(
+        # The limit of these settings is never reached.
+        clock="energy_j stops",
+        fixed="_alarms _before _energy_per_speed _feedback _most",
+    ),
     Oscillation: Rules(
         clock="_began _side _turns",
         fixed="_alarms _half_scans _lasts_scans _period_s",
         special={"_scan": _swing},
     ),
     Monitors: Rules(
-        part="_oscillation _torque_watch",
+        part="_oscillation _torque_watch drag",
         when=lambda _, roots: roots.axis.virtual.following,
         same="_at_rest _in_window in_position not_in_position",
         number="_error_at_saturation _over_travel_minus _over_travel_plus",

@@ -57,6 +57,7 @@ def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
         power=PowerSettings(
             torque_max_nm=385.0,
             torque_rated_nm=257.0,
+            brake_stops_max=1 << 60,
             standstill=StandstillPolicy.BRAKE if parks else StandstillPolicy.SERVO,
             hold_brake_after_s=2.0 * PERIOD_S,
             torque_preload=torque_preload,

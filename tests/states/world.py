@@ -10,6 +10,7 @@ from typing import Any, Final
 from gantryctl.image import InputImage, Mode, OutputImage
 from gantryctl.machine import default_machine
 from gantryctl.program import Axis, GantryProgram
+from gantryctl.program.monitors.torque_model import TorqueModel
 from gantryctl.program.settings import AxisSettings
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -29,6 +30,13 @@ _MACHINE: Final = default_machine()
 _OF_THE_HELD_KEY: Final = ("renew", "release")
 
 
+class Unlearned(TorqueModel):
+    """A torque model that learns nothing: its knowledge is a number without end, and judges a dragging brake only."""
+
+    def add(self, *_: float) -> None:
+        """Take no sample."""
+
+
 class World:
     """One axis with everything that a state consists of.
 
@@ -42,6 +50,7 @@ class World:
     def __init__(self, config: AxisSettings, *, people: bool) -> None:
         self.drive, self.now = StubDrive(), Now()
         axis = self.axis = Axis(config, 0.0)
+        axis.monitors.drag.model = Unlearned(config.law.ratio, config.power.torque_rated_nm)
         self.program = GantryProgram(axis, service=not people)
         self.panel, self.operator = Panel(), None
         self.wires = Wire(), Wire()
