@@ -47,6 +47,7 @@ records = st.builds(
     torque_weights=text,
     travelled_rad=finite,
     error_stop=text,
+    doubted_by=text,
     last_result=text,
     alarms=st.lists(alarms, max_size=4).map(tuple),
 )

@@ -73,7 +73,8 @@ def restart_in_motion(console: Console, true: ControlClient) -> dict[str, object
     ask("move", target_deg=30.0)
     until(lambda tags: tags["vel_act_deg_s"] > 2.5)
     true.ask("event", event="reset")
-    lost = until(lambda tags: tags["power_phase"] == "off" and tags["drive_state"] == "unknown")
+    # Torque off, and the last telegram of before too old to be believed: 28 ms, shown with the next status frame.
+    lost = until(lambda tags: tags["power_phase"] == "off" and tags["feedback_age_ms"] > 200.0)
     stood = load_deg()
     ask("arm", action="reset_locked")
     ask("reset")
@@ -87,6 +88,10 @@ def restart_in_motion(console: Console, true: ControlClient) -> dict[str, object
     return {
         "axis_state_lost": lost["axis_state"],
         "position_valid_lost": lost["position_valid"],
+        "angle_lost_deg": lost["pos_act_deg"],
+        "speed_lost_deg_s": lost["vel_act_deg_s"],
+        "brake_open_lost": lost["brake_open"],
+        "codes_lost": [row["code"] for row in lost["alarms"]],
         "moved_by_reset_deg": after_reset - stood,
         "shown_after_reset_deg": back["pos_act_deg"],
         "load_after_reset_deg": after_reset,

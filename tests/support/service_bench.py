@@ -59,7 +59,7 @@ class Bench:
             program,
             Inbox(self.commands, self.replies, self.events),
             Permit(self.axis, JournalHealth(self.words), self.events),
-            AlarmView(self.axis.alarms, self.events).acknowledge,
+            AlarmView(self.axis.alarms, self.axis.feedback, self.events).acknowledge,
             first_levels(MACHINE),
             epoch=EPOCH,
             now=lambda: self.time_s,

@@ -82,6 +82,12 @@ def test_after_a_restart_of_the_drive_a_reset_of_the_service_is_enough(tmp_path:
     seen = json.loads(done.stdout)
     assert seen["axis_state_lost"] == "error_stop"
     assert not seen["position_valid_lost"]
+    # What the drive sent before it fell silent is not told as the present: it had 2.5 deg/s and an open brake then.
+    assert (seen["angle_lost_deg"], seen["speed_lost_deg_s"], seen["brake_open_lost"]) == (None, None, None)
+    assert seen["codes_lost"][0] == "DRV-11"
+    assert (
+        "DRV-14" not in seen["codes_lost"]
+    )  # a torque reading of before is no torque of a drive that is off
     assert not seen["power_after_reset"]
     assert abs(seen["moved_by_reset_deg"]) < 0.1  # the load swings on the brake
     assert seen["shown_after_reset_deg"] == pytest.approx(seen["load_after_reset_deg"], abs=0.1)

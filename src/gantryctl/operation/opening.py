@@ -6,6 +6,7 @@ The command line, the service and commissioning all open and close a machine her
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -126,6 +127,8 @@ def open_axis(
         )
     restore_failure(made.axis, retained)
     restore_learned(made.axis, retained)
+    # A reading in doubt is not sound because the power was off meanwhile: service compares the angle.
+    made.axis.feedback.in_doubt = bool(retained.doubted_by)
     return OpenAxis(found.drive, retained, found.reading, made, notes, reasons)
 
 
@@ -275,7 +278,8 @@ def _reasons(found: OpenMachine, bus: tuple[Reason, ...]) -> tuple[Reason, ...]:
         reasons.append(encoder)
     stopped_by = found.retained.error_stop
     if stopped_by:
-        cleared_by = ClearedBy.SERVICE if stopped_by in LOCKED else ClearedBy.RESET
+        by_service = stopped_by in LOCKED or found.retained.doubted_by
+        cleared_by = ClearedBy.SERVICE if by_service else ClearedBy.RESET
         reasons.append(Reason(Code.SYS_12, {"stopped_by": stopped_by}, cleared_by))
     return tuple(reasons)
 
@@ -346,6 +350,7 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
         moves=before.moves + end.moves,
         travelled_rad=before.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,
         error_stop=held,
+        doubted_by=(before.doubted_by or held or "-") if axis.feedback.in_doubt else "",
         brake_failed=still_failed(axis, before),
         last_result=end.result,
         alarms=(*before.alarms, *alarms),
@@ -356,7 +361,7 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
     """The alarms of this run for the record, and the code that holds the axis, or ""."""
     when = now_text()
     alarms = tuple(
-        AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, alarm.pos_rad)
+        AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, _known(alarm.pos_rad))
         for alarm in axis.alarms.history
         if not (failed_before and alarm.code is Code.BRK_08 and alarm.scan == 0)  # known from an earlier run
     )
@@ -367,7 +372,16 @@ def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEnt
         return alarms, ""
     # What the program has not raised itself: a power-up that did not end, a drive that left.
     code = end.alarm.code
-    return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, axis.pos_act_rad)), code
+    return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, _angle_rad(axis))), code
+
+
+def _angle_rad(axis: Axis) -> float | None:
+    """The angle, None while its reading is in doubt."""
+    return axis.pos_act_rad if axis.feedback.position_valid else None
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retained: Retained) -> None:

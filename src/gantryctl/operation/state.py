@@ -88,6 +88,9 @@ def machine_status(machine: Machine) -> MachineStatus:
                 raise
             retained, angle_deg, notes = kept, None, ()
             condition, encoder = "the drive cannot be reached", str(fault)
+    if retained.doubted_by:
+        angle_deg = None
+        encoder = f"in doubt since {retained.doubted_by}: service compares the angle, then reset"
     code = retained.error_stop
     if code:
         condition = f"stopped by alarm {code}; `gantryctl explain {code}`, then reset"
@@ -162,6 +165,9 @@ def reset_machine(machine: Machine) -> str:
             retained = replace(
                 retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}"
             )
+        if retained.doubted_by:
+            done.append(f"the encoder's angle of {reading.angle_deg:.3f} deg is accepted by {who}")
+            retained = replace(retained, doubted_by="")
         if retained.brake_failed:
             done.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
             retained = replace(retained, brake_failed="", last_result=f"reset of {Code.BRK_08} by {who}")

@@ -54,7 +54,8 @@ class Retained:
         brake_tests, brake_tests_failed: counters. power_ups, moves, emergency_brake_stops: counters.
         emergency_brake_energy_j: what the brake took in those stops, J.
         travelled_rad: total way of the gantry, rad. error_stop: code of the alarm that still holds the axis
-        in ErrorStop, or "". last_result: how the last command ended, in words. alarms: the last
+        in ErrorStop, or "". doubted_by: code of the alarm since which the encoder's reading is in doubt, until
+        service has compared the angle; or "". last_result: how the last command ended, in words. alarms: the last
         `ALARMS_KEPT`, oldest first.
     """
 
@@ -87,6 +88,7 @@ class Retained:
     emergency_brake_energy_j: float = 0.0
     travelled_rad: float = 0.0
     error_stop: str = ""
+    doubted_by: str = ""
     last_result: str = ""
     alarms: tuple[AlarmEntry, ...] = ()
 
@@ -99,7 +101,7 @@ _ADDED: Final = {
     "torque_weights": "", "emergency_brake_energy_j": 0.0,
     "brake_tested_power_ups": 0, "brake_test_outcome": "", "brake_test_text": "", "brake_test_words": "",
     "brake_plus_nm": None, "brake_minus_nm": None,
-    "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0,
+    "brake_failed": "", "brake_tests": 0, "brake_tests_failed": 0, "doubted_by": "",
 }  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -13,14 +14,17 @@ from typing import Any
 import pytest
 
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
-from gantryctl.image import DriveRequest, OutputImage, StopCause, SystemStop
+from gantryctl.image import DriveRequest, EncoderFlag, OutputImage, StopCause, SystemStop
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
+from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.runtime import Engine, Retained, VirtualClock
 from gantryctl.service.controller.process import Controller
+from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
+from gantryctl.service.memory.snapshot import Snapshot, publish_fast
 from gantryctl.service.protocol.messages import Identity, to_record
 from gantryctl.service.protocol.roles import Role
 from gantryctl.units import deg
@@ -159,6 +163,72 @@ def test_a_controller_that_cannot_be_made_leaves_the_bus(
         assert len(left) == 1
     finally:
         memory.close()
+
+
+def published(desk: Desk) -> dict[str, Any]:
+    """The tags that a page would see now."""
+    made = desk.controller
+    publisher = Publisher(
+        made.machine, made.engine, made.operator, made.alarms, made.brake, made._recorder, desk.memory,
+        real_time=False, version="test",
+    )  # fmt: skip
+    publish_fast(desk.memory.fast, publisher.fast())
+    return Snapshot(desk.memory).fast()[0]
+
+
+def test_the_next_start_tells_the_angle_at_which_the_controller_was_killed() -> None:
+    """SYS-05 (F6, G16): the killed controller has sent 6 deg/s; where it was then is true to the last status frame."""
+    delivered()
+    with opened() as desk:
+        desk.moving()
+        true_deg = math.degrees(desk.engine.drive.sim.truth()[2]) / MACHINE.axis.ratio
+        tags = published(desk)
+        assert tags["pos_act_deg"] == pytest.approx(true_deg, abs=0.05)
+        desk.controller._write_start()  # the next one, with the memory of this one
+        (told,) = [text for text in texts(desk.memory) if text.startswith("SYS-05")]
+        assert f"it was at {tags['pos_act_deg']:.2f} deg, {tags['vel_act_deg_s']:.2f} deg/s" in told
+        assert tags["vel_act_deg_s"] > 2.0
+
+
+def test_numbers_of_a_reading_in_doubt_are_told_nowhere_and_stay_so_over_a_start() -> None:
+    delivered()
+    with opened() as desk:
+        desk.moving()
+        desk.engine.drive.faults.encoder_flags = EncoderFlag.ALARM
+        desk.scans(3000)
+        assert desk.axis.feedback.in_doubt
+        tags = published(desk)
+        for name in (
+            "pos_act_deg",
+            "vel_act_deg_s",
+            "travel_left_minus_deg",
+            "travel_left_plus_deg",
+            "target_deg",
+        ):
+            assert tags[name] is None, name
+        assert not tags["position_valid"]
+        desk.controller._write_start()
+        (told,) = [text for text in texts(desk.memory) if text.startswith("SYS-05")]
+        assert "it was at an angle that is not known" in told
+        desk.controller._close(None)
+        assert texts(desk.memory)[-1] == "controller ended, the angle is not known, brake closed, torque off"
+    kept = retained()
+    assert kept.doubted_by == "ENC-05"
+    status = machine_status(MACHINE)
+    assert status.angle_deg is None
+    assert status.encoder.startswith("in doubt since ENC-05")
+    with opened() as desk:
+        desk.scans(3)
+        assert not published(desk)["position_valid"]
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("reset") == "CTL-14"  # service compares the angle
+        assert desk.ask("take", SERVICE, over=True) == ""
+        assert desk.ask("arm", SERVICE, action="reset_locked") == ""
+        assert desk.ask("reset", SERVICE) == ""
+        desk.scans(3)
+        assert published(desk)["position_valid"]
+        desk.controller._close(None)
+    assert retained().doubted_by == ""
 
 
 # --- what keeps the power off ---------------------------------------------------------------------

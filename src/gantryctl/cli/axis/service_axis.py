@@ -67,8 +67,15 @@ class ServiceAxis:
 
     @property
     def angle_deg(self) -> float:
-        """Measured angle, motor side."""
-        return float(self.tags["pos_act_deg"] if self._connection else self.look()["pos_act_deg"])
+        """Measured angle, motor side.
+
+        Raises:
+            CommandRefused: its reading is in doubt.
+        """
+        found = (self.tags if self._connection else self.look())["pos_act_deg"]
+        if found is None:
+            raise CommandRefused("the angle is not known: `gantryctl status` says why, service compares it")
+        return float(found)
 
     @property
     def _link(self) -> ServiceLink:

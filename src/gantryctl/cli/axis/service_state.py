@@ -39,7 +39,7 @@ def service_rows(tags: Tags) -> list[tuple[str, str]]:
     """Name and value of what only a running axis has, for a terminal."""
     lateness = f"lateness p99 {tags.get('scan_lateness_p99_us')} us, {tags.get('scan_overruns')} overruns"
     return [
-        ("speed", f"{tags['vel_act_deg_s']:.3f} deg/s"),
+        ("speed", "not known" if tags["vel_act_deg_s"] is None else f"{tags['vel_act_deg_s']:.3f} deg/s"),
         ("power", "on" if tags["power"] else tags["blocked_by"] or "off"),
         ("drive", str(tags["drive_state"]).replace("_", " ")),
         ("control", tags["authority_user"] or "free"),
@@ -47,6 +47,10 @@ def service_rows(tags: Tags) -> list[tuple[str, str]]:
         ("journal", f"{tags['journal_state']}, {tags['journal_committed']} events"),
         ("configuration", tags["config_hash"]),
     ]
+
+
+def _rad(angle_deg: float | None) -> float | None:
+    return None if angle_deg is None else rad(angle_deg)
 
 
 def _brake_words(machine: Machine, tags: Tags) -> str:
@@ -62,7 +66,7 @@ def service_alarms(machine: Machine) -> tuple[list[AlarmEntry], list[str]]:
         tags = link.tags
     # The service keeps its memory at power-off: alarms since then are in the tags alone, others in both.
     fresh = [
-        AlarmEntry(row["code"], row["text"], row["at"], row["time_s"], rad(row["pos_act_deg"]))
+        AlarmEntry(row["code"], row["text"], row["at"], row["time_s"], _rad(row["pos_act_deg"]))
         for row in tags["alarm_history"]
     ]
     known = {(alarm.code, round(alarm.time_s, 6), alarm.text) for alarm in fresh}

@@ -48,7 +48,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
         print_json(asdict(found) | {"tags": tags})
         return 0
     click.echo(f"{found.machine}: {found.condition}")
-    angle = "unknown" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)"
+    angle = "not known" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)"
     rows = [
         ("angle", angle),
         *more,

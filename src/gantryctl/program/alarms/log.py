@@ -48,6 +48,7 @@ class Alarm:
     reaction: Reaction
     scan: int = 0
     pos_rad: float = 0.0
+    """Angle of the gantry; NaN where the reading is in doubt."""
     steps: tuple[Words | Said, ...] = field(init=False)
     """What gantryctl did, one by one."""
     follows: Code | None = None
@@ -168,12 +169,12 @@ class AlarmLog:
         elif reaction >= Reaction.QUICK_STOP:
             self.first_out = alarm
 
-    def locate(self) -> None:
-        """Give the alarms of this scan the angle of this scan: some are raised before it is computed."""
+    def locate(self, pos_rad: float) -> None:
+        """Give the alarms of this scan its angle, NaN where it is not known: some are raised before it is computed."""
         for alarm in reversed(self.history):
             if alarm.scan != self.scan:
                 return
-            alarm.pos_rad = self.pos_rad
+            alarm.pos_rad = pos_rad
 
     def complete(self, code: Code, /, **values: object) -> None:
         """Complete an active alarm with values that were not known when it was raised."""

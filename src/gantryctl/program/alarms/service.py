@@ -31,12 +31,11 @@ SERVICE: Final = (
     Definition(
         Code.SYS_05, _INFO, _W,
         Text("Previous run not shut down",
-             "the previous run of the controller was not shut down; {age_s:.1f} s ago it was at {position} deg "
-             "with {speed} deg/s",
+             "the previous run of the controller was not shut down; {age_s:.1f} s ago it was at {where}",
              "The controller was killed, or the computer lost its supply.",
              "Look at the journal for the cause."),
         Text("上次运行未正常关闭",
-             "控制器上次运行未正常关闭；{age_s} s 前位于 {position}°，速度 {speed} °/s",
+             "控制器上次运行未正常关闭；{age_s} s 前位于 {where}",
              "控制器被终止，或计算机断电。", "在日志中查找原因。"),
     ),
     Definition(

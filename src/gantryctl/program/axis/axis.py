@@ -388,7 +388,7 @@ class Axis:
     def _react(self) -> None:
         """Take the strongest pending reaction; what it stops ends with the first alarm as its error."""
         reaction, self.alarms.pending = self.alarms.pending, Reaction.W
-        self.alarms.locate()
+        self.alarms.locate(math.nan if self.feedback.in_doubt else self.alarms.pos_rad)
         first = self.alarms.first_out
         if reaction is Reaction.HLT and (blocking := self.alarms.blocking()) is not None:
             self.motion.stop_by(blocking.refusal)

@@ -126,7 +126,8 @@ class TorqueWatch:
         if -self._off_nm <= self._feedback.torque_nm <= self._off_nm:
             if self._off or not self._holding.believed:
                 self._sound_again()
-        elif self._known and self._feedback.state not in ENABLED:
+        # Torque comes with the speed: what a silent drive sent last, while it still had torque, says nothing.
+        elif self._known and self._feedback.state not in ENABLED and self._feedback.speed_known:
             self._off = self._feedback.lasting(self._off)
             if self._off >= self._off_scans:
                 self._wrong_reading(Words.TORQUE_WHILE_OFF(torque=self._feedback.torque_nm))

@@ -10,7 +10,9 @@ from typing import Any, Final
 from gantryctl.program import Alarm, AlarmLog, Code
 from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.feedback import Feedback
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.snapshot import rounded
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 from gantryctl.units import deg
 
@@ -20,23 +22,23 @@ KEPT: Final = 50
 class _Row:
     """One alarm with what the service knows about it."""
 
-    __slots__ = ("acknowledged_by", "alarm", "at", "number")
+    __slots__ = ("acknowledged_by", "alarm", "at", "number", "pos_deg")
 
-    def __init__(self, number: int, alarm: Alarm) -> None:
-        self.number, self.alarm = number, alarm
+    def __init__(self, number: int, alarm: Alarm, pos_deg: float | None) -> None:
+        self.number, self.alarm, self.pos_deg = number, alarm, pos_deg
         self.at = datetime.now(UTC).isoformat(timespec="milliseconds")
         self.acknowledged_by = ""
 
 
 class AlarmView:
-    """Watches an alarm log: new alarms become events, and rows to be shown.
+    """Watches the alarms of an axis: new ones become events, and rows to be shown.
 
     Attributes:
         changed: something is to be shown anew.
     """
 
-    def __init__(self, log: AlarmLog, events: EventLog) -> None:
-        self._log, self._events = log, events
+    def __init__(self, log: AlarmLog, feedback: Feedback, events: EventLog) -> None:
+        self._log, self._feedback, self._events = log, feedback, events
         self._rows: deque[_Row] = deque(maxlen=KEPT)
         self._last: Alarm | None = None
         self._done: dict[Code, tuple[Words | Said, ...]] = {}
@@ -55,8 +57,10 @@ class AlarmView:
         fresh = list(takewhile(lambda alarm: alarm is not self._last, reversed(log.history)))
         for alarm in reversed(fresh):
             self._number += 1
-            self._rows.append(_Row(self._number, alarm))
-            at = {"time_s": alarm.time_s, "pos_deg": round(deg(alarm.pos_rad), 5)}
+            # Looked at after every scan: what the feedback says now is what it said when the alarm came.
+            pos_deg = rounded(deg(alarm.pos_rad)) if self._feedback.position_valid else None
+            self._rows.append(_Row(self._number, alarm, pos_deg))
+            at = {"time_s": alarm.time_s, "pos_deg": pos_deg}
             self._events.put("alarm", alarm.text, None, code=str(alarm.code), **at)
         self._last, self.changed = log.history[-1], True
 
@@ -113,7 +117,7 @@ class AlarmView:
             "text": alarm.text,
             "at": row.at,
             "time_s": round(alarm.time_s, 6),
-            "pos_act_deg": round(deg(alarm.pos_rad), 5),
+            "pos_act_deg": row.pos_deg,
             "active": id(alarm) in active,
             "first_out": alarm is first,
             "follows": str(first.code) if follows and first is not None else "",

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
+from gantryctl.image import DriveState
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
 from gantryctl.operation.opening import left_on_failure, open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
@@ -27,6 +28,8 @@ from gantryctl.operation.store import StateStore
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.feedback import ENABLED
 from gantryctl.runtime import ScanFailure
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -74,7 +77,7 @@ class Controller:
             for ring in memory.commands:
                 ring.clear()
             self.events = EventLog(memory.events[Source.CONTROLLER])
-            self.alarms = AlarmView(self.axis.alarms, self.events)
+            self.alarms = AlarmView(self.axis.alarms, self.axis.feedback, self.events)
             self.brake = BrakeWatch(machine, self.axis, self.events, retained)
             self.permit = Permit(self.axis, JournalHealth(memory.words), self.events, opened.reasons)
             self.operator = ServiceOperator(
@@ -223,17 +226,32 @@ class Controller:
             self.retainer.finish(failure)
             self._recorder.stop()
             self._report_write_faults()
-            brake = "open" if self.engine.image.drive.brake_open else "closed"
-            where = f" at {math.degrees(self.axis.pos_act_rad):.3f} deg" if failure is None else ""
-            self.events.put("service", f"controller ended{where}, brake {brake}, torque off")
+            self.events.put("service", self._ended(failure is None))
             self.memory.words[Word.CONTROLLER_CLEAN] = failure is None
+
+    def _ended(self, clean: bool) -> str:
+        """How the controller left the axis, by the last reading: what that does not show was only commanded."""
+        feedback, drive = self.axis.feedback, self.engine.image.drive
+        where = ""
+        if clean:
+            at = f"{math.degrees(self.axis.pos_act_rad):.3f} deg"
+            where = f" at {at}" if feedback.position_valid else ", the angle is not known"
+        seen = drive.age_scans == 0 and drive.state is not DriveState.UNKNOWN
+        brake = ("open" if drive.brake_open else "closed") if seen else "commanded to close, not confirmed"
+        torque = (
+            "torque off" if seen and drive.state not in ENABLED else "torque off commanded, not confirmed"
+        )
+        return f"controller ended{where}, brake {brake}, {torque}"
 
     def _write_start(self) -> None:
         """Write the start into the journal, and how the run before ended if it was not shut down."""
         before, age_ms = Snapshot(self.memory).fast()
         if before and not self.memory.words[Word.CONTROLLER_CLEAN]:
-            left = {"position": before["pos_act_deg"], "speed": before["vel_act_deg_s"]}
-            self.events.put("alarm", refusal(Code.SYS_05, age_s=age_ms * 1e-3, **left).line)
+            # A number that the run before did not know itself, or did not vouch for, is not told after it either.
+            known = before["pos_act_deg"] is not None and before["position_valid"]
+            where = Words.AT_SPEED if known and before["vel_act_deg_s"] is not None else Words.AT_UNKNOWN
+            left = where(value=before["pos_act_deg"], speed=before["vel_act_deg_s"])
+            self.events.put("alarm", refusal(Code.SYS_05, age_s=age_ms * 1e-3, where=left).line)
         self.memory.words[Word.CONTROLLER_CLEAN] = 0
         self.events.put("service", f"controller started: {self.machine.name}", hash=short_hash(self.machine))
         for note in self.notes:

@@ -6,7 +6,7 @@ import math
 from collections import deque
 from typing import Any, Final
 
-from gantryctl.image import Mode
+from gantryctl.image import DriveState, Mode
 from gantryctl.machine import Machine, short_hash
 from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.log import messages_to_wire
@@ -109,8 +109,9 @@ class Publisher:
     def _moving(self) -> dict[str, float]:
         axis, engine = self._axis, self._engine
         virtual, feedback = axis.virtual, axis.feedback
-        vel = feedback.vel_rad_s
-        pos = deg(axis.pos_act_rad)
+        # Numbers of a reading that is in doubt, or too old, are not told: they become null.
+        pos = deg(axis.pos_act_rad) if feedback.position_valid else math.nan
+        vel = feedback.vel_rad_s if feedback.speed_known and not feedback.in_doubt else math.nan
         monitors, travel = axis.settings.monitors, self._machine.axis
         widening_rad = monitors.following_error_per_speed_s * abs(virtual.vel_ref_rad_s)
         return {
@@ -137,10 +138,12 @@ class Publisher:
         axis, operator, feedback = self._axis, self._operator, self._axis.feedback
         return {
             "axis_state": axis.state,
-            "drive_state": feedback.state,
+            "drive_state": DriveState.UNKNOWN if feedback.state_old else feedback.state,
             "power_phase": axis.power.phase.value,
             "power": axis.power.status,
-            "brake_open": feedback.brake_open,
+            "brake_open": feedback.brake_open
+            if feedback.brake_known or not feedback.brake_contact
+            else math.nan,
             "brake_open_cmd": axis.power.brake_open,
             "horn": axis.alarms.horn,
             "at_rest": axis.at_rest,
