@@ -89,7 +89,7 @@ class BrakeTable(Table):
     )
     # A count for service, not a limit of the brake: 13.6 kJ a stop from 6 deg/s on the reference machine.
     emergency_stops_max: int = number(
-        1000, 1, 1000000, "Stops of the turning axis by the brake after which its service is due (BRK-09)."
+        1000, 1, 1000000, "Stops of the turning axis by the brake after which its service is due."
     )
     sag_max_deg: float = number(
         0.02, 1e-4, 1.0, "Movement after release, or under the brake test, that is too much; at the gantry."
