@@ -16,7 +16,7 @@ from unit.program.spoiling import POSITION_ALONE, counts, expect
 def test_c5_brake_closes_in_motion_and_the_axis_feels_it():
     rig = moving_rig()
     rig.spoil = lambda drive: drive._replace(brake_open=False, torque_limited=True)
-    expect(rig, "BRK-05", Reaction.QUICK_STOP, 0.0, "Brake feedback says closed at 6.00 deg/s")
+    expect(rig, "BRK-05", Reaction.TORQUE_OFF, 0.0, "Brake feedback says closed at 6.00 deg/s")
 
 
 def test_c6_brake_feedback_alone_waits_its_time():

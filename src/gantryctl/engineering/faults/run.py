@@ -276,7 +276,9 @@ def _told(case: FaultCase, result: FaultResult, alarms: list[Alarm], offset_deg:
         wrong.append(f"stopped by {result.first_out}; nothing should have")
     if case.position_valid is not None and result.position_valid is not case.position_valid:
         wrong.append(f"the position is told to be {'valid' if result.position_valid else 'not valid'}")
-    if result.position_valid and not abs(result.told_deg - result.true_deg) <= TOLD_DEG:
+    # What is told belongs to the beginning of the scan, what is true to its end.
+    moved_deg = 0.0 if math.isfinite(result.rest_s) else abs(result.speed_deg_s) * result.scan_ms * 1e-3
+    if result.position_valid and not abs(result.told_deg - result.true_deg) <= TOLD_DEG + moved_deg:
         wrong.append(f"told {result.told_deg:.3f} deg, true {result.true_deg:.3f}")
     for alarm in alarms:
         for said in alarm.steps:

@@ -62,7 +62,7 @@ POWER: Final = (
              "人员远离。断电会撤去保持负载的转矩。固定负载并联系维修。"),
         lock=True, horn=True,
     ),
-    # Fault catalogue C5: the drive still brakes on its ramp, and both together stop sooner.
+    # Fault catalogue C5, C6: a contact alone is a quick stop; where the axis feels the brake, the torque goes off.
     Definition(
         Code.BRK_05, _STOP, _QS,
         Text("Brake closed in motion",

@@ -51,7 +51,7 @@ def page(ways: Mapping[str, Any]) -> str:
     Args:
         ways: measured ways, as `measure` makes them.
     """
-    states = [row.state for row in ROWS.values()]
+    states = [_state(row, ways["cases"])[0] for row in ROWS.values()]
     counts = f"Of {len(states)} rows {states.count(State.YES)} are yes"
     counts += "".join(
         f", {states.count(state)} {state}" for state in (State.PARTLY, State.NO) if state in states
@@ -70,13 +70,11 @@ def _lines(row: Row, ways: Mapping[str, Any]) -> str:
     tests = [f"`{name}`" for name in row.tests]
     if own is not None:
         tests.append(f"`{REACTIONS_TEST}`")
-    state = str(row.state) + (f": {row.why}" if row.state is not State.YES else "")
-    if own is not None and own.failing:
-        state += f"; not yet: {own.failing}"
+    state, why = _state(row, ways)
     note = f" ({row.why})" if row.why and row.state is State.YES else ""
     cells = (
         row.number, row.fault, row.detected_by, row.reaction + note,
-        _way(own, ways), _read(row.codes), "<br>".join(tests), state,
+        _way(own, ways), _read(row.codes), "<br>".join(tests), f"{state}: {why}" if why else state.value,
     )  # fmt: skip
     lines = [_line(cells)]
     for case in variants:
@@ -85,12 +83,28 @@ def _lines(row: Row, ways: Mapping[str, Any]) -> str:
     return "".join(lines)
 
 
+def _state(row: Row, ways: Mapping[str, Any]) -> tuple[State, str]:
+    """State of a row and its reason: a row whose runs were not as they must be is not done, whatever the table says."""
+    if row.state is State.NO:
+        return row.state, row.why
+    wrong = [
+        f"{case.number}{f' at {speed} deg/s' if case.phase.moves else ''}, {each}"
+        for case in cases_of(row)
+        for speed, one in ways.get(case.number, {}).items()
+        for each in one["against"]
+    ]
+    measured = (
+        f"measured: {wrong[0]}{f' (and {len(wrong) - 1} more)' if len(wrong) > 1 else ''}" if wrong else ""
+    )
+    reason = row.why if row.state is State.PARTLY else ""
+    return (State.PARTLY if wrong else row.state), "; ".join(part for part in (reason, measured) if part)
+
+
 def _variant(case: FaultCase, ways: Mapping[str, Any]) -> tuple[str, ...]:
     reaction = "" if case.reaction is ReactionClass.NONE else case.reaction.value
     test = f"`{REACTIONS_TEST}`"
     way = _way(case, ways)
-    state = f"not yet: {case.failing}" if case.failing else ""
-    return (case.number, case.title, case.detected_by, reaction, way, _read(case.codes[:1]), test, state)
+    return (case.number, case.title, case.detected_by, reaction, way, _read(case.codes[:1]), test, "")
 
 
 def _way(case: FaultCase | None, ways: Mapping[str, Any]) -> str:
