@@ -64,6 +64,23 @@ class LinkFlag(IntFlag):
     """The drive is enabled and does not follow the speed command."""
     LATE = 64
     """A telegram of the drive is missing in this scan: see the ages."""
+    WRONG_LENGTH = 128
+    """Several telegrams of the drive in a row have another length than was mapped."""
+    SYNC_UNSEEN = 256
+    """Our own SYNC does not appear on the bus."""
+    SYNC_JITTER = 512
+    """Several SYNC periods in a row are off by more than half."""
+    EMERGENCY_FLOOD = 1024
+    OVERLOADED = 2048
+    """The bus has no room for our frames."""
+    WRONG_MODE = 4096
+    """The mode display of the drive (6061) is not CSV."""
+    LOCAL_CONTROL = 8192
+    """The drive does not obey the bus (bit 9 of 6041)."""
+    EMERGENCY = 16384
+    """The drive complains (EMCY) and shows no fault; `error_code` is its code."""
+    STALE_TARGET = 32768
+    """The target speed in a drive that is not enabled is not 0 (60FF)."""
 
 
 class DigitalInputs(NamedTuple):

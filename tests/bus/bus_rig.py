@@ -134,8 +134,12 @@ class BusRig:
 
     def drop_telegram(self, number: int, count: int | None = None) -> None:
         """Lose a TPDO on its way, for good or so many times."""
-        request = {"cmd": "inject", "fault": "tpdo", "tpdo": number, "kind": "drop"}
-        assert self.ask(request | ({} if count is None else {"count": count}))["ok"]
+        self.inject("tpdo", tpdo=number, kind="drop", **({} if count is None else {"count": count}))
+
+    def inject(self, fault: str, **values: object) -> None:
+        """Spoil the drive by its side channel."""
+        answer = self.ask({"cmd": "inject", "fault": fault, **values})
+        assert answer["ok"], answer
 
     # --- what happened -----------------------------------------------------------------------------------------
 

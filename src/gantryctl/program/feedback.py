@@ -9,7 +9,7 @@ from typing import Final
 from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
-from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.alarms.words import Said, Words, drive_error_words
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
@@ -19,14 +19,21 @@ FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _NO_FLAG: Final = EncoderFlag.NONE
 _LOST: Final = LinkFlag.BUS_DOWN | LinkFlag.RESTARTED | LinkFlag.HEARTBEAT_LOST | LinkFlag.NOT_OPERATIONAL
 # In this order: the first that applies is the cause, the others follow from it.
-_LINK_CODES: Final = (
-    (LinkFlag.BUS_DOWN, Code.CAN_08),
-    (LinkFlag.RESTARTED, Code.DRV_11),
-    (LinkFlag.HEARTBEAT_LOST, Code.CAN_06),
-    (LinkFlag.NOT_OPERATIONAL, Code.CAN_13),
-    (LinkFlag.OTHER_MASTER, Code.CAN_12),
-    (LinkFlag.IGNORES_COMMAND, Code.DRV_05),
+_LINK_CODES: Final[tuple[tuple[LinkFlag, Code, Words | None], ...]] = (
+    (LinkFlag.BUS_DOWN, Code.CAN_08, None),
+    (LinkFlag.RESTARTED, Code.DRV_11, None),
+    (LinkFlag.HEARTBEAT_LOST, Code.CAN_06, None),
+    (LinkFlag.NOT_OPERATIONAL, Code.CAN_13, None),
+    (LinkFlag.OTHER_MASTER, Code.CAN_12, None),
+    (LinkFlag.WRONG_MODE, Code.DRV_06, None),
+    (LinkFlag.STALE_TARGET, Code.DRV_08, None),
+    (LinkFlag.LOCAL_CONTROL, Code.DRV_05, Words.LOCAL_CONTROL),
+    (LinkFlag.IGNORES_COMMAND, Code.DRV_05, Words.NOT_FOLLOWING),
+    (LinkFlag.OVERLOADED, Code.CAN_10, None),
+    (LinkFlag.WRONG_LENGTH, Code.CAN_04, None),
+    (LinkFlag.SYNC_UNSEEN, Code.CAN_01, None),
 )
+_LINK_WARNINGS: Final = LinkFlag.SYNC_JITTER | LinkFlag.EMERGENCY_FLOOD | LinkFlag.EMERGENCY
 
 
 # Leak of the sum of position minus integrated speed: a wrong scale of the speed by 1 % shows as 0.018 deg at 6 deg/s.
@@ -211,15 +218,29 @@ class Feedback:
         # A drive that booted again has lost its mapping: what arrives may be anything.
         if age and link & _LOST:
             self.in_doubt = True
-        for flag, code in _LINK_CODES:
+        for flag, code, words in _LINK_CODES:
             if link & flag:
-                self._alarms.raise_(code)
+                if words is None:
+                    self._alarms.raise_(code)
+                else:
+                    self._alarms.raise_(code, measured=words)
                 break
         # It follows from whatever else is wrong, and locks.
         if link & LinkFlag.OTHER_MASTER:
             self._alarms.raise_(Code.CAN_12)
         if link & LinkFlag.LATE and not link & _LOST:
             self._late(age)
+        if link & _LINK_WARNINGS:
+            self._complaints(link)
+
+    def _complaints(self, link: LinkFlag) -> None:
+        """Raise what does not doubt the connection itself: SYNC, emergency messages."""
+        if link & LinkFlag.EMERGENCY:
+            self._alarms.raise_(Code.DRV_12, measured=drive_error_words(self.error_code))
+        if link & LinkFlag.EMERGENCY_FLOOD:
+            self._alarms.raise_(Code.CAN_09)
+        if link & LinkFlag.SYNC_JITTER:
+            self._alarms.raise_(Code.CAN_02)
 
     def _late(self, age: int) -> None:
         """Raise CAN-03 for a telegram that is missing for too long; a state that is too old is not known."""

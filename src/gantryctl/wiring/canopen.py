@@ -50,6 +50,8 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         answer_s=answer_s,
         sdo_timeout_s=c.sdo_timeout_ms * 1e-3,
         follows_bit=c.follows_bit,
+        remote_bit=c.remote_bit,
+        bitrate=c.bitrate,
         inputs=InputBits(**bits),
     )
 

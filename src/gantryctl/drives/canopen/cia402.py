@@ -29,6 +29,8 @@ FAULT_RESET: Final = 0x80
 
 # Bits of the statusword beside the state.
 WARNING: Final = 1 << 7
+# The drive obeys the bus.
+REMOTE: Final = 1 << 9
 INTERNAL_LIMIT: Final = 1 << 11
 # Mode specific; in CSV 1 = the drive follows 60FF, and 0 while Operation enabled is a fault.
 FOLLOWS_COMMAND: Final = 1 << 12

@@ -14,6 +14,7 @@ class TpdoWatch:
 
     Attributes:
         data: of the newest telegram; None before the first.
+        wrong_in_row: telegrams of the wrong length since the last right one.
         age: scans since it was sampled; 0 when it belongs to this scan.
     """
 
@@ -22,8 +23,9 @@ class TpdoWatch:
         self.data: bytes | None = None
         self.age = 0
         self.waiting = False
+        self.wrong_in_row = 0
         self.received = self.missed = self.late = self.duplicated = self.wrong_length = 0
-        self.longest_age = 0
+        self.longest_age = self.wrong_in_row = 0
 
     def begin(self, periods: int = 1) -> None:
         """SYNC goes out, `periods` after the one before: a telegram still outstanding is missed."""
@@ -42,6 +44,7 @@ class TpdoWatch:
         """
         if len(data) != self.size:
             self.wrong_length += 1
+            self.wrong_in_row += 1
             return False
         # A drive sends one telegram for each SYNC: a second one would date the position by a wrong SYNC.
         if not self.waiting:

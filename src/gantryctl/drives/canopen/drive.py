@@ -21,6 +21,7 @@ from gantryctl.drives.canopen.cia402 import (
     ENERGISED,
     FOLLOWS_COMMAND,
     INTERNAL_LIMIT,
+    TURNING,
     WARNING,
     decode_statusword,
     next_controlword,
@@ -31,6 +32,7 @@ from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, o
 from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict
 from gantryctl.drives.canopen.setup.parameter_watch import ParameterWatch
 from gantryctl.drives.canopen.stop_by_sdo import StopBySdo
+from gantryctl.drives.canopen.supervision import Supervision
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     SAFE_OUTPUT,
@@ -49,6 +51,7 @@ _FIRST_ANSWER_S: Final = 0.5
 _CLOSE_S: Final = 3.0
 # A controlword acts at the next SYNC and shows at the one after (decision 0012); one scan more is granted.
 _OBEYED_SCANS: Final = 3
+_CHANGED: Final = LATCHED | LinkFlag.WRONG_MODE | LinkFlag.STALE_TARGET | LinkFlag.WRONG_LENGTH
 # Scans without any answer to SYNC after which a stop is asked for by SDO as well.
 _SILENT_SCANS: Final = 2
 _REST_RAD_S: Final = 0.02
@@ -86,6 +89,7 @@ class CanopenDrive:
         self.commanded = self._due = self._closed = False
         self._flags = LinkFlag.NONE
         self._synced_s = 0.0
+        self._request = DriveRequest.DISABLE
         self._passed = 1
 
     # --- before the first scan ---------------------------------------------------------------------------------
@@ -112,6 +116,7 @@ class CanopenDrive:
         self.requests = SdoRequests(node)
         self.parameter_watch = ParameterWatch(self.requests, opened.kept, settings.period_s)
         self._stop_by_sdo = StopBySdo(node, self.requests, settings)
+        self._supervision = Supervision(node, self.process, self.requests, settings)
         self._brake, self._controlword = BrakeControl(settings), DISABLE_VOLTAGE
         self.silent_process_data = self.silent_heartbeat = self._followed = self.commanded = False
         self._flags, self._enabling = LinkFlag.NONE, 0
@@ -125,8 +130,8 @@ class CanopenDrive:
 
     @property
     def lost(self) -> bool:
-        """Connection lost or a parameter changed: only a new set-up makes the drive usable again."""
-        return bool(self._flags & LATCHED) or bool(self.parameter_watch.differs)
+        """Connection lost or something changed in the drive: only a new set-up makes it usable again."""
+        return bool(self._flags & _CHANGED) or bool(self.parameter_watch.differs)
 
     def set_up_again(self) -> None:
         """Set a lost drive up on the same bus, with power off and between two scans; nothing moves.
@@ -204,7 +209,10 @@ class CanopenDrive:
             self.commanded = True
             self.node.forget_boots()
         state = self._last.state
-        request = DriveRequest.DISABLE if self.refusals or self._flags & LOST else output.request
+        forbidden = self.refusals or self._flags & LOST
+        request = self._request = DriveRequest.DISABLE if forbidden else output.request
+        if self._supervision.forbids and state not in TURNING and request is DriveRequest.ENABLE:
+            request = DriveRequest.DISABLE
         word = next_controlword(state, request, self._controlword)
         self._controlword = word = self._brake.word(word, state, request, output.brake_open)
         self._enabling = self._enabling + 1 if word == ENABLE_OPERATION else 0
@@ -225,6 +233,8 @@ class CanopenDrive:
             # 0012).
             unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
             self.parameter_watch.scan(self._passed, unknown)
+            if not self._flags & LOST:
+                self._supervision.ask(state in TURNING or request is DriveRequest.ENABLE)
         self._due = True
 
     def _exchange(self, answer_s: float) -> None:
@@ -260,6 +270,7 @@ class CanopenDrive:
         before, self._synced_s = self._synced_s, self.link.now_s()
         if self.link.stepped or not self.commanded:
             return 1
+        self._supervision.period(self._synced_s - before)
         return max(1, round((self._synced_s - before) / self.settings.period_s))
 
     def _feedback(self) -> DriveFeedback:
@@ -280,7 +291,7 @@ class CanopenDrive:
             bool(status & INTERNAL_LIMIT) and state in ENERGISED,
             0.0,
             EncoderFlag.NONE,
-            code if state in _IN_FAULT else 0,
+            code if state in _IN_FAULT else self._supervision.complaint,
             bool(status & WARNING),
             process.age,
             inputs,
@@ -305,7 +316,10 @@ class CanopenDrive:
         flags = connection_flags(
             self.node, self._flags, commanded=self.commanded, timeout_scans=self._heartbeat_timeout
         )
-        if self.process.age or self.process.inputs_age:
+        if self.commanded:
+            status = self.process.statusword
+            flags |= self._supervision.flags(self.scan, decode_statusword(status), status, self._request)
+        elif self.process.age or self.process.inputs_age:
             flags |= LinkFlag.LATE
         return flags | LinkFlag.IGNORES_COMMAND if self.commanded and self._ignores_command() else flags
 

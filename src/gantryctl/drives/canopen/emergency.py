@@ -37,6 +37,15 @@ _CLASSES: Final = {
 }  # fmt: skip
 
 
+# Warnings by their text in CiA 301 and CiA 402: the drive goes on, and so does the axis.
+_WARNINGS: Final = frozenset({0x2351, 0x8110, 0x8120, 0x8140, 0x8240})
+
+
+def stops(code: int) -> bool:
+    """Whether a complaint of a drive that shows no fault stops the axis: any that is not known to be a warning."""
+    return code != 0 and code not in _WARNINGS
+
+
 class Emergency(NamedTuple):
     """Emergency message."""
 

@@ -206,6 +206,11 @@ class ProcessImage:
         return self.watches[-1].age
 
     @property
+    def wrong_lengths(self) -> int:
+        """Telegrams of the wrong length in a row, of the worst TPDO."""
+        return max(watch.wrong_in_row for watch in self.watches)
+
+    @property
     def silence(self) -> int:
         """Scans without any telegram."""
         return min(watch.age for watch in self.watches)

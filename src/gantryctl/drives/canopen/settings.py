@@ -70,6 +70,9 @@ class CanopenSettings:
     sdo_timeout_s: float = 0.5
     follows_bit: bool = True
     """Bit 12 of 6041 says whether the drive follows 60FF."""
+    remote_bit: bool = True
+    """Bit 9 of 6041 says whether the drive obeys the bus."""
+    bitrate: int = 1_000_000
     inputs: InputBits = _NOTHING_WIRED
 
     @property

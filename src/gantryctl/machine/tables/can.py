@@ -49,6 +49,7 @@ class CanTable(Table):
     )
     inverted: bool = switch(False, "true = the motor's positive direction turns the gantry negative.")
     follows_bit: bool = switch(True, "Bit 12 of 6041 says that the drive follows 60FF.", "standard")
+    remote_bit: bool = switch(True, "Bit 9 of 6041 says that the drive obeys the bus.", "standard")
     # Three heartbeats must be missing before the other side counts as lost.
     heartbeat_ms: float = number(50.0, 10.0, 1000.0, "Period of both heartbeats.")
     heartbeat_timeout_ms: float = number(

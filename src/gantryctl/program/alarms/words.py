@@ -59,6 +59,25 @@ class Words(Enum):
     SPEED_COMMAND = "speed command {value}", "速度指令 {value}"
     TORQUE_COMMAND = "torque command {value}", "转矩指令 {value}"
     DRIVE_ERROR = "error {error} (hexadecimal {word})", "错误 {error}（十六进制 {word}）"
+    DRIVE_ERROR_NAMED = (
+        "error {error} (hexadecimal {word}): {name}",
+        "错误 {error}（十六进制 {word}）：{name}",
+    )
+    # Error codes of CiA 301 and CiA 402, by their number.
+    ERROR_2310 = "overcurrent at the output", "输出过流"
+    ERROR_2350 = "overload of drive or motor (I2t)", "驱动器或电机过载（I2t）"
+    ERROR_3210 = "DC link overvoltage", "直流母线过压"
+    ERROR_3220 = "DC link undervoltage", "直流母线欠压"
+    ERROR_4310 = "drive too hot", "驱动器过热"
+    ERROR_7305 = "motor encoder", "电机编码器"
+    ERROR_8130 = "the controller's heartbeat was missing", "缺少控制器的心跳"
+    ERROR_8250 = "the controller's commands were missing", "缺少控制器的指令"
+    ERROR_8611 = "following error in the drive", "驱动器内跟随误差"
+    NOT_FOLLOWING = (
+        "it is enabled and does not follow the speed command (bit 12 of 6041 is 0)",
+        "已使能但不跟随速度指令（6041 第 12 位为 0）",
+    )
+    LOCAL_CONTROL = "it does not obey the bus (bit 9 of 6041 is 0)", "不听从总线（6041 第 9 位为 0）"
     DRIVE_ERROR_UNKNOWN = "without an error code", "没有错误代码"
 
     # Why the engine stops the axis (SYS-02).
@@ -390,3 +409,13 @@ class Said(NamedTuple):
 
     def __str__(self) -> str:
         return self.words.english.format(**self.values)
+
+
+def drive_error_words(code: int) -> Words | Said:
+    """Words for an error code of a drive: its name by CiA 402, or the number."""
+    if not code:
+        return Words.DRIVE_ERROR_UNKNOWN
+    name = Words.__members__.get(f"ERROR_{code:04X}")
+    if name is None:
+        return Words.DRIVE_ERROR(error=code, word=f"{code:04X}")
+    return Words.DRIVE_ERROR_NAMED(error=code, word=f"{code:04X}", name=name)

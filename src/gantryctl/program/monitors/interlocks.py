@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from gantryctl.image import DigitalInputs
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
-from gantryctl.program.alarms.words import Words
+from gantryctl.program.alarms.words import Words, drive_error_words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.settings import AxisSettings
+
+# Faults with a row of their own (fault catalogue D10, E8, E10): DC link overvoltage; the drive missed its commands, or
+# the controller's heartbeat.
+_FAULT_CODES: Final = {0x3210: Code.DRV_10, 0x8250: Code.CAN_05, 0x8130: Code.CAN_05}
 
 
 class Interlocks:
@@ -68,9 +74,13 @@ class Interlocks:
 
     def _fault(self) -> None:
         code = self._feedback.error_code
-        error = Words.DRIVE_ERROR(error=code, word=f"{code:04X}") if code else Words.DRIVE_ERROR_UNKNOWN
-        self._alarms.raise_(Code.DRV_01, measured=error)
+        error = drive_error_words(code)
+        active = self._alarms.active
+        if Code.DRV_01 not in active:
+            # A code that the drive has withdrawn adds nothing to the alarm that it made.
+            if code or not any(row in active for row in _FAULT_CODES.values()):
+                self._alarms.raise_(_FAULT_CODES.get(code, Code.DRV_01), measured=error)
         # Some drives show their error code some scans after the fault.
-        if code and not self._code_known:
+        elif code and not self._code_known:
             self._alarms.complete(Code.DRV_01, measured=error)
         self._code_known = code != 0

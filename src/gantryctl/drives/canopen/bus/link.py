@@ -14,6 +14,9 @@ from gantryctl.errors import DeviceError, UsageError
 # Failures one after the other: a full transmit queue recovers, a dead controller does not.
 _DOWN_AFTER: Final = 3
 _ECHOES_KEPT: Final = 256
+_SYNC: Final = 0x080
+# Classic frame with an 11-bit identifier and the space behind it (ISO 11898-1), without data.
+_FRAME_BITS: Final = 47
 # Error class of SocketCAN error frames (linux/can/error.h).
 _BUS_OFF: Final = 0x40
 
@@ -22,7 +25,7 @@ _BUS_OFF: Final = 0x40
 UDP_GROUP: Final = "239.74.163.2"
 # Interfaces that deliver our own frames back. Undropped, the echo overwrote a freshly set controlword in 463 of 500
 # cycles of a library on udp_multicast.
-ECHOING: Final = ("udp_multicast",)
+ECHOING: Final = ("udp_multicast", "socketcan")
 
 
 class Frame(NamedTuple):
@@ -44,6 +47,9 @@ def open_bus(interface: str, channel: str | None = None, bitrate: int | None = N
     if not channel and interface == "udp_multicast":
         channel = UDP_GROUP
     options: dict[str, Any] = {} if bitrate is None else {"bitrate": bitrate}
+    if interface == "socketcan":
+        # They come back when they were really sent.
+        options["receive_own_messages"] = True
     if channel:
         options["channel"] = channel
     try:
@@ -66,6 +72,8 @@ class BusLink:
     Attributes:
         refused: frames that the bus did not take.
         ignored: frames that could not be read, or that are of no concern (extended, remote, FD, error frames).
+        bits: of the data frames sent and received, without stuff bits.
+        unseen: SYNCs sent since one of them came back; 0 on an interface that gives none back.
         bus_off: the controller reported bus-off last.
     """
 
@@ -85,7 +93,7 @@ class BusLink:
         self._sent: Counter[tuple[int, bytes]] | None = Counter() if echoes else None
         self._send_failures = self._receive_failures = 0
         self._open = True
-        self.refused = self.ignored = 0
+        self.refused = self.ignored = self.bits = self.unseen = 0
         self.bus_off = False
 
     @property
@@ -102,6 +110,8 @@ class BusLink:
             if len(self._sent) > _ECHOES_KEPT:
                 self._sent.clear()
             self._sent[can_id, data] += 1
+            self.unseen += can_id == _SYNC
+        self.bits += _FRAME_BITS + 8 * len(data)
         try:
             self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
         except (can.CanError, OSError):
@@ -149,7 +159,10 @@ class BusLink:
             self._sent[frame] -= 1
             if not self._sent[frame]:
                 del self._sent[frame]
+            if frame.can_id == _SYNC:
+                self.unseen = 0
             return None
+        self.bits += _FRAME_BITS + 8 * len(frame.data)
         return frame
 
     def _error_frame(self, message: can.Message) -> None:
