@@ -1,4 +1,7 @@
-"""Any bytes as any frame on any identifier, power off and on: no scan raises, and the axis never moves for it."""
+"""Any bytes as any frame on any identifier, power off and on: no scan raises, and the axis never moves for it.
+
+INV-9: no frame raises in the controller or changes its state.
+"""
 
 from __future__ import annotations
 

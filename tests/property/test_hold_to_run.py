@@ -1,4 +1,7 @@
-"""Hold-to-run and control authority against plain models of what they promise."""
+"""Hold-to-run and control authority against plain models of what they promise.
+
+INV-10: control authority in any order of requests.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""What the journal has acknowledged survives kills and power cuts: nothing lost, nothing twice, chain intact."""
+"""What the journal has acknowledged survives kills and power cuts: nothing lost, nothing twice, chain intact.
+
+INV-8: every acknowledged event is in the journal after any kill or power cut, once, in order, hash chain intact.
+"""
 
 from __future__ import annotations
 

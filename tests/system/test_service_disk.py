@@ -1,4 +1,7 @@
-"""The disk of a running service fills up and gets room again: the axis goes on, and no event is lost."""
+"""The disk of a running service fills up and gets room again: the axis goes on, and no event is lost.
+
+INV-8, with a full disk.
+"""
 
 from __future__ import annotations
 

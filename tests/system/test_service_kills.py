@@ -1,4 +1,7 @@
-"""Processes of the service are killed while the axis moves: the program does not notice, nothing is lost."""
+"""Processes of the service are killed while the axis moves: the program does not notice, nothing is lost.
+
+INV-8, with kills of real processes.
+"""
 
 from __future__ import annotations
 

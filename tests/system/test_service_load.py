@@ -1,4 +1,7 @@
-"""Figures of the service under load: they go into docs/evidence; limits here are wide."""
+"""Figures of the service under load: they go into docs/evidence; limits here are wide.
+
+INV-9: scan time and memory of the controller while clients load the service.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A gateway that gets no more memory or file handles: it refuses, the axis goes on, and it recovers by itself."""
+"""A gateway that gets no more memory or file handles: it refuses, the axis goes on, and it recovers by itself.
+
+INV-9: a gateway without memory or handles does not reach the controller.
+"""
 
 from __future__ import annotations
 

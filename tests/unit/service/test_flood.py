@@ -1,4 +1,7 @@
-"""Whoever sends too much harms nobody else: not their commands, not their stop, not the journal."""
+"""Whoever sends too much harms nobody else: not their commands, not their stop, not the journal.
+
+INV-9: whoever floods the service delays nobody, and no stop.
+"""
 
 from __future__ import annotations
 

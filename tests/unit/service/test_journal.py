@@ -1,4 +1,7 @@
-"""The journal: what it keeps, what it notices, what it does with a disk that fails."""
+"""The journal: what it keeps, what it notices, what it does with a disk that fails.
+
+INV-8: order, hash chain, declared gaps.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Commands judged in the scan: roles, control, age, hold-to-run, stops. Virtual gantry, virtual time."""
+"""Commands judged in the scan: roles, control, age, hold-to-run, stops. Virtual gantry, virtual time.
+
+INV-10: every command that changes something has an identity, a role and control; a stop needs none of them.
+"""
 
 from __future__ import annotations
 

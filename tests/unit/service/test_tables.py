@@ -1,4 +1,7 @@
-"""The tag table, the role table and the reference page that is made of them."""
+"""The tag table, the role table and the reference page that is made of them.
+
+INV-10: the table of roles, cell by cell.
+"""
 
 from pathlib import Path
 
