@@ -129,6 +129,13 @@ def a_speed_without_enable(_: pytest.MonkeyPatch) -> None:
     bench.engine.step()
 
 
+def a_frame_of_somebody_else(_: pytest.MonkeyPatch) -> None:
+    bench = Bench(drive__kind="canopen", control__scan_period_ms=4.0)
+    bench.engine.run_for(0.1)
+    bench.drive.link.send(0x181, b"\0")  # type: ignore[attr-defined]
+    bench.engine.close()
+
+
 def a_drive_that_stays_enabled_after_an_alarm(_: pytest.MonkeyPatch) -> None:
     bench = Bench().up()
     Between(bench, lambda output: output._replace(request=DriveRequest.ENABLE))
@@ -208,6 +215,7 @@ def stopped(bench: Bench) -> None:
         ("INV-3", a_drive_that_goes_beyond_the_travel),
         ("INV-4", a_number_that_is_none),
         ("INV-4", a_speed_without_enable),
+        pytest.param("INV-4", a_frame_of_somebody_else, marks=pytest.mark.can),
         ("INV-5", a_drive_that_stays_enabled_after_an_alarm),
         ("INV-6", a_brake_that_opens_without_torque),
         ("INV-6", torque_off_before_the_brake_holds),

@@ -9,6 +9,7 @@ from typing import Any, Final
 from gantryctl.drives.faults import Faults
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
+from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.image import DriveState, InputImage, OutputImage
 from gantryctl.program import AxisProgram
 from gantryctl.runtime import Engine
@@ -26,6 +27,10 @@ _LATER: Final = frozenset(
      "sdo_silent", "sdo_abort", "sdo_toggle", "warning", "enabling_switch", "torque_limit_share"}
 )  # fmt: skip
 _COUNT_RAD: Final = 1.0
+# Identifiers of CiA 301: NMT and SYNC; RPDO 1 to 4 and SDO requests; heartbeats.
+_BROADCAST: Final = frozenset({0x000, 0x080})
+_TO_NODE: Final = frozenset({0x200, 0x300, 0x400, 0x500, 0x600})
+_HEARTBEAT: Final = 0x700
 _SAMPLE_S: Final = 1e-3
 # Drive cycles of 125 us in a millisecond.
 _CYCLES: Final = 8
@@ -120,6 +125,7 @@ def with_bus(stack: ExitStack) -> None:
     except ModuleNotFoundError:
         return
     _replace(stack, CanopenDrive, "write", _bus_write)
+    _replace(stack, DirectBus, "send", _bus_send)
 
 
 def _program_scan(original: Callable[..., OutputImage]) -> Callable[..., OutputImage]:
@@ -211,3 +217,19 @@ def _bus_write(original: Callable[..., None]) -> Callable[..., None]:
         original(drive, output)
 
     return write
+
+
+def _bus_send(original: Callable[..., None]) -> Callable[..., None]:
+    def send(bus: DirectBus, message: Any, timeout: float | None = None) -> None:
+        oracle, node = _Now.oracle, bus._node
+        if oracle is not None and node is not None:
+            can_id = message.arbitration_id
+            function, number = can_id & 0x780, can_id & 0x7F
+            # A master has a number of its own for its heartbeat.
+            own = function in _TO_NODE if number == node.node_id else function == _HEARTBEAT
+            axis = oracle.axes.get(id(node.plant))
+            if axis is not None and axis.bound and not (own or can_id in _BROADCAST):
+                axis.say("INV-4", f"a frame of the controller with the identifier {can_id:03X}h")
+        original(bus, message, timeout)
+
+    return send
