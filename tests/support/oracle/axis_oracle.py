@@ -104,7 +104,7 @@ class AxisOracle:
         self._latched: Alarm | None = None
         self._onset: Instant | None = None
         self._onset_of_feedback = False
-        self._disobeys = False
+        self._disobeys = self._brake_fault = False
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
         self._ratio = 1.0
@@ -157,15 +157,17 @@ class AxisOracle:
             self._seen.add(invariant)
             self._found(Violation(invariant, self.ms * 1e-3, text))
 
-    def fault_injected(self, *, feedback: bool, at_once: bool) -> None:
+    def fault_injected(self, *, feedback: bool, at_once: bool, brake: bool = False) -> None:
         """A test spoils something now; a cause that lasts keeps its first onset.
 
         Args:
             feedback: the reading is in doubt, or what the drive does with it.
+            brake: the brake closes, or does not; a quick stop into a closing brake goes as far as the brake alone.
             at_once: it acts now; else only when something else happens, a quick stop for one.
         """
         onset = self._onset
         self._disobeys = self._disobeys or (feedback and not at_once)
+        self._brake_fault = self._brake_fault or brake
         old = onset is None or self.ms - onset.ms > _CAUSE_MS
         if at_once and (old or (feedback and not self._onset_of_feedback)):
             self._onset, self._onset_of_feedback = self._now(), feedback
@@ -318,7 +320,8 @@ class AxisOracle:
         if self._feedback_fault():
             kind = StopClass.FEEDBACK
         else:
-            kind = StopClass.QUICK if first.reaction is _STOPS else StopClass.TORQUE_OFF
+            quick = first.reaction is _STOPS and not self._brake_fault
+            kind = StopClass.QUICK if quick else StopClass.TORQUE_OFF
         now = self._now()
         recent = onset is not None and self.ms - onset.ms < _CAUSE_MS
         self._stop = Stop(first, kind, onset if onset is not None and recent else now, now)

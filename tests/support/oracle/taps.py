@@ -185,7 +185,9 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
         if _Now.oracle is not None and name in faults.spoilt:
             axis = _Now.oracle.axes.get(id(faults))
             if axis is not None:
-                axis.fault_injected(feedback=name in _FEEDBACK, at_once=name not in _LATER)
+                axis.fault_injected(
+                    feedback=name in _FEEDBACK, at_once=name not in _LATER, brake=name.startswith("brake")
+                )
 
     return set_fault
 
