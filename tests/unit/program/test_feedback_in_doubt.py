@@ -134,7 +134,9 @@ def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> No
         "torque off",
         pytest.param(
             "brake in motion",
-            marks=pytest.mark.no_oracle("a quick stop into a closing brake: 4.3 deg from the command", "INV-1"),
+            marks=pytest.mark.no_oracle(
+                "a quick stop into a closing brake: 4.3 deg from the command", "INV-1"
+            ),
         ),
     ],
 )
