@@ -79,17 +79,23 @@ class Acceptance:
 
 
 def ledger(
-    machine: Machine, acceptances: Iterable[Acceptance], bound_to: str, proven_steps: Collection[str]
+    machine: Machine,
+    acceptances: Iterable[Acceptance],
+    bound_to: str,
+    proven_steps: Collection[str],
+    *,
+    inputs_sent: bool = True,
 ) -> tuple[LedgerRow, ...]:
     """The rows of a machine with a real drive.
 
     Args:
         bound_to: hash of the present configuration; acceptances of another one do not count.
         proven_steps: steps of commissioning that have passed in it.
+        inputs_sent: the drive has 60FD; without, a bit in the machine file is no input.
     """
     accepted = {each.what: each for each in acceptances if each.bound_to == bound_to}
     return (
-        *(_input_row(machine, name, accepted.get(name)) for name in SAFETY_INPUTS),
+        *(_input_row(machine, name, accepted.get(name), inputs_sent) for name in SAFETY_INPUTS),
         _following_row(machine),
         LedgerRow("stop_of_silent_controller", Standing.PROVEN, f"step {SILENCE_STEP}")
         if SILENCE_STEP in proven_steps
@@ -104,12 +110,12 @@ def lacks(rows: Iterable[LedgerRow]) -> tuple[str, ...]:
     )
 
 
-def _input_row(machine: Machine, name: str, accepted: Acceptance | None) -> LedgerRow:
+def _input_row(machine: Machine, name: str, accepted: Acceptance | None, sent: bool) -> LedgerRow:
     bit = getattr(machine.can.inputs, name)
-    if bit >= 0:
+    if bit >= 0 and sent:
         return LedgerRow(name, Standing.OBJECT, f"60FD bit {bit}")
     if accepted is None:
-        return LedgerRow(name, Standing.LACKING)
+        return LedgerRow(name, Standing.LACKING, detail="" if sent else "the drive has no 60FD")
     detail = f"{accepted.because}; {accepted.date}, entered by {accepted.entered_by}"
     return LedgerRow(name, Standing.ACCEPTED, accepted.by, detail)
 

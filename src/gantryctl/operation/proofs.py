@@ -125,7 +125,7 @@ def bus_reasons(
     health = drive.health()
     if health is None or store is None or not must_be_proven(machine):
         return ()
-    missing = why_inputs_missing(read_ledger(machine, store.directory))
+    missing = why_inputs_missing(read_ledger(machine, store.directory, inputs_sent=health.inputs_sent))
     if missing is not None or commissioning:
         return () if missing is None else (missing,)
     record = load_record(record_path(store.directory, machine))
@@ -143,8 +143,8 @@ def must_be_proven(machine: Machine) -> bool:
     return machine.on_bus and not machine.plant_is_local and machine.can.commissioning_required
 
 
-def read_ledger(machine: Machine, directory: Path) -> tuple[LedgerRow, ...]:
-    """The ledger of a machine, with what is kept in its state directory.
+def read_ledger(machine: Machine, directory: Path, *, inputs_sent: bool = True) -> tuple[LedgerRow, ...]:
+    """The ledger of a machine, with what is kept in its state directory; `inputs_sent` as the drive has shown.
 
     Raises:
         StateError: a file is damaged.
@@ -152,7 +152,8 @@ def read_ledger(machine: Machine, directory: Path) -> tuple[LedgerRow, ...]:
     bound_to = proven_hash(machine)
     record = load_record(record_path(directory, machine))
     steps = record.steps if record is not None and record.proven_hash == bound_to else ()
-    return ledger(machine, load_acceptances(ledger_path(directory, machine)), bound_to, steps)
+    acceptances = load_acceptances(ledger_path(directory, machine))
+    return ledger(machine, acceptances, bound_to, steps, inputs_sent=inputs_sent)
 
 
 def accepted_lacks(machine: Machine, store: StateStore | None) -> tuple[str, ...]:

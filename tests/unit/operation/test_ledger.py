@@ -79,6 +79,21 @@ def test_each_safety_input_that_is_not_wired_keeps_power_off(bus: None, tmp_path
             AxisRun(machine, store)
 
 
+def test_bits_of_a_drive_without_digital_inputs_are_no_inputs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sparse = lambda machine: virtual_node(VIRTUAL, quirks=["sparse"])[0]  # noqa: E731
+    monkeypatch.setattr(canopen_wiring, "can_link", sparse)
+    with StateStore(REAL, tmp_path) as store:
+        drive = canopen_wiring.canopen_drive(REAL)
+        try:
+            (reason,) = bus_reasons(REAL, store, drive, commissioning=True)
+        finally:
+            drive.close()
+    assert reason.code == "CFG-CAN-04"
+    assert reason.values["inputs"] == ", ".join(SAFETY_INPUTS)
+
+
 def test_an_acceptance_dies_with_any_change_of_what_is_proven(tmp_path: Path) -> None:
     machine = without("estop_ok")
     store_acceptances(ledger_path(tmp_path, machine), (accepted(machine, "estop_ok"),))
@@ -110,8 +125,6 @@ def test_what_makes_up_for_a_lack_says_its_cost(tmp_path: Path) -> None:
 def test_a_virtual_drive_needs_no_acceptance(bus: None, tmp_path: Path, machine: Machine) -> None:
     bare = without(*SAFETY_INPUTS, machine=machine)
     assert not must_be_proven(bare)
-    link, _ = virtual_node(VIRTUAL)
-    link.close()
     with StateStore(bare, tmp_path) as store:
         drive = canopen_wiring.canopen_drive(bare)
         try:

@@ -337,6 +337,7 @@ class CanopenDrive:
             drive_key=self.opened.identity.key,
             software=self.opened.identity.software,
             restart_marker=self.opened.restart_marker,
+            inputs_sent=self.process.has_inputs,
             heartbeat_age_scans=node.heartbeat_age,
             scans=self.scan,
             received=tuple(w.received for w in watches),

@@ -99,7 +99,7 @@ class ProcessImage:
         mapped = mapping.signals
         self.torque_offset = m.TORQUE_OFFSET in mapped
         self.torque_known = m.TORQUE in mapped
-        self._has_inputs = m.INPUTS in mapped
+        self.has_inputs = m.INPUTS in mapped
         self._has_velocity = m.VELOCITY in mapped
         self._raw: dict[Signal, int] = {}
         self.counts = 0
@@ -247,7 +247,7 @@ class ProcessImage:
 
     def inputs(self) -> tuple[DigitalInputs, bool | None]:
         """60FD, and the contact of the brake (None: not wired)."""
-        if not self._has_inputs:
+        if not self.has_inputs:
             return self._shown_inputs, None
         word, bits = self._raw[m.INPUTS], self._bits
 
