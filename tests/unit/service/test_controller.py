@@ -231,6 +231,20 @@ def test_numbers_of_a_reading_in_doubt_are_told_nowhere_and_stay_so_over_a_start
     assert retained().doubted_by == ""
 
 
+def test_a_doubt_that_no_encoder_alarm_began_lasts_over_a_start_too() -> None:
+    """A drive that restarted in motion (DRV-11): its code says nothing of the encoder, the retained memory does."""
+    delivered()
+    retained(lambda kept: replace(kept, doubted_by="DRV-11"))
+    with opened() as desk:
+        desk.scans(3)
+        tags = published(desk)
+        assert (tags["position_valid"], tags["pos_act_deg"]) == (False, None)
+        assert desk.ask("take", over=False) == ""
+        assert desk.ask("power", on=True) == "PWR-04"
+        desk.controller._close(None)
+    assert retained().doubted_by == "DRV-11"
+
+
 # --- what keeps the power off ---------------------------------------------------------------------
 
 
