@@ -191,6 +191,10 @@ class TorqueWatch:
             self._wrong_reading(Words.TORQUE_WITHOUT_EFFECT(change=rise_nm, torque=feedback.torque_nm))
 
     def _without_effect(self, torque_nm: float, vel: float, command: float) -> None:
+        # A shaft that is held gives way by some counts; one whose count stands is not seen at all.
+        if self._feedback.unchanged_scans:
+            self._feedback.report_frozen(0.0)
+            return
         self._alarms.raise_(Code.BRK_14, measured=torque_nm, speed=deg(vel), command=deg(command))
 
     def _wrong_reading(self, words: object) -> None:
