@@ -27,7 +27,8 @@ _EFFORT_NM: Final = 100.0
 # Speed that torque above that should have made and did not, at the gantry, after the shaft was off its command. Sound
 # machines: 0.044 deg/s, 0.34 in such taps, where it never is.
 _MISSING_RAD_S: Final = rad(0.15)
-# From one scan to the next sound torque changes by 50 N m at most; a shaft that gets or needs so much more at once shows it.
+# From one scan to the next sound torque changes by 50 N m at most; a shaft that gets or needs so much more at once
+# shows it.
 _LEAP_SHARE: Final = 0.8
 _LEAP_S: Final = 0.020
 # A period of the load's swing.
