@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.table.row import Row, State, at
+from gantryctl.engineering.faults.table.row import Row, at
 from gantryctl.program.alarms.codes import Code
 
 _DOWN: Final = "unit/program/test_power_down.py"
@@ -23,14 +23,16 @@ BRAKE: Final = (
     Row(
         "C2",
         "Brake drags",
-        "following error and torque limit where it drags hard (B3, B8); the overload of the motor (G12)",
-        "quick stop, or motor too warm",
-        (Code.CTL_03, Code.THM_01),
-        (),
-        State.PARTLY,
-        "a brake that drags a little is not told from friction: no monitor compares the torque of a"
-        " motion with that of earlier ones. "
-        "The page shows the torque beside the one that the service has learned to expect",
+        "torque of the motion above the learned, retained model: 15 % of rated for 1 s a warning, "
+        "30 % a stop",
+        "warning; then a stop on the ramp, no motion until reset",
+        (Code.BRK_02,),
+        at(
+            "plant/test_drag.py",
+            "test_a_brake_that_drags_is_told_and_stops_the_motion",
+            "test_before_it_has_learned_only_more_than_any_load_is_drag",
+            "test_what_was_learned_serves_the_next_run",
+        ),
     ),
     Row(
         "C3",
@@ -116,13 +118,14 @@ BRAKE: Final = (
     Row(
         "C9",
         "Brake worn by emergency stops",
-        "nothing counts them; the brake test shows a brake that has become weak",
-        "no motion after a test that failed",
-        (Code.BRK_08,),
-        at("unit/program/test_brake_test.py", "test_a_brake_that_slips_fails_and_lets_nothing_move"),
-        State.PARTLY,
-        "the energy of brake stops is printed by `gantryctl stops` and not summed up over the life "
-        "of a brake",
+        "stops of the turning axis by the brake, counted with their energy and retained",
+        "warning: service due",
+        (Code.BRK_09,),
+        at(
+            "plant/test_drag.py",
+            "test_a_stop_by_the_brake_is_counted_with_its_energy",
+            "test_torque_off_at_standstill_wears_nothing",
+        ),
     ),
     Row(
         "C10",

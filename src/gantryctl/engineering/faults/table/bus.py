@@ -12,16 +12,19 @@ _PARTS: Final = "unit/drives/canopen/test_canopen_parts.py"
 _RUN: Final = "unit/drives/canopen/test_canopen_run.py"
 _FOREIGN: Final = "bus/test_foreign_nmt.py"
 _LOST: Final = "bus/test_lost_telegrams.py"
+_TRAFFIC: Final = "bus/test_traffic.py"
 _VIRTUAL: Final = "unit/drives/virtual/test_faults.py"
 
 BUS: Final = (
     Row(
         "E1",
         "SYNC is lost",
-        "deadline of the drive (1400:05, 1006); age of its readings, which come with SYNC",
-        "quick stop by the drive, then by the controller",
-        (Code.CAN_03, Code.CAN_07),
+        "own SYNC does not come back for 30 ms, where the interface gives frames back; deadline of "
+        "the drive (1400:05); its answers stay away",
+        "quick stop",
+        (Code.CAN_01, Code.CAN_03),
         (
+            *at(_TRAFFIC, "test_a_sync_that_never_comes_back_is_lost"),
             *at(_DRIVE, "test_either_silence_alone_stops_the_axis_and_brakes_it"),
             *at(_VIRTUAL, "test_a_sync_that_is_lost_lets_the_time_of_the_drive_go_on"),
         ),
@@ -29,18 +32,17 @@ BUS: Final = (
     Row(
         "E2",
         "SYNC comes irregularly",
-        "lateness of the controller's own scan",
-        "counted; quick stop by F2",
-        (Code.SYS_02,),
+        "three periods in a row off by more than half; lateness of the controller's own scan",
+        "warning; quick stop by F2",
+        (Code.CAN_02, Code.SYS_02),
         at(
             "unit/runtime/test_real_time.py",
             "test_more_than_five_overruns_in_a_second_stop",
             "test_one_overrun_of_a_period_stops_nothing",
         ),
-        why=(
-            "the controller is the only one that sends SYNC: an irregular SYNC is a late scan, and a "
-            "foreign one is E15"
-        ),
+        State.PARTLY,
+        "the controller alone sends SYNC, so an irregular one is a late scan, whose quick stop is "
+        "tested (F2); the warning beside it has no test of its own",
     ),
     Row(
         "E3",
@@ -99,9 +101,10 @@ BUS: Final = (
         "E7",
         "PDO of the wrong length",
         "length against the mapping",
-        "never decoded, counted as missing",
-        (Code.CAN_03,),
+        "never decoded, counted as missing; three in a row a quick stop",
+        (Code.CAN_04, Code.CAN_03),
         (
+            *at(_TRAFFIC, "TestInMotion::test_three_telegrams_of_a_wrong_length"),
             *at(_DRIVE, "test_a_telegram_of_the_wrong_length_is_never_decoded"),
             *at("unit/drives/virtual/test_pdo.py", "test_a_short_rpdo_is_refused_whole_with_emcy_8210"),
         ),
@@ -111,8 +114,9 @@ BUS: Final = (
         "RPDO lost on its way to the drive",
         "deadline of the drive (1400:05), 50 ms",
         "quick stop by the drive",
-        (Code.DRV_04,),
+        (Code.CAN_05,),
         (
+            *at(_TRAFFIC, "test_a_drive_that_misses_its_commands_says_so"),
             *at(_DRIVE, "test_either_silence_alone_stops_the_axis_and_brakes_it"),
             *at(
                 "unit/drives/virtual/test_pdo.py", "test_a_missed_rpdo_deadline_is_emcy_8250_and_6007_decides"
@@ -163,10 +167,11 @@ BUS: Final = (
     Row(
         "E12",
         "Flood of emergency messages",
-        "count",
-        "counted (`LinkHealth.emergencies`), one line a scan, a bounded number kept",
-        (),
+        "more than ten a second",
+        "warning; counted, one line a scan, a bounded number kept",
+        (Code.CAN_09,),
         (
+            *at(_TRAFFIC, "test_a_flood_of_warnings_is_told_and_stops_nothing"),
             *at(
                 _PARTS,
                 "test_a_flood_in_one_scan_is_one_line",
@@ -178,14 +183,18 @@ BUS: Final = (
     Row(
         "E13",
         "Bus full of frames of higher priority",
-        "frames that the adapter does not take, three in a row; the deadline of the drive",
-        "the drive makes its quick stop; torque off and brake",
-        (Code.CAN_08, Code.CAN_03),
-        at(_PARTS, "test_a_dead_bus_is_down_after_three_failures_and_never_raises"),
-        State.PARTLY,
-        "the virtual bus has no arbitration, so frames of higher priority do not hold others up on "
-        "it: what they lead to on a real bus "
-        "is injected instead, frames that are refused and frames that do not arrive (E1, E4, E8)",
+        "frames that fill 95 % of the bit rate for 20 ms; frames that the adapter does not take; "
+        "the deadline of the drive",
+        "quick stop",
+        (Code.CAN_10, Code.CAN_08),
+        (
+            *at(_TRAFFIC, "TestInMotion::test_a_full_bus"),
+            *at(_PARTS, "test_a_dead_bus_is_down_after_three_failures_and_never_raises"),
+        ),
+        why=(
+            "the virtual bus has no arbitration, so frames hold no others up on it: the load is "
+            "counted, and refused and lost frames are injected apart"
+        ),
     ),
     Row(
         "E14",

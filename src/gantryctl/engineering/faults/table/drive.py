@@ -8,6 +8,7 @@ from gantryctl.engineering.faults.table.row import Row, State, at
 from gantryctl.program.alarms.codes import Code
 
 _MONITORS: Final = "unit/program/test_monitors_drive.py"
+_TRAFFIC: Final = "bus/test_traffic.py"
 _BUS: Final = "unit/drives/canopen/test_canopen_drive.py"
 
 DRIVE: Final = (
@@ -57,20 +58,24 @@ DRIVE: Final = (
     Row(
         "D5",
         "Drive ignores its command",
-        "bit 12 of the statusword is 0 while enabled",
+        "bit 12 of the statusword is 0 while enabled; bit 9, where [can] remote_bit says that the "
+        "drive has it",
         "quick stop",
         (Code.DRV_05,),
-        at(_BUS, "test_a_drive_that_stops_following_is_told"),
+        (
+            *at(_TRAFFIC, "TestInMotion::test_local_control"),
+            *at(_BUS, "test_a_drive_that_stops_following_is_told"),
+        ),
     ),
     Row(
         "D6",
         "Drive in another mode than CSV",
-        "6061 read before it is enabled",
-        "never enabled",
-        (Code.CFG_CAN_01,),
+        "6061, before it is enabled and four times a second",
+        "torque off; not enabled until it is set up again",
+        (Code.DRV_06, Code.CFG_CAN_01),
         (
+            *at(_TRAFFIC, "TestInMotion::test_another_mode", "test_another_mode_keeps_the_drive_off"),
             *at(_BUS, "test_a_drive_without_csv_is_never_enabled"),
-            *at("system/test_can_axis.py", "test_a_drive_that_lies_in_motion_is_caught"),
         ),
     ),
     Row(
@@ -87,16 +92,14 @@ DRIVE: Final = (
     Row(
         "D8",
         "Old target velocity when the drive is enabled",
-        "none needed: 60FF = 0 goes out in every scan in which the axis does not follow",
-        "nothing moves",
-        (),
+        "60FF read back while it is off, twice a second; 60FF = 0 goes out in every scan in which "
+        "the axis does not follow",
+        "not enabled",
+        (Code.DRV_08,),
         (
+            *at(_TRAFFIC, "test_a_target_that_is_not_zero_keeps_the_drive_off"),
             *at("conformance/drive_port.py", "test_a_speed_left_over_while_not_enabled_moves_nothing"),
             *at("unit/drives/virtual/test_motion.py", "test_a_stale_target_moves_the_axis_at_enable"),
-        ),
-        why=(
-            "there is no refusal to read: the command is made harmless before each enable instead of "
-            "being judged"
         ),
     ),
     Row(
@@ -123,7 +126,7 @@ DRIVE: Final = (
         "Over-voltage of the intermediate circuit in a quick stop (brake chopper missing)",
         "drive fault during the quick stop, 1 scan",
         "torque off and brake",
-        (Code.DRV_01,),
+        (Code.DRV_10,),
         at(_MONITORS, "test_a_stronger_reaction_follows_the_weaker"),
         State.PARTLY,
         "the simulator has no intermediate circuit and no chopper, so the voltage itself is not "
@@ -146,17 +149,18 @@ DRIVE: Final = (
     Row(
         "D12",
         "Emergency message without a fault state",
-        "the message itself",
-        "kept in words, shown by `gantryctl drive status`",
-        (),
-        at(
-            "unit/drives/canopen/test_canopen_parts.py",
-            "test_emergency_messages_of_any_length_are_kept_within_bounds",
-            "test_unknown_codes_name_their_class",
+        "a message that no fault follows within 30 ms, unless it is known to be a warning",
+        "quick stop",
+        (Code.DRV_12,),
+        (
+            *at(
+                _TRAFFIC,
+                "TestInMotion::test_an_emergency_message_without_a_fault",
+                "test_a_fault_with_its_message_is_no_complaint",
+                "test_a_flood_of_warnings_is_told_and_stops_nothing",
+            ),
+            *at("unit/drives/canopen/test_canopen_parts.py", "test_unknown_codes_name_their_class"),
         ),
-        State.PARTLY,
-        "it raises no alarm: a drive that goes on is believed, and one that does not changes its "
-        "state (D1, D4)",
     ),
     Row(
         "D13",
