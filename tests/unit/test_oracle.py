@@ -22,7 +22,7 @@ from support.oracle.limits import StopClass
 from support.oracle.taps import Oracle
 
 RATIO = default_machine().axis.ratio
-OPTED_OUT = 6
+OPTED_OUT = 7
 """Tests that the oracle does not hold to every invariant: each has its reason beside it."""
 
 
@@ -87,6 +87,16 @@ def a_drive_that_creeps(_: pytest.MonkeyPatch) -> None:
     bench = Bench().up()
     plant(bench, lambda mode, vel, *rest: (mode, vel + rad(0.2) * RATIO if mode else vel, *rest))
     bench.engine.run_for(2.0)
+
+
+def a_move_that_does_not_end(_: pytest.MonkeyPatch) -> None:
+    bench = Bench().up()
+    bench.op(move=True, target_rad=rad(90.5), speed_rad_s=rad(6.0))
+    bench.op(move=False)
+    bench.engine.run_for(6.0)
+    creeps = rad(0.1) * RATIO
+    Between(bench, lambda output: output._replace(vel_cmd_rad_s=output.vel_cmd_rad_s + creeps))
+    bench.engine.run_for(0.01)
 
 
 def a_motor_that_turns_while_off(patch: pytest.MonkeyPatch) -> None:
@@ -209,6 +219,7 @@ def stopped(bench: Bench) -> None:
     [
         ("INV-1", a_brake_without_strength),
         ("INV-2", a_drive_that_creeps),
+        ("INV-2", a_move_that_does_not_end),
         ("INV-2", a_motor_that_turns_while_off),
         ("INV-2", an_enable_that_nobody_asked_for),
         ("INV-3", a_speed_that_jumps),

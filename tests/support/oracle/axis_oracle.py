@@ -93,6 +93,8 @@ class AxisOracle:
         self._anchor: float | None = None
         self._reason_ms = -1
         self._origin_ms: float = -1.0
+        self._target: float | None = None
+        self._at_target_ms = 0
         self._lease_ms = -1_000_000
         self._operator = OperatorCommand()
         self._test_asked = False
@@ -234,6 +236,15 @@ class AxisOracle:
             self._reason_ms = now + _SETTLES_MS
             if now > self._origin_ms:
                 self._check_origin(now, vel)
+        elif self._target is not None:
+            self._perhaps_arrived(now, self._target)
+
+    def _perhaps_arrived(self, now: int, target: float) -> None:
+        """A move that has stood at its target for a while is over: no speed has its reason in it any more."""
+        if not -self._told < self.angle + self.offset - target < self._told:
+            self._at_target_ms = now
+        elif now - self._at_target_ms > _COMES_TO_REST_MS:
+            self._target, self._origin_ms = None, now
 
     def _check_origin(self, now: int, vel: float) -> None:
         """A speed without a person behind it. Programs of one's own move by their own logic."""
@@ -265,9 +276,11 @@ class AxisOracle:
         if last.power and not op.power:
             self._power_until = now + _UNDER_WAY_MS
         pressed = (op.forward and not last.forward) or (op.reverse and not last.reverse)
-        if (op.move and not last.move) or pressed or op.override != last.override:
-            # An increment and a move go on without a lease until they have arrived.
-            self._origin_ms = math.inf
+        # An increment and a move go on without a lease until they have arrived.
+        if op.move and not last.move:
+            self._origin_ms, self._target, self._at_target_ms = math.inf, op.target_rad * self._ratio, now
+        elif pressed:
+            self._origin_ms, self._target = math.inf, None
         if stopping:
             self._origin_ms = now + self._comes_to_rest(min(ramps.dec_rad_s2, ramps.jog_release_dec_rad_s2))
         released = (last.forward or last.reverse) and not (op.forward or op.reverse)
