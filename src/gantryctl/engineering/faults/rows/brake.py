@@ -25,12 +25,12 @@ ROWS: Final = (
     FaultCase(
         number="C2",
         title="brake drags",
-        detected_by="residual of the torque model, 15 % of the rated torque for 1 s",
+        detected_by="torque beyond what was learned, or beyond any load, 15 % of the rated torque for 1 s",
         reaction=ReactionClass.WARNING,
+        codes=(Code.BRK_02,),
         reads="the brake drags",
-        injections=(injection("plant", "set", name="motor_coulomb_nm", value=60.0),),
+        injections=(injection("plant", "set", name="motor_coulomb_nm", value=110.0),),
         position_valid=True,
-        failing="brake drags",
     ),
     FaultCase(
         number="C3",
@@ -76,7 +76,6 @@ ROWS: Final = (
         ),
         reads="the brake closed in motion; stop",
         injections=(injection("brake", "stuck", position="closed"),),
-        failing="brake closes in motion",
     ),
     FaultCase(
         number="C6",
@@ -109,20 +108,14 @@ ROWS: Final = (
     FaultCase(
         number="C10",
         title="brake closes by itself in motion, its contact says open",
-        detected_by="residual of the torque model",
+        detected_by="torque that rises without effect on the speed",
         reaction=_TORQUE_OFF,
-        codes=(
-            Code.DRV_13,
-            Code.CTL_07,
-            Code.CTL_05,
-            Code.CTL_03,
-        ),
-        reads="torque does not do what it should; torque off",
+        codes=(Code.BRK_14,),
+        reads="torque without effect; torque off",
         injections=(
             injection("brake", "contact", open=True),
             injection("brake", "stuck", position="closed"),
         ),
-        failing="torque lost",
     ),
     FaultCase(
         number="C11",
