@@ -297,8 +297,12 @@ RULES: Final[dict[type, Rules]] = {
         count="_blocked _heavy _leap _lost",
         fixed="_alarms _blocked_scans _effort_share _feedback _heavy_nm _heavy_scans _holding "
         "_known _leap_nm _leap_scans _lost_scans "
-        "_mean_share _nothing_nm _off_nm _off_scans _period_s _rated_nm",
-        special={"_off": lambda watch, _: min(watch._off, _CAP)},
+        "_mean_share _nothing_nm _off_nm _off_scans _period_s _rated_nm _swing_scans",
+        special={
+            "_off": lambda watch, _: min(watch._off, _CAP),
+            "_plus_scan": _since("_plus_scan"),
+            "_minus_scan": _since("_minus_scan"),
+        },
     ),
     DragWatch: Rules(
         when=lambda _, roots: roots.axis.virtual.following,
