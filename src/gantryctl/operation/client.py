@@ -23,12 +23,13 @@ class Snapshot(NamedTuple):
     """State of the axis for a display. Angles at the gantry, measured by the motor encoder.
 
     Attributes:
+        angle_deg, speed_deg_s: None while the reading is in doubt or too old.
         time_left_s: of a motion that has an end.
     """
 
     time_s: float
-    angle_deg: float
-    speed_deg_s: float
+    angle_deg: float | None
+    speed_deg_s: float | None
     following_error_deg: float
     state: str
     time_left_s: float | None

@@ -122,13 +122,13 @@ class AxisRun:
 
     def snapshot(self) -> Snapshot:
         """State of the axis for a display."""
-        axis, time_s = self.axis, self.engine.time_s
+        axis, feedback, time_s = self.axis, self.axis.feedback, self.engine.time_s
         vel = self.engine.image.drive.vel_act_rad_s / axis.settings.law.ratio
         moves = axis.state is AxisState.DISCRETE_MOTION
         return Snapshot(
             time_s=time_s,
-            angle_deg=deg(axis.pos_act_rad),
-            speed_deg_s=deg(vel),
+            angle_deg=deg(axis.pos_act_rad) if feedback.position_valid else None,
+            speed_deg_s=deg(vel) if feedback.speed_known and not feedback.in_doubt else None,
             following_error_deg=deg(axis.pos_err_rad),
             state=_words(axis.state),
             time_left_s=max(0.0, axis.plan_end_s - time_s) if moves else None,

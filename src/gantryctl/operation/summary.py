@@ -23,7 +23,7 @@ class MotionSummary:
 
     Attributes:
         duration_s: of the set-point's motion. peak_deg_s: its highest speed.
-        end_deg: measured angle at the end (motor encoder).
+        end_deg: measured angle at the end (motor encoder); None where its reading is in doubt.
         following_error_motor_deg, following_error_load_deg: largest set-point minus angle, motor side and load side.
         speed_error_motor_deg_s, speed_error_load_deg_s: likewise for the speed.
         torque_max_nm: largest motor torque.
@@ -32,7 +32,7 @@ class MotionSummary:
     """
 
     start_deg: float
-    end_deg: float
+    end_deg: float | None
     duration_s: float
     peak_deg_s: float
     following_error_motor_deg: float
@@ -46,8 +46,12 @@ class MotionSummary:
         return asdict(self)
 
 
-def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionSummary | None:
+def summarise(
+    trace: Trace, from_s: float, to_s: float, ratio: float, *, end_known: bool = True
+) -> MotionSummary | None:
     """The motion between two times of a recording; `ratio` is motor turns per gantry turn.
+
+    `end_known`: the reading of the last scan is believed.
 
     Rows that are not finite (a program that failed computes nothing any more) are left out; None when no row is left.
     """
@@ -68,7 +72,7 @@ def summarise(trace: Trace, from_s: float, to_s: float, ratio: float) -> MotionS
         vel_motor = np.degrees(part["vel_motor_rad_s"]) / ratio
     return MotionSummary(
         start_deg=float(ref[0]),
-        end_deg=float(np.degrees(part["pos_act_rad"][-1])),
+        end_deg=float(np.degrees(part["pos_act_rad"][-1])) if end_known else None,
         duration_s=duration,
         peak_deg_s=_largest(vel_ref),
         following_error_motor_deg=_largest(np.degrees(part["pos_err_rad"])),

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
+from gantryctl.cli.axis.display import live_line, log_line
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
-from gantryctl.image import DriveState, InputImage
+from gantryctl.image import DriveState, EncoderFlag, InputImage
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
 from gantryctl.operation import opening
 from gantryctl.operation.client import MotionReport, Snapshot, Stop
@@ -395,3 +396,20 @@ def test_power_that_was_never_on_is_not_taken_off() -> None:
     session.power_down()
     session.close("done")
     assert session.engine.scan == off
+
+
+def test_a_run_that_ends_in_doubt_tells_no_angle() -> None:
+    """The encoder of the simulated drive reports an alarm in motion: torque off, and the reading is not told."""
+    seen: list[Snapshot] = []
+    session = AxisRun(SIM, observer=seen.append)
+    session.power_up()
+    assert isinstance(session.drive, SimDrive)
+    session.drive.faults.encoder_flags = EncoderFlag.ALARM
+    with pytest.raises(CommandRefused, match="ENC-05"):
+        session.move(90.0)
+    assert session.snapshot().angle_deg is None
+    assert session.snapshot().speed_deg_s is None
+    assert "?" in live_line(session.snapshot())
+    assert "?" in log_line(session.snapshot())
+    assert seen[0].angle_deg is not None
+    session.close("stopped by an alarm")

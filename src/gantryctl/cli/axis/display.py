@@ -100,8 +100,9 @@ def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummar
         if report is not None:
             yield f"{word}: {shown(report.start_deg, 4):.4f} -> {shown(report.end_deg, 4):.4f} deg"
         return
+    end = "an angle that is not known" if s.end_deg is None else f"{shown(s.end_deg, 4):.4f} deg"
     yield (
-        f"{word}: {shown(s.start_deg, 4):.4f} -> {shown(s.end_deg, 4):.4f} deg, {s.duration_s:.2f} s, "
+        f"{word}: {shown(s.start_deg, 4):.4f} -> {end}, {s.duration_s:.2f} s, "
         f"peak {s.peak_deg_s:.2f} deg/s{_speed_hint(machine, s, report)}"
     )
     # The load side is what the paper judges; only a simulator knows it without an instrument.
@@ -184,15 +185,20 @@ def live_line(s: Snapshot) -> str:
     """Angle, speed, following error, state, time left; fits into 80 columns."""
     left = f"{s.time_left_s:.1f} s left" if s.time_left_s is not None else f"{s.time_s:.1f} s"
     return (
-        f"{s.angle_deg:+9.3f} deg  {s.speed_deg_s:+6.2f} deg/s  error {s.following_error_deg:+.5f} deg  "
-        f"{s.state:<17}  {left}"
+        f"{_known(s.angle_deg, 9, 3)} deg  {_known(s.speed_deg_s, 6, 2)} deg/s  "
+        f"error {s.following_error_deg:+.5f} deg  {s.state:<17}  {left}"
     )
+
+
+def _known(value: float | None, width: int, digits: int) -> str:
+    """A number of the line, or a question mark where its reading is not believed."""
+    return f"{'?':>{width}}" if value is None else f"{value:+{width}.{digits}f}"
 
 
 def log_line(s: Snapshot) -> str:
     """The same behind the time, for a file."""
     left = f"{s.time_left_s:5.1f} s left" if s.time_left_s is not None else ""
     return (
-        f"{s.time_s:7.1f} s  {s.angle_deg:+10.4f} deg  {s.speed_deg_s:+7.3f} deg/s  "
+        f"{s.time_s:7.1f} s  {_known(s.angle_deg, 10, 4)} deg  {_known(s.speed_deg_s, 7, 3)} deg/s  "
         f"error {s.following_error_deg:+.5f} deg  {s.state:<17}  {left}"
     ).rstrip()

@@ -117,4 +117,5 @@ def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary 
     # A recording that ended early (disk full) may hold nothing of the motion itself.
     if not len(trace.slice(begin_s, end_s)):
         begin_s, end_s = 0.0, axis.engine.time_s
-    return summarise(trace, begin_s, end_s, axis.machine.axis.ratio), file
+    known = axis.axis.feedback.position_valid
+    return summarise(trace, begin_s, end_s, axis.machine.axis.ratio, end_known=known), file
