@@ -76,7 +76,7 @@ class AxisOracle:
         angle, speed, torque, energised, brake_open: the last sample, motor side, rad, rad/s, N m.
         program: who commands; None on a bench. `program_over`: it failed, and the engine stops the axis.
         offset: of the angle that is told, rad at the motor.
-        inside: samples are taken inside the scan, which is longer than a millisecond.
+        inside: samples are taken inside the scan, which is longer than a millisecond; `sim` takes them.
     """
 
     def __init__(self, found: Callable[[Violation], None]) -> None:
@@ -86,6 +86,7 @@ class AxisOracle:
         self.energised, self.brake_open = False, False
         self.bound = self.program_over = self.inside = False
         self.program: Any = None
+        self.sim: object = None
         self._axis: Any = None
         self._energised_ms = self._off_ms = -1_000_000
         self._unheld_ms = 0
@@ -164,7 +165,7 @@ class AxisOracle:
 
         Args:
             feedback: the reading is in doubt, or what the drive does with it.
-            brake: the brake closes, or does not; a quick stop into a closing brake goes as far as the brake alone.
+            brake: a quick stop has no ramp: a brake in the way, or too little torque. Class torque off.
             at_once: it acts now; else only when something else happens, a quick stop for one.
         """
         onset = self._onset

@@ -160,8 +160,6 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
             axis = oracle.axis(drive, drive.faults)
             sim = drive.sim
             axis.inside = sim.scan_period_s > 1.5 * _SAMPLE_S
-            if axis.inside:
-                sim.sample_every(_CYCLES)
             axis.begin(sim.truth()[2], sim.feedback(_COUNT_RAD)[3], drive.state in _ENERGISED)
         oracle.command(axis, output)
         original(drive, output)
@@ -169,6 +167,15 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
         energised = drive.state in _ENERGISED
         if axis.inside:
             sample = axis.sample
+            if (
+                sim is not axis.sim
+            ):  # a changed limit makes a new one, for the scan that has just been made too
+                axis.sim = sim
+                sim.sample_every(_CYCLES)
+                truth, brake_open = sim.truth(), sim.feedback(_COUNT_RAD)[3]
+                for _ in range(round(sim.scan_period_s / _SAMPLE_S)):
+                    sample(truth[2], truth[3], 0.0, brake_open, energised)
+                return
             for angle, speed, _, _, torque, closed in sim.samples_taken():
                 sample(angle, speed, torque, not closed, energised)
         else:
@@ -186,7 +193,9 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
             axis = _Now.oracle.axes.get(id(faults))
             if axis is not None:
                 axis.fault_injected(
-                    feedback=name in _FEEDBACK, at_once=name not in _LATER, brake=name.startswith("brake")
+                    feedback=name in _FEEDBACK,
+                    at_once=name not in _LATER,
+                    brake=name.startswith("brake") or name == "torque_limit_share",
                 )
 
     return set_fault

@@ -125,19 +125,12 @@ ROWS = (
 )
 
 
-def marks(row: Row) -> list[pytest.MarkDecorator]:
-    if row.name != "torque limit":
-        return []
-    # The first alarm asks for a quick stop that this drive cannot make: what stops the axis is DRV-07, 0.2 s later.
-    return [pytest.mark.no_oracle("judged as the quick stop that the drive cannot make", "INV-1", "INV-7")]
-
-
 REQUEST = {QS: DriveRequest.QUICK_STOP, TO: DriveRequest.DISABLE}
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0], ids=["forward", "back"])
 @pytest.mark.parametrize("scan_ms", [1.0, 4.0, 10.0])
-@pytest.mark.parametrize("row", [pytest.param(row, marks=marks(row), id=row.name) for row in ROWS])
+@pytest.mark.parametrize("row", [pytest.param(row, id=row.name) for row in ROWS])
 def test_a_monitor_on_the_plant(row: Row, scan_ms: float, direction: float) -> None:
     rig = PlantRig(-90.0 * direction, scan_ms, row.moment_nm)
     if row.standing:
