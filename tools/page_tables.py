@@ -21,8 +21,14 @@ from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 HEADER = "// Written by tools/page_tables.py; do not edit, a test compares.\n"
 NUMBERS = {"float": "number", "int": "number", "bool": "boolean", "text": "string", "rows": "AlarmRow[]"}
 NUMBERS["messages"] = "Message[]"
-ROW_TYPES = {"id": "number", "time_s": "number", "pos_act_deg": "number", "active": "boolean"}
-ROW_TYPES |= {"first_out": "boolean", "lock": "boolean", "values": "Values", "steps": "Message[]"}
+ROW_TYPES = {"id": "number", "time_s": "number", "pos_act_deg": "number | null"}
+ROW_TYPES |= {
+    "active": "boolean",
+    "first_out": "boolean",
+    "lock": "boolean",
+    "values": "Values",
+    "steps": "Message[]",
+}
 _MESSAGE = """\
 /** A code or words with values, a reason against power, or a text that has none. */
 export type Message =

@@ -35,8 +35,8 @@ export interface AlarmRow {
   at: string;
   /** time of the scan */
   time_s: number;
-  /** angle at the alarm */
-  pos_act_deg: number;
+  /** angle at the alarm, null where its reading was not believed */
+  pos_act_deg: number | null;
   /** still latched or present */
   active: boolean;
   /** it stopped the axis */
@@ -58,9 +58,9 @@ export interface Tags {
   scan: number | null;
   /** Nominal time of the scan since the controller started. [s] */
   time_s: number | null;
-  /** Measured angle of the gantry, motor side. [deg] */
+  /** Measured angle, motor side; null while it is not believed. [deg] */
   pos_act_deg: number | null;
-  /** Measured speed of the gantry, motor side. [deg/s] */
+  /** Measured speed, motor side; null while it is not believed. [deg/s] */
   vel_act_deg_s: number | null;
   /** Set-point angle. [deg] */
   pos_ref_deg: number | null;
@@ -98,7 +98,7 @@ export interface Tags {
   power_phase: 'off' | 'enabling' | 'proving' | 'settling' | 'releasing' | 'sag_watch' | 'on' | 'closing' | 'unloading' | 'disabling' | 'parked' | 'quick_stopping' | 'torque_off' | 'torque_hold' | 'testing' | null;
   /** Power is on: the axis follows commands. */
   power: boolean | null;
-  /** Brake feedback contact. */
+  /** Brake feedback contact; null while it is not heard. */
   brake_open: boolean | null;
   /** Brake release command. */
   brake_open_cmd: boolean | null;

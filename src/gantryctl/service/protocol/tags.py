@@ -59,8 +59,8 @@ _FRAME: Final = (
 )  # fmt: skip
 
 _MOTION: Final = (
-    _out("pos_act_deg", "deg", "float", "20 Hz", "Measured angle of the gantry, motor side."),
-    _out("vel_act_deg_s", "deg/s", "float", "20 Hz", "Measured speed of the gantry, motor side."),
+    _out("pos_act_deg", "deg", "float", "20 Hz", "Measured angle, motor side; null while it is not believed."),
+    _out("vel_act_deg_s", "deg/s", "float", "20 Hz", "Measured speed, motor side; null while it is not believed."),
     _out("pos_ref_deg", "deg", "float", "20 Hz", "Set-point angle."),
     _out("vel_ref_deg_s", "deg/s", "float", "20 Hz", "Set-point speed."),
     _out("acc_ref_deg_s2", "deg/s2", "float", "20 Hz", "Set-point acceleration."),
@@ -83,7 +83,7 @@ _STATE: Final = (
     _out("drive_state", "", "enum", "20 Hz", "CiA 402 state of the drive.", _labels(DriveState)),
     _out("power_phase", "", "enum", "20 Hz", "Phase of the power sequence.", _labels(PowerPhase)),
     _out("power", "", "bool", "20 Hz", "Power is on: the axis follows commands."),
-    _out("brake_open", "", "bool", "20 Hz", "Brake feedback contact."),
+    _out("brake_open", "", "bool", "20 Hz", "Brake feedback contact; null while it is not heard."),
     _out("brake_open_cmd", "", "bool", "20 Hz", "Brake release command."),
     _out("horn", "", "bool", "20 Hz", "The load moves, or has moved, without a command: people must leave."),
     _out("at_rest", "", "bool", "20 Hz", "The set-point is at rest and no motion waits."),
@@ -228,7 +228,7 @@ ALARM_ROW: Final = {
     "text": "the whole line",
     "at": "date and time, UTC",
     "time_s": "time of the scan",
-    "pos_act_deg": "angle at the alarm",
+    "pos_act_deg": "angle at the alarm, null where its reading was not believed",
     "active": "still latched or present",
     "first_out": "it stopped the axis",
     "follows": "code of the first-out alarm that it follows, or empty",
