@@ -352,3 +352,21 @@ def test_a_warning_that_becomes_a_stop_is_the_first_alarm_of_that_stop():
     rig.run(0.1)
     assert rig.output.request is DriveRequest.QUICK_STOP
     assert rig.first.text.startswith("CTL-06 STOP · Holding torque 95 % of rated")
+
+
+@pytest.mark.parametrize("period_s", [0.001, 0.004, 0.010])
+def test_each_phase_of_the_way_down_lasts_its_time(period_s):
+    """The closing time of the brake although its contact is there at once; then three steps of torque and a look."""
+    rig = Rig(config=settings(period_s=period_s))
+    rig.power_up()
+    rig.op(power=False)
+    lasted = {}
+    for _ in range(round(1.0 / period_s)):
+        phase = rig.axis.power.phase
+        lasted[phase] = lasted.get(phase, 0) + 1
+        rig.step()
+    power = rig.axis.settings.power
+    closing, step = (rig.axis.settings.scans(t) for t in (power.brake_close_time_s, power.unload_step_s))
+    # A phase ends in the scan that finds its time over, which already belongs to the next one.
+    assert lasted[P.CLOSING] == pytest.approx(closing, abs=1)
+    assert lasted[P.UNLOADING] == pytest.approx(4 * step, abs=1)
