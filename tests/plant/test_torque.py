@@ -116,6 +116,21 @@ def test_a_motor_started_against_a_closed_brake_gives_up_early(scan_ms, angle_de
     assert rig.reach_deg < 0.02
 
 
+@pytest.mark.parametrize("scan_ms", SCANS_MS)
+@pytest.mark.parametrize("moment_nm", [16_000.0, CHECK_NM])
+def test_a_brake_that_does_not_open_is_not_fought(scan_ms, moment_nm):
+    """C1 with a sound contact: the drive stands at zero speed and gives no more than the proof and the preload."""
+    rig = PlantRig(machine_at(scan_ms, moment_nm), 90.0, holding_nm=moment_nm / 1144.0)
+    rig.faults.brake = "closed"
+    rig.mark()
+    rig.say(power=True)
+    rig.until(lambda: rig.first != "", 2.0)
+    rig.run(1.0)
+    assert rig.first == "BRK-01"
+    assert rig.torque_most_nm <= 1.1 * rig.machine.motor.torque_rated_nm
+    assert rig.reach_deg < 0.02
+
+
 def test_torque_lost_at_standstill_lets_the_load_go_by_no_more_than_a_brake_that_slips(oracle):
     for scan_ms in SCANS_MS:
         rig = PlantRig(machine_at(scan_ms, CHECK_NM), 90.0, holding_nm=44.0)
