@@ -94,9 +94,26 @@ def against(case: FaultCase, variants: Iterable[Variant]) -> list[str]:
     return found
 
 
-def seen_by(oracle: Oracle) -> list[str]:
+EXCUSED = {
+    "A20": (
+        "INV-2",
+    ),  # a brake that does not hold and an encoder in doubt: nothing is left that could hold the load
+    "C6": ("INV-7",),  # the contact is what lies about the brake
+    "C11": ("INV-6",),  # the brake closes 0.2 s late: that is the fault
+    "E5": (
+        "INV-3",
+    ),  # a telegram carries no time: two in the wrong order are a step of the reading for one scan
+    "E10": ("INV-2", "INV-6"),  # without a controller nothing can be told, and the drive stops by itself
+    "F3": ("INV-2", "INV-6"),  # as long as the controller is frozen
+}
+"""What the oracle cannot know of a row."""
+
+
+def seen_by(oracle: Oracle, case: FaultCase) -> list[str]:
     """What the oracle saw, which belongs to the row: one that waits for a mend may break an invariant too."""
-    seen = [str(violation) for violation in oracle.violations]
+    # The way to rest, INV-1, is judged by the row's own limit, from the moment of the injection.
+    excused = ("INV-1", *EXCUSED.get(case.number, ()))
+    seen = [str(violation) for violation in oracle.violations if violation.invariant not in excused]
     oracle.violations.clear()
     return seen
 
@@ -110,6 +127,7 @@ def rows() -> list[object]:
             marks=[pytest.mark.xfail(reason=case.failing, strict=False)] if case.failing else [],
         )
         for case in CATALOGUE
+        if case.judged
     ]
 
 
@@ -119,10 +137,10 @@ pytestmark = pytest.mark.can
 @pytest.mark.parametrize("case", rows())
 def test_a_fault_is_answered_in_time_and_told_truly(case: FaultCase, oracle: Oracle) -> None:
     found = against(case, ONCE if case.number in PLAIN else FAST)
-    assert found + seen_by(oracle) == []
+    assert found + seen_by(oracle, case) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", rows())
 def test_a_fault_is_answered_at_every_scan_period_speed_and_drive(case: FaultCase, oracle: Oracle) -> None:
-    assert against(case, ALL) + seen_by(oracle) == []
+    assert against(case, ALL) + seen_by(oracle, case) == []

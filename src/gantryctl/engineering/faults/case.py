@@ -61,6 +61,7 @@ class FaultCase:
         phase: where the fault begins.
         buses: drives on which it can be injected.
         position_valid: at the end; None: not judged.
+        also: alarm that must come too. rests: False: nothing is left that could hold the load.
         hold: the drive may be enabled again to hold the load.
         seen_after_s: time that the monitor needs beyond that of its class.
         from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
@@ -78,6 +79,8 @@ class FaultCase:
     phase: Phase = Phase.CRUISE
     buses: tuple[Literal["sim", "bus"], ...] = ("sim", "bus")
     position_valid: bool | None = None
+    also: Code | None = None
+    rests: bool = True
     hold: bool = False
     seen_after_s: float = 0.0
     from_deviation: bool = False

@@ -254,7 +254,7 @@ def _against(
         return []
     if not result.way_deg <= result.limit_deg:
         wrong.append(f"moved {result.way_deg:.3f} deg, permitted {result.limit_deg:.3f}")
-    if case.reaction in _STOPS and not math.isfinite(result.rest_s):
+    if case.rests and case.reaction in _STOPS and not math.isfinite(result.rest_s):
         wrong.append("the load still moves")
     if not bench.target.silent:
         wrong += _told(case, result, alarms, offset_deg)
@@ -272,6 +272,8 @@ def _told(case: FaultCase, result: FaultResult, alarms: list[Alarm], offset_deg:
         told = " ".join(result.codes) or "nothing"
         expected = "/".join(case.codes)
         wrong.append(f"told {told}, first {result.first_out or '-'}; expected {expected}")
+    if case.also is not None and case.also not in result.codes:
+        wrong.append(f"told {' '.join(result.codes) or 'nothing'}; {case.also} should have come")
     if not case.codes and result.first_out:
         wrong.append(f"stopped by {result.first_out}; nothing should have")
     if case.position_valid is not None and result.position_valid is not case.position_valid:

@@ -205,7 +205,8 @@ class TorqueWatch:
         if self._feedback.unchanged_scans:
             self._feedback.report_frozen(0.0)
             return
-        self._alarms.raise_(Code.BRK_14, measured=torque_nm, speed=deg(vel), command=deg(command))
+        # A shaft that is held and an encoder that is frozen look the same from here.
+        self._feedback.doubt(Code.BRK_14, measured=torque_nm, speed=deg(vel), command=deg(command))
 
     def _wrong_reading(self, words: object) -> None:
         self._holding.believed = False

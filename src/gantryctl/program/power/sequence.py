@@ -20,6 +20,9 @@ from gantryctl.units import deg, rad
 # Slower than this is at rest, on the motor side: after a stop the load swings on by up to 0.53 deg/s.
 REST_RAD_S: Final = rad(0.02)
 _REST_S: Final = 0.050
+# A brake may catch the shaft for some 60 ms while the load swings on at 2 deg/s and then pulls it through the brake:
+# 0.14 deg from 3 deg/s. So a stop by the brake is over after more than half a period of the first mode, near 2 Hz.
+_BRAKE_REST_S: Final = 0.300
 # The drive's quick-stop ramp is judged with 0.5 deg/s to spare for 50 ms, after the 60 ms in which a drive reacts.
 _ENVELOPE_RAD_S: Final = rad(0.5)
 _ENVELOPE_REACTION_S: Final = 0.060
@@ -80,6 +83,7 @@ class PowerSequence:
 
     __slots__ = (
         "_alarms",
+        "_brake_rest_scans",
         "_close_late_scans",
         "_close_scans",
         "_count",
@@ -104,7 +108,8 @@ class PowerSequence:
         "_settle_scans",
         "_slip_scans",
         "_step_scans",
-        "_unloaded", "_unwinding",
+        "_unloaded",
+        "_unwinding",
         "_vel_start",
         "brake_open",
         "brake_test",
@@ -114,7 +119,8 @@ class PowerSequence:
         "proof",
         "request",
         "status",
-        "torque_ff_nm", "wear",
+        "torque_ff_nm",
+        "wear",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -135,6 +141,7 @@ class PowerSequence:
         self._step_scans = settings.scans(power.unload_step_s)
         self._slip_scans = settings.scans(power.slip_watch_s)
         self._rest_scans = settings.scans(_REST_S)
+        self._brake_rest_scans = settings.scans(_BRAKE_REST_S)
         self.phase = PowerPhase.OFF
         self.status = False
         self.proof = Proof.NOT_DONE
@@ -466,7 +473,8 @@ class PowerSequence:
             return
         brake_time_over = self._count > self._close_late_scans
         # At rest is judged on the motor side; the load goes on swinging for some seconds.
-        if self._at_rest() and (not self._feedback.brake_open or brake_time_over):
+        rests = self._at_rest() and self._rest_count >= self._brake_rest_scans
+        if rests and (not self._feedback.brake_open or brake_time_over):
             self._enter(PowerPhase.OFF)
         elif elapsed_s > _STOP_TIME_S:
             speed = deg(abs(self._feedback.vel_rad_s))

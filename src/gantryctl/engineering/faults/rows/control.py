@@ -28,17 +28,11 @@ ROWS: Final = (
     FaultCase(
         number="B3",
         title="friction of the motor grows to 200 N m",
-        detected_by="set-point minus reading, 0.03 deg + 0.012 s x speed, one scan",
-        reaction=_TORQUE_OFF,
-        codes=(
-            Code.CTL_03,
-            Code.CTL_07,
-            Code.CTL_05,
-            Code.DRV_13,
-        ),
-        reads="following error; quick stop or torque off",
+        detected_by="torque of a motion against that of earlier ones; following error",
+        reaction=ReactionClass.HALT,
+        codes=(Code.BRK_02,),
+        reads="the brake drags: stop on the ramp",
         injections=(injection("plant", "set", name="motor_coulomb_nm", value=200.0),),
-        failing="residual of the torque model",
     ),
     FaultCase(
         number="B5",
@@ -75,7 +69,6 @@ ROWS: Final = (
         reads="holding torque high; no new moves",
         injections=(injection("plant", "ramp", name="eccentric_moment_nm", value=200e3, over_s=1.0),),
         phase=Phase.ENABLED,
-        failing="holding torque high",
     ),
     FaultCase(
         number="B8",
@@ -121,6 +114,7 @@ ROWS: Final = (
         injections=(injection("drive", "torque_limit", share=0.0),),
         phase=Phase.HOLD,
         hold=True,
-        failing="HOLD that moves",
+        also=Code.BRK_13,
+        rests=False,
     ),
 )

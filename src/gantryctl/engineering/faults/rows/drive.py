@@ -107,9 +107,8 @@ ROWS: Final = (
         reaction=_TORQUE_OFF,
         codes=(Code.DRV_11,),
         reads="the drive has restarted; brake closed",
-        injections=(injection("drive", "restart", off_s=0.1),),
+        injections=(injection("drive", "restart", off_s=0.0),),
         buses=("bus",),
-        failing="boot-up before the age of the reading",
     ),
     FaultCase(
         number="D12",

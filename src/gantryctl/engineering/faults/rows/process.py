@@ -37,7 +37,5 @@ ROWS: Final = (
         reads="the controller was frozen; the drive stopped by itself",
         injections=(injection("clock", "stall", late_s=2.0),),
         buses=("bus",),
-        position_valid=True,
-        failing="first-out of a stall",
     ),
 )
