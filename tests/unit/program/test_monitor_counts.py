@@ -107,3 +107,10 @@ def test_a_limit_switch_that_stays_open_stops_once_and_leaves_the_way_back_open(
     rig.run(4.0)
     assert rig.codes == []
     assert rig.pos_deg == pytest.approx(direction * 95.0, abs=0.01)
+
+
+def test_missed_scans_count_for_a_condition_that_began_before_them() -> None:
+    feedback = Rig().axis.feedback
+    feedback.periods = 5
+    assert feedback.lasting(0) == 1, "what begins now has lasted one scan, however late it comes"
+    assert feedback.lasting(1) == 6
