@@ -11,7 +11,7 @@ from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
-from gantryctl.program import AxisState, GantryProgram
+from gantryctl.program import AxisState, GantryProgram, Reaction
 from gantryctl.runtime import FixedOperator
 from gantryctl.units import rad
 from gantryctl.wiring.canopen import canopen_drive
@@ -147,6 +147,19 @@ class BusRig:
     def codes(self) -> list[str]:
         """Codes of the alarms raised, the oldest first."""
         return [str(alarm.code) for alarm in self.axis.alarms.history]
+
+    @property
+    def stops(self) -> list[str]:
+        """The same without warnings."""
+        history = self.axis.alarms.history
+        return [str(alarm.code) for alarm in history if alarm.reaction >= Reaction.QUICK_STOP]
+
+    @property
+    def first_told(self) -> str:
+        """The alarm that stopped the axis, in words."""
+        first = self.axis.alarms.first_out
+        assert first is not None
+        return first.text
 
     @property
     def told(self) -> list[str]:

@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from bus.bus_rig import CHECK_M, TORQUE_OFF_DEG, BusRig, bus_machine
+from bus.bus_rig import NOMINAL_M, TORQUE_OFF_DEG, BusRig, bus_machine
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.program import PowerPhase
 
@@ -25,7 +25,7 @@ ROWS = [
 def test_a_drive_taken_out_of_operation_stops_at_once(
     speed: float, command: int, seen: bool, owner: str, scan_ms: float
 ) -> None:
-    machine = bus_machine(owner, scan_ms, changes={"plant.load.eccentricity_m": CHECK_M})
+    machine = bus_machine(owner, scan_ms, changes={"plant.load.eccentricity_m": NOMINAL_M})
     rig = BusRig(machine, 60.0).power_up().cruise(speed)
     begun, begun_s = len(rig.ticks), rig.engine.time_s
     rig.foreign(0x000, bytes((command, machine.can.node)), seen=seen)
@@ -36,15 +36,15 @@ def test_a_drive_taken_out_of_operation_stops_at_once(
     assert not end.brake_open
     assert not rig.enabled_again(begun)
     assert rig.axis.power.phase is PowerPhase.OFF
-    assert rig.codes[0] in ("CAN-03", "CAN-13", "DRV-11")
+    assert rig.stops[0] in ("CAN-03", "CAN-13", "DRV-11")
     assert not rig.axis.feedback.position_valid
-    told = rig.told[0]
+    told = rig.first_told
     assert "Nothing was switched on" not in told
     assert "the angle is not known" in told
     # A torque that is said to be off was off by then.
     off_at = next(n for n in range(begun, len(rig.ticks)) if rig.ticks[n].state is end.state) - begun + 1
     said = told.partition("orque seen off after ")[2].partition(" ms")[0]
-    alarm_ms = 1e3 * (rig.axis.alarms.history[0].time_s - begun_s)
+    alarm_ms = 1e3 * (rig.axis.alarms.first_out.time_s - begun_s)
     # The alarm's own scan began up to a period before what it saw.
     assert not said or off_at <= alarm_ms + int(said) + scan_ms + 1
     assert said or "whether the torque is off is not known" in told.lower()
@@ -56,7 +56,7 @@ def test_a_second_master_locks_the_axis() -> None:
     rig = BusRig(bus_machine()).power_up().cruise(3.0)
     rig.foreign(0x202, bytes.fromhex("0f00000000000000"))
     rig.run(3.0)
-    assert rig.codes == ["CAN-12"]
+    assert rig.stops == ["CAN-12"]
     rig.command(power=False)
     rig.run(0.1)
     rig.command(reset=True)
@@ -78,7 +78,7 @@ def test_no_enable_after_a_foreign_frame(can_id: int, data: bytes) -> None:
     rig.run(0.1)
     rig.foreign(can_id, data)
     rig.run(0.1)
-    assert rig.codes == ["CAN-12"]
+    assert rig.stops == ["CAN-12"]
     rig.command(power=True)
     rig.run(1.0)
     assert all(tick.state is not State.ENABLED for tick in rig.ticks)

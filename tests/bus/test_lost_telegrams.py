@@ -6,7 +6,7 @@ import itertools
 
 import pytest
 
-from bus.bus_rig import CHECK_M, QUICK_STOP_DEG, BusRig, bus_machine
+from bus.bus_rig import NOMINAL_M, QUICK_STOP_DEG, BusRig, bus_machine
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.program import PowerPhase
 
@@ -25,26 +25,26 @@ ROWS = [
 def test_a_lost_telegram_ends_in_a_quick_stop(
     speed: float, lost: tuple[int, ...], for_good: bool, owner: str, scan_ms: float
 ) -> None:
-    machine = bus_machine(owner, scan_ms, changes={"plant.load.eccentricity_m": CHECK_M})
+    machine = bus_machine(owner, scan_ms, changes={"plant.load.eccentricity_m": NOMINAL_M})
     rig = BusRig(machine, 60.0).power_up().cruise(speed)
     begun = len(rig.ticks)
     for number in lost:
         rig.drop_telegram(number, None if for_good else round(60.0 / scan_ms))
     rig.run(6.0)
     assert rig.way_deg(begun - 1) < QUICK_STOP_DEG[abs(speed)]
-    assert rig.codes[0] == "CAN-03", rig.told
+    assert rig.stops[0] == "CAN-03", rig.told
     assert rig.axis.power.phase is PowerPhase.OFF, rig.axis.power.phase
     assert not rig.ticks[-1].brake_open
     assert rig.ticks[-1].state is State.SWITCH_ON_DISABLED
     assert not rig.enabled_again(begun)
-    told = rig.told[0]
+    told = rig.first_told
     if for_good:
         # One lost: nothing else is raised, and nothing is said that came with the telegram.
         assert ("the angle is not known" in told) == (STATE_AND_POSITION in lost), told
         assert ("hether the torque is off is not known" in told) == (STATE_AND_POSITION in lost), told
         assert ("not confirmed" in told) == (SPEED_AND_INPUTS in lost), told
     else:
-        assert rig.codes == ["CAN-03"], rig.told
+        assert rig.stops == ["CAN-03"], rig.told
         # Motor side, 0.05 deg as for every angle that is told.
         said = float(told.partition("gantry moved ")[2].partition(" to ")[2].partition(" deg")[0])
         assert said == pytest.approx(rig.ticks[-1].pos_deg, abs=0.05)
@@ -56,9 +56,9 @@ def test_a_stop_without_the_speed_telegram_is_judged_by_the_position() -> None:
     rig = BusRig(bus_machine("object_60FE")).power_up().cruise(6.0)
     rig.drop_telegram(SPEED_AND_INPUTS)
     rig.run(6.0)
-    assert rig.codes == ["CAN-03"]
-    assert "at rest after" in rig.told[0]
-    at_rest_ms = int(rig.told[0].partition("at rest after ")[2].partition(" ms")[0])
+    assert rig.stops == ["CAN-03"]
+    assert "at rest after" in rig.first_told
+    at_rest_ms = int(rig.first_told.partition("at rest after ")[2].partition(" ms")[0])
     # From 6 deg/s at 5.4 deg/s2, and a quarter of a second of swing at most.
     assert 1111 <= at_rest_ms < 1111 + 250
     rig.engine.close()

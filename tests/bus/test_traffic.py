@@ -17,7 +17,7 @@ OWNERS_AND_SCANS = [("drive", 1.0), ("object_60FE", 4.0), ("drive", 10.0)]
 
 def stopped(rig: BusRig, begun: int, code: str, limit_deg: float) -> None:
     """The axis has come to rest by `code`, within the limit, and stays off."""
-    assert rig.codes[0] == code, rig.told
+    assert rig.stops[0] == code, rig.told
     assert rig.axis.state is AxisState.ERROR_STOP
     assert rig.way_deg(begun - 1) < limit_deg
     assert not rig.ticks[-1].brake_open
@@ -65,7 +65,7 @@ class TestInMotion:
         begun = len(rig.ticks)
         rig.inject("status_clear", value=0x200)
         rig.run(4.0)
-        assert "bit 9" in rig.told[0]
+        assert "bit 9" in rig.first_told
         stopped(rig, begun, "DRV-05", QUICK_STOP_DEG[abs(speed)])
 
     def test_an_emergency_message_without_a_fault(self, owner: str, scan_ms: float, speed: float) -> None:
@@ -73,7 +73,7 @@ class TestInMotion:
         begun = len(rig.ticks)
         rig.ask({"cmd": "event", "event": "emcy", "code": 0x5112})
         rig.run(4.0)
-        assert "5112" in rig.told[0]
+        assert "5112" in rig.first_told
         stopped(rig, begun, "DRV-12", QUICK_STOP_DEG[abs(speed)])
 
 
@@ -94,8 +94,8 @@ def test_a_fault_with_its_message_is_no_complaint() -> None:
     rig = BusRig(bus_machine()).power_up().cruise(3.0)
     rig.node.axis.fault(0x3210)
     rig.run(4.0)
-    assert rig.codes[0] == "DRV-10"
-    assert "DC link overvoltage" in rig.told[0]
+    assert rig.stops[0] == "DRV-10"
+    assert "DC link overvoltage" in rig.first_told
     assert "DRV-12" not in rig.codes
     rig.engine.close()
 
@@ -106,7 +106,7 @@ def test_a_drive_that_misses_its_commands_says_so() -> None:
     begun = len(rig.ticks)
     rig.inject("frame", can_id=0x202, kind="drop")
     rig.run(4.0)
-    assert "8250" in rig.told[0]
+    assert "8250" in rig.first_told
     stopped(rig, begun, "CAN-05", QUICK_STOP_DEG[3.0])
 
 

@@ -177,7 +177,7 @@ export const WORDS: Record<string, string> = {
   SCAN_LATE: "扫描迟到 {late_ms:.1f} ms（限值 {limit_ms:.4g} ms）",
   OVERRUNS: "1 s 内超限 {count:.0f} 次（限值 {limit:.0f} 次）",
   TELEGRAM_POSITION: "状态和位置",
-  TELEGRAM_INPUTS: "速度和输入",
+  TELEGRAM_INPUTS: "速度、输入或编码器状态",
   STATE_UNKNOWN: "未知状态",
   STATE_NOT_READY_TO_SWITCH_ON: "“未准备好”状态",
   STATE_SWITCH_ON_DISABLED: "“禁止接通”状态",

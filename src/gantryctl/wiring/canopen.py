@@ -9,7 +9,7 @@ from gantryctl.drives.base import SimulatedPlant
 from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, open_bus
 from gantryctl.drives.canopen.bus.lock import DriveLock
 from gantryctl.drives.canopen.drive import CanopenDrive
-from gantryctl.drives.canopen.settings import CanopenSettings, InputBits
+from gantryctl.drives.canopen.settings import CanopenSettings, EncoderStatus, InputBits
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
 from gantryctl.ports import Drive
@@ -53,6 +53,7 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         remote_bit=c.remote_bit,
         bitrate=c.bitrate,
         inputs=InputBits(**bits),
+        encoder=EncoderStatus(*c.encoder.model_dump().values()),
     )
 
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from gantryctl import _core
-from gantryctl.drives.canopen.settings import InputBits
+from gantryctl.drives.canopen.settings import EncoderStatus, InputBits
 from gantryctl.machine import Machine, default_machine, field_specs
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.wiring import compensation
@@ -279,6 +279,13 @@ ROWS: dict[str, Row] = {
     "can.torque_reference": {"bus.torque_reference": 1.0},
     "can.inverted": {"bus.inverted": 1.0},
     "can.follows_bit": {"bus.follows_bit": 1.0},
+    "can.remote_bit": {"bus.remote_bit": 1.0},
+    "can.bitrate": {"bus.bitrate": 1.0},
+    "can.encoder.index": {"bus.encoder.obj": 1.0},
+    **{
+        f"can.encoder.{name}": {f"bus.encoder.{name}": 1.0}
+        for name in ("sub", "length", "checksum_error", "alarm", "warning", "battery")
+    },
     "can.heartbeat_ms": {"bus.heartbeat_s": MS},
     "can.heartbeat_timeout_ms": {"bus.heartbeat_timeout_s": MS},
     "can.rpdo_deadline_ms": {"bus.rpdo_deadline_s": MS},
@@ -422,7 +429,6 @@ ELSEWHERE = {
     "brake.test_interval_power_ups": "operation",
     "drive.kind": "which drive is made: test_wiring.py",
     "can.channel": "which bus is opened",
-    "can.bitrate": "which bus is opened",
     "can.eds": "checks of the drive before it is opened",
     "can.side_channel": "the plant of a virtual drive",
     "can.commissioning_required": "operation",
@@ -506,7 +512,7 @@ def flat(prefix: str, given: Any) -> dict[str, Any]:
     """Settings by dotted name."""
     if is_dataclass(given):
         pairs = [(each.name, getattr(given, each.name)) for each in fields(given)]
-    elif isinstance(given, InputBits):
+    elif isinstance(given, InputBits | EncoderStatus):
         pairs = list(given._asdict().items())
     elif type(given).__module__.startswith("gantryctl._core"):
         pairs = [

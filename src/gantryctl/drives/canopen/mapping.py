@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.errors import DeviceError
 
 # Transmission type 1: at every SYNC. Bits 31 and 30 of a PDO identifier: not valid, no remote request (CiA 301).
@@ -40,6 +41,12 @@ INPUTS: Final = Signal(0x60FD, 0, 32, False)
 ERROR: Final = Signal(0x603F, 0, 16, False)
 
 
+def encoder_signal(settings: CanopenSettings) -> Signal | None:
+    """Object for the status of the encoder; None where the drive has none."""
+    status = settings.encoder
+    return None if status.obj == 0 else Signal(status.obj, status.sub, 8 * status.length, False)
+
+
 class Pdo(NamedTuple):
     """Telegram; number 0 is the first of its direction."""
 
@@ -64,8 +71,8 @@ class Mapping(NamedTuple):
         return frozenset(signal for pdo in (*self.rpdos, *self.tpdos) for signal in pdo.signals)
 
 
-def plan_mapping(present: frozenset[Signal], brake_by_60fe: bool) -> Mapping:
-    """Telegrams for the objects that a drive has."""
+def plan_mapping(present: frozenset[Signal], brake_by_60fe: bool, encoder: Signal | None = None) -> Mapping:
+    """Telegrams for the objects that a drive has; `encoder`: the maker's own object for the encoder's status."""
     # Two TPDOs have 16 bytes; 6041, 6064, 606C, 6077, 603F and 60FD need 18. Inputs are worth more than 603F: the
     # error code comes by EMCY, and a fault without one is asked for 603F (decision 0012).
     first = [CONTROLWORD, TARGET_VELOCITY, *_those(present, TORQUE_OFFSET)]
@@ -77,6 +84,8 @@ def plan_mapping(present: frozenset[Signal], brake_by_60fe: bool) -> Mapping:
     if INPUTS in present and VELOCITY not in present:
         second += _those(present, ERROR)
     tpdos = [Pdo(0, tuple(status)), *([Pdo(1, tuple(second))] if second else [])]
+    if encoder is not None:
+        tpdos.append(Pdo(len(tpdos), (encoder,)))
     return Mapping(tuple(rpdos), tuple(tpdos))
 
 
@@ -84,7 +93,7 @@ def _those(present: frozenset[Signal], *wanted: Signal) -> list[Signal]:
     return [signal for signal in wanted if signal in present]
 
 
-def configure(sdo: SdoClient, node: int, brake_by_60fe: bool) -> Mapping:
+def configure(sdo: SdoClient, node: int, brake_by_60fe: bool, encoder: Signal | None = None) -> Mapping:
     """Write the mapping in PRE-OPERATIONAL, read it back and return it; leave out what the drive cannot map.
 
     Raises:
@@ -98,7 +107,7 @@ def configure(sdo: SdoClient, node: int, brake_by_60fe: bool) -> Mapping:
         if sdo.optional(signal.obj, signal.sub) is not None
     )
     while True:
-        plan = plan_mapping(present, brake_by_60fe)
+        plan = plan_mapping(present, brake_by_60fe, encoder)
         refused = _write(sdo, node, plan)
         if refused is None:
             _read_back(sdo, node, plan)
@@ -106,7 +115,7 @@ def configure(sdo: SdoClient, node: int, brake_by_60fe: bool) -> Mapping:
         if refused not in present:
             raise DeviceError(
                 f"node {node}: object {refused.obj:04X}:{refused.sub:02X} cannot be mapped; without it there is no "
-                "CSV axis"
+                + ("status of the encoder: correct [can.encoder]" if refused == encoder else "CSV axis")
             )
         present -= {refused}
 

@@ -12,7 +12,7 @@ from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.drives.canopen.mapping import Mapping, Pdo, Signal
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.image import DigitalInputs
+from gantryctl.image import DigitalInputs, EncoderFlag
 
 _ALL_GOOD: Final = DigitalInputs()
 _TIMES_KEPT: Final = 5000
@@ -91,6 +91,8 @@ class ProcessImage:
         self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
         self._first = self.watches[0]
         self._speed = self.watches[_telegram_of(m.VELOCITY, mapping)]
+        self._others = self.watches[1:] or self.watches
+        self._encoder, self._encoder_bits = m.encoder_signal(settings), settings.encoder
         self._fields = tuple(_fields(pdo) for pdo in mapping.tpdos)
         turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
         self._unwrap: Unwrap = (
@@ -202,8 +204,25 @@ class ProcessImage:
 
     @property
     def inputs_age(self) -> int:
-        """Age of the last telegram, in scans: inputs and brake contact."""
-        return self.watches[-1].age
+        """Age of the telegrams behind the first, in scans: inputs, brake contact, status of the encoder."""
+        return max(watch.age for watch in self._others)
+
+    @property
+    def encoder_flags(self) -> EncoderFlag:
+        """Status of the encoder, where the drive has an object for it."""
+        bits, signal = self._encoder_bits, self._encoder
+        if signal is None or not (word := self._raw.get(signal, 0)):
+            return EncoderFlag.NONE
+        flags = EncoderFlag.NONE
+        for bit, flag in (
+            (bits.checksum_error, EncoderFlag.CRC_ERROR),
+            (bits.alarm, EncoderFlag.ALARM),
+            (bits.warning, EncoderFlag.WARNING),
+            (bits.battery, EncoderFlag.BATTERY),
+        ):
+            if bit >= 0 and word >> bit & 1:
+                flags |= flag
+        return flags
 
     @property
     def wrong_lengths(self) -> int:

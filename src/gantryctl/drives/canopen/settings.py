@@ -34,6 +34,20 @@ class InputBits(NamedTuple):
     estop_ok_2: int | None = None
 
 
+class EncoderStatus(NamedTuple):
+    """Object of the drive for the status of its encoder, 0 without one, and its bits; -1 for a bit that it has not."""
+
+    obj: int = 0
+    sub: int = 0
+    length: int = 2
+    """Bytes."""
+    checksum_error: int = -1
+    alarm: int = -1
+    warning: int = -1
+    battery: int = -1
+
+
+_NO_STATUS: Final = EncoderStatus()
 _NOTHING_WIRED: Final = InputBits()
 
 
@@ -74,6 +88,7 @@ class CanopenSettings:
     """Bit 9 of 6041 says whether the drive obeys the bus."""
     bitrate: int = 1_000_000
     inputs: InputBits = _NOTHING_WIRED
+    encoder: EncoderStatus = _NO_STATUS
 
     @property
     def heartbeat_scans(self) -> int:

@@ -22,6 +22,18 @@ class CanInputsTable(Table):
     estop_ok_2: int = number(-1, -1, 31, "The same as `estop_ok` for a second channel of the chain.")
 
 
+class CanEncoderTable(Table):
+    """[can.encoder]: the drive's object for the status of its encoder; CiA 402 has none."""
+
+    index: int = number(0, 0, 65_535, "Index of the object, 0 = the drive has none. Decimal: 2110h is 8464.")
+    sub: int = number(0, 0, 255, "Sub-index.")
+    length: int = number(2, 1, 4, "Bytes of the object.")
+    checksum_error: int = number(-1, -1, 31, "Bit that is 1 for a reading with a checksum error, -1 = none.")
+    alarm: int = number(-1, -1, 31, "Bit that is 1 while the encoder reports an alarm.")
+    warning: int = number(-1, -1, 31, "Bit that is 1 while the encoder warns.")
+    battery: int = number(-1, -1, 31, "Bit that is 1 while its battery is empty or missing.")
+
+
 class CanTable(Table):
     """[can]: bus and drive; read only with [drive] kind = "canopen"."""
 
@@ -72,6 +84,7 @@ class CanTable(Table):
     )
     # The upper half of 60FD is free for the maker of the drive (CiA 402); bits 0 and 1 are the limit switches.
     inputs: CanInputsTable = table("Bits of object 60FD.", CanInputsTable)
+    encoder: CanEncoderTable = table("Status of the encoder.", CanEncoderTable)
 
     @property
     def simulated(self) -> bool:

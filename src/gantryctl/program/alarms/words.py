@@ -91,7 +91,7 @@ class Words(Enum):
     )
     # Telegrams of a drive on a bus (CAN-03).
     TELEGRAM_POSITION = "state and position", "状态和位置"
-    TELEGRAM_INPUTS = "speed and inputs", "速度和输入"
+    TELEGRAM_INPUTS = "speed, inputs or encoder status", "速度、输入或编码器状态"
 
     # States of the drive, in the words of IEC 61800-7-201 (CiA 402).
     STATE_UNKNOWN = "an unknown state", "未知状态"

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from gantryctl.drives.canopen.bus.node import NmtCommand, NodeIdentity, RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient
 from gantryctl.drives.canopen.cia402 import TURNING, decode_statusword
-from gantryctl.drives.canopen.mapping import Mapping, configure
+from gantryctl.drives.canopen.mapping import Mapping, configure, encoder_signal
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.drives.canopen.setup.parameter_check import (
@@ -115,7 +115,8 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
         node.sdo.set(0x60FE, 1, 1)
     node.sdo.set(0x6040, 0, 0)
     node.sdo.set(0x60FF, 0, 0)
-    mapping = configure(node.sdo, node.node, settings.brake_owner == "object_60FE")
+    by_60fe, encoder = settings.brake_owner == "object_60FE", encoder_signal(settings)
+    mapping = configure(node.sdo, node.node, by_60fe, encoder)
     wrong_mode = _select_csv(node)
     rows = check_parameters(node.sdo, wanted)
     error = node.sdo.optional(0x603F) or 0

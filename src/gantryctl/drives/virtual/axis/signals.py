@@ -99,6 +99,7 @@ class Signals:
                 (0x2101, 1): lambda: clamp_int(1000.0 * plant.overload, 0, 1000),
                 (0x2110, 2): lambda: self._absolute() % scaling.counts_per_turn,
                 (0x2110, 3): lambda: self._absolute() // scaling.counts_per_turn,
+                (0x2110, 5): lambda: faults.encoder_flags,
                 (0x2120, 0): lambda: self._now_us // 1000 & 0xFFFF_FFFF,
             }
         )

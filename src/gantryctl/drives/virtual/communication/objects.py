@@ -300,6 +300,16 @@ def _vendor_objects(hardware: Hardware) -> tuple[ObjectSpec, ...]:
             Entry(0x2110, 2, "Position within one turn, increments", U32, RO, 0, volatile=True),
             Entry(0x2110, 3, "Turn", U32, RO, 0, volatile=True),
             Entry(0x2110, 4, "Turns told apart", U32, CONST, hardware.turns),
+            Entry(
+                0x2110,
+                5,
+                "Status: bits 0 checksum error, 1 alarm, 2 warning, 3 battery",
+                U16,
+                RO,
+                0,
+                mappable=True,
+                volatile=True,
+            ),
         ),
         var(0x2120, "Own time, ms", U32, RO, maps=True, volatile=True),
     )

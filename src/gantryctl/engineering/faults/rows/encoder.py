@@ -144,7 +144,6 @@ ROWS: Final = (
         codes=(Code.ENC_05,),
         reads="the encoder reports an alarm; torque off, angle not known",
         injections=(injection("encoder", "flags", bits=_FLAG_ALARM),),
-        buses=("sim",),
         position_valid=False,
     ),
     FaultCase(
@@ -155,7 +154,6 @@ ROWS: Final = (
         codes=(Code.ENC_06,),
         reads="the encoder warns; the motion goes on",
         injections=(injection("encoder", "flags", bits=_FLAG_WARNING),),
-        buses=("sim",),
         position_valid=True,
     ),
     FaultCase(
