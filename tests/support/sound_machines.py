@@ -287,6 +287,8 @@ def main() -> int:
                 print(told, flush=True)
             if told.nuisances:
                 failed.append(seed)
+            if (seed - asked.first) % 50 == 49:
+                print(f"{seed - asked.first + 1} seeds, {len(failed)} failed", flush=True)
     print(
         f"{asked.count} seeds from {asked.first}, {axis_s / 3600:.2f} h of axis time: {len(failed)} failed {failed}"
     )
