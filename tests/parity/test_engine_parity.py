@@ -38,6 +38,8 @@ class Rig:
     recorder: MemoryRecorder
     plant: _core.GantrySim
     first_scan: int
+    dithers: int = 0
+    """How often the shaft was moved to try the reading, before the axis began to follow."""
 
     def command(self, **levels: object) -> None:
         operator = self.engine.operator
@@ -62,12 +64,15 @@ def powered(machine: Machine, angle_deg: float = 0.0) -> Rig:
         engine.step()
         assert engine.scan < 20_000, axis.alarms.history
     assert axis.plans[0][0] == rig.first_scan
+    rig.dithers = axis.liveness.dithers
     return rig
 
 
 def calm(rig: Rig) -> bool:
-    """No monitor has acted: the axis followed in every scan from the first on."""
+    """No monitor has acted: the axis followed in every scan from the first on, and its reading never stood still."""
     axis = rig.program.axis
+    if axis.liveness.dithers != rig.dithers:
+        return False
     return axis.power.phase is PowerPhase.ON and axis.alarms.first_out is None
 
 

@@ -32,6 +32,7 @@ from gantryctl.program.blocks import Halt, Inch, Jog, MoveAbsolute, Power, Reset
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.oscillation import Oscillation
 from gantryctl.program.monitors.recovery import Recovery, StopRecord
@@ -188,9 +189,10 @@ RULES: Final[dict[type, Rules]] = {
     Axis: Rules(
         same="_error _events _settled _switching_off state system_stop",
         number="pos_act_rad pos_err_rad vel_cmd_rad_s",
-        part="alarms brake_test feedback interlocks monitors motion power recovery virtual _site thermal",
+        part="alarms brake_test feedback interlocks liveness monitors motion power recovery virtual _site thermal",
         clock="scan time_s refusal_count",
-        fixed="_law _park_scans _ratio _reference _torque_max _vel_max load_side plans settings zero_counts",
+        fixed="_drives_against "
+        "_law _park_scans _ratio _reference _torque_max _vel_max load_side plans settings zero_counts",
         unread="refusal",
         special={"_vel_next": lambda axis, _: _rounded(axis._vel_next) if axis.virtual.following else None},
     ),
@@ -213,6 +215,7 @@ RULES: Final[dict[type, Rules]] = {
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         clock="_drift _step _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
+        "_change_any _change_per_torque "
         "_counts_per_rad _error_scans _errors_max _frozen_scans _frozen_speed _jump_base "
         "_jump_per_speed _old_scans _period_s _ratio",
         special={
@@ -235,7 +238,8 @@ RULES: Final[dict[type, Rules]] = {
         number="torque_ff_nm",
         count="_driven _held _over_envelope _rest_count",
         part="brake_test holding wear",
-        clock="_pos_rad",
+        # Not judged by these settings.
+        clock="_pos_rad _twist",
         fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
         "_proof_scans _quick_dec _rest_scans _sag_scans _settings _settle_scans _slip_scans _step_scans",
         special={
@@ -321,6 +325,12 @@ RULES: Final[dict[type, Rules]] = {
         clock="_began _side _turns",
         fixed="_alarms _half_scans _lasts_scans _period_s",
         special={"_scan": _swing},
+    ),
+    # By these settings a reading may stand for ever, and the stub gives no torque against its motion.
+    Liveness: Rules(
+        clock="_at _counts _scan _slowest _still _torque_scan _tries _vel dithers vel_rad_s",
+        fixed="_after _alarms _back _counts_per_rad _feedback _half _holding _patience _period_s _torque_against_nm "
+        "_torque_full_nm _torque_scans _torque_still_nm _unproven",
     ),
     Monitors: Rules(
         part="_oscillation _torque_watch drag",

@@ -65,13 +65,14 @@ class Feedback:
     """
 
     __slots__ = (
-        "_alarms", "_bad_scans", "_battery", "_change_base", "_change_max", "_counts_per_rad", "_drift",
-        "_drift_keep", "_drift_max", "_error_scans", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
-        "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
-        "_ratio", "_speed_age", "_stands_from", "_step", "_vel_before", "_vel_max", "_was_energised", "brake_contact",
-        "brake_open", "counts", "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload",
-        "periods", "pos_ring_rad", "state", "state_old", "torque_limited", "torque_nm", "unchanged_scans",
-        "vel_rad_s", "warning",
+        "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
+        "_counts_per_rad", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_errors_max",
+        "_frozen_scans", "_frozen_speed", "_inputs_age", "_jump_base", "_jump_per_speed", "_late_age",
+        "_late_scan", "_look", "_old", "_old_scans", "_period_s", "_ratio", "_speed_age", "_stands_from",
+        "_step", "_vel_before", "_vel_max", "_was_energised", "brake_contact", "brake_open", "counts",
+        "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload", "periods",
+        "pos_ring_rad", "state", "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s",
+        "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
@@ -93,7 +94,14 @@ class Feedback:
         self._drift_keep = max(0.0, 1.0 - period_s / _DRIFT_TIME_S)
         self._vel_max = monitors.speed_reading_max_rad_s
         self._change_base = monitors.speed_change_base_rad_s
-        self._change_max = self._change_base + monitors.speed_change_max_rad_s2 * period_s
+        self._change_any = monitors.speed_change_max_rad_s2 * period_s
+        self._change_per_torque = monitors.speed_change_per_torque * period_s
+        # Of an axis that follows or stops by the drive, without torque that explains more.
+        self._change_max = (
+            self._change_base + settings.ramps.quick_dec_rad_s2 * period_s
+            if self._change_any < math.inf
+            else math.inf
+        )
         self._frozen_speed = monitors.encoder_frozen_speed_rad_s
         by_brake = _BRAKE_DEC_SHARE * monitors.speed_change_max_rad_s2
         by_drive = by_brake if by_brake == math.inf else _QUICK_DEC_FACTOR * settings.ramps.quick_dec_rad_s2
@@ -151,6 +159,7 @@ class Feedback:
             encoder is not _NO_FLAG
             or age
             or self._look
+            or self._speed_age
             or not (-base <= jump <= base and -change_max <= change <= change_max)
             or not -drift_max <= drift <= drift_max
         ):
@@ -178,7 +187,7 @@ class Feedback:
         """Raise ENC-02: the count stands still although a speed is commanded."""
         time_ms = self.unchanged_scans * self._period_s * 1e3
         speed = max(abs(vel_cmd_rad_s) / self._ratio, self._vel_before)
-        self.doubt(Code.ENC_02, measured=deg(speed), time_ms=time_ms)
+        self.doubt(Code.ENC_02, measured=Words.WHILE_COMMANDED(value=deg(speed)), time_ms=time_ms)
 
     def doubt(self, code: Code, /, **values: object) -> None:
         """Raise `code`, which puts the reading in doubt: torque off and brake, the angle is not known."""
@@ -285,7 +294,12 @@ class Feedback:
             self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
         # A late telegram may have been sampled late too: one scan more.
         scans = self.periods + (missed + 1 if missed else 0)
-        vel_rad_s = self._speed(vel_rad_s, scans)
+        if self._speed_age and not age and math.isfinite(step):
+            # Position and speed come in telegrams of their own: what is old is no measure of what is new.
+            vel_rad_s = step / (self._jump_per_speed * self.periods)
+            self._drift = 0.0
+        else:
+            vel_rad_s = self._speed(vel_rad_s, scans)
         if not math.isfinite(counts):
             self._drift = 0.0
             self.doubt(Code.CTL_02, measured=Words.ENCODER_COUNT)
@@ -305,17 +319,21 @@ class Feedback:
         if not math.isfinite(vel_rad_s):
             self.doubt(Code.CTL_02, measured=Words.SPEED_READING)
             return before
-        change_max = self._change_base + (self._change_max - self._change_base) * scans
-        change = abs(vel_rad_s - before)
         if abs(vel_rad_s) > self._vel_max:
             self.doubt(Code.ENC_14, measured=Words.SPEED(value=deg(vel_rad_s)), limit=deg(self._vel_max))
             return before
+        change, limit = vel_rad_s - before, self._change_base + self._change_any * scans
+        if self.state in ENABLED and self.brake_open:
+            # The torque of now, or of before, that acts in the direction of the change. A coupling that slips, or an
+            # encoder that freezes, changes the speed against the torque that answers it.
+            torque_nm = max(0.0, math.copysign(1.0, change) * self.torque_nm)
+            limit = min(limit, self._change_max * scans + self._change_per_torque * torque_nm * scans)
         # The axis may turn in the first scan: nothing to compare with.
-        if change > change_max and not math.isnan(self.counts):
+        if abs(change) > limit and not math.isnan(self.counts):
             self.doubt(
                 Code.ENC_14,
                 measured=Words.SPEED_CHANGE(before=deg(before), value=deg(vel_rad_s)),
-                limit=deg(change_max),
+                limit=deg(limit),
             )
         return vel_rad_s
 
@@ -340,7 +358,8 @@ class Feedback:
                 self._vel_before = abs(vel_rad_s)
                 self.report_frozen(0.0)
             else:
-                self.doubt(Code.ENC_12, measured=drift / per_deg, limit=self._drift_max / per_deg)
+                away = Words.POSITION_AWAY(value=drift / per_deg, limit=self._drift_max / per_deg)
+                self.doubt(Code.ENC_12, measured=away)
 
     def _bad_reading(self, counts: float) -> float:
         """Bridge a reading with a checksum error by a prediction; too many of them are a fault (A4, A5)."""

@@ -26,6 +26,11 @@ from gantryctl.wiring.compensation import compensation_settings
 # The program does not know the machine file (decision 0003), and nothing that controls may read [plant]: a test
 # changes [plant] and finds the same settings.
 _MS: Final = 1e-3
+# A reading that stands still for so long is tried (A3): the longest of a sound one under load is 0.09 s.
+_STILL_S: Final = 0.25
+_STILL_TORQUE_NM: Final = 40.0
+# 30 N m turn the reference shaft by 3.75e-5 rad against its closed brake: 1.6 steps of such an encoder.
+_FINE_STEPS: Final = 2**18
 
 
 def axis_settings(
@@ -131,13 +136,15 @@ def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | 
 
 def _monitors(machine: Machine) -> MonitorSettings:
     m, motor, ratio = machine.monitors, machine.motor, machine.axis.ratio
+    ideal, fine = machine.drive.kind == "ideal", _fine_encoder(machine)
+    per_torque = math.inf if ideal else 1.0 / (motor.inertia_kg_m2 * ratio)
     return MonitorSettings(
+        encoder_still_time_s=math.inf if ideal else _STILL_S,
+        torque_still_max_nm=_STILL_TORQUE_NM if fine else math.inf,
+        encoder_shows_twist=fine,
         speed_reading_max_rad_s=2.0 * rad_s_from_r_min(motor.speed_max_r_min) / ratio,
-        speed_change_max_rad_s2=(
-            math.inf
-            if machine.drive.kind == "ideal"
-            else (motor.torque_max_nm + machine.brake.torque_nm) / (motor.inertia_kg_m2 * ratio)
-        ),
+        speed_change_max_rad_s2=(motor.torque_max_nm + machine.brake.torque_nm) * per_torque,
+        speed_change_per_torque=per_torque,
         following_error_base_rad=rad(m.following_error_base_deg),
         following_error_per_speed_s=m.following_error_per_speed_s,
         following_error_warning_ratio=m.following_error_warning_ratio,
@@ -155,6 +162,14 @@ def _monitors(machine: Machine) -> MonitorSettings:
         encoder_battery=m.encoder_battery,
         door_quick_stop=m.door_reaction == "quick_stop",
     )
+
+
+def _fine_encoder(machine: Machine) -> bool:
+    """Whether the steps that the controller sees are finer than what torque does to a shaft at rest."""
+    if machine.drive.kind == "ideal":
+        return False
+    coarse = not machine.on_bus and machine.drive.speed_loop.feedback == "counts"
+    return (machine.encoder.counts_per_turn if coarse else machine.counts_per_turn) >= _FINE_STEPS
 
 
 def position_law(machine: Machine) -> _core.PositionLaw:

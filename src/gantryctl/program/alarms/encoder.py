@@ -28,9 +28,9 @@ ENCODER: Final = (
     Definition(
         Code.ENC_02, _STOP, _TO,
         Text("Encoder frozen",
-             "Encoder value unchanged for {time_ms:.0f} ms while {measured:.2f} deg/s was commanded",
+             "Encoder value unchanged for {time_ms:.0f} ms while {measured}",
              "The encoder, its cable or its evaluation has stopped, or the motor is blocked.", _CALL),
-        Text("编码器冻结", "指令为 {measured} °/s 时编码器值 {time_ms} ms 未变化",
+        Text("编码器冻结", "{measured}时编码器值 {time_ms} ms 未变化",
              "编码器、其电缆或其信号处理已停止，或电机被卡住。", _CALL_ZH),
         lock=True,
     ),
@@ -87,13 +87,13 @@ ENCODER: Final = (
     # Fault catalogue A15: two signals of one encoder that do not belong together; nobody knows which is right.
     Definition(
         Code.ENC_12, _STOP, _TO,
-        Text("Encoder scale or sign wrong",
-             "Position {measured:.4f} deg away from what the speed adds up to, limit {limit:.4f} deg",
-             "Position and speed of the drive disagree: scaling or sign of one of them, or the position stays behind.",
+        Text("Encoder scale or sign wrong", "{measured}",
+             "Position, speed and torque do not belong together: scaling or sign of one of them, "
+             "or the position stays behind.",
              "Do not move again. Check encoder resolution, polarity and scaling in drive and machine file, "
              "and compare the angle."),
-        Text("编码器比例或符号错误", "位置与速度积分相差 {measured}°，限值 {limit}°",
-             "驱动器的位置与速度不一致：其中之一的比例或符号有误，或位置滞后。",
+        Text("编码器比例或符号错误", "{measured}",
+             "位置、速度与转矩不相符：其中之一的比例或符号有误，或位置滞后。",
              "不要再运动。检查驱动器和机器文件中的编码器分辨率、极性和比例，并核对角度。"),
         lock=True,
     ),

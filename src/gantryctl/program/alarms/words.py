@@ -24,6 +24,21 @@ class Words(Enum):
     AT = "{value:.2f} deg", "{value}°"
     AT_SPEED = "{value:.2f} deg, {speed:.2f} deg/s", "{value}°、{speed} °/s"
     AT_UNKNOWN = "an angle that is not known", "未知角度"
+    WHILE_COMMANDED = "{value:.2f} deg/s was commanded", "指令为 {value} °/s"
+    WHILE_TORQUE = "a torque of {value:+.1f} N m turned the motor", "转矩 {value} N m 使电机转动"
+    WHILE_MOVED = "the motor was moved by {value:.0f} counts", "电机移动 {value} 个计数"
+    POSITION_AWAY = (
+        "Position {value:.4f} deg away from what the speed adds up to, limit {limit:.4f} deg",
+        "位置与速度积分相差 {value}°，限值 {limit}°",
+    )
+    GROWS_AGAINST = (
+        "Speed grew to {speed:.2f} deg/s against a torque of {torque:+.0f} N m",
+        "速度逆着 {torque} N m 的转矩增至 {speed} °/s",
+    )
+    TURNED_AGAINST = (
+        "The reading turned by {value:.0f} counts against a torque of {torque:+.1f} N m",
+        "读数逆着 {torque} N m 的转矩转动 {value} 个计数",
+    )
     SPEED_CHANGE = (
         "{before:.2f} deg/s and {value:.2f} deg/s one scan later",
         "{before} °/s，一个扫描周期后 {value} °/s",

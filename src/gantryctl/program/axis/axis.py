@@ -18,11 +18,12 @@ from gantryctl.program.axis.reference import Reference
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.interlocks import Interlocks
+from gantryctl.program.monitors.liveness import Liveness
 from gantryctl.program.monitors.monitors import Monitors
 from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
-from gantryctl.program.power.phases import PowerPhase
+from gantryctl.program.power.phases import PowerPhase, Proof
 from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
@@ -36,6 +37,9 @@ TRACE_COLUMNS: Final = (
 
 _OFF: Final = PowerPhase.OFF
 _ON: Final = PowerPhase.ON
+# Where the reading is tried: by speed commands, and while the drive ramps by itself.
+_TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
+_STOPPING: Final = (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
 # Builds an image in half the time of its constructor.
 _new = tuple.__new__
@@ -47,7 +51,7 @@ class Axis:
     The order inside a scan is fixed: (edges,) alarms, interlocks, power, the program's mode logic, virtual
     axis, position loop, output guard. While no monitor acts and the axis follows, the set-point of scan k
     is `plan.sample((k - start_scan) x period)` and the speed command is `PositionLaw.scan` of it, bit for
-    bit (decision 5).
+    bit (decision 5); at rest `liveness.vel_rad_s` comes on top where a reading stands still.
 
     Args:
         settings: the machine, in SI.
@@ -69,10 +73,11 @@ class Axis:
     """
 
     __slots__ = (
-        "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled", "_site", "_switching_off",
-        "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback", "interlocks", "load_side",
-        "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad", "power", "recovery", "refusal", "refusal_count",
-        "scan", "settings", "state", "system_stop", "thermal", "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+        "_drives_against", "_error", "_events", "_law", "_park_scans", "_ratio", "_reference", "_settled",
+        "_site", "_switching_off", "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback",
+        "interlocks", "liveness", "load_side", "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad",
+        "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state", "system_stop", "thermal",
+        "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS
@@ -101,6 +106,8 @@ class Axis:
         self._site = SiteInterlocks(settings, self.feedback, self.alarms)
         self.thermal = MotorThermal(settings, self.feedback, self.alarms)
         self.monitors = Monitors(settings, self.feedback, self.virtual, self.power.holding, self.alarms)
+        self.liveness = Liveness(settings, self.feedback, self.power.holding, self.alarms)
+        self._drives_against = self.liveness.against
         self.motion = MotionCommands(
             settings, self.virtual, self.power, self.monitors, self.interlocks, self.alarms
         )
@@ -156,6 +163,14 @@ class Axis:
         self._site.scan(pos, power.phase is not _OFF)
         self.thermal.scan(time_s)
         power.step(pos)
+        # HOLD judges by itself what the torque does to a load that moves.
+        if (
+            feedback.torque_nm * feedback.vel_rad_s < self._drives_against
+            and power.phase is not PowerPhase.TORQUE_HOLD
+        ):
+            self.liveness.drive_against()
+        if virtual.at_rest and power.phase is not _OFF:
+            self._try_reading()
         # An alarm raised in this scan acts on the output of this scan.
         if alarms.pending or self._error or self._switching_off or self.recovery.resetting:
             self._interrupted()
@@ -180,6 +195,8 @@ class Axis:
             vel_cmd = self._vel_next
             if self.load_side is not None:
                 torque += self.load_side.torque_ff_nm
+        if self.liveness.vel_rad_s and virtual.at_rest and power.phase in _TRIED:
+            vel_cmd += self.liveness.vel_rad_s
         vel_max, torque_max = self._vel_max, self._torque_max
         if not (-vel_max <= vel_cmd <= vel_max and -torque_max <= torque <= torque_max):
             vel_cmd, torque = self._guard(vel_cmd, torque)
@@ -369,6 +386,16 @@ class Axis:
                 self.alarms.raise_(
                     Code.SYS_02, measured=Words.OVERRUNS(count=stop.measured, limit=stop.limit)
                 )
+
+    def _try_reading(self) -> None:
+        """Ask whether the reading lives, wherever the drive holds the axis or brings it to rest."""
+        power = self.power
+        if power.phase is _ON:
+            self.liveness.stand(proven=True)
+        elif power.phase is PowerPhase.SAG_WATCH:
+            self.liveness.stand(proven=power.proof is Proof.PROVEN)
+        elif power.phase in _STOPPING and self.feedback.brake_open:
+            self.liveness.stop()
 
     def _interrupted(self) -> None:
         """Act on a pending or latched alarm, on power that goes off, or on a reset under way."""

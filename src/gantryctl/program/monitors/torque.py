@@ -205,6 +205,11 @@ class TorqueWatch:
         if self._feedback.unchanged_scans:
             self._feedback.report_frozen(0.0)
             return
+        # A shaft held at rest that turns against its torque is read with the wrong sign.
+        if abs(command) <= _START_RAD_S and torque_nm * vel < 0.0:
+            words = Words.GROWS_AGAINST(speed=deg(abs(vel)), torque=torque_nm)
+            self._feedback.doubt(Code.ENC_12, measured=words)
+            return
         # A shaft that is held and an encoder that is frozen look the same from here.
         self._feedback.doubt(Code.BRK_14, measured=torque_nm, speed=deg(vel), command=deg(command))
 

@@ -13,6 +13,7 @@ from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
+from gantryctl.program.power.twist import Twist
 from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
@@ -82,45 +83,12 @@ class PowerSequence:
     """
 
     __slots__ = (
-        "_alarms",
-        "_brake_rest_scans",
-        "_close_late_scans",
-        "_close_scans",
-        "_count",
-        "_drive_owns_brake",
-        "_driven",
-        "_feedback",
-        "_held",
-        "_load_nm",
-        "_open_late_scans",
-        "_over_envelope",
-        "_parking",
-        "_period_s",
-        "_pos_hold",
-        "_pos_rad",
-        "_power_up_scans",
-        "_proof_scans",
-        "_quick_dec",
-        "_rest_count",
-        "_rest_scans",
-        "_sag_scans",
-        "_settings",
-        "_settle_scans",
-        "_slip_scans",
-        "_step_scans",
-        "_unloaded",
-        "_unwinding",
-        "_vel_start",
-        "brake_open",
-        "brake_test",
-        "fault_reset",
-        "holding",
-        "phase",
-        "proof",
-        "request",
-        "status",
-        "torque_ff_nm",
-        "wear",
+        "_alarms", "_brake_rest_scans", "_close_late_scans", "_close_scans", "_count", "_drive_owns_brake",
+        "_driven", "_feedback", "_held", "_load_nm", "_open_late_scans", "_over_envelope", "_parking",
+        "_period_s", "_pos_hold", "_pos_rad", "_power_up_scans", "_proof_scans", "_quick_dec", "_rest_count",
+        "_rest_scans", "_sag_scans", "_settings", "_settle_scans", "_slip_scans", "_step_scans", "_twist",
+        "_unloaded", "_unwinding", "_vel_start", "brake_open", "brake_test", "fault_reset", "holding", "phase",
+        "proof", "request", "status", "torque_ff_nm", "wear",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -146,6 +114,7 @@ class PowerSequence:
         self.status = False
         self.proof = Proof.NOT_DONE
         self.holding = HoldingTorque(settings)
+        self._twist = Twist(settings, feedback)
         self.brake_test = BrakeTest(
             power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
         )
@@ -321,6 +290,7 @@ class PowerSequence:
             self.proof = Proof.NOT_DONE
             self._enter(PowerPhase.PROVING)
             self.torque_ff_nm = holding.proof_nm
+            self._twist.begin(holding.proof_nm)
 
     def _proving(self, pos_rad: float) -> None:
         """Give torque against the closed brake: the motor must give it, the brake must take it.
@@ -330,6 +300,7 @@ class PowerSequence:
         """
         if self._slipped(pos_rad, Code.BRK_03):
             return
+        self._twist.scan()
         proof_nm = self.holding.proof_nm
         wanted = self._settings.proof_share * abs(proof_nm)
         given = self._feedback.torque_nm * math.copysign(1.0, proof_nm)
@@ -346,10 +317,11 @@ class PowerSequence:
 
     def _settling(self, _pos_rad: float) -> None:
         """Ramp from the proof torque to the preload, then wait as long again for it to settle."""
+        self._twist.scan()
         share = min(1.0, self._count / self._settle_scans)
         proof_nm = self.holding.proof_nm
         self.torque_ff_nm = proof_nm + (self.holding.preload_nm - proof_nm) * share
-        if self._count >= 2 * self._settle_scans:
+        if self._count >= 2 * self._settle_scans and self._twist.shown(proof_nm):
             self._enter(PowerPhase.RELEASING)
 
     def _releasing(self, pos_rad: float) -> None:

@@ -1,0 +1,55 @@
+"""The turn of the shaft against the closed brake, under the proof torque: the first proof of the reading."""
+
+from __future__ import annotations
+
+import math
+
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.settings import AxisSettings
+
+
+class Twist:
+    """Watches the reading while the torque proof turns the shaft by the elastic way of the closed brake.
+
+    The reference brake gives way by 5e-4 rad up to its full torque, so 30 of 400 N m are 25 counts of 2^22 and 3 of
+    2^19; play in the hub of a brake adds to it. A reading that shows none of it is frozen, one that turns the other way
+    has the wrong sign, and the brake stays closed.
+    """
+
+    __slots__ = ("_against", "_feedback", "_fine", "_from", "_period_s", "_scans", "_sign", "_with")
+
+    def __init__(self, settings: AxisSettings, feedback: Feedback) -> None:
+        self._feedback = feedback
+        self._fine = settings.monitors.encoder_shows_twist
+        self._period_s = settings.period_s
+        self._from, self._sign = math.nan, 1.0
+        self._with = self._against = 0.0
+        self._scans = 0
+
+    def begin(self, torque_nm: float) -> None:
+        """The torque is given from the next scan on."""
+        self._from, self._sign = self._feedback.counts, math.copysign(1.0, torque_nm)
+        self._with = self._against = 0.0
+        self._scans = 0
+
+    def scan(self) -> None:
+        """One scan with torque."""
+        turned = (self._feedback.counts - self._from) * self._sign
+        self._with, self._against = max(self._with, turned), max(self._against, -turned)
+        self._scans += self._feedback.periods
+
+    def shown(self, torque_nm: float) -> bool:
+        """Whether the reading has turned with the torque; else it is in doubt."""
+        # After a stop the load may still swing and turn the shaft both ways, by up to 36 counts of 2^22, but slowly:
+        # the torque has turned it at once.
+        if self._with >= 1.0 or not self._fine:
+            return True
+        if self._against >= 1.0:
+            words = Words.TURNED_AGAINST(value=self._against, torque=torque_nm)
+            self._feedback.doubt(Code.ENC_12, measured=words)
+        else:
+            words = Words.WHILE_TORQUE(value=torque_nm)
+            self._feedback.doubt(Code.ENC_02, measured=words, time_ms=self._scans * self._period_s * 1e3)
+        return False

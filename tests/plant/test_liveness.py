@@ -1,0 +1,153 @@
+"""An encoder that shows nothing, or the wrong way, before power, at standstill, in a stop; couplings that slip.
+
+Judged by the true angle of the motor; and nothing of it on a sound machine.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from gantryctl.program import Code, PowerPhase
+from plant.plant_rig import CHECK_NM, SCANS_MS, PlantRig, machine_at
+
+NOMINAL_NM = 16_000.0
+LIMIT_DEG = {6.0: 4.5, 3.0: 2.1, 1.0: 0.8}
+STANDSTILL_DEG = 0.35
+MOMENTS = pytest.mark.parametrize("moment_nm", [NOMINAL_NM, CHECK_NM])
+SCANS = pytest.mark.parametrize("scan_ms", SCANS_MS)
+WRONG = pytest.mark.parametrize("gain", [0.0, -1.0], ids=["frozen", "sign"])
+
+
+def assert_in_doubt(rig: PlantRig, limit_deg: float, *codes: Code) -> None:
+    assert rig.reach_deg <= limit_deg, rig.codes
+    first = rig.axis.alarms.first_out
+    assert first is not None
+    assert first.code in codes, first.text
+    assert rig.axis.feedback.in_doubt
+    assert rig.phase is PowerPhase.OFF
+    assert "gantry moved" not in first.text
+    assert first.definition.lock
+
+
+@WRONG
+@MOMENTS
+@SCANS
+def test_the_torque_proof_shows_a_wrong_encoder_behind_the_closed_brake(
+    scan_ms: float, moment_nm: float, gain: float
+) -> None:
+    rig = PlantRig(machine_at(scan_ms, moment_nm), holding_nm=moment_nm / 1144.0)
+    rig.sim.encoder_gain = gain
+    rig.mark()
+    rig.say(power=True)
+    rig.run(2.0)
+    # 40 counts of the closed brake's elastic way.
+    assert_in_doubt(rig, 1e-4, Code.ENC_02 if gain == 0.0 else Code.ENC_12)
+
+
+@WRONG
+@MOMENTS
+@SCANS
+def test_without_a_proof_it_shows_when_the_brake_has_opened(
+    scan_ms: float, moment_nm: float, gain: float
+) -> None:
+    """A drive without 60B2, and no torque learned: the load begins to fall."""
+    rig = PlantRig(machine_at(scan_ms, moment_nm))
+    rig.axis.power._settings = replace(rig.axis.power._settings, torque_preload=False)
+    rig.sim.encoder_gain = gain
+    rig.mark()
+    rig.say(power=True)
+    rig.run(2.5)
+    assert_in_doubt(rig, STANDSTILL_DEG, *((Code.ENC_02,) if gain == 0.0 else (Code.ENC_12, Code.ENC_14)))
+
+
+@WRONG
+@MOMENTS
+@SCANS
+@pytest.mark.parametrize("angle_deg", [90.0, 0.0, -60.0])
+def test_at_standstill(angle_deg: float, scan_ms: float, moment_nm: float, gain: float) -> None:
+    rig = PlantRig(machine_at(scan_ms, moment_nm), angle_deg, holding_nm=moment_nm / 1144.0)
+    rig.power_up()
+    rig.sim.encoder_gain = gain
+    rig.mark()
+    rig.run(3.0)
+    if gain == 0.0:
+        assert_in_doubt(rig, STANDSTILL_DEG, Code.ENC_02)
+    elif rig.first:
+        assert_in_doubt(rig, STANDSTILL_DEG, Code.ENC_12, Code.ENC_14)
+    else:
+        # Perfectly balanced nothing moves, and the sign shows in the first motion.
+        assert angle_deg == 0.0
+        assert rig.reach_deg < 0.001
+
+
+@SCANS
+@MOMENTS
+@pytest.mark.parametrize("left_s", [0.15, 0.08, 0.03, 0.0, -0.03])
+def test_frozen_in_the_last_instants_of_a_quick_stop(left_s: float, moment_nm: float, scan_ms: float) -> None:
+    """Too slow for the speed to show it: then the torque does, which goes on as it braked."""
+    rig = PlantRig(machine_at(scan_ms, moment_nm), 30.0)
+    rig.power_up()
+    rig.cruise_to(32.0, 1.0, 1.0)
+    rig.say(quick_stop=True)
+    rig.run(1.0 / 5.5 - left_s)
+    rig.sim.encoder_gain = 0.0
+    rig.mark()
+    rig.run(3.0)
+    assert rig.reach_deg <= STANDSTILL_DEG
+    assert rig.axis.feedback.in_doubt or rig.reach_deg <= 0.03, rig.codes
+    assert rig.phase in (PowerPhase.OFF, PowerPhase.TORQUE_HOLD)
+
+
+@SCANS
+@pytest.mark.parametrize("speed", [6.0, 3.0, 1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("gain", [0.02, 0.1, 0.5])
+def test_a_coupling_that_slips(gain: float, sign: float, speed: float, scan_ms: float) -> None:
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), 90.0 - 55.0 * sign)
+    rig.power_up()
+    rig.cruise_to(90.0 - 15.0 * sign, speed, sign)
+    rig.sim.encoder_gain = gain
+    rig.mark()
+    rig.run(3.0)
+    assert_in_doubt(rig, LIMIT_DEG[speed], Code.ENC_14)
+
+
+@pytest.mark.parametrize(("scan_ms", "speed"), [(1.0, 3.0), (4.0, 3.0), (10.0, 6.0)])
+def test_a_tenth_that_slips_at_once_is_seen_from_a_fifth_of_a_degree_per_second_on(
+    scan_ms: float, speed: float
+) -> None:
+    """Less, or slowly, is no change that torque could not have made: only a load-side encoder shows it."""
+    rig = PlantRig(machine_at(scan_ms), 20.0)
+    rig.power_up()
+    rig.cruise_to(60.0, speed, 1.0)
+    rig.sim.encoder_gain = 0.9
+    rig.mark()
+    rig.run(3.0)
+    assert_in_doubt(rig, LIMIT_DEG[speed], Code.ENC_14)
+
+
+@SCANS
+@pytest.mark.parametrize(
+    ("moment_nm", "feedback"),
+    [
+        (0.0, "interpolated"),
+        (NOMINAL_NM, "interpolated"),
+        (CHECK_NM, "interpolated"),
+        (NOMINAL_NM, "ideal"),
+    ],
+)
+def test_a_sound_encoder_may_stand_still(moment_nm: float, feedback: str, scan_ms: float) -> None:
+    """Balanced at 0 deg the reading stands to the count: it is tried, it answers, and the axis stays where it is."""
+    changes = {"drive.speed_loop.feedback": feedback}
+    for angle_deg in (0.0, 90.0):
+        rig = PlantRig(machine_at(scan_ms, moment_nm, **changes), angle_deg)
+        rig.power_up()
+        rig.mark()
+        rig.run(6.0)
+        assert not rig.codes
+        # 64 counts of 2^22 turn the gantry by 5e-6 deg.
+        assert rig.reach_deg < 3e-5
+        if angle_deg == 90.0 and moment_nm and feedback == "interpolated":
+            assert rig.axis.liveness.dithers == 0, "a load keeps the count alive"
