@@ -29,7 +29,7 @@ class OverrunLimits(NamedTuple):
     """Limits at which `OverrunPolicy.QUICK_STOP` acts."""
 
     # A stall below the limit costs next to nothing: with the controller held for 9 and 20 ms over UDP at 250 Hz the
-    # following error was 0.006 and 0.007 deg, as in a run without a stall (docs/evidence/can_stall.json).
+    # following error was 0.006 and 0.012 deg, 0.006 deg without a stall (docs/evidence/can_stall.json).
     late_s: float = 0.030
     """A single scan that starts later than this, s."""
     frozen_s: float = 0.050
