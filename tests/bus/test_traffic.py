@@ -148,3 +148,25 @@ def test_a_sync_that_never_comes_back_is_lost() -> None:
     for _ in range(5):
         link.send(0x080, b"")
     assert link.unseen == 5
+
+
+def test_a_sync_that_does_not_come_back_stops_the_axis() -> None:
+    rig = BusRig(bus_machine()).power_up().cruise(3.0)
+    begun = len(rig.ticks)
+    rig.drive.link.unseen = 9
+    rig.run(4.0)
+    stopped(rig, begun, "CAN-01", QUICK_STOP_DEG[3.0])
+
+
+def test_three_uneven_periods_in_a_row_are_told_and_two_are_not() -> None:
+    rig = BusRig(bus_machine(scan_ms=4.0))
+    rig.run(0.1)
+    # The drive of this rig is stepped, so the clock is not looked at: the periods are handed in.
+    for elapsed_s in (0.007, 0.007, 0.005, 0.007, 0.001):
+        rig.drive._supervision.period(elapsed_s)
+        rig.run(0.004)
+    assert rig.codes == []
+    rig.drive._supervision.period(0.0)
+    rig.run(0.01)
+    assert rig.codes == ["CAN-02"]
+    rig.engine.close()
