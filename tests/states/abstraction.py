@@ -240,7 +240,8 @@ RULES: Final[dict[type, Rules]] = {
         part="brake_test holding wear",
         # Not judged by these settings.
         clock="_pos_rad _twist",
-        fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
+        fixed="_alarms _brake_rest_scans _close_late_scans _close_scans _feedback _open_late_scans _period_s "
+        "_power_up_scans "
         "_proof_scans _quick_dec _rest_scans _sag_scans _settings _settle_scans _slip_scans _step_scans",
         special={
             "_pos_hold": _held,

@@ -244,6 +244,7 @@ ROWS: dict[str, Row] = {
     "encoder.wrap_margin_min_deg": {"program.law.wrap_margin_rad": DEG},
     "brake.owner": {"bus.brake_owner": lambda _: "object_60FE", "program.power.untestable": lambda _: None},
     "brake.torque_nm": {
+        "program.power.brake_torque_nm": 1.0,
         "program.monitors.speed_change_max_rad_s2": speed_change,
         "plant.brake_torque_nm": brake_torque,
     },
@@ -257,6 +258,7 @@ ROWS: dict[str, Row] = {
     "brake.hold_brake_after_s": {"program.power.hold_brake_after_s": 1.0},
     "brake.proof_torque_nm": {"program.power.proof_torque_nm": 1.0},
     "brake.test_torque_nm": {"program.power.test_torque_nm": 1.0},
+    "brake.emergency_stops_max": {"program.power.brake_stops_max": 1.0},
     "brake.sag_max_deg": {"program.power.sag_max_rad": DEG},
     # --- drive and bus
     "drive.speed_loop.cycle_us": {"drive.cycle_s": US},
