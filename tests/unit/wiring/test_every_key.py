@@ -42,6 +42,9 @@ RATIO_ROW: Row = {
     "program.monitors.speed_change_max_rad_s2": lambda m: (
         785.0 / 0.232 / (m.axis.reducer_ratio * m.axis.ring_ratio)
     ),
+    "program.monitors.speed_change_per_torque": lambda m: (
+        1.0 / (0.232 * m.axis.reducer_ratio * m.axis.ring_ratio)
+    ),
     "drive.vel_max_rad_s": lambda m: 6.5 * DEG * m.axis.reducer_ratio * m.axis.ring_ratio,
     "drive.quick_dec_rad_s2": lambda m: 5.4 * DEG * m.axis.reducer_ratio * m.axis.ring_ratio,
     "bus.quick_dec_rad_s2": lambda m: 5.4 * DEG * m.axis.reducer_ratio * m.axis.ring_ratio,
@@ -224,6 +227,7 @@ ROWS: dict[str, Row] = {
     },
     "motor.speed_max_r_min": {"program.monitors.speed_reading_max_rad_s": 2.0 * TWO_PI / 60.0 / RATIO},
     "motor.inertia_kg_m2": {
+        "program.monitors.speed_change_per_torque": lambda m: 1.0 / (m.motor.inertia_kg_m2 * RATIO),
         "program.monitors.speed_change_max_rad_s2": speed_change,
         "plant.inertia_motor_kg_m2": inertia_motor,
     },
