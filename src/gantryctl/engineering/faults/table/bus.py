@@ -133,6 +133,11 @@ BUS: Final = (
             *at(_DRIVE, "test_a_dead_drive_ages_and_its_heartbeat_is_missed"),
             *at("system/test_can_processes.py", "test_a_killed_drive_is_an_alarm_within_three_syncs"),
         ),
+        state=State.PARTLY,
+        why=(
+            "below 6 deg/s the stop is longer than the class of a quick stop by the drive's deadline of"
+            " 50 ms: 0.05 s x speed"
+        ),
     ),
     Row(
         "E10",
@@ -151,6 +156,11 @@ BUS: Final = (
                 "unit/machine/test_rules.py",
                 "test_every_time_and_band_before_a_stop_has_the_limit_computed_by_hand",
             ),
+        ),
+        state=State.PARTLY,
+        why=(
+            "below 6 deg/s the stop is longer than the class of a quick stop by the drive's deadline of"
+            " 50 ms: 0.05 s x speed"
         ),
     ),
     Row(

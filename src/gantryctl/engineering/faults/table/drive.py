@@ -145,6 +145,10 @@ DRIVE: Final = (
             *at(_BUS, "test_a_restart_in_motion_is_told_at_once_and_never_enables_again"),
             *at("system/test_can_axis.py", "test_after_a_restart_of_the_drive_a_reset_is_enough"),
         ),
+        why=(
+            "the missing telegrams are told first and the restart as their consequence; reaction and "
+            "angle are those of the row"
+        ),
     ),
     Row(
         "D12",

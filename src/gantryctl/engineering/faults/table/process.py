@@ -57,6 +57,11 @@ PROCESS: Final = (
                 "test_a_frozen_controller_is_the_first_alarm_on_page_and_in_the_journal_until_a_reset",
             ),
         ),
+        state=State.PARTLY,
+        why=(
+            "below 6 deg/s the stop is longer than the class of a quick stop by the drive's deadline; "
+            "what happened while the controller stood is not known, so the angle is doubted too"
+        ),
     ),
     Row(
         "F4",
