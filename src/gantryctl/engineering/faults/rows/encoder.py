@@ -70,7 +70,6 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=0.0),),
         phase=Phase.QUICK_STOP,
         position_valid=False,
-        failing="feedback in doubt in a quick stop",
     ),
     FaultCase(
         number="A3",
@@ -97,7 +96,6 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=0.0),),
         phase=Phase.ENABLED,
         position_valid=False,
-        failing="frozen at standstill",
     ),
     FaultCase(
         number="A3c",
@@ -109,7 +107,6 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=0.0),),
         phase=Phase.POWER_UP,
         position_valid=False,
-        failing="frozen before power-up",
     ),
     FaultCase(
         number="A4",
@@ -185,7 +182,6 @@ ROWS: Final = (
         injections=(injection("encoder", "gain", value=-1.0),),
         phase=Phase.POWER_UP,
         position_valid=False,
-        failing="sign wrong at power-up",
     ),
     FaultCase(
         number="A15b",
