@@ -88,9 +88,8 @@ ENCODER: Final = (
         (Code.ENC_05,),
         at(_FEEDBACK, "test_a6_encoder_alarm_and_its_lock"),
         State.PARTLY,
-        "the bit is not named: a drive hands on one alarm flag, and the word of the encoder is read"
-        " with the tool of "
-        "the drive, as the alarm says; CiA 402 has no object for it",
+        "the bit is not named: a drive hands on one alarm flag, and the word of the encoder is read "
+        "with the tool of the drive, as the alarm says",
     ),
     Row(
         "A7",
