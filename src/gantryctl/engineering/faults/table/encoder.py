@@ -53,15 +53,20 @@ ENCODER: Final = (
     ),
     Row(
         "A3",
-        "Encoder frozen at standstill, seen at the next motion",
-        "as A2 from the first commanded motion on",
+        "Encoder frozen at standstill, before power-up, or seen at the first motion",
+        "the count at the torque proof, and under small changes of torque while enabled; as A2 from"
+        " the first motion on; torque without effect",
         "torque off and brake; position not valid",
         (Code.ENC_02,),
-        at(_FEEDBACK, "test_a3_frozen_before_the_first_move"),
-        state=State.PARTLY,
-        why=(
-            "an encoder that freezes at rest or before power-up is not seen while nothing moves: the "
-            "load may creep unseen until the next motion, as measured below"
+        (
+            *at(
+                "plant/test_liveness.py",
+                "test_the_torque_proof_shows_a_wrong_encoder_behind_the_closed_brake",
+                "test_without_a_proof_it_shows_when_the_brake_has_opened",
+                "test_at_standstill",
+                "test_frozen_in_the_last_instants_of_a_quick_stop",
+            ),
+            *at(_FEEDBACK, "test_a3_frozen_before_the_first_move"),
         ),
     ),
     Row(
@@ -193,9 +198,9 @@ ENCODER: Final = (
     Row(
         "A15",
         "Scale or sign of the feedback wrong in the configuration",
-        "following error and speed deviation at the first motion; the sign test of commissioning",
-        "torque off and brake",
-        (Code.CTL_05,),
+        "position against speed; motion that grows against its torque; the sign test of commissioning",
+        "torque off and brake; position not valid",
+        (Code.ENC_12, Code.CTL_05),
         (
             *at(
                 "unit/commissioning/test_commissioning.py",
@@ -203,12 +208,6 @@ ENCODER: Final = (
                 "test_a_wrong_unit_of_speed_is_found",
             ),
             *at("unit/program/test_monitors.py", "test_b5_from_standstill_within_class_m0"),
-        ),
-        state=State.PARTLY,
-        why=(
-            "a sign that is wrong from power-up on is caught by the sag behind the released brake, "
-            "which moves further than a fault at standstill may; the sign test of commissioning finds "
-            "it before anything moves"
         ),
     ),
     Row(
