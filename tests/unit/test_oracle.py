@@ -94,7 +94,7 @@ def a_move_that_does_not_end(_: pytest.MonkeyPatch) -> None:
     bench.op(move=True, target_rad=rad(90.5), speed_rad_s=rad(6.0))
     bench.op(move=False)
     bench.engine.run_for(6.0)
-    creeps = rad(0.1) * RATIO
+    creeps = rad(0.2) * RATIO
     Between(bench, lambda output: output._replace(vel_cmd_rad_s=output.vel_cmd_rad_s + creeps))
     bench.engine.run_for(0.01)
 

@@ -234,7 +234,7 @@ class AxisOracle:
             )
         self._vel, self._wire_ms = vel, now
         if not -self._settled < vel < self._settled:
-            self._reason_ms = now + _SETTLES_MS
+            self._reason_ms, self._at_target_ms = now + _SETTLES_MS, now
             if now > self._origin_ms:
                 self._check_origin(now, vel)
         elif self._target is not None:
