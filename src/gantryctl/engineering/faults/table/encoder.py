@@ -226,14 +226,17 @@ ENCODER: Final = (
     Row(
         "A17",
         "Coupling of the encoder slips, 90 % of the motion",
-        "change of the speed reading that nothing can cause, torque against motion, following error",
-        "torque off and brake",
-        (Code.ENC_14,),
-        state=State.PARTLY,
-        why=(
-            "a coupling that slips by a tenth is seen by the torque that answers it at high speed and "
-            "short scans only; a load-side encoder tells it in every case"
+        "change of the speed against the torque that answers it; a load-side encoder",
+        "torque off and brake; position not valid",
+        (Code.ENC_14, Code.ENC_07),
+        at(
+            "plant/test_liveness.py",
+            "test_a_coupling_that_slips",
+            "test_a_tenth_that_slips_at_once_is_seen_from_a_fifth_of_a_degree_per_second_on",
         ),
+        State.PARTLY,
+        "a slip that begins at once is seen; one that grows slowly agrees with itself in every "
+        "signal that a drive has, and only a load-side encoder or a mark on the gantry tells",
     ),
     Row(
         "A18",
