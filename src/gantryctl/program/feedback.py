@@ -46,6 +46,9 @@ _QUICK_DEC_FACTOR: Final = 4.0
 _BRAKE_DEC_SHARE: Final = 0.5
 
 
+_LATE_SCANS: Final = 5
+
+
 class Feedback:
     """Reading of the drive, and the monitors of the encoder (faults A1 to A7, A16).
 
@@ -296,7 +299,7 @@ class Feedback:
         scans = self.periods + (missed + 1 if missed else 0)
         if self._speed_age and not age and math.isfinite(step):
             # Position and speed come in telegrams of their own: what is old is no measure of what is new.
-            vel_rad_s = step / (self._jump_per_speed * self.periods)
+            vel_rad_s = self.vel_rad_s if missed else step / (self._jump_per_speed * self.periods)
             self._drift = 0.0
         else:
             vel_rad_s = self._speed(vel_rad_s, scans)
@@ -323,7 +326,13 @@ class Feedback:
             self.doubt(Code.ENC_14, measured=Words.SPEED(value=deg(vel_rad_s)), limit=deg(self._vel_max))
             return before
         change, limit = vel_rad_s - before, self._change_base + self._change_any * scans
-        if self.state in ENABLED and self.brake_open:
+        # Around late telegrams speeds of several scans are compared.
+        if (
+            scans == 1
+            and self._alarms.scan - self._late_scan > _LATE_SCANS
+            and self.state in ENABLED
+            and self.brake_open
+        ):
             # The torque of now, or of before, that acts in the direction of the change. A coupling that slips, or an
             # encoder that freezes, changes the speed against the torque that answers it.
             torque_nm = max(0.0, math.copysign(1.0, change) * self.torque_nm)

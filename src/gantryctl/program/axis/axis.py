@@ -163,12 +163,6 @@ class Axis:
         self._site.scan(pos, power.phase is not _OFF)
         self.thermal.scan(time_s)
         power.step(pos)
-        # HOLD judges by itself what the torque does to a load that moves.
-        if (
-            feedback.torque_nm * feedback.vel_rad_s < self._drives_against
-            and power.phase is not PowerPhase.TORQUE_HOLD
-        ):
-            self.liveness.drive_against()
         if virtual.at_rest and power.phase is not _OFF:
             self._try_reading()
         # An alarm raised in this scan acts on the output of this scan.
@@ -389,7 +383,10 @@ class Axis:
 
     def _try_reading(self) -> None:
         """Ask whether the reading lives, wherever the drive holds the axis or brings it to rest."""
-        power = self.power
+        power, feedback = self.power, self.feedback
+        # In motion the resonance of the load may turn the shaft against the torque; there a wrong sign is a leap.
+        if power.phase in _TRIED and feedback.torque_nm * feedback.vel_rad_s < self._drives_against:
+            self.liveness.drive_against()
         if power.phase is _ON:
             self.liveness.stand(proven=True)
         elif power.phase is PowerPhase.SAG_WATCH:
