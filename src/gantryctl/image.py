@@ -137,6 +137,8 @@ class DriveFeedback(NamedTuple):
     """Age of inputs and brake contact."""
     brake_contact: bool = True
     """False without a contact: `brake_open` is what the brake must have done."""
+    spread_scans: float = 0.0
+    """Time between this sample and the one before, beyond that between their scans, in scans; 0 where it keeps time."""
 
 
 class DriveIdentity(NamedTuple):

@@ -207,7 +207,7 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Alarm: Rules(same="code reaction", clock="scan time_s pos_rad steps values follows consequences"),
     Feedback: Rules(
-        same="_look _old _was_energised brake_contact brake_open encoder_alarm error_code in_doubt inputs "
+        same="_look _old _spread _was_energised brake_contact brake_open encoder_alarm error_code in_doubt inputs "
         "motor_temp_c periods state state_old "
         "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",

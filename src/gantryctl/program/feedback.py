@@ -71,7 +71,7 @@ class Feedback:
         "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
         "_counts_per_rad", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_errors_max",
         "_frozen_scans", "_frozen_speed", "_inputs_age", "_jump_base", "_jump_per_speed", "_late_age",
-        "_late_scan", "_look", "_old", "_old_scans", "_period_s", "_ratio", "_speed_age", "_stands_from",
+        "_late_scan", "_look", "_old", "_old_scans", "_period_s", "_ratio", "_speed_age", "_spread", "_stands_from",
         "_step", "_vel_before", "_vel_max", "_was_energised", "brake_contact", "brake_open", "counts",
         "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload", "periods",
         "pos_ring_rad", "state", "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s",
@@ -123,6 +123,7 @@ class Feedback:
         self._drift = self._step = self._vel_before = 0.0
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
         self._speed_age = self._inputs_age = 0
+        self._spread = 0.0
         self.brake_contact = True
         self._was_energised = self.state_old = False
         self.state = DriveState.UNKNOWN
@@ -143,7 +144,7 @@ class Feedback:
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
             encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link, changed,
-            self.motor_temp_c, self._speed_age, self._inputs_age, self.brake_contact,
+            self.motor_temp_c, self._speed_age, self._inputs_age, self.brake_contact, self._spread,
         ) = drive  # fmt: skip
         if self.state is not state_before:
             self._state_changed(state_before)
@@ -163,6 +164,7 @@ class Feedback:
             or age
             or self._look
             or self._speed_age
+            or self._spread
             or not (-base <= jump <= base and -change_max <= change <= change_max)
             or not -drift_max <= drift <= drift_max
         ):
@@ -296,10 +298,13 @@ class Feedback:
             period_ms = self._period_s * 1e3
             self._alarms.raise_(Code.CAN_07, measured=age * period_ms, limit=self._old_scans * period_ms)
         # A late telegram may have been sampled late too: one scan more.
-        scans = self.periods + (missed + 1 if missed else 0)
+        scans = self.periods + (missed + 1 if missed else 0) + self._spread
+        # A computer that holds the controller up between its clock and SYNC moves the sample, not the axis.
+        self._drift -= vel_rad_s * self._jump_per_speed * self._spread
         if self._speed_age and not age and math.isfinite(step):
             # Position and speed come in telegrams of their own: what is old is no measure of what is new.
-            vel_rad_s = self.vel_rad_s if missed else step / (self._jump_per_speed * self.periods)
+            span = max(0.1, self.periods + self._spread)
+            vel_rad_s = self.vel_rad_s if missed else step / (self._jump_per_speed * span)
             self._drift = 0.0
         else:
             vel_rad_s = self._speed(vel_rad_s, scans)
@@ -316,7 +321,7 @@ class Feedback:
             self._judge_step(step, vel_rad_s, scans, late=missed > 0)
         return counts, vel_rad_s
 
-    def _speed(self, vel_rad_s: float, scans: int) -> float:
+    def _speed(self, vel_rad_s: float, scans: float) -> float:
         """Judge the speed; in place of an impossible one the speed of before."""
         before = self.vel_rad_s
         if not math.isfinite(vel_rad_s):
@@ -325,10 +330,11 @@ class Feedback:
         if abs(vel_rad_s) > self._vel_max:
             self.doubt(Code.ENC_14, measured=Words.SPEED(value=deg(vel_rad_s)), limit=deg(self._vel_max))
             return before
+        scans = max(1.0, scans)
         change, limit = vel_rad_s - before, self._change_base + self._change_any * scans
         # Around late telegrams speeds of several scans are compared.
         if (
-            scans == 1
+            scans == 1.0
             and self._alarms.scan - self._late_scan > _LATE_SCANS
             and self.state in ENABLED
             and self.brake_open
@@ -346,17 +352,17 @@ class Feedback:
             )
         return vel_rad_s
 
-    def _judge_step(self, step: float, vel_rad_s: float, scans: int, *, late: bool) -> None:
+    def _judge_step(self, step: float, vel_rad_s: float, scans: float, *, late: bool) -> None:
         """Compare a step of the position, over so many scans, with the speeds before and after it."""
         per_deg = self._counts_per_rad * math.pi / 180.0
         way, way_now = (speed * self._jump_per_speed * scans for speed in (self.vel_rad_s, vel_rad_s))
         # Over more than a scan the speed may have been any between, and a late reading may be one of the start.
-        ways = (way,) if scans == 1 else (way, way_now, 0.0) if late else (way, way_now)
+        ways = (way,) if scans <= 1.0 else (way, way_now, 0.0) if late else (way, way_now)
         beyond = max(step - max(ways), min(ways) - step)
         if not beyond <= self._jump_base:
             self._drift = 0.0
             self.doubt(Code.ENC_01, measured=(abs(beyond)) / per_deg, limit=self._jump_base / per_deg)
-        elif scans > 1:
+        elif scans > 1.0:
             # Steps and speeds of several scans cannot be added up one by one.
             self._drift = 0.0
         elif not abs(self._drift) <= self._drift_max:
