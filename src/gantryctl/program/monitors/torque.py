@@ -210,8 +210,12 @@ class TorqueWatch:
             words = Words.GROWS_AGAINST(speed=deg(abs(vel)), torque=torque_nm)
             self._feedback.doubt(Code.ENC_12, measured=words)
             return
-        # A shaft that is held and an encoder that is frozen look the same from here.
-        self._feedback.doubt(Code.BRK_14, measured=torque_nm, speed=deg(vel), command=deg(command))
+        values = {"measured": torque_nm, "speed": deg(vel), "command": deg(command)}
+        # A shaft that is held and an encoder that is frozen look the same, unless the contact names the brake.
+        if self._feedback.brake_open:
+            self._feedback.doubt(Code.BRK_14, **values)
+        else:
+            self._alarms.raise_(Code.BRK_14, None, **values)
 
     def _wrong_reading(self, words: object) -> None:
         self._holding.believed = False
