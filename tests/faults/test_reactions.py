@@ -127,7 +127,7 @@ def rows() -> list[object]:
         pytest.param(
             case,
             id=case.number,
-            marks=[pytest.mark.xfail(reason=case.failing, strict=False)] if case.failing else [],
+            marks=[pytest.mark.xfail(reason=case.failing, strict=True)] if case.failing else [],
         )
         for case in CATALOGUE
         if case.judged

@@ -116,7 +116,7 @@ def test_b8_torque_saturated_while_the_error_grows():
     lagging(rig, 0.0002)
     inner = rig.spoil
     rig.spoil = lambda drive: inner(drive)._replace(torque_limited=True)
-    expect(rig, "CTL-07", Reaction.QUICK_STOP, 0.201, "Torque limit reached for 200 ms", "grew to 0.0")
+    expect(rig, "CTL-07", Reaction.TORQUE_OFF, 0.201, "Torque limit reached for 200 ms", "grew to 0.0")
 
 
 def test_torque_limit_alone_is_no_fault():

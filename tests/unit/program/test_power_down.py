@@ -257,6 +257,17 @@ def test_next_motion_opens_the_brake_again_through_the_proof(parked):
     assert parked.pos_deg == pytest.approx(5.0, abs=1e-4)
 
 
+@pytest.mark.parametrize("phase", [P.CLOSING, P.UNLOADING, P.DISABLING])
+def test_a_motion_asked_for_while_the_brake_closes_opens_it_again(phase):
+    # it waited until something else opened the brake, minutes later: motion by surprise
+    rig = Rig(config=settings(standstill=StandstillPolicy.BRAKE, hold_brake_after_s=1.0))
+    rig.power_up()
+    rig.until(lambda: rig.axis.power.phase is phase, 5.0)
+    rig.move(5.0)
+    rig.until(lambda: rig.program.move.done, 8.0)
+    assert rig.pos_deg == pytest.approx(5.0, abs=1e-4)
+
+
 def test_a_stop_drops_a_motion_that_waits_for_the_brake(parked):
     parked.move(5.0)
     parked.op(stop=True)

@@ -216,10 +216,8 @@ class MotionCommands:
 
     def progress(self) -> None:
         """Begin what waited and end what has arrived; every scan, after the monitors."""
-        if self.waiting is not None and self._power.phase is PowerPhase.ON:
-            command, self.waiting = self.waiting, None
-            command.status = CommandStatus.ACTIVE
-            self._begin(command, None)
+        if self.waiting is not None:
+            self._begin_waiting(self.waiting)
         # At override 0 the set-point rests, but the command goes on.
         if self._virtual.at_rest and not self._virtual.paused:
             if self.current is not None:
@@ -228,6 +226,14 @@ class MotionCommands:
                 self.stop_command.status = CommandStatus.DONE
                 if not self._stop_execute:
                     self.stop_command = None
+
+    def _begin_waiting(self, command: MotionCommand) -> None:
+        """Begin a command that waits for the brake; one that came while it was closing opens it only now."""
+        self._power.wake()
+        if self._power.phase is PowerPhase.ON:
+            self.waiting = None
+            command.status = CommandStatus.ACTIVE
+            self._begin(command, None)
 
     def _arrived(self, command: MotionCommand) -> None:
         if command.settles and not self._monitors.in_position:

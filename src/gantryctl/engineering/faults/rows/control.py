@@ -72,7 +72,7 @@ ROWS: Final = (
     ),
     FaultCase(
         number="B8",
-        title="torque limit falls to a tenth",
+        title="torque limit falls to a fiftieth",
         detected_by="torque limited for 200 ms while the following error grows",
         reaction=_TORQUE_OFF,
         codes=(
@@ -84,7 +84,6 @@ ROWS: Final = (
         reads="torque limit reached; stop",
         injections=(injection("drive", "torque_limit", share=0.02),),
         from_deviation=True,
-        failing="torque lost",
     ),
     FaultCase(
         number="B10",

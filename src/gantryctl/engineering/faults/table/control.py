@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.faults.table.row import Row, State, at
+from gantryctl.engineering.faults.table.row import Row, at
 from gantryctl.program.alarms.codes import Code
 
 _MONITORS: Final = "unit/program/test_monitors.py"
@@ -105,15 +105,10 @@ CONTROL: Final = (
         "B8",
         "Torque at its limit while the following error grows",
         "torque-limit flag for 200 ms with a growing error",
-        "quick stop",
+        "torque off and brake",
         (Code.CTL_07,),
         at(
             _MONITORS, "test_b8_torque_saturated_while_the_error_grows", "test_torque_limit_alone_is_no_fault"
-        ),
-        state=State.PARTLY,
-        why=(
-            "a drive with a tenth of its torque still asks for 200 ms before the alarm, and its ramp is"
-            " weak too: 4.56 deg from 6 deg/s"
         ),
     ),
     Row(

@@ -59,7 +59,7 @@ PROCESS: Final = (
         ),
         state=State.PARTLY,
         why=(
-            "below 6 deg/s the stop is longer than the class of a quick stop by the drive's deadline; "
+            "as for E10 a brake worked by 60FE closes only after the torque is off, and the load sinks meanwhile; "
             "what happened while the controller stood is not known, so the angle is doubted too"
         ),
     ),
