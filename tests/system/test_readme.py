@@ -17,6 +17,7 @@ PAGES = {
     "README.md": [],
     "docs/tutorials/first-gantry.md": [],
     "docs/how-to/after-an-alarm.md": ["move 0.5"],
+    "docs/how-to/inject-faults.md": [],
     "docs/how-to/describe-a-machine.md": ["config init other.toml"],
     "docs/how-to/prove-accuracy.md": [],
     "docs/how-to/write-a-program.md": [],

@@ -134,6 +134,7 @@ export const WORDS: Record<string, string> = {
   AT_SPEED: "{value:.2f}°、{speed:.2f} °/s",
   AT_UNKNOWN: "未知角度",
   WHILE_COMMANDED: "指令为 {value:.2f} °/s",
+  WHILE_READ: "此前读数为 {value:.2f} °/s",
   WHILE_TORQUE: "转矩 {value:+.1f} N m 使电机转动",
   WHILE_MOVED: "电机移动 {value:.0f} 个计数",
   POSITION_AWAY: "位置与速度积分相差 {value:.4f}°，限值 {limit:.4f}°",

@@ -189,10 +189,11 @@ class Feedback:
         self._drift = 0.0
 
     def report_frozen(self, vel_cmd_rad_s: float) -> None:
-        """Raise ENC-02: the count stands still although a speed is commanded."""
+        """Raise ENC-02: the count stands still although a speed is commanded, or was there."""
         time_ms = self.unchanged_scans * self._period_s * 1e3
-        speed = max(abs(vel_cmd_rad_s) / self._ratio, self._vel_before)
-        self.doubt(Code.ENC_02, measured=Words.WHILE_COMMANDED(value=deg(speed)), time_ms=time_ms)
+        command = abs(vel_cmd_rad_s) / self._ratio
+        words = Words.WHILE_COMMANDED if command >= self._vel_before else Words.WHILE_READ
+        self.doubt(Code.ENC_02, measured=words(value=deg(max(command, self._vel_before))), time_ms=time_ms)
 
     def doubt(self, code: Code, /, **values: object) -> None:
         """Raise `code`, which puts the reading in doubt: torque off and brake, the angle is not known."""

@@ -25,6 +25,7 @@ class Words(Enum):
     AT_SPEED = "{value:.2f} deg, {speed:.2f} deg/s", "{value}°、{speed} °/s"
     AT_UNKNOWN = "an angle that is not known", "未知角度"
     WHILE_COMMANDED = "{value:.2f} deg/s was commanded", "指令为 {value} °/s"
+    WHILE_READ = "{value:.2f} deg/s had been read before", "此前读数为 {value} °/s"
     WHILE_TORQUE = "a torque of {value:+.1f} N m turned the motor", "转矩 {value} N m 使电机转动"
     WHILE_MOVED = "the motor was moved by {value:.0f} counts", "电机移动 {value} 个计数"
     POSITION_AWAY = (
