@@ -211,7 +211,7 @@ RULES: Final[dict[type, Rules]] = {
         "motor_temp_c periods state state_old "
         "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",
-        count="_inputs_age _late_age _speed_age unchanged_scans",
+        count="_inputs_age _late_age _speed_age age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
         clock="_drift _step _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
@@ -363,7 +363,8 @@ RULES: Final[dict[type, Rules]] = {
     ),
     StopRecord: Rules(
         same="finished",
-        clock="_angle_known _brake_scan _rest_pos_rad _rest_scan _slow_scan _torque_scan _was_open _was_torque alarm",
+        clock="_angle_known _brake_scan _rest_pos_rad _rest_scan _slow_scan _switching_on _torque_scan _was_open "
+        "_was_torque alarm",
         fixed="_period_s",
     ),
     Power: Rules(same="_enable _on", shown="error status", fixed="axis", unread=_BLOCK),

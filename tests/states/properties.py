@@ -45,6 +45,7 @@ class Before(NamedTuple):
     reactions: dict[Code, Reaction]
     at_rest: bool
     status: bool
+    waiting: bool
 
 
 def look(world: World) -> Before:
@@ -60,6 +61,7 @@ def look(world: World) -> Before:
         {alarm.code: alarm.reaction for alarm in alarms.active.values()},
         axis.virtual.at_rest,
         axis.power.status,
+        axis.motion.waiting is not None,
     )
 
 
@@ -128,6 +130,9 @@ def asked_for(before: Before, event: Event, world: World) -> list[str]:
         return []
     if before.first_out is not None and not before.resetting:
         return [f"enabled in {phase.name} with {before.first_out} latched"]
+    # A motion that was asked for while the brake was closing, and that nothing has ended since.
+    if before.waiting and before.phase in (PowerPhase.DISABLING, PowerPhase.PARKED):
+        return []
     if event.kind not in _BEGINS:
         return [f"enabled in {phase.name}, and nobody has asked for it"]
     if event.who != before.holder:

@@ -96,7 +96,7 @@ def a_move_that_does_not_end(_: pytest.MonkeyPatch) -> None:
     bench.engine.run_for(6.0)
     creeps = rad(0.2) * RATIO
     Between(bench, lambda output: output._replace(vel_cmd_rad_s=output.vel_cmd_rad_s + creeps))
-    bench.engine.run_for(0.01)
+    bench.engine.run_for(0.1)
 
 
 def a_motor_that_turns_while_off(patch: pytest.MonkeyPatch) -> None:

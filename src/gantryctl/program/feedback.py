@@ -58,6 +58,7 @@ class Feedback:
 
     Attributes:
         in_doubt: the reading may be wrong, or may have been since it was accepted last.
+        age: scans since state, position and torque were sampled; 0 when they belong to this scan.
         counts: encoder count used this scan; a single bad reading is replaced by a prediction.
         vel_rad_s: the drive's speed at the gantry.
         pos_ring_rad: reading of a load-side encoder, unchecked; 0 without one.
@@ -72,7 +73,7 @@ class Feedback:
         "_counts_per_rad", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_errors_max",
         "_frozen_scans", "_frozen_speed", "_inputs_age", "_jump_base", "_jump_per_speed", "_late_age",
         "_late_scan", "_look", "_old", "_old_scans", "_period_s", "_ratio", "_speed_age", "_spread", "_stands_from",
-        "_step", "_vel_before", "_vel_max", "_was_energised", "brake_contact", "brake_open", "counts",
+        "_step", "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact", "brake_open", "counts",
         "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload", "periods",
         "pos_ring_rad", "state", "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s",
         "warning",
@@ -124,6 +125,7 @@ class Feedback:
         self.unchanged_scans, self.periods, self.error_code = 0, 1, 0
         self._speed_age = self._inputs_age = 0
         self._spread = 0.0
+        self.age = 0
         self.brake_contact = True
         self._was_energised = self.state_old = False
         self.state = DriveState.UNKNOWN
@@ -146,6 +148,7 @@ class Feedback:
             encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link, changed,
             self.motor_temp_c, self._speed_age, self._inputs_age, self.brake_contact, self._spread,
         ) = drive  # fmt: skip
+        self.age = age
         if self.state is not state_before:
             self._state_changed(state_before)
         if link:

@@ -26,6 +26,8 @@ _REGULATION_DEG_S: Final = 0.05
 _LEASE_MS: Final = 250
 # ms in which a drive that switched itself off is told as an alarm: the heartbeat is missed after 150 ms.
 _TOLD_MS: Final = 200
+# A standing encoder is asked by at most 4096 of 524288 counts a motor turn, forth and back in some ms each.
+_DITHER_DEG: Final = 0.006
 # An alarm's cause lies at most that far back, ms: a frozen encoder at standstill is found by the dither in 500 ms.
 _CAUSE_MS: Final = 3000
 _AT_REST_MS: Final = 50
@@ -94,6 +96,7 @@ class AxisOracle:
         self._anchor: float | None = None
         self._reason_ms = -1
         self._origin_ms: float = -1.0
+        self._stray = 0.0
         self._target: float | None = None
         self._at_target_ms = 0
         self._lease_ms = -1_000_000
@@ -236,6 +239,7 @@ class AxisOracle:
         if not -self._settled < vel < self._settled:
             self._reason_ms, self._at_target_ms = now + _SETTLES_MS, now
             if now > self._origin_ms:
+                self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
                 self._check_origin(now, vel)
         elif self._target is not None:
             self._perhaps_arrived(now, self._target)
@@ -248,7 +252,9 @@ class AxisOracle:
             self._target, self._origin_ms = None, now
 
     def _check_origin(self, now: int, vel: float) -> None:
-        """A speed without a person behind it. Programs of one's own move by their own logic."""
+        """A speed without a person behind it, over more than a dither. Other programs move by their own logic."""
+        if self._stray <= _DITHER_DEG * self._deg:
+            return
         if type(self.program) is not GantryProgram:
             self._origin_ms = math.inf
             return

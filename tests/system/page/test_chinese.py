@@ -18,6 +18,12 @@ from support.service_process import Service
 
 INTERNATIONAL = {
     "NMT",
+    "SYNC",
+    "SDO",
+    "EMCY",
+    "TPDO",
+    "RPDO",
+    "PDO",
     "OPERATIONAL",
     "CAN",
     "UTC",
@@ -66,7 +72,7 @@ def in_chinese(context: BrowserContext, service: Service, area: str) -> Page:
 
 def english(text: str) -> list[str]:
     """Words that are left, but for names that are the same everywhere and keys of the machine file."""
-    without_keys = re.sub(r"`[^`]*`|\[\w+\]|\w+_\w+|docs/\S+|\b\w+\.json\b", "", text)
+    without_keys = re.sub(r"`[^`]*`|\[[\w.]+\]|\w+_\w+|docs/\S+|\b\w+\.json\b", "", text)
     return [word for word in re.findall(r"[A-Za-z]{3,}", without_keys) if word not in INTERNATIONAL]
 
 

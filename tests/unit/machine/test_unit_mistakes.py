@@ -29,6 +29,10 @@ UNNOTICED = {
     "control.compensation.latency_us": list(FACTORS),
     "can.inputs.limit_minus": list(FACTORS),  # bit 0
     "can.node": [60.0],  # any of 1 to 127
+    # Numbers without a unit: a count of stops, and the place of an object.
+    "brake.emergency_stops_max": [60.0, 360.0, 1000.0],
+    "can.encoder.index": list(FACTORS),
+    "can.encoder.sub": list(FACTORS),
 }
 
 

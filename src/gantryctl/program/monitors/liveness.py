@@ -95,7 +95,8 @@ class Liveness:
         """Count how long the reading has stood to the count."""
         feedback, scan = self._feedback, self._alarms.scan
         # Asked at rest only: what was before a motion counts no more.
-        if scan - self._scan > feedback.periods:
+        # An old count stands because nothing newer came.
+        if scan - self._scan > feedback.periods or feedback.age:
             self._counts, self._at, self.vel_rad_s = math.nan, 0, 0.0
         self._scan = scan
         if feedback.counts == self._counts:

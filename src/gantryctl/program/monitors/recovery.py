@@ -10,7 +10,7 @@ from gantryctl.program.alarms.log import Alarm, AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
-from gantryctl.program.power.phases import TORQUE_ON
+from gantryctl.program.power.phases import TORQUE_ON, PowerPhase
 from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
@@ -20,8 +20,8 @@ class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
-        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_torque_scan",
-        "_torque_unseen", "_was_open", "_was_torque", "alarm", "finished",
+        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_switching_on",
+        "_torque_scan", "_torque_unseen", "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
     def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback, power: PowerSequence) -> None:
@@ -29,7 +29,9 @@ class StopRecord:
         self._period_s = period_s
         # A drive that left by itself shows its new state already: what was commanded was on until then.
         self._was_open = feedback.brake_open or power.brake_open
-        self._was_torque = feedback.energised or power.phase in TORQUE_ON
+        # A drive that owns its brake gives torque before it shows Operation enabled.
+        self._switching_on = power.phase is PowerPhase.ENABLING and feedback.state is DriveState.SWITCHED_ON
+        self._was_torque = feedback.energised or power.phase in TORQUE_ON or self._switching_on
         self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
         self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
@@ -43,7 +45,8 @@ class StopRecord:
         if self._torque_scan < 0:
             # A state that was not known in between shows that the torque is off, not since when.
             self._torque_unseen = self._torque_unseen or feedback.state is DriveState.UNKNOWN
-            if not feedback.energised:
+            self._switching_on = self._switching_on and feedback.state is DriveState.SWITCHED_ON
+            if not (feedback.energised or self._switching_on):
                 self._torque_scan = scan
         if not feedback.speed_known or not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S:
             self._slow_scan = -1
