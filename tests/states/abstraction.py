@@ -234,7 +234,7 @@ RULES: Final[dict[type, Rules]] = {
         special={"_target": _ref_target, "plan": _scans_left},
     ),
     PowerSequence: Rules(
-        same="_drive_owns_brake _parking _unloaded _unwinding brake_open fault_reset phase request status",
+        same="_drive_owns_brake _parking _turns_back _unloaded _unwinding brake_open fault_reset phase request status",
         number="torque_ff_nm",
         count="_driven _held _over_envelope _rest_count",
         part="brake_test holding wear",

@@ -83,12 +83,47 @@ class PowerSequence:
     """
 
     __slots__ = (
-        "_alarms", "_brake_rest_scans", "_close_late_scans", "_close_scans", "_count", "_drive_owns_brake",
-        "_driven", "_feedback", "_held", "_load_nm", "_open_late_scans", "_over_envelope", "_parking",
-        "_period_s", "_pos_hold", "_pos_rad", "_power_up_scans", "_proof_scans", "_quick_dec", "_rest_count",
-        "_rest_scans", "_sag_scans", "_settings", "_settle_scans", "_slip_scans", "_step_scans", "_twist",
-        "_unloaded", "_unwinding", "_vel_start", "brake_open", "brake_test", "fault_reset", "holding", "phase",
-        "proof", "request", "status", "torque_ff_nm", "wear",
+        "_alarms",
+        "_brake_rest_scans",
+        "_close_late_scans",
+        "_close_scans",
+        "_count",
+        "_drive_owns_brake",
+        "_driven",
+        "_feedback",
+        "_held",
+        "_load_nm",
+        "_open_late_scans",
+        "_over_envelope",
+        "_parking",
+        "_period_s",
+        "_pos_hold",
+        "_pos_rad",
+        "_power_up_scans",
+        "_proof_scans",
+        "_quick_dec",
+        "_rest_count",
+        "_rest_scans",
+        "_sag_scans",
+        "_settings",
+        "_settle_scans",
+        "_slip_scans",
+        "_step_scans",
+        "_turns_back",
+        "_twist",
+        "_unloaded",
+        "_unwinding",
+        "_vel_start",
+        "brake_open",
+        "brake_test",
+        "fault_reset",
+        "holding",
+        "phase",
+        "proof",
+        "request",
+        "status",
+        "torque_ff_nm",
+        "wear",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -124,6 +159,7 @@ class PowerSequence:
         self.brake_open = False
         self.torque_ff_nm = 0.0
         self._parking = self._unloaded = self._unwinding = self._drive_owns_brake = False
+        self._turns_back = False
         self._count = self._rest_count = self._over_envelope = self._held = self._driven = 0
         self._pos_rad: float | None = None
         self._pos_hold: float | None = None
@@ -140,7 +176,10 @@ class PowerSequence:
         """Begin the way down; only at rest."""
         self._parking = False
         self.status = False
-        if self.phase is _ON or self.phase in _BRAKE_OPENING:
+        if self._opens_by_drive:
+            # Disabled now a drive that owns its brake takes the torque off before it holds: on to the end, then back.
+            self._turns_back = True
+        elif self.phase is _ON or self.phase in _BRAKE_OPENING:
             self._enter(PowerPhase.CLOSING)
         elif self.phase in RISING:
             self._enter(PowerPhase.DISABLING)
@@ -212,6 +251,12 @@ class PowerSequence:
         self._pos_hold = self._pos_rad = None
 
     @property
+    def _opens_by_drive(self) -> bool:
+        """A drive that may own its brake is opening it, or has done so without a command yet."""
+        begun = self.phase is PowerPhase.SAG_WATCH and self._drive_owns_brake and self._count == 0
+        return begun or (self.phase is PowerPhase.ENABLING and self._feedback.state is DriveState.SWITCHED_ON)
+
+    @property
     def parked(self) -> bool:
         """`status` is TRUE, but the brake holds the axis, or is being opened or closed."""
         return self.status and self.phase is not _ON
@@ -219,7 +264,7 @@ class PowerSequence:
     @property
     def falling(self) -> bool:
         """A stop or the way down is under way; nothing may shorten it."""
-        return self.phase in FALLING
+        return self.phase in FALLING or self._turns_back
 
     # --- one scan ---------------------------------------------------------------------------------
 
@@ -246,6 +291,7 @@ class PowerSequence:
         """Change the phase; outputs follow from it."""
         if phase is not PowerPhase.SAG_WATCH:  # the sag counts from the release command
             self._pos_hold = self._pos_rad
+            self._turns_back = False
         disabled = self.phase is PowerPhase.DISABLING
         self._unloaded = disabled and self._unloaded
         self._unwinding = disabled and self._drive_owns_brake
@@ -277,6 +323,9 @@ class PowerSequence:
         # The torque of the last standstill: the drive adds it to its own loop, so nothing steps at release.
         holding.preload()
         self._drive_owns_brake = feedback.brake_open
+        if self._turns_back and not feedback.brake_open:
+            self._enter(PowerPhase.DISABLING)
+            return
         if self.brake_test.under_way:
             self._test_enabled()
         # A drive that opened the brake owns it: its own sequence is accepted, and the sag is watched.
@@ -335,7 +384,9 @@ class PowerSequence:
             self._alarms.raise_(Code.BRK_01, time_ms=milliseconds(self._count), limit=milliseconds(limit))
 
     def _sag_watch(self, pos_rad: float) -> None:
-        if not self._slipped(pos_rad, Code.BRK_10) and self._count >= self._sag_scans:
+        if self._turns_back:
+            self._enter(PowerPhase.CLOSING)
+        elif not self._slipped(pos_rad, Code.BRK_10) and self._count >= self._sag_scans:
             self.status = True
             self._enter(PowerPhase.ON)
 
