@@ -29,6 +29,7 @@ MACHINE = with_values(
         "brake.owner": "object_60FE",
         "can.interface": "udp_multicast",
         "can.stepped": True,
+        "can.commissioning_required": False,
     },
 )
 

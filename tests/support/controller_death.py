@@ -31,18 +31,24 @@ def kill_in_motion(ask: Ask, machine: Machine, pid: int) -> dict[str, Any]:
     before = ask("truth")
     os.kill(pid, signal.SIGKILL)
     speed_deg_s = math.degrees(before["vel_motor_rad_s"]) / machine.axis.ratio
+    # Twice the deadline later, not at rest: a supervisor may have the next controller on the bus by then.
+    while (status := ask("status"))["time_s"] < before[
+        "time_s"
+    ] + 2.0 * machine.can.rpdo_deadline_ms / 1000.0:
+        pass
+    last_s = status["command_s"]
+    turns = ask("read", index=0x60FF, sub=0)["value"] / machine.can.increments_per_turn
     while True:
         now = ask("truth")
         slow = abs(math.degrees(now["vel_motor_rad_s"])) / machine.axis.ratio < STILL_DEG_S
-        if (slow and now["time_s"] > before["time_s"] + 1.0) or now["time_s"] > before["time_s"] + 10.0:
+        if (slow and now["time_s"] > before["time_s"] + 0.2) or now["time_s"] > before["time_s"] + 10.0:
             break
     # At rest the drive closes its brake, then takes the torque off.
     while (status := ask("status"))["state"] == "FAULT_REACTION" and status["time_s"] < now["time_s"] + 2.0:
         pass
-    turns = ask("read", index=0x60FF, sub=0)["value"] / machine.can.increments_per_turn
     command_deg_s = 360.0 * turns / machine.axis.ratio
     # From the reading before the kill to the last telegram: some ms at a steady speed.
-    gap_s = status["command_s"] - before["time_s"]
+    gap_s = last_s - before["time_s"]
     way = math.degrees(now["pos_motor_rad"] - before["pos_motor_rad"]) / machine.axis.ratio
     stop = silent_stop(machine, max(abs(speed_deg_s), abs(command_deg_s)), DRIVE_TICK_S)
     return {
