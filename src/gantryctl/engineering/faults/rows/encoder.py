@@ -177,6 +177,7 @@ ROWS: Final = (
             Code.CTL_03,
             Code.BRK_13,
             Code.DRV_13,
+            Code.ENC_14,
         ),
         reads="torque off, angle not known, service",
         injections=(injection("encoder", "gain", value=-1.0),),
