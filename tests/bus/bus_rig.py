@@ -84,7 +84,7 @@ class BusRig:
         true_scan = plant.scan
 
         def scan(*args: object) -> None:
-            true_scan(*args)  # type: ignore[arg-type]
+            true_scan(*args)
             state = plant.sim.state
             self.ticks.append(
                 Tick(
@@ -96,7 +96,7 @@ class BusRig:
                 )
             )
 
-        plant.scan = scan  # type: ignore[method-assign]
+        plant.scan = scan
 
     # --- commands ----------------------------------------------------------------------------------------------
 

@@ -65,7 +65,10 @@ def measure(root: Path) -> dict[str, object]:
 
 def restart_in_motion(console: Console, true: ControlClient) -> dict[str, object]:
     ask, until = console.link.ask, console.until
-    load_deg = lambda: math.degrees(true.ask("truth")["pos_load_rad"])  # noqa: E731
+
+    def load_deg() -> float:
+        return math.degrees(true.ask("truth")["pos_load_rad"])
+
     ask("take", over=False)
     ask("power", on=True)
     until(lambda tags: tags["power"])

@@ -229,7 +229,7 @@ def run_sequence(seed: int, oracle: Oracle, actions: int = ACTIONS) -> Sequence:
     rng = random.Random(seed)
     told = Sequence(seed, words)
     engine = build_engine(machine, drive_of(machine, angle))
-    engine.operator.command = OperatorCommand()  # type: ignore[attr-defined]
+    engine.operator.command = OperatorCommand()
     hand = _Hand(engine, rng, told)
     engine.run_for(0.1)
     hand.power_up()

@@ -59,7 +59,7 @@ class Between:
 
     def __init__(self, bench: Bench, change: Callable[[OutputImage], OutputImage]) -> None:
         self._drive, self._change = bench.drive, change
-        bench.engine.drive = self  # type: ignore[assignment]
+        bench.engine.drive = self
 
     def read(self) -> DriveFeedback:
         return self._drive.read()
@@ -70,8 +70,8 @@ class Between:
 
 def plant(bench: Bench, change: Callable[[int, float, float, bool], tuple[int, float, float, bool]]) -> None:
     """Change what the drive does, behind the wire."""
-    true = bench.drive._scan  # type: ignore[attr-defined]
-    bench.drive._scan = lambda *command: true(*change(*command))  # type: ignore[attr-defined]
+    true = bench.drive._scan
+    bench.drive._scan = lambda *command: true(*change(*command))
 
 
 # --- liars: each breaks one invariant -----------------------------------------------------------------------------
@@ -79,7 +79,7 @@ def plant(bench: Bench, change: Callable[[int, float, float, bool], tuple[int, f
 
 def a_brake_without_strength(_: pytest.MonkeyPatch) -> None:
     bench = Bench(plant__brake__torque_share=0.3).moving()
-    bench.drive.faults.estop_ok = False  # type: ignore[attr-defined]
+    bench.drive.faults.estop_ok = False
     bench.engine.run_for(3.0)
 
 
@@ -142,7 +142,7 @@ def a_speed_without_enable(_: pytest.MonkeyPatch) -> None:
 def a_frame_of_somebody_else(_: pytest.MonkeyPatch) -> None:
     bench = Bench(drive__kind="canopen", control__scan_period_ms=4.0)
     bench.engine.run_for(0.1)
-    bench.drive.link.send(0x181, b"\0")  # type: ignore[attr-defined]
+    bench.drive.link.send(0x181, b"\0")
     bench.engine.close()
 
 
@@ -173,7 +173,7 @@ def a_wrong_angle_that_is_called_valid(patch: pytest.MonkeyPatch) -> None:
     bench = Bench().up()
     patch.setattr(AlarmLog, "raise_", lambda *_, **__: None)
     patch.setattr(Feedback, "position_valid", True)
-    bench.drive.lose_turns(1)  # type: ignore[attr-defined]
+    bench.drive.lose_turns(1)
     bench.engine.run_for(0.5)
 
 
@@ -258,7 +258,7 @@ def test_a_sound_run_is_passed(period_ms: float, oracle: Oracle) -> None:
     axis = oracle.axis(bench.drive)
     assert axis.bound
     assert axis.ms == pytest.approx(1e3 * bench.engine.time_s, abs=10)
-    assert axis.angle / RATIO == pytest.approx(bench.drive.truth_source.truth()[2] / RATIO)  # type: ignore[union-attr]
+    assert axis.angle / RATIO == pytest.approx(bench.drive.truth_source.truth()[2] / RATIO)
 
 
 @pytest.mark.can
@@ -315,7 +315,7 @@ def everything(bench: Bench) -> None:
     bench.engine.run_for(0.5)
     bench.up().op(power=False)
     bench.engine.run_for(2.0)
-    assert bench.engine.program.axis.is_off  # type: ignore[attr-defined]
+    assert bench.engine.program.axis.is_off
 
 
 @pytest.mark.parametrize(

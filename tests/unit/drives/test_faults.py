@@ -90,7 +90,7 @@ class OnBus:
 
 @pytest.fixture(params=[InProcess, OnBus])
 def drive_at(request: pytest.FixtureRequest) -> Callable[[float], InProcess | OnBus]:
-    return request.param  # type: ignore[no-any-return]
+    return request.param
 
 
 def turning(drive: InProcess | OnBus, deg_s: float = 1.0) -> InProcess | OnBus:

@@ -54,7 +54,7 @@ class PlantRig:
         self.period_s = scan_ms * 1e-3
         self.spoil: Callable[[DriveFeedback], DriveFeedback] | None = None
         read = self.drive.read
-        self.drive.read = lambda: read() if self.spoil is None else self.spoil(read())  # type: ignore[method-assign]
+        self.drive.read = lambda: read() if self.spoil is None else self.spoil(read())
 
     @property
     def true_deg(self) -> float:

@@ -66,7 +66,6 @@ class FaultCase:
         seen_after_s: time that the monitor needs beyond that of its class.
         from_deviation: the way counts from the first 0.1 deg/s of true speed deviation.
         judged: False: nothing is demanded of the run, it is shown.
-        failing: what does not hold yet, and waits for a mend; "" for a row that holds.
     """
 
     number: str
@@ -85,4 +84,3 @@ class FaultCase:
     seen_after_s: float = 0.0
     from_deviation: bool = False
     judged: bool = True
-    failing: str = ""

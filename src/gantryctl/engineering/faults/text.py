@@ -91,8 +91,6 @@ def _case_lines(case: FaultCase) -> list[str]:
         f"injected on  {' and '.join(case.buses)}",
     ]
     lines += [f"injection    {each.text}" for each in case.injections]
-    if case.failing:
-        lines.append(f"waits for    {case.failing}")
     return lines
 
 
@@ -122,7 +120,6 @@ def _case_data(case: FaultCase) -> dict[str, Any]:
         "reads": case.reads,
         "on": list(case.buses),
         "injections": [each.model_dump(mode="json") for each in case.injections],
-        "waits_for": case.failing,
     }
 
 

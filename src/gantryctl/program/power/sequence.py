@@ -539,8 +539,10 @@ class PowerSequence:
             return
         self._driven = feedback.lasting(self._driven)
         if self._driven * self._period_s >= _HOLD_DRIVEN_S:
-            feedback.in_doubt = feedback.in_doubt or wrong_reading
-            self._load_moves(pos_rad, Reaction.TORQUE_OFF)
+            if wrong_reading:
+                feedback.doubt(Code.BRK_13, measured=deg(self._moved(pos_rad)), speed=deg(speed_rad_s))
+            else:
+                self._load_moves(pos_rad, Reaction.TORQUE_OFF)
 
     def _load_moves(self, pos_rad: float, reaction: Reaction | None = None) -> None:
         moved, speed = deg(self._moved(pos_rad)), deg(abs(self._feedback.vel_rad_s))
