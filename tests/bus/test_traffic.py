@@ -52,10 +52,10 @@ class TestInMotion:
         stopped(rig, begun, "CAN-10", QUICK_STOP_DEG[abs(speed)])
 
     def test_another_mode(self, owner: str, scan_ms: float, speed: float) -> None:
-        """6061 is asked for four times a second; the drive still follows meanwhile, so the way is one of the stop."""
+        """6061 is asked for ten times a second; the drive follows meanwhile, so the way is one of the stop."""
         rig = BusRig(bus_machine(owner, scan_ms)).power_up().cruise(speed)
         rig.inject("mode_display", value=3)
-        rig.until(lambda: bool(rig.codes), 0.5)
+        rig.until(lambda: bool(rig.codes), 0.13)
         begun = len(rig.ticks)
         rig.run(4.0)
         stopped(rig, begun, "DRV-06", TORQUE_OFF_DEG[abs(speed)])

@@ -106,6 +106,8 @@ INPUTS: Final = (
 _NUMBER: Final = Argument(float, -1e12, 1e12)
 _SHARE: Final = Argument(float, 0.0, 1.0)
 _CAN_ID: Final = Argument(int, 0, 0x7FF)
+# A data frame of eight bytes with the space behind it, without stuff bits (ISO 11898-1).
+_FRAME_BITS: Final = 111
 
 # --- encoder ---------------------------------------------------------------------------------------------------------
 
@@ -413,13 +415,19 @@ def _foreign_nmt(target: Target, command: str) -> None:
     target.node.foreign(0, bytes((codes[command], target.node.node_id)))
 
 
-@kind(Place.FRAME, "flood", needs_bus=True, can_id=_CAN_ID, per_scan=Argument(int, 1, 10_000))
-def _flood(target: Target, can_id: int, per_scan: int) -> Undo:
-    """Third party floods the bus with an identifier."""
+@kind(Place.FRAME, "flood", needs_bus=True, can_id=_CAN_ID, share=Argument(float, 0.01, 10.0))
+def _flood(target: Target, can_id: int, share: float) -> Undo:
+    """Third party floods the bus: frames of eight bytes that take this share of the bit rate."""
     key = f"flood {can_id}"
+    machine = target.machine
+    frames_per_scan = share * machine.can.bitrate * machine.control.scan_period_ms * 1e-3 / _FRAME_BITS
+    due = 0.0
 
     def step() -> None:
-        for _ in range(per_scan):
+        nonlocal due
+        due += frames_per_scan
+        while due >= 1.0:
+            due -= 1.0
             target.node.foreign(can_id, bytes(8))
 
     target.repeated[key] = step

@@ -70,7 +70,7 @@ DRIVE: Final = (
     Row(
         "D6",
         "Drive in another mode than CSV",
-        "6061, before it is enabled and four times a second",
+        "6061, before it is enabled and ten times a second",
         "torque off; not enabled until it is set up again",
         (Code.DRV_06, Code.CFG_CAN_01),
         (
