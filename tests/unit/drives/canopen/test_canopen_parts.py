@@ -267,6 +267,17 @@ def test_own_frames_are_dropped_once_and_a_foreign_copy_is_seen() -> None:
     link.close()
 
 
+def test_the_log_sees_each_frame_once_with_its_direction() -> None:
+    seen: list[tuple[float, int, bytes, bool]] = []
+    link = BusLink(Echoing(), echoes=True, advance=lambda _: None, log=lambda *frame: seen.append(frame))
+    link.send(0x202, b"ab")
+    link.pause(0.004)
+    link._bus.send(can.Message(arbitration_id=0x182, data=b"cd", is_extended_id=False))
+    assert link.receive(0.0) == Frame(0x182, b"cd")
+    assert seen == [(0.0, 0x202, b"ab", True), (0.004, 0x182, b"cd", False)]
+    link.close()
+
+
 class Broken(Echoing):
     """A bus that has gone."""
 
@@ -275,10 +286,12 @@ class Broken(Echoing):
 
 
 def test_a_dead_bus_is_down_after_three_failures_and_never_raises() -> None:
-    link = BusLink(Broken())
+    seen: list[object] = []
+    link = BusLink(Broken(), log=lambda *frame: seen.append(frame))
     for k in range(3):
         assert not link.down, k
         link.send(0x80, b"")
     assert link.down
     assert link.refused == 3
+    assert not seen  # What the bus did not take was not on it.
     link.close()

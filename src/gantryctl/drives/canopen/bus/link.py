@@ -27,6 +27,9 @@ UDP_GROUP: Final = "239.74.163.2"
 # cycles of a library on udp_multicast.
 ECHOING: Final = ("udp_multicast", "socketcan")
 
+FrameLog = Callable[[float, int, bytes, bool], None]
+"""Takes each data frame: `BusLink.now_s`, identifier, data, and whether this master sent it."""
+
 
 class Frame(NamedTuple):
     """Classic data frame with an 11-bit identifier."""
@@ -67,6 +70,7 @@ class BusLink:
         echoes: the interface delivers our own frames back.
         advance: lets the time of a drive in this process go on; without it time is the computer's.
         stepped: the drive's time goes on by SYNC; always so for a drive in this process.
+        log: called for each data frame sent or received, not for the echo of one; it must not raise.
         when_closed: called once, after the bus was left.
 
     Attributes:
@@ -84,9 +88,10 @@ class BusLink:
         echoes: bool = False,
         advance: Callable[[float], None] | None = None,
         stepped: bool = False,
+        log: FrameLog | None = None,
         when_closed: Callable[[], None] = lambda: None,
     ) -> None:
-        self._bus, self._when_closed = bus, when_closed
+        self._bus, self._when_closed, self._log = bus, when_closed, log
         self.stepped = stepped or advance is not None
         self._advance = advance
         self._virtual_s = 0.0
@@ -120,6 +125,8 @@ class BusLink:
         else:
             self._send_failures = 0
             self.bus_off = False
+            if self._log is not None:
+                self._log(self.now_s(), can_id, data, True)
 
     def receive(self, timeout_s: float) -> Frame | None:
         """Receive the next classic data frame that is not an echo; None when the time is over."""
@@ -163,6 +170,8 @@ class BusLink:
                 self.unseen = 0
             return None
         self.bits += _FRAME_BITS + 8 * len(frame.data)
+        if self._log is not None:
+            self._log(self.now_s(), frame.can_id, frame.data, False)
         return frame
 
     def _error_frame(self, message: can.Message) -> None:
