@@ -29,8 +29,8 @@ _EMERGENCIES_MAX: Final = 10
 # The fault state shows within this time of its emergency message; one without is a complaint of its own (D12).
 _COMPLAINT_S: Final = 0.030
 _TOLD_S: Final = 1.0
-# Mode and target are asked for this often, behind the process data. A drive in another mode may run on at its last speed
-# until the answer: at 0.25 s it turned 1.50 deg from 3 deg/s, of 1.40 permitted (fault D6, scan 10 ms).
+# Mode and target are asked for this often, behind the process data. A drive in another mode may run on at its last
+# speed until the answer: at 0.25 s it turned 1.50 deg from 3 deg/s, of 1.40 permitted (fault D6, scan 10 ms).
 _ASK_S: Final = 0.1
 _OBEYED_SCANS: Final = 3
 _WORKING: Final = (
