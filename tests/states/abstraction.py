@@ -40,6 +40,7 @@ from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.brake_test import BrakeTest
+from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import RISING
 from gantryctl.program.power.sequence import PowerSequence
@@ -236,8 +237,8 @@ RULES: Final[dict[type, Rules]] = {
     PowerSequence: Rules(
         same="_drive_owns_brake _parking _turns_back _unloaded _unwinding brake_open fault_reset phase request status",
         number="torque_ff_nm",
-        count="_driven _held _over_envelope _rest_count",
-        part="brake_test holding wear",
+        count="_doubted_moving _over_envelope _rest_count",
+        part="_hold_watch brake_test holding wear",
         # Not judged by these settings.
         clock="_pos_rad _twist",
         fixed="_alarms _brake_rest_scans _close_late_scans _close_scans _feedback _open_late_scans _period_s "
@@ -250,8 +251,14 @@ RULES: Final[dict[type, Rules]] = {
             # Behind the closed brake only a contact that is late and a watch of one scan are timed.
             "_count": lambda power, _: min(power._count, 3 if power.phase in _RESTING else _CAP),
             "_load_nm": _in_phases("_load_nm", PowerPhase.UNLOADING),
-            "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING, PowerPhase.TORQUE_HOLD),
+            "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING),
         },
+    ),
+    HoldWatch: Rules(
+        when=lambda _, roots: roots.axis.power.phase is PowerPhase.TORQUE_HOLD,
+        number="_speed_before",
+        count="_driven _held",
+        fixed="_alarms _feedback _period_s _test_torque_nm",
     ),
     HoldingTorque: Rules(
         same="believed",

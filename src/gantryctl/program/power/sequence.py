@@ -11,6 +11,7 @@ from gantryctl.program.alarms.log import Alarm, AlarmLog
 from gantryctl.program.alarms.words import Words, drive_state_words
 from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
+from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
 from gantryctl.program.power.twist import Twist
@@ -39,13 +40,6 @@ _UNLOAD_STEPS: Final = 3
 # the motor side with 16 kN m and the swing of a quick stop, 0.026 deg with 50 kN m; over after 0.3 s.
 _UNWIND_RAD: Final = rad(0.03)
 _UNWIND_S: Final = 0.300
-# HOLD: a sound drive without a brake catches 50 kN m at 0.13 to 0.21 deg/s and stops it within 0.3 s; a brake that
-# slips at rest moves the load by 0.15 deg at most until then.
-_HOLD_MOVED_RAD: Final = rad(0.15)
-_HOLD_RAD_S: Final = rad(0.1)
-_HOLD_CATCH_S: Final = 0.300
-# A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
-_HOLD_DRIVEN_S: Final = 0.050
 # After these nobody gives torque back by itself: the drive does not obey, or another master may command it.
 _NO_HOLD_AFTER: Final = frozenset({Code.CAN_12, Code.CTL_05, Code.DRV_05, Code.DRV_07, Code.DRV_13})
 
@@ -88,10 +82,10 @@ class PowerSequence:
         "_close_late_scans",
         "_close_scans",
         "_count",
+        "_doubted_moving",
         "_drive_owns_brake",
-        "_driven",
         "_feedback",
-        "_held",
+        "_hold_watch",
         "_load_nm",
         "_open_late_scans",
         "_over_envelope",
@@ -150,6 +144,7 @@ class PowerSequence:
         self.proof = Proof.NOT_DONE
         self.holding = HoldingTorque(settings)
         self._twist = Twist(settings, feedback)
+        self._hold_watch = HoldWatch(settings, feedback, alarms)
         self.brake_test = BrakeTest(
             power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
         )
@@ -160,7 +155,7 @@ class PowerSequence:
         self.torque_ff_nm = 0.0
         self._parking = self._unloaded = self._unwinding = self._drive_owns_brake = False
         self._turns_back = False
-        self._count = self._rest_count = self._over_envelope = self._held = self._driven = 0
+        self._count = self._rest_count = self._over_envelope = self._doubted_moving = 0
         self._pos_rad: float | None = None
         self._pos_hold: float | None = None
         self._load_nm = self._vel_start = 0.0
@@ -296,7 +291,8 @@ class PowerSequence:
         self._unloaded = disabled and self._unloaded
         self._unwinding = disabled and self._drive_owns_brake
         self.phase = phase
-        self._count = self._rest_count = self._over_envelope = self._held = self._driven = 0
+        self._count = self._rest_count = self._over_envelope = self._doubted_moving = 0
+        self._hold_watch.begin()
         self._vel_start = abs(self._feedback.vel_rad_s)
         outputs = OUTPUTS[phase]
         if phase is PowerPhase.TORQUE_OFF and self._feedback.brake_open:
@@ -455,8 +451,7 @@ class PowerSequence:
             # Within the watch after unloading it is the brake that did not hold (C3), later one that gave way (C4).
             late = not self._unloaded or self._count > self._slip_scans
             self._raise_slip(Code.BRK_04 if late else Code.BRK_03, moved)
-            if not moved <= _HOLD_MOVED_RAD:
-                self._load_moves(pos_rad)
+            self._hold_watch.tell_if_moved(moved)
         if self._feedback.brake_open and self._count > self._close_late_scans:
             self._brake_still_open()
 
@@ -505,48 +500,13 @@ class PowerSequence:
 
     def _torque_hold(self, pos_rad: float) -> None:
         """Give the preload back, at zero speed, once the drive is enabled; judge whether that holds the load."""
-        feedback = self._feedback
-        if feedback.state in ENABLED:
-            self._held += feedback.periods
+        if self._feedback.state in ENABLED:
             self.torque_ff_nm = self.holding.preload_nm
-        elif self._held:
+        elif self._hold_watch.has_held:
             self._lost()
         elif self._count > self._power_up_scans:
             self._stuck(_OPERATION_ENABLED, Reaction.TORQUE_OFF)
-        speed = abs(feedback.vel_rad_s)
-        # Written so that NaN is a load that moves.
-        slow = speed <= _HOLD_RAD_S
-        late = self._held * self._period_s > _HOLD_CATCH_S
-        if not self._moved(pos_rad) <= _HOLD_MOVED_RAD or (late and not slow):
-            self._load_moves(pos_rad)
-        if slow or not self._held:
-            self._driven = 0
-        else:
-            self._watch_drive(pos_rad, speed)
-
-    def _watch_drive(self, pos_rad: float, speed_rad_s: float) -> None:
-        """Take the torque off where it drives the load instead of holding it."""
-        feedback = self._feedback
-        torque_nm = feedback.torque_nm
-        # No load needs more than the brake is tested with. More torque against a motion that grows is a reading of
-        # the wrong sign: the drive then pushes where it means to brake.
-        against = torque_nm * feedback.vel_rad_s <= 0.0
-        wrong_reading = against and abs(torque_nm) > self._settings.test_torque_nm
-        if self._driven == 0:
-            self._vel_start = speed_rad_s
-        if speed_rad_s < self._vel_start or (against and not wrong_reading):
-            self._driven = 0
-            return
-        self._driven = feedback.lasting(self._driven)
-        if self._driven * self._period_s >= _HOLD_DRIVEN_S:
-            if wrong_reading:
-                feedback.doubt(Code.BRK_13, measured=deg(self._moved(pos_rad)), speed=deg(speed_rad_s))
-            else:
-                self._load_moves(pos_rad, Reaction.TORQUE_OFF)
-
-    def _load_moves(self, pos_rad: float, reaction: Reaction | None = None) -> None:
-        moved, speed = deg(self._moved(pos_rad)), deg(abs(self._feedback.vel_rad_s))
-        self._alarms.raise_(Code.BRK_13, reaction, measured=moved, speed=speed)
+        self._hold_watch.scan(self._moved(pos_rad))
 
     def _can_hold(self) -> bool:
         """Whether the drive can be asked for torque at zero speed."""
@@ -618,10 +578,10 @@ class PowerSequence:
         if self._feedback.position_valid:
             return True
         if -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S:
-            self._pos_hold, self._driven = pos_rad, 0
+            self._pos_hold, self._doubted_moving = pos_rad, 0
             return False
-        self._driven = self._feedback.lasting(self._driven)
-        return self._driven >= self._rest_scans
+        self._doubted_moving = self._feedback.lasting(self._doubted_moving)
+        return self._doubted_moving >= self._rest_scans
 
     def _at_rest(self) -> bool:
         """Whether the axis has been slow for long enough."""

@@ -1,0 +1,97 @@
+"""Judgement of HOLD: whether the torque of the drive really holds the load."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.feedback import ENABLED, Feedback
+from gantryctl.program.settings import AxisSettings
+from gantryctl.units import deg, rad
+
+# A sound drive without a brake catches 50 kN m at 0.13 to 0.21 deg/s and stops it within 0.3 s; a brake that
+# slips at rest moves the load by 0.15 deg at most until then.
+_MOVED_RAD: Final = rad(0.15)
+_SPEED_RAD_S: Final = rad(0.1)
+_CATCH_S: Final = 0.300
+# A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
+_DRIVEN_S: Final = 0.050
+
+
+class HoldWatch:
+    """Raise BRK-13 for a load that moves in HOLD, and take the torque off where it drives the load.
+
+    Args:
+        settings: scan period, torque of the brake test.
+        feedback: state, speed and torque of the drive.
+        alarms: where the alarm is raised.
+    """
+
+    __slots__ = ("_alarms", "_driven", "_feedback", "_held", "_period_s", "_speed_before", "_test_torque_nm")
+
+    def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
+        self._feedback, self._alarms = feedback, alarms
+        self._period_s, self._test_torque_nm = settings.period_s, settings.power.test_torque_nm
+        self._held = self._driven = 0
+        self._speed_before = 0.0
+
+    def begin(self) -> None:
+        """A phase begins."""
+        self._held = self._driven = 0
+        self._speed_before = 0.0
+
+    @property
+    def has_held(self) -> bool:
+        """The drive has had torque in this HOLD."""
+        return self._held > 0
+
+    def scan(self, moved_rad: float) -> None:
+        """Judge one scan of HOLD.
+
+        Args:
+            moved_rad: angle since HOLD began.
+        """
+        feedback = self._feedback
+        if feedback.state in ENABLED:
+            self._held += feedback.periods
+        # Written so that NaN is a load that moves.
+        slow = abs(feedback.vel_rad_s) <= _SPEED_RAD_S
+        late = self._held * self._period_s > _CATCH_S
+        if late and not slow:
+            self._tell(moved_rad)
+        else:
+            self.tell_if_moved(moved_rad)
+        if slow or not self._held:
+            self._driven = 0
+        else:
+            self._watch_drive(moved_rad)
+
+    def tell_if_moved(self, moved_rad: float) -> None:
+        """Raise BRK-13 where the load has moved further than a brake that slips at rest moves it."""
+        if not moved_rad <= _MOVED_RAD:
+            self._tell(moved_rad)
+
+    def _watch_drive(self, moved_rad: float) -> None:
+        """Take the torque off where it drives the load instead of holding it."""
+        feedback = self._feedback
+        torque_nm, speed = feedback.torque_nm, abs(feedback.vel_rad_s)
+        # No load needs more than the brake is tested with. More torque against a motion that grows is a reading of
+        # the wrong sign: the drive then pushes where it means to brake.
+        against = torque_nm * feedback.vel_rad_s <= 0.0
+        wrong_reading = against and abs(torque_nm) > self._test_torque_nm
+        if self._driven == 0:
+            self._speed_before = speed
+        if speed < self._speed_before or (against and not wrong_reading):
+            self._driven = 0
+            return
+        self._driven = feedback.lasting(self._driven)
+        if self._driven * self._period_s >= _DRIVEN_S:
+            if wrong_reading:
+                feedback.doubt(Code.BRK_13, measured=deg(moved_rad), speed=deg(speed))
+            else:
+                self._tell(moved_rad, Reaction.TORQUE_OFF)
+
+    def _tell(self, moved_rad: float, reaction: Reaction | None = None) -> None:
+        speed = deg(abs(self._feedback.vel_rad_s))
+        self._alarms.raise_(Code.BRK_13, reaction, measured=deg(moved_rad), speed=speed)
