@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Final
+from typing import Final, Literal, TypeAlias
 
 RAD_PER_DEG: Final = math.pi / 180.0
 DEG_PER_RAD: Final = 180.0 / math.pi
@@ -12,6 +12,11 @@ RAD_S_PER_R_MIN: Final = 2.0 * math.pi / 60.0
 DEG_S_PER_R_MIN: Final = 6.0
 # The paper's moments and the plant's (plant equations S1) are made with this rounded value.
 GRAVITY_M_S2: Final = 9.81
+
+DriveVelocityUnit: TypeAlias = Literal[
+    "inc/s", "0.1 inc/s", "16.16 inc/ms", "r/min", "0.1 r/min", "0.001 r/min", "mrev/s"
+]
+"""Unit in which a drive on a bus counts speed; `drives.od.velocity_units` has the size of each."""
 
 
 def name_ending(name: str, suffixes: Iterable[str]) -> str:

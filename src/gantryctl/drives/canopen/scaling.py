@@ -6,7 +6,7 @@ import math
 from typing import Final
 
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.units import r_min_from_rad_s
+from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
 
 _TWO_PI: Final = 2.0 * math.pi
 _I32: Final = (1 << 31) - 1
@@ -22,12 +22,7 @@ class BusUnits:
     """
 
     def __init__(self, settings: CanopenSettings, torque_rated_nm: float) -> None:
-        per_rad_s = {
-            "inc/s": settings.increments_per_turn / _TWO_PI,
-            "r/min": r_min_from_rad_s(1.0),
-            "0.1 r/min": 10.0 * r_min_from_rad_s(1.0),
-            "0.001 r/min": 1000.0 * r_min_from_rad_s(1.0),
-        }[settings.velocity_unit]
+        per_rad_s = VELOCITY_UNITS[settings.velocity_unit].per_rad_s(settings.increments_per_turn)
         sign = -1.0 if settings.inverted else 1.0
         self.sign = -1 if settings.inverted else 1
         self.velocity_size = per_rad_s

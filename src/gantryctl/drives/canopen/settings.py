@@ -6,17 +6,9 @@ from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from gantryctl.image import DriveIdentity
+from gantryctl.units import DriveVelocityUnit
 
 BrakeOwner = Literal["drive", "object_60FE"]
-
-# SI unit velocity, object 60A9 (CiA 402): prefix, numerator and denominator of the unit in one word.
-VELOCITY_UNITS: Final = {
-    "inc/s": 0x00B5_0300,
-    "r/min": 0x00B4_4700,
-    "0.1 r/min": 0xFFB4_4700,
-    "0.001 r/min": 0xFDB4_4700,
-}
-"""Units of 60FF and what 60A9 says of each."""
 
 
 class InputBits(NamedTuple):
@@ -64,7 +56,7 @@ class CanopenSettings:
     """Of 6064, per motor turn."""
     turns: int
     """Multiturn range in motor turns."""
-    velocity_unit: str
+    velocity_unit: DriveVelocityUnit
     torque_rated_nm: float
     """For drives without 6076."""
     torque_reference: float

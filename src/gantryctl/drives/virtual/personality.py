@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Final, Literal
+from typing import Final
 
 from gantryctl.errors import UsageError
-
-VelocityUnit = Literal["inc/s", "r/min", "0.1 r/min", "0.001 r/min"]
+from gantryctl.units import DriveVelocityUnit
 
 
 @dataclass(frozen=True)
@@ -40,7 +39,7 @@ class Personality:
     # Increments of 6064 per motor turn; 2^19 x 4096 turns fill the positive half of 32 bit.
     counts_per_turn: int = 1 << 19
     # Unit of 60FF, 606C, 60B1 and 607F; of accelerations that per second.
-    velocity_unit: VelocityUnit = "inc/s"
+    velocity_unit: DriveVelocityUnit = "inc/s"
     # What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.
     torque_reference: float = 1.0
 

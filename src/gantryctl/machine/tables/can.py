@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from gantryctl.machine.tables.fields import Table, choice, number, switch, table, text
+from gantryctl.units import DriveVelocityUnit
 
 
 class CanInputsTable(Table):
@@ -53,7 +52,7 @@ class CanTable(Table):
     eds: str = text("", 200, "EDS of the drive, for `gantryctl can scan` and `drive objects`.")
     # 19 bits, what drives with such an encoder make of a turn; 6064 has 32 bits, so 8192 turns fit.
     increments_per_turn: int = number(524_288, 64, 2**24, "Increments of 6064 per motor turn.", "catalogue")
-    velocity_unit: Literal["inc/s", "r/min", "0.1 r/min", "0.001 r/min"] = choice(
+    velocity_unit: DriveVelocityUnit = choice(
         "inc/s", "Unit of 60FF, 606C and, per second, of 6085.", "catalogue"
     )
     torque_reference: float = number(

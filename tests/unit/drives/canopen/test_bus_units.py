@@ -2,31 +2,42 @@
 
 import math
 from dataclasses import replace
+from typing import Final
 
 import pytest
 
 from gantryctl.drives.canopen.scaling import BusUnits
+from gantryctl.units import DriveVelocityUnit
 from gantryctl.wiring.canopen import canopen_settings
 from unit.drives.canopen.canopen_bench import machine
 
 pytestmark = pytest.mark.can
 
 # 2 pi rad/s is one turn a second: 60 r/min, or as many increments as a turn has.
-TURN = {"inc/s": 524288, "r/min": 60, "0.1 r/min": 600, "0.001 r/min": 60000}
+# Worked out by hand: 5 242 880 tenths of an increment; 524 288 x 65 536 / 1000 of 16.16 increments a millisecond.
+TURN: Final[dict[DriveVelocityUnit, float]] = {
+    "inc/s": 524288,
+    "0.1 inc/s": 5242880,
+    "16.16 inc/ms": 34359738.368,
+    "r/min": 60,
+    "0.1 r/min": 600,
+    "0.001 r/min": 60000,
+    "mrev/s": 1000,
+}
 
 
 @pytest.mark.parametrize("inverted", [False, True])
 @pytest.mark.parametrize("unit", TURN)
-def test_a_turn_a_second_and_the_rated_torque(unit: str, inverted: bool) -> None:
+def test_a_turn_a_second_and_the_rated_torque(unit: DriveVelocityUnit, inverted: bool) -> None:
     settings = replace(
         canopen_settings(machine()), velocity_unit=unit, inverted=inverted, torque_reference=1.0
     )
     units, sign = BusUnits(settings, 250.0), -1 if inverted else 1
-    assert units.velocity(math.tau) == sign * TURN[unit]
+    assert units.velocity(math.tau) == sign * round(TURN[unit])
     assert units.rad_s_per_unit * TURN[unit] == pytest.approx(sign * math.tau, rel=1e-12)
     # 6085 has no sign: 5.4 deg/s2 are what they are whichever way the motor turns.
-    assert units.unsigned_velocity(math.tau) == TURN[unit]
-    assert units.unsigned_velocity(-math.tau) == TURN[unit]
+    assert units.unsigned_velocity(math.tau) == round(TURN[unit])
+    assert units.unsigned_velocity(-math.tau) == round(TURN[unit])
     # Per mille of the rated torque: 25 N m of 250.
     assert units.torque(25.0) == sign * 100
     assert units.nm_per_unit * 100 == pytest.approx(sign * 25.0, rel=1e-12)

@@ -8,8 +8,9 @@ from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.scaling import BusUnits
-from gantryctl.drives.canopen.settings import VELOCITY_UNITS, CanopenSettings
+from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.drives.od.standard import STANDARD
+from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
 from gantryctl.errors import DeviceError
 from gantryctl.units import r_min_from_rad_s
 
@@ -108,8 +109,15 @@ def wanted_parameters(
         WantedParameter(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
         WantedParameter(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
         WantedParameter(0x608F, 2, 1, "the same, per motor turn", writable=False),
-        WantedParameter(0x60A9, 0, VELOCITY_UNITS[s.velocity_unit], "[can] velocity_unit", writable=False),
+        *_velocity_unit(s),
     )
+
+
+def _velocity_unit(settings: CanopenSettings) -> tuple[WantedParameter, ...]:
+    word = VELOCITY_UNITS[settings.velocity_unit].si_unit
+    if word is None:
+        return ()
+    return (WantedParameter(0x60A9, 0, word, "[can] velocity_unit", writable=False),)
 
 
 def _quick_stop_option(settings: CanopenSettings) -> WantedParameter:

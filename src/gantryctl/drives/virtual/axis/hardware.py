@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from gantryctl import _core
-from gantryctl.drives.virtual.personality import Personality, VelocityUnit
+from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+from gantryctl.drives.virtual.personality import Personality
 from gantryctl.units import r_min_from_rad_s, rad_s_from_r_min
 
 
@@ -49,18 +50,7 @@ class Hardware:
     """Period of the drive's own state machine; a whole number of speed-loop cycles."""
 
 
-_TWO_PI: Final = 2.0 * math.pi
-_R_MIN: Final = r_min_from_rad_s(1.0)
 _I32: Final = 1 << 31
-
-# 60A9: prefix, numerator (increment, revolution), denominator (second, minute). The master has a table of its own
-# (decision 0008).
-SI_UNIT: Final[dict[VelocityUnit, int]] = {
-    "inc/s": 0x00B5_0300,
-    "r/min": 0x00B4_4700,
-    "0.1 r/min": 0xFFB4_4700,
-    "0.001 r/min": 0xFDB4_4700,
-}
 
 
 def wrap_i32(value: int) -> int:
@@ -87,12 +77,7 @@ class Scaling:
         self.counts_per_turn = kind.counts_per_turn
         self.velocity_unit = kind.velocity_unit
         self._fine = hardware.fine_counts_per_turn
-        self.per_rad_s = {
-            "inc/s": kind.counts_per_turn / _TWO_PI,
-            "r/min": _R_MIN,
-            "0.1 r/min": 10.0 * _R_MIN,
-            "0.001 r/min": 1000.0 * _R_MIN,
-        }[kind.velocity_unit]
+        self.per_rad_s = VELOCITY_UNITS[kind.velocity_unit].per_rad_s(kind.counts_per_turn)
         self.torque_unit_nm = hardware.torque_rated_nm * kind.torque_reference / 1000.0
 
     def increments(self, fine_counts: float) -> int:

@@ -16,7 +16,8 @@ from gantryctl.drives.od.model import (
     described,
 )
 from gantryctl.drives.od.types import DataType
-from gantryctl.drives.virtual.axis.hardware import SI_UNIT, Hardware, Scaling, r_min
+from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+from gantryctl.drives.virtual.axis.hardware import Hardware, Scaling, r_min
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.units import rad
 
@@ -264,6 +265,8 @@ def _plate_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> t
         return array(name, *pair)
 
     turns = "Motor revolutions"
+    # A unit that no word of 60A9 means has no such object.
+    unit = VELOCITY_UNITS[scaling.velocity_unit].si_unit
     return (
         var(0x6075, "Motor rated current", U32, RO, round(hardware.current_rated_a * 1000.0)),
         var(0x6076, "Motor rated torque", U32, RO, round(hardware.torque_rated_nm * 1000.0)),
@@ -272,7 +275,7 @@ def _plate_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> t
         ),
         factor(0x6091, "Gear ratio", (turns, 1), ("Shaft revolutions", 1)),
         var(0x60A8, "SI unit position", U32, RO, 0x00B5_0000),
-        var(0x60A9, "SI unit velocity", U32, RO, SI_UNIT[scaling.velocity_unit]),
+        *(() if unit is None else (var(0x60A9, "SI unit velocity", U32, RO, unit),)),
         # 6402, value 10: sinusoidal permanent-magnet brushless motor (CiA 402).
         var(0x6402, "Motor type", U16, RO, 10),
         var(0x6502, "Supported drive modes", U32, RO, modes),
