@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from gantryctl._core import GantrySim
 from gantryctl.image import DriveFeedback, OutputImage
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.program import GantryProgram, PowerPhase
+from gantryctl.program.alarms.log import Alarm
 from gantryctl.runtime import Engine, FixedOperator
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import build_engine, build_program
 from gantryctl.wiring.simulator import sim_drive
 
 SCANS_MS = (1.0, 4.0, 10.0)
-CHECK_NM = 50_000.0
+NOMINAL_NM, CHECK_NM = 16_000.0, 50_000.0
+# From the onset of a feedback fault to rest, motor side, at 6, 3 and 1 deg/s.
+FEEDBACK_LIMIT_DEG = {6.0: 4.5, 3.0: 2.1, 1.0: 0.8}
 CYCLES_PER_MS = 8
 
 
-def machine_at(scan_ms: float, moment_nm: float = 16_000.0, **changes: object) -> Machine:
+def machine_at(scan_ms: float, moment_nm: float = NOMINAL_NM, **changes: object) -> Machine:
     """The reference machine with another scan period and another eccentric moment."""
     load = default_machine().plant.load
     values: dict[str, object] = {
@@ -29,7 +33,7 @@ def machine_at(scan_ms: float, moment_nm: float = 16_000.0, **changes: object) -
 
 
 class PlantRig:
-    """Engine, program and plant of one run; `faults` are those of the simulated drive.
+    """Engine, program and plant of one run; `faults` are those of the simulated drive, `spoil` changes what is read.
 
     Args:
         machine: from `machine_at`.
@@ -47,6 +51,9 @@ class PlantRig:
         self.axis = program.axis
         self.ratio = machine.axis.ratio
         self.outputs: list[OutputImage] = []
+        self.spoil: Callable[[DriveFeedback], DriveFeedback] | None = None
+        read = self.drive.read
+        self.drive.read = lambda: read() if self.spoil is None else self.spoil(read())
         self.onset_deg = 0.0
         self.reach_deg = 0.0
         self.torque_most_nm = self.brake_work_j = 0.0
@@ -83,6 +90,18 @@ class PlantRig:
     def first(self) -> str:
         first = self.axis.alarms.first_out
         return "" if first is None else str(first.code)
+
+    @property
+    def first_alarm(self) -> Alarm | None:
+        return self.axis.alarms.first_out
+
+    @property
+    def texts(self) -> list[str]:
+        return [alarm.text for alarm in self.axis.alarms.history]
+
+    @property
+    def period_s(self) -> float:
+        return self.axis.settings.period_s
 
     @property
     def feedback(self) -> DriveFeedback:
@@ -129,6 +148,26 @@ class PlantRig:
         self.say(move=True, target_rad=rad(target), speed_rad_s=rad(speed_deg_s))
         self.say(move=False)
         self.until(lambda: (self.motor_deg - at_deg) * sign >= 0.0, 120.0)
+
+    def cruise(self, speed_deg_s: float, sign: float = 1.0) -> None:
+        """Switch on and be in the middle of a long move at constant speed."""
+        self.power_up(0.5)
+        here = deg(self.axis.pos_act_rad)
+        self.say(move=True, target_rad=rad(here + sign * 100.0), speed_rad_s=rad(speed_deg_s))
+        self.say(move=False)
+        self.run(speed_deg_s / 0.39 + 0.5)
+        assert abs(self.motor_deg_s - sign * speed_deg_s) < 0.1
+
+    def way_to_rest(self, timeout_s: float = 6.0) -> float:
+        """Largest way of the motor from now on, until it has stood for 0.3 s with power off; inf if it never does."""
+        self.mark()
+        still = 0.0
+        for _ in range(math.ceil(timeout_s / self.period_s)):
+            self.step()
+            still = still + self.period_s if abs(self.motor_deg_s) < 0.01 else 0.0
+            if still > 0.3 and self.phase is PowerPhase.OFF:
+                return self.reach_deg
+        return math.inf
 
     def rest(self, timeout_s: float = 6.0) -> None:
         """Until the shaft has stood for 0.5 s."""

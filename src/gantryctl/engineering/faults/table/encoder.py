@@ -8,7 +8,7 @@ from gantryctl.engineering.faults.table.row import Row, State, at
 from gantryctl.program.alarms.codes import Code
 
 _FEEDBACK: Final = "unit/program/test_monitors_feedback.py"
-_DOUBT: Final = "unit/program/test_feedback_in_doubt.py"
+_DOUBT: Final = "plant/test_feedback_in_doubt.py"
 _HOME: Final = "unit/operation/test_home_reference.py"
 
 ENCODER: Final = (

@@ -13,7 +13,7 @@ from gantryctl.image import DriveRequest
 from gantryctl.program import Code, PowerPhase
 from gantryctl.program.alarms.words import Words
 from gantryctl.units import rad
-from unit.program.plant_rig import CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig
+from plant.plant_rig import CHECK_NM, FEEDBACK_LIMIT_DEG, NOMINAL_NM, PlantRig, machine_at
 
 SCANS_MS = (1.0, 4.0, 10.0)
 SPEEDS = (6.0, 3.0, 1.0)
@@ -27,15 +27,15 @@ def assert_told_as_doubt(rig: PlantRig, way_deg: float, limit_deg: float) -> Non
     assert not feedback.position_valid
     assert rig.axis.power.request is DriveRequest.DISABLE
     assert not rig.axis.power.brake_open
-    assert rig.first is not None
-    assert "gantry moved" not in rig.first.text
-    assert "at rest after" not in rig.first.text
-    assert Words.ANGLE_UNKNOWN in rig.first.steps
-    rig.op(power=False, reset=True)
-    rig.op(reset=False)
+    assert rig.first_alarm is not None
+    assert "gantry moved" not in rig.first_alarm.text
+    assert "at rest after" not in rig.first_alarm.text
+    assert Words.ANGLE_UNKNOWN in rig.first_alarm.steps
+    rig.say(power=False, reset=True)
+    rig.say(reset=False)
     rig.run(0.1)
     assert feedback.in_doubt, "an operator may not accept the position"
-    assert rig.first is not None
+    assert rig.first_alarm is not None
 
 
 @pytest.mark.parametrize("direction", [1.0, -1.0])
@@ -45,7 +45,7 @@ def assert_told_as_doubt(rig: PlantRig, way_deg: float, limit_deg: float) -> Non
 def test_encoder_of_the_drive_fails_in_motion(
     gain: float, scan_ms: float, speed: float, direction: float
 ) -> None:
-    rig = PlantRig(-90.0 * direction, scan_ms)
+    rig = PlantRig(machine_at(scan_ms), -90.0 * direction)
     rig.cruise(speed, direction)
     rig.sim.encoder_gain = gain
     assert_told_as_doubt(rig, rig.way_to_rest(), FEEDBACK_LIMIT_DEG[speed])
@@ -55,16 +55,16 @@ def test_encoder_of_the_drive_fails_in_motion(
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
 def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: float) -> None:
-    rig = PlantRig(60.0, scan_ms, CHECK_NM)
+    rig = PlantRig(machine_at(scan_ms, CHECK_NM), 60.0)
     rig.cruise(speed)
-    rig.op(quick_stop=True)
+    rig.say(quick_stop=True)
     rig.run(0.004 + share * speed / 5.5)
     rig.sim.encoder_gain = 0.0
     way = rig.way_to_rest()
     assert_told_as_doubt(rig, way, FEEDBACK_LIMIT_DEG[speed])
-    assert rig.first is not None
-    assert rig.first.code is Code.INT_06
-    assert {alarm.code for alarm in rig.first.consequences} & {Code.ENC_02, Code.ENC_14}
+    assert rig.first_alarm is not None
+    assert rig.first_alarm.code is Code.INT_06
+    assert {alarm.code for alarm in rig.first_alarm.consequences} & {Code.ENC_02, Code.ENC_14}
 
 
 # Until it is seen, a reading that stands drives the speed command by the error that seems to grow.
@@ -73,7 +73,7 @@ def test_encoder_freezes_in_a_quick_stop(scan_ms: float, speed: float, share: fl
 @pytest.mark.parametrize("speed_too", [False, True], ids=["position", "position and speed"])
 def test_only_the_reading_freezes(speed_too: bool, scan_ms: float, speed: float) -> None:
     """The drive's own loop goes on with a sound encoder: the axis stops, and nobody knows where."""
-    rig = PlantRig(-60.0, scan_ms)
+    rig = PlantRig(machine_at(scan_ms), -60.0)
     rig.cruise(speed)
     held = rig.drive.read()
     rig.spoil = lambda drive: drive._replace(
@@ -89,7 +89,7 @@ def test_only_the_reading_freezes(speed_too: bool, scan_ms: float, speed: float)
 def test_a_jump_is_seen_with_and_against_the_motion(
     scan_ms: float, speed: float, jump_deg: float, own_loop: bool
 ) -> None:
-    rig = PlantRig(-90.0 * math.copysign(1.0, speed), scan_ms)
+    rig = PlantRig(machine_at(scan_ms), -90.0 * math.copysign(1.0, speed))
     rig.cruise(abs(speed), math.copysign(1.0, speed))
     ratio, counts = rig.axis.settings.law.ratio, rig.axis.settings.law.counts_per_turn
     if own_loop:
@@ -98,25 +98,25 @@ def test_a_jump_is_seen_with_and_against_the_motion(
         shift = round(jump_deg / 360.0 * ratio * counts)
         rig.spoil = lambda drive: drive._replace(pos_act_counts=drive.pos_act_counts + shift)
     before = rig.engine.scan
-    rig.until(lambda: rig.first is not None, 3 * rig.period_s)
+    rig.until(lambda: rig.first != "", 3 * rig.period_s)
     assert rig.engine.scan - before <= 2
-    assert rig.first is not None
-    assert rig.first.code in (Code.ENC_01, Code.ENC_14)
+    assert rig.first_alarm is not None
+    assert rig.first_alarm.code in (Code.ENC_01, Code.ENC_14)
     assert rig.axis.feedback.in_doubt
 
 
 @pytest.mark.parametrize("value", [1e300, -1e300, 1e9, math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("moving", [False, True])
 def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> None:
-    rig = PlantRig(-90.0, 4.0)
+    rig = PlantRig(machine_at(4.0), -90.0)
     if moving:
         rig.cruise(6.0)
     else:
         rig.power_up()
     rig.spoil = lambda drive: drive._replace(vel_act_rad_s=value)
-    rig.engine.step()
-    assert rig.first is not None
-    assert rig.first.code in (Code.CTL_02, Code.ENC_14)
+    rig.step()
+    assert rig.first_alarm is not None
+    assert rig.first_alarm.code in (Code.CTL_02, Code.ENC_14)
     assert rig.axis.power.request is DriveRequest.DISABLE
     assert rig.axis.feedback.in_doubt
     rig.run(2.0)
@@ -142,10 +142,10 @@ def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> No
 )
 def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: float, at_deg: float) -> None:
     """The hardest stops: up to 10 deg/s2 by the drive, 56 deg/s2 by the brake."""
-    rig = PlantRig(at_deg, scan_ms, moment_nm)
+    rig = PlantRig(machine_at(scan_ms, moment_nm), at_deg)
     rig.cruise(6.0)
     if stop == "quick stop":
-        rig.op(quick_stop=True)
+        rig.say(quick_stop=True)
     elif stop == "torque off":
         rig.drive.faults.estop_ok = False
     else:
@@ -153,23 +153,23 @@ def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: 
     rig.run(5.0)
     assert not rig.axis.feedback.in_doubt, rig.texts
     assert rig.axis.feedback.position_valid
-    assert rig.first is not None
-    assert "gantry moved" in rig.first.text
+    assert rig.first_alarm is not None
+    assert "gantry moved" in rig.first_alarm.text
 
 
 def test_an_emergency_stop_with_a_doubtful_reading_tells_no_angle() -> None:
-    rig = PlantRig(-90.0)
+    rig = PlantRig(machine_at(1.0), -90.0)
     rig.cruise(3.0)
     rig.spoil = lambda drive: drive._replace(vel_act_rad_s=1e300)
-    rig.engine.step()
+    rig.step()
     rig.drive.faults.estop_ok = False
-    rig.engine.step()
+    rig.step()
     assert rig.axis.alarms.active[Code.INT_03].values["measured"] is Words.AT_UNKNOWN
     assert "not known" in rig.axis.alarms.active[Code.INT_03].text
 
 
 def test_before_the_first_reading_no_angle_is_set_and_none_is_asked() -> None:
-    rig = PlantRig()
+    rig = PlantRig(machine_at(1.0))
     rig.axis.virtual.pos_ref_rad = math.nan
     assert rig.axis.stopping_angle_rad() == 0.0
     refused = rig.axis._reference.check(0.0, standing=True)

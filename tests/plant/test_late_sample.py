@@ -5,7 +5,7 @@ from __future__ import annotations
 from gantryctl.image import DriveFeedback
 from gantryctl.program.alarms.codes import Code
 from gantryctl.units import rad
-from unit.program.plant_rig import PlantRig
+from plant.plant_rig import PlantRig, machine_at
 
 SCAN_MS = 4.0
 # 9 ms late in one scan of 4 ms, as measured over UDP on a busy computer.
@@ -14,7 +14,7 @@ LATE_SCANS = 9.0 / SCAN_MS
 
 def held_up_once(*, told: bool) -> PlantRig:
     """One sample at 6 deg/s taken late, the next one in time again; `told`: the drive gives the time between them."""
-    rig = PlantRig(at_deg=0.0, scan_ms=SCAN_MS)
+    rig = PlantRig(machine_at(SCAN_MS), 0.0)
     rig.cruise(6.0)
     sample = 0
 

@@ -14,7 +14,7 @@ import pytest
 from gantryctl.image import DriveRequest, DriveState, EncoderFlag
 from gantryctl.program import PowerPhase, Reaction
 from gantryctl.units import deg, rad
-from unit.program.plant_rig import CHECK_NM, NOMINAL_NM, PlantRig
+from plant.plant_rig import CHECK_NM, NOMINAL_NM, PlantRig, machine_at
 
 SPEED_DEG_S = 1.0
 # Classes at 1 deg/s: quick stop, torque off and brake, feedback; from standstill.
@@ -128,20 +128,20 @@ REQUEST = {QS: DriveRequest.QUICK_STOP, TO: DriveRequest.DISABLE}
 @pytest.mark.parametrize("scan_ms", [1.0, 4.0, 10.0])
 @pytest.mark.parametrize("row", [pytest.param(row, id=row.name) for row in ROWS])
 def test_a_monitor_on_the_plant(row: Row, scan_ms: float, direction: float) -> None:
-    rig = PlantRig(-90.0 * direction, scan_ms, row.moment_nm)
+    rig = PlantRig(machine_at(scan_ms, row.moment_nm), -90.0 * direction)
     if row.standing:
         rig.power_up(1.0)
     else:
         rig.cruise(SPEED_DEG_S, direction)
-    assert rig.first is None
-    start, begin = rig.true_deg, rig.engine.time_s
+    assert rig.first == "", rig.texts
+    start, begin = rig.motor_deg, rig.engine.time_s
     row.inject(rig, direction)
-    while rig.first is None and rig.engine.time_s - begin < 2.0:
-        rig.engine.step()
-    seen = f"{rig.first and rig.first.text} after {rig.engine.time_s - begin:.3f} s"
-    assert rig.first is not None, seen
-    assert str(rig.first.code) in row.code.split(), seen
-    reaction = rig.first.reaction
+    while rig.first == "" and rig.engine.time_s - begin < 2.0:
+        rig.step()
+    seen = f"{rig.first_alarm and rig.first_alarm.text} after {rig.engine.time_s - begin:.3f} s"
+    assert rig.first_alarm is not None, seen
+    assert rig.first in row.code.split(), seen
+    reaction = rig.first_alarm.reaction
     assert reaction is (row.reaction or reaction), seen
     assert rig.engine.time_s - begin <= row.within_s + (_SCANS_MORE + 1e-6) * rig.period_s, seen
     assert rig.axis.power.request is REQUEST[reaction], seen
@@ -150,7 +150,7 @@ def test_a_monitor_on_the_plant(row: Row, scan_ms: float, direction: float) -> N
     # A reading that was spoilt for a monitor is right again: what is judged is the stop.
     rig.spoil = None
     rig.way_to_rest()
-    assert abs(rig.true_deg - start) <= row.way_deg, seen
+    assert abs(rig.motor_deg - start) <= row.way_deg, seen
     assert rig.axis.power.phase is PowerPhase.OFF, seen
 
 
@@ -158,7 +158,7 @@ def test_the_moves_of_these_rows_alone_raise_nothing() -> None:
     """Without a fault the same moves go on, at every scan period and both ways."""
     for scan_ms in (1.0, 4.0, 10.0):
         for direction in (1.0, -1.0):
-            rig = PlantRig(-90.0 * direction, scan_ms)
+            rig = PlantRig(machine_at(scan_ms), -90.0 * direction)
             rig.cruise(SPEED_DEG_S, direction)
             rig.run(1.0)
             assert not rig.axis.alarms.active, rig.texts
