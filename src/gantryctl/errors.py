@@ -6,6 +6,7 @@ GantryctlError                 every error that a user may see
 │   ├── ConfigError            a machine file with wrong fields (all of them listed)  exit code 2
 │   └── CommandRefused         understood, but not possible in this state             exit code 2
 ├── DeviceError                drive, encoder, state directory or file trouble       exit code 3
+│   ├── InstrumentError        a measuring instrument gave no usable reading         exit code 3
 │   └── StateError             retained memory or simulator state cannot be used     exit code 3
 └── AlarmStop                  the axis was stopped by an alarm                      exit code 4
 """
@@ -54,6 +55,10 @@ class DeviceError(GantryctlError):
     """A fault of a drive, an instrument, the state directory or a file."""
 
     exit_code = 3
+
+
+class InstrumentError(DeviceError):
+    """A measuring instrument gave no reading that can be used; it may be asked again."""
 
 
 class StateError(DeviceError):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from gantryctl.image import DriveFeedback, DriveIdentity, InputImage, LinkHealth, OperatorCommand, OutputImage
@@ -78,18 +77,6 @@ class Truth(Protocol):
 
     def truth(self) -> tuple[float, ...]:
         """True state at the beginning of this scan, in the order of `truth_columns`."""
-        ...
-
-
-class Instrument(Protocol):
-    """Measurement of the load angle outside the control loop: tracker, load-side encoder, a person."""
-
-    name: str
-    measures_load: bool
-    """False for motor-side readings, which get no accuracy verdict."""
-
-    def reading_rad(self, samples_rad: Sequence[float]) -> float:
-        """One reading, rad, from the mean angles of one dwell: load, then (if known) ring and motor."""
         ...
 
 

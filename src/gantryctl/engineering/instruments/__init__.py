@@ -1,13 +1,28 @@
 """Instruments that measure the angle of the gantry from outside the control loop.
 
-A dwell at one stop is described by its mean angles, rad: first the load in space (what a tracker sees),
-then, where known, the ring against its base (what an encoder on the ring sees), then the motor at the gantry
-(what the drive's own encoder sees). Every instrument takes the one it can see.
+port         what is asked of an instrument: `Instrument`, `Reading`
+line_port    one behind a line of text: TCP, serial
+line_server  the other end: an instrument of this process, served to others
+tracker      a simulated laser tracker with its errors
+load_encoder, motor_side: what an encoder makes of the mean angles of a simulated dwell, rad: first the load in
+             space, then, where known, the ring against its base, then the motor at the gantry
 """
 
 from __future__ import annotations
 
+from gantryctl.engineering.instruments.line_port import LinePort, parse_address
 from gantryctl.engineering.instruments.load_encoder import LoadEncoder
 from gantryctl.engineering.instruments.motor_side import MotorSide
+from gantryctl.engineering.instruments.port import Instrument, Reading
+from gantryctl.engineering.instruments.tracker import SimulatedTracker, TrackerErrors
 
-__all__ = ["LoadEncoder", "MotorSide"]
+__all__ = [
+    "Instrument",
+    "LinePort",
+    "LoadEncoder",
+    "MotorSide",
+    "Reading",
+    "SimulatedTracker",
+    "TrackerErrors",
+    "parse_address",
+]

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from gantryctl.engineering.instruments import LoadEncoder, MotorSide
 from gantryctl.errors import UsageError
 from gantryctl.machine.tables.plant import SCALE_TERMS
-from gantryctl.ports import Instrument
 
 DWELL = (0.5, 0.4999, 0.5001)
 """Mean angles of a dwell: load, ring against its base, motor at the gantry."""
@@ -21,7 +20,7 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-MAKERS: dict[str, Callable[[], Instrument]] = {
+MAKERS: dict[str, Callable[[], LoadEncoder | MotorSide]] = {
     "load encoder": lambda: LoadEncoder(32, 0.0, 0.0, rng()),
     "motor side": MotorSide,
 }
@@ -73,6 +72,6 @@ def test_encoder_noise() -> None:
         lambda: LoadEncoder(26, 0.0, math.inf, rng()),
     ],
 )
-def test_impossible_instruments_are_refused(make: Callable[[], Instrument]) -> None:
+def test_impossible_instruments_are_refused(make: Callable[[], LoadEncoder | MotorSide]) -> None:
     with pytest.raises(UsageError):
         make()

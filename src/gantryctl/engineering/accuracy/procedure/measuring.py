@@ -13,7 +13,6 @@ from gantryctl.engineering.accuracy.procedure.procedures import Procedure, evalu
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.instruments import LoadEncoder, MotorSide
 from gantryctl.machine import Machine
-from gantryctl.ports import Instrument
 from gantryctl.units import rad
 
 
@@ -59,7 +58,9 @@ def measure(
     return MeasuredRun(source, instrument.measures_load, evaluate(procedure, angles, radius_m))
 
 
-def _encoder(machine: Machine, kind: InstrumentKind, procedure: Procedure, seed: int) -> Instrument:
+def _encoder(
+    machine: Machine, kind: InstrumentKind, procedure: Procedure, seed: int
+) -> LoadEncoder | MotorSide:
     # Gear error, wind-up and lost motion lie behind this encoder: it shows how the loop works, not where the
     # gantry is.
     if kind is InstrumentKind.MOTOR_SIDE:
