@@ -105,7 +105,9 @@ class DriveNode:
         self._gate_out = FrameGate(self.faults.frames, self._out)
         late = partial(self.axis.communication_lost, DEADLINE)
         report, now = self.emergency.report, lambda: self.time_us
-        self.process_data = ProcessData(od, self._send_tpdo, report, late, now)
+        self.process_data = ProcessData(
+            od, self._send_tpdo, report, late, now, deadlines=not kind.deadline_without_effect
+        )
         self._producer = HeartbeatProducer(od, self.send_heartbeat)
         self._consumer = HeartbeatConsumer(od, self.emergency.report, self._heartbeat_lost)
 
@@ -131,7 +133,8 @@ class DriveNode:
         self._signals.tick(now)
         self.emergency.tick(now)
         self._producer.tick(now)
-        self._consumer.tick(now)
+        if not self.kind.heartbeat_without_effect:
+            self._consumer.tick(now)
         self.process_data.tick()
         if self._later:
             self._run_later()
@@ -311,6 +314,8 @@ class DriveNode:
         """React to a lost heartbeat: the axis by 6007, the NMT state by 1029."""
         # 1029:01: 0 leave OPERATIONAL, 1 no change, 2 enter STOPPED (CiA 301).
         self.axis.communication_lost(HEARTBEAT_LOST)
+        if self.kind.silence_emcy_only:
+            return
         reaction = self.od.number(0x1029, 1)
         if reaction == 0 and self.state is NmtState.OPERATIONAL:
             self.enter(NmtState.PRE_OPERATIONAL)

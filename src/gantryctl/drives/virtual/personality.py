@@ -77,6 +77,30 @@ class Personality:
     short_emcy: bool = False
     # Heartbeats without data.
     empty_heartbeat: bool = False
+    # --- drives that lie: each breaks what a step of the commissioning proves, and nothing else
+    # Lost commands or a lost heartbeat: EMCY, and the axis goes on.
+    silence_emcy_only: bool = False
+    # The same, but it obeys its watch at standstill: the axis goes on only while it turns.
+    silence_obeyed_at_rest_only: bool = False
+    # Lost commands or a lost heartbeat: 6041 shows Fault, and the axis goes on.
+    fault_shown_only: bool = False
+    # After lost commands or a lost heartbeat the brake stays open until the next command.
+    brake_open_in_silence: bool = False
+    # 1016 is taken and nothing watches for heartbeats; the same of 1400:05 and commands.
+    heartbeat_without_effect: bool = False
+    deadline_without_effect: bool = False
+    # 605A is taken, and a quick stop takes the torque off at once.
+    quick_stop_option_ignored: bool = False
+    # Part of 6085 that the quick-stop ramp really has.
+    quick_stop_ramp_share: float = 1.0
+    # 6072 is taken and limits nothing.
+    torque_limit_ignored: bool = False
+    # Bit 12 of 6041 (the drive follows the command) is 1 in every state.
+    follows_bit_stuck: bool = False
+    # Beyond creep speed the motor turns the other way.
+    sign_wrong_at_speed: bool = False
+    # While there is torque 6064 keeps its value and 606C is 0.
+    position_frozen: bool = False
     # How long 1010 takes until it answers: more than 1 s on real drives.
     save_ms: int = 0
     # The node leaves the bus that long while it saves: 0.4 s on some devices.
@@ -125,6 +149,22 @@ PERSONALITIES: Final = {
            counts_per_turn=1 << 22),
         _p("standstill-torque", "torques in 0.1 % of 1.2 x rated torque", torque_reference=1.2),
         _p("short-frames", "EMCY of 3 bytes, empty heartbeats", short_emcy=True, empty_heartbeat=True),
+        _p("emcy-only", "lie: sends an EMCY when commands or heartbeats are lost, and goes on", silence_emcy_only=True),
+        _p("stops-at-rest-only", "lie: obeys its watch at standstill, and goes on while it turns",
+           silence_obeyed_at_rest_only=True),
+        _p("fault-shown-only", "lie: shows Fault when commands or heartbeats are lost, and goes on",
+           fault_shown_only=True),
+        _p("brake-open-in-silence", "lie: its brake stays open after lost commands or heartbeats until it is commanded",
+           brake_open_in_silence=True),
+        _p("heartbeat-ignored", "lie: 1016 is taken without effect", heartbeat_without_effect=True),
+        _p("deadline-ignored", "lie: 1400:05 is taken without effect", deadline_without_effect=True),
+        _p("quick-stop-option-ignored", "lie: 605A is taken, a quick stop takes the torque off at once",
+           quick_stop_option_ignored=True),
+        _p("slow-quick-stop", "lie: the quick-stop ramp is a third of 6085", quick_stop_ramp_share=1.0 / 3.0),
+        _p("torque-limit-ignored", "lie: 6072 is taken without effect", torque_limit_ignored=True),
+        _p("follows-bit-stuck", "lie: bit 12 of 6041 is 1 in every state", follows_bit_stuck=True),
+        _p("wrong-sign-at-speed", "lie: turns the other way beyond 60 r/min", sign_wrong_at_speed=True),
+        _p("position-frozen", "lie: 6064 stands still and 606C is 0 while there is torque", position_frozen=True),
         _p("slow-save", "1010 takes 1.2 s and leaves the bus for 0.4 s", save_ms=1200, save_silence_ms=400),
     )
 }  # fmt: skip

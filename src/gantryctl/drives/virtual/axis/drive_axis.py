@@ -85,6 +85,8 @@ class DriveAxis:
         self.overload_warning = False
         # A quick stop by lost communication: the enable command that still stands does not end it, a new one does.
         self._own_stop = False
+        self.shows_fault = False
+        """6041 shows Fault whatever the state is: a lie."""
         self.reference.reset()
         self._off(State.SWITCH_ON_DISABLED)
 
@@ -99,14 +101,22 @@ class DriveAxis:
         """Obey a new controlword (6040), one transition at most."""
         previous, self.controlword = self.controlword, word
         self.commanded = True
+        if word != previous:
+            self.shows_fault = self.stage.brake_held_open = False
         if is_fault_reset(previous, word) and not self._faults.stuck_state:
             self._reset_fault()
         self._obey()
 
+    def limit_torque(self, torque_nm: float) -> None:
+        """Apply 6072."""
+        if not self._kind.torque_limit_ignored:
+            self.plant.limit_torque(torque_nm)
+
     def communication_lost(self, code: int) -> None:
         """React as 6007 says to a lost heartbeat, a missed RPDO deadline or an NMT stop; without torque, do nothing."""
-        if not self.stage.energised or self.state in _FAULTY:
+        if not self.stage.energised or self.state in _FAULTY or self._goes_on():
             return
+        self.stage.brake_held_open = self._kind.brake_open_in_silence
         match AbortConnection(self._od.number(0x6007)):
             case AbortConnection.NOTHING:
                 pass
@@ -119,6 +129,13 @@ class DriveAxis:
                     self._own_stop = self._quick_stop()
                 elif self.state is not State.QUICK_STOP:
                     self._off(State.SWITCH_ON_DISABLED)
+
+    def _goes_on(self) -> bool:
+        """A drive that lies takes note of lost communication, and nothing more."""
+        kind = self._kind
+        self.shows_fault = self.shows_fault or kind.fault_shown_only
+        turning = kind.silence_obeyed_at_rest_only and not self.reference.at_rest
+        return kind.silence_emcy_only or kind.fault_shown_only or turning
 
     def fault(self, code: int, *, report: bool = True, ramp: bool = True) -> None:
         """Transition 13.
@@ -233,7 +250,7 @@ class DriveAxis:
 
     def _quick_stop(self) -> bool:
         """Transition 11; False if the torque went off at once."""
-        plan = quick_stop_plan(self._od.number(0x605A))
+        plan = quick_stop_plan(0 if self._kind.quick_stop_option_ignored else self._od.number(0x605A))
         if plan.ramp is Ramp.NONE or self.stage.phase is Phase.STARTING:
             self._off(State.SWITCH_ON_DISABLED)
             return False

@@ -67,6 +67,8 @@ class PowerStage:
         self._tick_us = round(hardware.tick_s * 1e6)
         self._owns_brake = hardware.brake_owner == "drive"
         self.phase = Phase.OFF
+        self.brake_held_open = False
+        """The brake does not close in the OFF that follows: a lie."""
         self._ramp = Ramp.NONE
         self._stay = False
         self._timer_us = 0
@@ -165,11 +167,11 @@ class PowerStage:
 
     def _brake_open(self) -> bool:
         if self.phase is Phase.OFF:
-            return False
+            return self.brake_held_open
         if not self._owns_brake:
             # 60FE:01 bit 0 sets the brake, 60FE:02 is the mask of the outputs in use (CiA 402).
             released = not self._od.number(0x60FE, 1) & 1
             return bool(self._od.number(0x60FE, 2) & 1) and released
         if self.phase is Phase.STARTING:
             return self._timer_us > 1000 * self._od.number(0x2100, 3)
-        return self.phase is not Phase.CLOSING
+        return self.phase is not Phase.CLOSING or self.brake_held_open

@@ -130,19 +130,23 @@ class Signals:
 
     def position(self) -> int:
         """Position actual value 6064."""
-        if self._faults.freeze_position:
+        if self._position_frozen:
             if self._frozen is None:
                 self._frozen = self._position()
             return self._frozen
         self._frozen = None
         return self._position()
 
+    @property
+    def _position_frozen(self) -> bool:
+        return self._faults.freeze_position or (self._kind.position_frozen and self._axis.stage.energised)
+
     def velocity(self) -> int:
         """Velocity actual value 606C."""
         faults = self._faults
         if faults.velocity_reading is not None:
             return self._scaling.velocity(faults.velocity_reading)
-        return 0 if faults.freeze_position else self._scaling.velocity(self._axis.plant.vel_rad_s)
+        return 0 if self._position_frozen else self._scaling.velocity(self._axis.plant.vel_rad_s)
 
     def inputs(self) -> int:
         """Digital inputs 60FD."""
@@ -176,8 +180,8 @@ class Signals:
     def _status(self) -> int:
         """6041 without faults and quirks."""
         axis, faults = self._axis, self._faults
-        state, reference = axis.state, axis.reference
-        bits = cia402.REMOTE
+        state, reference = (State.FAULT if axis.shows_fault else axis.state), axis.reference
+        bits = cia402.REMOTE | (cia402.FOLLOWS_COMMAND if self._kind.follows_bit_stuck else 0)
         if faults.mains_ready:
             bits |= cia402.VOLTAGE_ENABLED
         if axis.overload_warning or faults.warning:

@@ -13,6 +13,8 @@ from gantryctl.drives.virtual.communication.objects import MODE_CSV, MODE_PV
 from gantryctl.drives.virtual.personality import Personality
 
 NO_MODE: Final = 0
+# Speed up to which a drive with `sign_wrong_at_speed` turns the right way: 0.31 deg/s of the reference gantry.
+_CREEP_RAD_S: Final = rad_s_of_r_min(60)
 MODES: Final = (NO_MODE, MODE_PV, MODE_CSV)
 
 
@@ -93,7 +95,9 @@ class SpeedReference:
 
     def deceleration(self, ramp: Ramp) -> float:
         """Deceleration of a ramp, rad/s2."""
-        return self._scaling.rad_s(self._od.number(0x6085 if ramp is Ramp.QUICK else 0x6084))
+        if ramp is Ramp.QUICK:
+            return self._kind.quick_stop_ramp_share * self._scaling.rad_s(self._od.number(0x6085))
+        return self._scaling.rad_s(self._od.number(0x6084))
 
     def run(self, controlword: int) -> StageCommand:
         """Command of one tick while enabled."""
@@ -129,6 +133,8 @@ class SpeedReference:
         """60FF + 60B1 within the speed ceiling: 6080, and in profile velocity 607F."""
         od = self._od
         vel = self._faults.command_sign * self._scaling.rad_s(od.number(0x60FF) + od.number(0x60B1))
+        if self._kind.sign_wrong_at_speed and abs(vel) > _CREEP_RAD_S:
+            vel = -vel
         ceiling = rad_s_of_r_min(od.number(0x6080))
         if self.mode == MODE_PV:
             ceiling = min(ceiling, self._scaling.rad_s(od.number(0x607F)))

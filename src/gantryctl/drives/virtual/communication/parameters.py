@@ -112,7 +112,7 @@ class Parameters:
         od.actions[0x6040, 0] = axis.control
         od.checks[0x6060, 0] = _check_mode
         od.actions[0x6060, 0] = axis.reference.set_mode
-        od.actions[0x6072, 0] = lambda value: axis.plant.limit_torque(scaling.nm(value))
+        od.actions[0x6072, 0] = lambda value: axis.limit_torque(scaling.nm(value))
         for sub in (1, 2):
             od.actions[0x60C2, sub] = self._cycle_time
         for sub in _GROUPS:
@@ -155,7 +155,7 @@ class Parameters:
                 written = False
         self._to_drop.clear()
         self._od.reset(self._store.values(), communication_only)
-        self._axis.plant.limit_torque(self._scaling.nm(self._od.number(0x6072)))
+        self._axis.limit_torque(self._scaling.nm(self._od.number(0x6072)))
         return written
 
 

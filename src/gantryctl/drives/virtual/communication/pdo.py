@@ -321,6 +321,7 @@ class ProcessData:
         emcy: reports (code, whether it comes or goes).
         lost: called when an RPDO misses its deadline.
         now: the drive's own time, us.
+        deadlines: False for a drive whose 1400:05 is without effect.
     """
 
     def __init__(
@@ -330,8 +331,10 @@ class ProcessData:
         emcy: Callable[[int, bool], None],
         lost: Callable[[], None],
         now: Callable[[], int],
+        *,
+        deadlines: bool = True,
     ) -> None:
-        self._od, self._now = od, now
+        self._od, self._now, self._deadlines = od, now, deadlines
         self.rpdos = tuple(Rpdo(od, number, emcy, lost) for number in range(PDOS))
         self.tpdos = tuple(Tpdo(od, number, send) for number in range(PDOS))
         self._pdos: tuple[Rpdo | Tpdo, ...] = (*self.rpdos, *self.tpdos)
@@ -361,7 +364,8 @@ class ProcessData:
 
     def _route(self) -> None:
         self._by_id = {rpdo.can_id: rpdo for rpdo in self.rpdos if rpdo.can_id is not None}
-        self._timed = tuple(rpdo for rpdo in self._by_id.values() if rpdo.parameters.event_us)
+        timed = (rpdo for rpdo in self._by_id.values() if rpdo.parameters.event_us)
+        self._timed = tuple(timed) if self._deadlines else ()
         self._events = tuple(t for t in self.tpdos if t.can_id is not None and not 0 < t.type <= 240)
 
     @property
