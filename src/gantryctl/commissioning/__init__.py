@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gantryctl.commissioning.report import write_report
-from gantryctl.commissioning.results import Outcome, Progress, StepResult
+from gantryctl.commissioning.results import Figure, Outcome, Progress, StepResult
 from gantryctl.commissioning.run import STEPS, Commissioning, Step
 
-__all__ = ["STEPS", "Commissioning", "Outcome", "Progress", "Step", "StepResult", "write_report"]
+__all__ = ["STEPS", "Commissioning", "Figure", "Outcome", "Progress", "Step", "StepResult", "write_report"]

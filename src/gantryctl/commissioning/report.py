@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
-from gantryctl.commissioning.results import Outcome, Progress, StepResult, load_progress, store_progress
+from gantryctl.commissioning.results import (
+    Figure,
+    Outcome,
+    Progress,
+    StepResult,
+    load_progress,
+    store_progress,
+)
 from gantryctl.commissioning.run import STEPS, complete
 from gantryctl.engineering.report.page import render_page, signed
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
+from gantryctl.machine.tables.fields import UNITS
 from gantryctl.operation.ledger import LedgerRow
+from gantryctl.units import name_ending
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "commissioning.html.j2"
 _STYLES: Final = {Outcome.PASSED: "pass", Outcome.FAILED: "fail", Outcome.NOT_TESTABLE: "none"}
@@ -59,13 +68,45 @@ def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | No
     }
 
 
-def _figures(result: StepResult | None, before: Progress | None) -> list[tuple[str, str, str]]:
-    """Name, value, and the value of the report before ("" without one)."""
+class _FigureRow(NamedTuple):
+    """A figure in the words of the page; `was` is the value of the report before, "" without one."""
+
+    name: str
+    value: str
+    unit: str
+    limit: str
+    style: str
+    was: str
+
+
+def _figures(result: StepResult | None, before: Progress | None) -> list[_FigureRow]:
     if result is None:
         return []
     old = before.results.get(result.key) if before else None
     was = old.figures if old else {}
-    return [
-        (name, signed(f"{value:.6g}"), signed(f"{was[name]:.6g}") if name in was else "")
-        for name, value in result.figures.items()
-    ]
+    return [_row(name, figure, was.get(name)) for name, figure in result.figures.items()]
+
+
+def _row(name: str, figure: Figure, old: Figure | None) -> _FigureRow:
+    ending = name_ending(name, UNITS)
+    return _FigureRow(
+        name=name.removesuffix(f"_{ending}").replace("_", " "),
+        value=_number(figure.value),
+        unit=UNITS[ending] if ending else "",
+        limit=_limit(figure),
+        style=("pass" if figure.within else "fail") if figure.limited else "",
+        was=_number(old.value) if old else "",
+    )
+
+
+def _number(value: float | None) -> str:
+    return "not measured" if value is None else signed(f"{value:.5g}")
+
+
+def _limit(figure: Figure) -> str:
+    low, high = figure.low, figure.high
+    if low is not None and high is not None:
+        return f"{_number(low)} to {_number(high)}"
+    if high is not None:
+        return f"at most {_number(high)}"
+    return f"at least {_number(low)}" if low is not None else ""

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -26,12 +27,40 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
+class Figure:
+    """One number of a step, and the limits that it is held against; its name ends with the unit.
+
+    Attributes:
+        value: None where nothing could be measured.
+        low, high: smallest and largest value that passes; None where there is no such limit.
+    """
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def limited(self) -> bool:
+        """It is held against a limit; else it only informs."""
+        return self.low is not None or self.high is not None
+
+    @property
+    def within(self) -> bool:
+        """Inside its limits; what could not be measured is not."""
+        if not self.limited:
+            return True
+        low = -math.inf if self.low is None else self.low
+        high = math.inf if self.high is None else self.high
+        return self.value is not None and low <= self.value <= high
+
+
+@dataclass(frozen=True)
 class StepResult:
     """Result of one step.
 
     Attributes:
         proof: the observation, in a sentence.
-        figures: numbers by name with their unit, for the report.
+        figures: by name, with the unit at its end; a passed step has none outside of its limits.
         to_do: what a person has to do, "" for nothing.
         seconds: how long it took.
     """
@@ -39,10 +68,16 @@ class StepResult:
     key: str
     outcome: Outcome
     proof: str
-    figures: dict[str, float] = field(default_factory=dict)
+    figures: dict[str, Figure] = field(default_factory=dict)
     to_do: str = ""
     seconds: float = 0.0
     at: str = ""
+
+    def number(self, name: str) -> float:
+        """The value of a figure that was measured."""
+        value = self.figures[name].value
+        assert value is not None
+        return value
 
 
 @dataclass(frozen=True)
@@ -106,16 +141,29 @@ class Context:
     say: Callable[[str], None]
 
 
-def passed(key: str, proof: str, **figures: float) -> StepResult:
+def passed(key: str, proof: str, **figures: float | Figure) -> StepResult:
     """Result of a proof that succeeded."""
-    return StepResult(key, Outcome.PASSED, proof, figures)
+    return judged(True, key, proof, "", **figures)
 
 
-def failed(key: str, proof: str, to_do: str, **figures: float) -> StepResult:
+def failed(key: str, proof: str, to_do: str, **figures: float | Figure) -> StepResult:
     """Result of a proof that failed."""
-    return StepResult(key, Outcome.FAILED, proof, figures, to_do)
+    return judged(False, key, proof, to_do, **figures)
 
 
-def judged(ok: bool, key: str, proof: str, to_do: str, **figures: float) -> StepResult:
-    """Result by the outcome of a proof."""
-    return passed(key, proof, **figures) if ok else failed(key, proof, to_do, **figures)
+def judged(ok: bool, key: str, proof: str, to_do: str, **figures: float | Figure) -> StepResult:
+    """Result by the outcome of a proof and by the limits of its figures, whichever is worse.
+
+    Args:
+        to_do: for a person, where it failed.
+        figures: by name; a number alone has no limits. What is not finite was not measured.
+    """
+    named = {name: _figure(value) for name, value in figures.items()}
+    good = ok and all(figure.within for figure in named.values())
+    return StepResult(key, Outcome.PASSED if good else Outcome.FAILED, proof, named, "" if good else to_do)
+
+
+def _figure(value: float | Figure) -> Figure:
+    figure = value if isinstance(value, Figure) else Figure(value)
+    known = figure.value is not None and math.isfinite(figure.value)
+    return figure if known else replace(figure, value=None)

@@ -6,7 +6,7 @@ import json
 from typing import Final
 
 from gantryctl.commissioning.open_loop_axis import open_loop_axis
-from gantryctl.commissioning.results import Context, StepResult, failed, judged, passed
+from gantryctl.commissioning.results import Context, Figure, StepResult, failed, judged, passed
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.errors import CommandRefused
@@ -19,6 +19,9 @@ from gantryctl.wiring.canopen import can_link, canopen_settings
 _WATCH_S: Final = 2.0
 # One SYNC in a hundred: rarer gaps are bridged by the master for 30 ms (decision 0012).
 _MISSED_MAX: Final = 0.01
+# The program runs in what is left of the period after the answers.
+_ANSWER_PART: Final = 0.75
+_DEAD_SCANS: Final = 5.0
 # Nothing is enabled in these steps: whatever moves the gantry further is a fault.
 _LEASH_DEG: Final = 0.02
 
@@ -102,15 +105,16 @@ def process_data(c: Context) -> StepResult:
     apart = abs((pdo[1] - sdo[1] + span // 2) % span - span // 2)
     missed = max(counters.missed) / counters.scans
     late = max(counters.late) / counters.scans
-    ok = same and apart <= drive.settings.increments_per_turn / 1000 and missed <= _MISSED_MAX
     proof = (
         f"{counters.scans} SYNCs, {100 * missed:.2f} % missed, {100 * late:.2f} % late; statusword and position by SDO "
         f"{'agree' if same else 'differ'} ({apart} increments apart)"
     )
     to_do = "check cable, terminators, bit rate, and that nothing else maps the drive"
     return judged(
-        ok, "pdo", proof, to_do, missed_ratio=missed, late_ratio=late, apart_increments=float(apart)
-    )
+        same, "pdo", proof, to_do,
+        missed_ratio=Figure(missed, high=_MISSED_MAX), late_ratio=late,
+        apart_increments=Figure(float(apart), high=drive.settings.increments_per_turn / 1000),
+    )  # fmt: skip
 
 
 def sync(c: Context) -> StepResult:
@@ -126,11 +130,13 @@ def sync(c: Context) -> StepResult:
     p50 = answers[len(answers) // 2] * 1e3 if answers else 0.0
     p99 = answers[int(len(answers) * 0.99)] * 1e3 if answers else 0.0
     period_ms = axis.period_s * 1e3
-    # The program runs in what is left of the period after the answers.
-    ok = dead <= 5 and p99 <= 0.75 * period_ms
     proof = (
         f"answers {p50:.2f} ms after SYNC (p50), {p99:.2f} ms (p99); a command shows {dead} scans later "
         f"({dead * period_ms:g} ms)"
     )
     to_do = "raise the SYNC period, or use a faster adapter"
-    return judged(ok, "sync", proof, to_do, answer_p50_ms=p50, answer_p99_ms=p99, dead_scans=float(dead))
+    return judged(
+        True, "sync", proof, to_do,
+        answer_p50_ms=p50, answer_p99_ms=Figure(p99, high=_ANSWER_PART * period_ms),
+        dead_scans=Figure(float(dead), high=_DEAD_SCANS),
+    )  # fmt: skip

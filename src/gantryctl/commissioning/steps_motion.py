@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import open_loop_axis
-from gantryctl.commissioning.results import Context, Outcome, StepResult, failed, judged, passed
+from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
 from gantryctl.commissioning.steps_power import reset
 from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
@@ -72,7 +72,8 @@ def loop(c: Context) -> StepResult:
     rest = _rest_error_deg(trace)
     proof = f"largest following error {error:.5f} deg at {speed:g} deg/s (band {band:.3f}), {rest:.6f} deg at rest"
     to_do = "gains of the drive, [control] kpp_per_s, dead time"
-    return judged(done and error < band, "loop", proof, to_do, following_error_deg=error, rest_error_deg=rest)
+    following = Figure(error, high=band)
+    return judged(done, "loop", proof, to_do, following_error_deg=following, rest_error_deg=rest)
 
 
 def _rest_error_deg(trace: Trace) -> float:
@@ -194,20 +195,24 @@ def bands(c: Context) -> StepResult:
     # Errors at rest come from `loop`, those at speed from `turn`.
     if not {"loop", "turn"} <= set(c.results):
         return failed("bands", "nothing to propose from", "run the steps loop and turn first")
-    rest = c.results["loop"].figures["rest_error_deg"]
-    turn = c.results["turn"].figures
+    rest, turn = c.results["loop"].number("rest_error_deg"), c.results["turn"]
+    seen, speed = turn.number("following_error_deg"), turn.number("speed_deg_s")
     monitors = c.machine.monitors
     window = max(_RESERVE * rest, 0.0005)
-    following = max(_RESERVE * turn["following_error_deg"], 0.005)
-    limit = monitors.following_error_base_deg + monitors.following_error_per_speed_s * turn["speed_deg_s"]
+    following = max(_RESERVE * seen, 0.005)
+    limit = monitors.following_error_base_deg + monitors.following_error_per_speed_s * speed
     proof = (
         f"in position: {window:.4f} deg from data, [monitors] in_position_window_deg = "
-        f"{monitors.in_position_window_deg:g}; following error at {turn['speed_deg_s']:g} deg/s: {following:.4f} deg "
+        f"{monitors.in_position_window_deg:g}; following error at {speed:g} deg/s: {following:.4f} deg "
         f"from data, {limit:.4f} deg in force"
     )
-    ok = _LEAST * rest <= monitors.in_position_window_deg and _LEAST * turn["following_error_deg"] <= limit
     to_do = "widen the bands of [monitors], or find out why the axis follows so badly"
-    return judged(ok, "bands", proof, to_do, in_position_deg=window, following_error_deg=following)
+    return judged(
+        True, "bands", proof, to_do,
+        rest_error_deg=Figure(rest, high=monitors.in_position_window_deg / _LEAST),
+        following_error_deg=Figure(seen, high=limit / _LEAST),
+        in_position_proposed_deg=window, following_error_proposed_deg=following,
+    )  # fmt: skip
 
 
 def accuracy(c: Context) -> StepResult:
@@ -221,4 +226,6 @@ def accuracy(c: Context) -> StepResult:
     table = evaluate(procedure, readings.load_rad[0], c.machine.accuracy.chord_radius_m)
     a = float(accuracy_a(table.errors_deg))
     proof = f"chord test A over the bus: A = {a:.4f} deg (limit {_CRITERION_DEG:g} deg), true load angle"
-    return judged(a <= _CRITERION_DEG, "accuracy", proof, "gear, bearings, calibration", a_deg=a)
+    return judged(
+        True, "accuracy", proof, "gear, bearings, calibration", a_deg=Figure(a, high=_CRITERION_DEG)
+    )

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
-from gantryctl.commissioning.results import Context, Outcome, StepResult, judged
+from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, judged
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake_policy import after_test
@@ -94,13 +94,13 @@ def brake(c: Context) -> StepResult:
             )  # fmt: skip
         result = _test_brake(c, axis)
         axis.retained = after_test(axis.retained, result, axis.retained.power_ups, datetime.now(UTC))
-    figures = {
-        "torque_nm": c.machine.brake.test_torque_nm, "moved_deg": deg(result.moved_rad),
-        "plus_nm": result.plus_nm, "minus_nm": result.minus_nm,
-    }  # fmt: skip
-    figures = {key: value for key, value in figures.items() if math.isfinite(value)}
     ok = result.outcome is BrakeTestOutcome.PASSED
-    return judged(ok, "brake", result.text, "brake or torque scaling; call service", **figures)
+    return judged(
+        ok, "brake", result.text, "brake or torque scaling; call service",
+        torque_nm=c.machine.brake.test_torque_nm,
+        moved_deg=Figure(deg(result.moved_rad), high=c.machine.brake.sag_max_deg),
+        plus_nm=result.plus_nm, minus_nm=result.minus_nm,
+    )  # fmt: skip
 
 
 def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
@@ -139,10 +139,13 @@ def sign(c: Context) -> StepResult:
         way = axis.angle_deg - begun
         axis.disable()
     ratio, ratio_speed = way / _PULSE_DEG, way_by_speed / _PULSE_DEG
-    ok = abs(ratio - 1.0) <= _SIGN_TOLERANCE and abs(ratio_speed - 1.0) <= _SIGN_TOLERANCE
+    low, high = 1.0 - _SIGN_TOLERANCE, 1.0 + _SIGN_TOLERANCE
     proof = f"{_PULSE_DEG:g} deg commanded: {way:+.4f} deg by position, {way_by_speed:+.4f} deg by speed (motor side)"
     to_do = "[can] inverted, increments_per_turn, velocity_unit, or [axis] ratios"
-    return judged(ok, "sign", proof, to_do, ratio_position=ratio, ratio_speed=ratio_speed)
+    return judged(
+        True, "sign", proof, to_do,
+        ratio_position=Figure(ratio, low, high), ratio_speed=Figure(ratio_speed, low, high),
+    )  # fmt: skip
 
 
 def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
@@ -173,7 +176,7 @@ def velocity(c: Context) -> StepResult:
         axis.run(0.5)
         axis.disable()
     torque = float(np.mean([f.torque_act_nm for f in seen]))
-    ok = abs(reached / speed - 1.0) <= _STEP_TOLERANCE
+    low, high = speed * (1.0 - _STEP_TOLERANCE), speed * (1.0 + _STEP_TOLERANCE)
     proof = f"{speed:g} deg/s commanded, {reached:.5f} deg/s over {_STEP_S:g} s, mean torque {torque:.1f} N m"
     to_do = "the drive's speed loop or [can] velocity_unit"
-    return judged(ok, "velocity", proof, to_do, speed_deg_s=reached, torque_nm=torque)
+    return judged(True, "velocity", proof, to_do, speed_deg_s=Figure(reached, low, high), torque_nm=torque)

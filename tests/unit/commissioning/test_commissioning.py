@@ -122,7 +122,7 @@ def test_a_wrong_sign_is_found_within_the_leash(tmp_path: Path, quirky) -> None:
     result = work.do(work.left("sign")[0])
     assert result is not None
     assert result.outcome is Outcome.FAILED
-    assert result.figures["ratio_position"] < 0.0
+    assert result.number("ratio_position") < 0.0
     store.__exit__(None, None, None)
 
 
@@ -232,11 +232,10 @@ def test_the_stops_are_as_long_as_computed(tmp_path: Path) -> None:
     assert do(work, "loop", "stops", "turn", "bands") == dict.fromkeys(
         ("loop", "stops", "turn", "bands"), Outcome.PASSED
     )
-    figures = work.progress.results["turn"].figures
     load = MACHINE.plant.load
     nominal = load.mass_kg * 9.81 * load.eccentricity_m
     # Friction of gear and rollers depends on the load, which puts a few percent of a sine into the torque.
-    assert abs(figures["moment_sine_nm"]) == pytest.approx(nominal, rel=0.15)
+    assert abs(work.progress.results["turn"].number("moment_sine_nm")) == pytest.approx(nominal, rel=0.15)
     store.__exit__(None, None, None)
 
 
