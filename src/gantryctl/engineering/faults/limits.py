@@ -14,6 +14,8 @@ from gantryctl.machine.rules.reaction import REACTION_S
 
 _MARGIN: Final = 1.02
 _DRIVE_TICK_S: Final = 1e-3
+# The load swings on by up to so much after a stop (power/sequence.py).
+_SWING_DEG_S: Final = 0.53
 STANDSTILL_DEG: Final = 0.35
 BRAKE_SLIP_DEG: Final = 0.15
 # A refused command and a warning leave the set-point alone: what the load sways at rest.
@@ -35,7 +37,10 @@ def limit_deg(machine: Machine, reaction: ReactionClass, speed_deg_s: float) -> 
             # 60 ms of every other quick stop.
             seen_s = 1e-3 * (machine.can.rpdo_deadline_ms + machine.control.scan_period_ms) + _DRIVE_TICK_S
             late_s = max(0.0, seen_s - REACTION_S)
-            return _quick_stop_deg(machine, speed) + _MARGIN * late_s * speed
+            # A brake that nobody works any more by 60FE closes after the drive has taken its torque off: meanwhile
+            # the motor goes with the swing of the load.
+            free_s = machine.brake.close_time_ms * 1e-3 if machine.brake.owner == "object_60FE" else 0.0
+            return _quick_stop_deg(machine, speed) + _MARGIN * (late_s * speed + free_s * _SWING_DEG_S)
         case ReactionClass.TORQUE_OFF:
             return _between(_TORQUE_OFF, speed)
         case ReactionClass.FEEDBACK:

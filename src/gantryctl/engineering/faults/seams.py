@@ -373,6 +373,13 @@ def _identifier(target: Target, can_id: int, kind: str, amount: int) -> Undo:
     return _spoilt(target.faults.frames, can_id, kind, amount)
 
 
+@kind(Place.FRAME, "readings_late", needs_bus=True, late_s=Argument(float, 0.001, 1.0))
+def _readings_late(target: Target, late_s: float) -> Undo:
+    """Drive hands every reading of state, position and torque over so much later, in every SYNC."""
+    scans = math.ceil(late_s / (target.machine.control.scan_period_ms * 1e-3) - 1e-9)
+    return _spoilt(target.faults.tpdo, 1, "delay", scans)
+
+
 @kind(Place.FRAME, "rpdo_lost", needs_bus=True)
 def _rpdo_lost(target: Target) -> Undo:
     """Commands of the controller do not reach the drive."""

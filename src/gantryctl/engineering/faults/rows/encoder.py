@@ -202,8 +202,8 @@ ROWS: Final = (
     ),
     FaultCase(
         number="A16",
-        title="readings are late",
-        detected_by="age of the reading, 30 ms",
+        title="readings are 40 ms late",
+        detected_by="age of the reading, 30 ms, in the gap at its beginning",
         reaction=_FEEDBACK,
         codes=(
             Code.CAN_07,
@@ -211,8 +211,18 @@ ROWS: Final = (
             Code.ENC_01,
         ),
         reads="the reading is old; quick stop",
-        injections=(injection("frame", "tpdo", number=1, kind="delay", amount=4),),
+        injections=(injection("frame", "readings_late", late_s=0.04),),
         buses=("bus",),
+    ),
+    FaultCase(
+        number="A16b",
+        title="readings are 20 ms late, in every SYNC",
+        detected_by="nothing below 30 ms; a jump at high speed",
+        reaction=ReactionClass.NONE,
+        reads="nothing; the axis follows 20 ms later",
+        injections=(injection("frame", "readings_late", late_s=0.02),),
+        buses=("bus",),
+        judged=False,
     ),
     FaultCase(
         number="A17",

@@ -219,8 +219,8 @@ ENCODER: Final = (
         at(_FEEDBACK, "test_a16_old_readings", "test_one_old_reading_is_nothing"),
         state=State.PARTLY,
         why=(
-            "telegrams that a drive hands over late but in every SYNC carry no age on the bus: at low "
-            "speed nothing shows it, at high speed it shows as a jump"
+            "telegrams that a drive hands over less than 30 ms late but in every SYNC carry no age on the "
+            "bus: at low speed nothing shows it, at high speed it shows as a jump"
         ),
     ),
     Row(
