@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from gantryctl.drives.od.object_table import ObjectTable, read_objects_of
+from gantryctl.drives.od.velocity_units import unit_of_word
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
-from gantryctl.drives.virtual.personality import personality
+from gantryctl.drives.virtual.personality import Personality, personality
 from gantryctl.drives.virtual.side_channel.control import ControlClient, RemotePlant
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine
-from gantryctl.units import rad, rad_s_from_r_min
+from gantryctl.machine import Machine, configs_folder
+from gantryctl.units import DriveVelocityUnit, rad, rad_s_from_r_min
 from gantryctl.wiring.simulator import drive_params, plant_params
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.bus.link import BusLink
+
+TABLE_ENDINGS: Final = (".eds", ".dcf", ".csv")
+"""How a name of a file with the objects of a drive ends."""
 
 
 def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
@@ -57,6 +63,50 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
     )
 
 
+def drive_kind(machine: Machine, quirks: Sequence[str] = ()) -> Personality:
+    """Model of the virtual drive in this process: that of [can] virtual_drive, with further quirks.
+
+    Raises:
+        UsageError: there is no such personality, file, or drive in it.
+    """
+    named = machine.can.virtual_drive
+    if not named:
+        return personality(quirks)
+    drive, at, file = named.rpartition("@")
+    if not at and not named.lower().endswith(TABLE_ENDINGS):
+        return personality((*named.split("+"), *quirks))
+    table = read_objects_of(Path(file) if file else shipped_objects(), drive)
+    return as_in_table(personality(quirks), table, machine.can.increments_per_turn, machine.can.velocity_unit)
+
+
+def shipped_objects() -> Path:
+    """Object table of real drives that is delivered with the program."""
+    return configs_folder() / "drives" / "objects.csv"
+
+
+def as_in_table(
+    kind: Personality, table: ObjectTable, counts_per_turn: int, unit: DriveVelocityUnit
+) -> Personality:
+    """Drive with the dictionary of a real model.
+
+    Args:
+        kind: its quirks.
+        counts_per_turn: increments of 6064 in one motor turn, as the maker's tool has set them.
+        unit: of 60FF where the model has no 60A9.
+    """
+    entry = table.entries.get((0x60A9, 0))
+    word = entry.default if entry is not None else None
+    said = unit_of_word(word) if isinstance(word, int) else None
+    return replace(
+        kind,
+        name=table.drive if kind.name == "plain" else f"{table.drive}+{kind.name}",
+        summary=f"objects of {table.drive}",
+        table=table,
+        counts_per_turn=counts_per_turn,
+        velocity_unit=said or unit,
+    )
+
+
 def virtual_node(
     machine: Machine,
     angle_deg: float = 0.0,
@@ -68,7 +118,10 @@ def virtual_node(
     Args:
         angle_deg: angle of the standing gantry.
         state: plant state of an earlier run, to go on from.
-        quirks: names of personalities.
+        quirks: names of personalities, beside those of [can] virtual_drive.
+
+    Raises:
+        UsageError: [can] virtual_drive names no personality, and no table with such a drive.
     """
     # Only this pairing needs the master: the virtual drive itself knows it as little as a real one (decision 0008).
     from gantryctl.drives.canopen.bus.link import BusLink
@@ -78,7 +131,7 @@ def virtual_node(
         drive_hardware(machine, rad(angle_deg)),
         machine.can.node,
         bus.deliver,
-        kind=personality(quirks),
+        kind=drive_kind(machine, quirks),
         stepped=True,
     )
     if state is not None:

@@ -437,6 +437,7 @@ ELSEWHERE = {
     "can.channel": "which bus is opened",
     "can.eds": "checks of the drive before it is opened",
     "can.side_channel": "the plant of a virtual drive",
+    "can.virtual_drive": "which virtual drive is made",
     "can.commissioning_required": "operation",
     "accuracy.chord_radius_m": "accuracy",
     "accuracy.tracker_noise_um": "accuracy",

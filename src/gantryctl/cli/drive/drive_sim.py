@@ -29,6 +29,15 @@ if TYPE_CHECKING:
 @click.option(
     "--personality", "names", multiple=True, help="Quirk of a drive model; may be repeated. See --list."
 )
+@click.option(
+    "--objects",
+    "table_file",
+    type=PATH,
+    help="EDS, DCF or object table (CSV) of a drive model: the bus sees what it has, with its access and limits.",
+)
+@click.option(
+    "--drive", "model", default="", help="Which drive of a table with several: how its name begins."
+)
 @click.option("--stepped", is_flag=True, help="Virtual time: each SYNC steps the drive by the SYNC period.")
 @click.option("--angle", type=FINITE, default=0.0, help="Gantry angle at the start, deg.")
 @click.option("--control", type=PATH, help="Unix socket of the side channel: faults in, truth out.")
@@ -40,13 +49,12 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
 
     Two terminals: `gantryctl drive sim --can udp_multicast`, and a master on the same interface.
     """
-    from gantryctl.drives.virtual.personality import personality
     from gantryctl.errors import UsageError
 
     if list_them:
         _list()
         return 0
-    kind = personality(given["names"])
+    kind = _kind(given)
     node_id = given["node_id"]
     if not 1 <= node_id <= 127:
         raise UsageError(f"--node {node_id}: CANopen has node ids 1 to 127")
@@ -65,6 +73,20 @@ def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: 
     finally:
         bus.shutdown()
     return 0
+
+
+def _kind(given: dict[str, Any]) -> Personality:
+    from gantryctl.drives.od.object_table import read_objects_of
+    from gantryctl.drives.virtual.personality import personality
+    from gantryctl.wiring.virtual import as_in_table
+
+    kind = personality(given["names"])
+    if given["table_file"] is None:
+        return kind
+    # What the maker's tool sets, and no dictionary tells, is in the machine file.
+    can = machine_of(given["config_file"]).can
+    table = read_objects_of(given["table_file"], given["model"])
+    return as_in_table(kind, table, can.increments_per_turn, can.velocity_unit)
 
 
 def _list() -> None:

@@ -41,3 +41,8 @@ VELOCITY_UNITS: Final[dict[DriveVelocityUnit, VelocityUnit]] = {
     "0.001 r/min": VelocityUnit(60_000.0, 0.0, 0xFDB4_4700),
     "mrev/s": VelocityUnit(1000.0, 0.0, 0xFDB4_0300),
 }
+
+
+def unit_of_word(word: int) -> DriveVelocityUnit | None:
+    """Unit that a value of 60A9 means; None for another word."""
+    return next((name for name, unit in VELOCITY_UNITS.items() if unit.si_unit == word), None)

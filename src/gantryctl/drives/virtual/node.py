@@ -98,7 +98,7 @@ class DriveNode:
         self.axis = DriveAxis(hardware, od, self.plant, reference, self.emergency, kind, self.faults)
         self._signals = Signals(hardware, self.axis, od, scaling, kind, self.faults)
         self._store = store or ParameterStore()
-        self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving)
+        self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving, kind.modes)
         self._sdo = SdoServer(od)
         self._gate = FrameGate(self.faults.tpdo, self.send)
         self._gate_in = FrameGate(self.faults.frames, self._receive)

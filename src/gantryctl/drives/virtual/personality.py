@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
+from gantryctl.drives.od.object_table import ObjectTable
 from gantryctl.errors import UsageError
 from gantryctl.units import DriveVelocityUnit
 
@@ -35,6 +36,13 @@ class Personality:
     defaults: tuple[tuple[int, int, int], ...] = ()
     # Factory default of 6085, motor side; None: the machine's own.
     quick_dec_deg_s2: float | None = None
+
+    # Dictionary of a real model: the bus sees what is in it, with its access, limits and defaults; None: the plain one.
+    table: ObjectTable | None = None
+    # Modes that 6060 takes; those of 6502 where the table has no default.
+    modes: tuple[int, ...] = (0, 3, 9)
+    # Units of 6076 in one N m: CiA 402 has 1 mN m.
+    rated_torque_per_nm: float = 1000.0
 
     # Increments of 6064 per motor turn; 2^19 x 4096 turns fill the positive half of 32 bit.
     counts_per_turn: int = 1 << 19

@@ -75,6 +75,12 @@ class CanTable(Table):
     # 6 deg/s and 4 ms (decision 0012).
     answer_ms: float = number(2.0, 0.1, 50.0, "How long a scan waits for the answers to its SYNC.")
     sdo_timeout_ms: float = number(500.0, 10.0, 10_000.0, "For the answer to one SDO request.")
+    virtual_drive: str = text(
+        "",
+        200,
+        'Virtual drive of interface "simulated": personalities joined by "+", an EDS, or DRIVE@TABLE.csv with the '
+        "shipped table where TABLE is left out; empty = the plain one.",
+    )
     side_channel: str = text(
         "", 100, "Socket of a virtual drive's side channel: the true load angle. Never for a real drive."
     )

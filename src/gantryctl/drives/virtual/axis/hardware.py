@@ -9,7 +9,7 @@ from typing import Final, Literal
 from gantryctl import _core
 from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
 from gantryctl.drives.virtual.personality import Personality
-from gantryctl.units import r_min_from_rad_s, rad_s_from_r_min
+from gantryctl.units import DriveVelocityUnit, r_min_from_rad_s, rad_s_from_r_min
 
 
 @dataclass(frozen=True)
@@ -75,10 +75,14 @@ class Scaling:
 
     def __init__(self, hardware: Hardware, kind: Personality) -> None:
         self.counts_per_turn = kind.counts_per_turn
-        self.velocity_unit = kind.velocity_unit
         self._fine = hardware.fine_counts_per_turn
-        self.per_rad_s = VELOCITY_UNITS[kind.velocity_unit].per_rad_s(kind.counts_per_turn)
+        self.count_speed_in(kind.velocity_unit)
         self.torque_unit_nm = hardware.torque_rated_nm * kind.torque_reference / 1000.0
+
+    def count_speed_in(self, unit: DriveVelocityUnit) -> None:
+        """Take another unit of speed, by 60A9."""
+        self.velocity_unit = unit
+        self.per_rad_s = VELOCITY_UNITS[unit].per_rad_s(self.counts_per_turn)
 
     def increments(self, fine_counts: float) -> int:
         """Whole increments of 6064, unwrapped."""

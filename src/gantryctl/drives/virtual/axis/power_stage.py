@@ -158,9 +158,11 @@ class PowerStage:
                 return self._reference.run(controlword)
             case Phase.STOPPING | Phase.HOLDING | Phase.CLOSING:
                 self._reference.vel_rad_s = 0.0
-                if self._ramp is Ramp.LIMIT:
+                dec_rad_s2 = self._reference.deceleration(self._ramp)
+                # A ramp of 0, the default of some drives, is none: as hard as the torque limit allows.
+                if self._ramp is Ramp.LIMIT or not dec_rad_s2:
                     return _STAND
-                self._plant.set_ramp(self._reference.deceleration(self._ramp))
+                self._plant.set_ramp(dec_rad_s2)
                 return StageCommand(StageMode.RAMP, 0.0)
             case _:
                 assert_never(self.phase)

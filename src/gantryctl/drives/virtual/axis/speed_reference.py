@@ -15,7 +15,6 @@ from gantryctl.drives.virtual.personality import Personality
 NO_MODE: Final = 0
 # Speed up to which a drive with `sign_wrong_at_speed` turns the right way: 0.31 deg/s of the reference gantry.
 _CREEP_RAD_S: Final = rad_s_of_r_min(60)
-MODES: Final = (NO_MODE, MODE_PV, MODE_CSV)
 
 
 class StageCommand(NamedTuple):

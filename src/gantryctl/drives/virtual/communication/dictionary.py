@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from gantryctl.drives.od.model import DeviceDescription, Entry
-from gantryctl.drives.od.types import DataType, Value, decode, encode, limits
+from gantryctl.drives.od.types import INTEGERS, DataType, Value, decode, encode, limits
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 
 Key = tuple[int, int]
@@ -92,7 +92,16 @@ class Dictionary:
 
     def packed(self, entry: Entry) -> bytes:
         """Present value as bytes."""
-        return encode(entry.data_type, self.value(entry.index, entry.sub))
+        value = self.value(entry.index, entry.sub)
+        try:
+            return encode(entry.data_type, value)
+        except ValueError:
+            # The dictionary of a real model may give an object less room than the behaviour fills: the low bits go out.
+            number = INTEGERS.get(entry.data_type)
+            if number is None or not isinstance(value, int):
+                raise
+            low = value & (1 << number.bits) - 1
+            return low.to_bytes(number.bits // 8, "little")
 
     def download(self, index: int, sub: int, data: bytes) -> None:
         """Write the bytes of an SDO download.

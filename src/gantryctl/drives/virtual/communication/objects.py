@@ -18,6 +18,7 @@ from gantryctl.drives.od.model import (
 from gantryctl.drives.od.types import DataType
 from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
 from gantryctl.drives.virtual.axis.hardware import Hardware, Scaling, r_min
+from gantryctl.drives.virtual.communication.overlay import lay_over
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.units import rad
 
@@ -167,8 +168,8 @@ def device_tables(hardware: Hardware, kind: Personality) -> tuple[DeviceDescript
         *_vendor_objects(hardware),
     )
     given = {(index, sub): value for index, sub, value in kind.defaults}
-    full = tuple(_with_defaults(spec, given) for spec in objects)
-    visible = tuple(_as_seen(spec, kind) for spec in full if spec.index not in kind.absent)
+    full, seen = lay_over(tuple(_with_defaults(spec, given) for spec in objects), kind)
+    visible = tuple(_as_seen(spec, kind) for spec in seen if spec.index not in kind.absent)
     info = DeviceInfo(
         vendor_name="gantryctl",
         vendor_number=VENDOR_ID,
@@ -269,7 +270,9 @@ def _plate_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> t
     unit = VELOCITY_UNITS[scaling.velocity_unit].si_unit
     return (
         var(0x6075, "Motor rated current", U32, RO, round(hardware.current_rated_a * 1000.0)),
-        var(0x6076, "Motor rated torque", U32, RO, round(hardware.torque_rated_nm * 1000.0)),
+        var(
+            0x6076, "Motor rated torque", U32, RO, round(hardware.torque_rated_nm * kind.rated_torque_per_nm)
+        ),
         factor(
             0x608F, "Position encoder resolution", ("Encoder increments", kind.counts_per_turn), (turns, 1)
         ),

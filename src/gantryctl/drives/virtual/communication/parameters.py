@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gantryctl.drives.od.velocity_units import unit_of_word
 from gantryctl.drives.virtual.axis.drive_axis import DriveAxis
 from gantryctl.drives.virtual.axis.hardware import Scaling
-from gantryctl.drives.virtual.axis.speed_reference import MODES
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.drives.virtual.communication.dictionary import Dictionary, Key
 from gantryctl.errors import StateError
@@ -86,6 +86,9 @@ LOAD: Final = 0x64616F6C
 # Range of indices by sub-index of 1010 and 1011: all, communication, application parameters.
 _GROUPS: Final = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x2000, 0xFFFF)}
 
+# Windows, thresholds, ceilings and ramps in the unit of 60A9.
+_SPEEDS: Final = (0x606D, 0x606F, 0x607F, 0x6083, 0x6084, 0x6085)
+
 
 class Parameters:
     """Hooks between the object dictionary and the axis.
@@ -96,6 +99,7 @@ class Parameters:
         scaling: units.
         store: 1010 and 1011.
         saving: called when parameters are saved, for drives that are slow then.
+        modes: that 6060 takes.
     """
 
     def __init__(
@@ -105,12 +109,15 @@ class Parameters:
         scaling: Scaling,
         store: ParameterStore,
         saving: Callable[[], None],
+        modes: Collection[int],
     ) -> None:
         self._od, self._axis, self._scaling = od, axis, scaling
-        self._store, self._saving = store, saving
+        self._store, self._saving, self._modes = store, saving, modes
         self._to_drop: set[int] = set()
         od.actions[0x6040, 0] = axis.control
-        od.checks[0x6060, 0] = _check_mode
+        od.checks[0x6060, 0] = self._check_mode
+        od.checks[0x60A9, 0] = _check_unit
+        od.actions[0x60A9, 0] = self._set_unit
         od.actions[0x6060, 0] = axis.reference.set_mode
         od.actions[0x6072, 0] = lambda value: axis.limit_torque(scaling.nm(value))
         for sub in (1, 2):
@@ -119,6 +126,22 @@ class Parameters:
             od.readers[0x1010, sub] = od.readers[0x1011, sub] = lambda: 1
             od.checks[0x1010, sub] = partial(self._save, sub)
             od.checks[0x1011, sub] = partial(self._load, sub)
+
+    def _check_mode(self, value: int) -> None:
+        if value not in self._modes:
+            raise SdoAbort(Abort.VALUE)
+
+    def _set_unit(self, word: int) -> None:
+        unit = unit_of_word(word)
+        if unit is None:
+            return
+        before = self._scaling.per_rad_s
+        self._scaling.count_speed_in(unit)
+        # What the bus does not see is a speed, not a number: it stays the same speed.
+        for index in _SPEEDS:
+            if index not in self._od.visible.objects:
+                own = round(self._od.number(index) * self._scaling.per_rad_s / before)
+                self._od.set(index, 0, max(1, own))
 
     def _cycle_time(self, _value: int) -> None:
         self._axis.reference.cycle_time_written = True
@@ -155,10 +178,12 @@ class Parameters:
                 written = False
         self._to_drop.clear()
         self._od.reset(self._store.values(), communication_only)
+        if self._od.known(0x60A9, 0):
+            self._set_unit(self._od.number(0x60A9))
         self._axis.limit_torque(self._scaling.nm(self._od.number(0x6072)))
         return written
 
 
-def _check_mode(value: int) -> None:
-    if value not in MODES:
+def _check_unit(word: int) -> None:
+    if unit_of_word(word) is None:
         raise SdoAbort(Abort.VALUE)
