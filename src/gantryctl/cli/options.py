@@ -8,6 +8,7 @@ import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -38,6 +39,23 @@ class NamedPath(click.Path):
 
 
 PATH = NamedPath()
+
+
+class LogPath(NamedPath):
+    """Name of a log of a bus that is to be written."""
+
+    def convert(
+        self, value: str | os.PathLike[str], param: click.Parameter | None, ctx: click.Context | None
+    ) -> Path:
+        """The path, or a usage error that names the formats."""
+        from gantryctl.errors import UsageError
+        from gantryctl.trace.frames.files import check_log_name
+
+        try:
+            return check_log_name(super().convert(value, param, ctx))
+        except UsageError as wrong:
+            self.fail(str(wrong), param, ctx)
+
 
 config_option = click.option(
     "--config", "config_file", type=PATH, help="Machine file; the reference gantry when not given."
@@ -107,6 +125,35 @@ class SignedCommand(click.Command):
             if name.startswith("--") and name not in known:
                 raise click.NoSuchOption(name, possibilities=get_close_matches(name, known), ctx=ctx)
         return super().parse_args(ctx, args)
+
+
+def bus_log_option(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add `--bus-log` to a command that may open a bus, and keep the frames around its alarms."""
+
+    @wraps(command)
+    def logged(*args: Any, bus_log: Path | None, **given: Any) -> Any:
+        from gantryctl.operation.bus_log import logged_bus
+
+        with logged_bus(bus_log) as log:
+            try:
+                return command(*args, **given)
+            finally:
+                log.close()
+                # On standard error: what a command prints as JSON is one document.
+                for path in log.frozen:
+                    click.echo(f"frames around the alarm: gantryctl can log {path}", err=True)
+                for fault in log.faults:
+                    click.echo(f"warning: {fault}", err=True)
+                if bus_log is not None and not log.opened:
+                    click.echo(
+                        f"warning: --bus-log {bus_log}: this command opened no bus, nothing was written; a service "
+                        "has a log of its own (serve --bus-log)",
+                        err=True,
+                    )
+
+    return click.option(
+        "--bus-log", "bus_log", type=LogPath(), help="Log of all frames: .log (candump), .asc, .blf ..."
+    )(logged)
 
 
 def machine_of(config_file: Path | None) -> Machine:

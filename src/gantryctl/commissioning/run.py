@@ -19,6 +19,7 @@ from gantryctl.commissioning.results import (
 )
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
+from gantryctl.operation.bus_log import freeze
 from gantryctl.operation.ledger import LedgerRow
 from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import (
@@ -169,6 +170,8 @@ class Commissioning:
             result = StepResult(
                 step.key, Outcome.FAILED, str(stopped), to_do="find the cause, then go on with this step"
             )
+        if result.outcome is Outcome.FAILED:
+            freeze(self.store.traces, f"step-{step.key}")
         result = replace(result, seconds=time.monotonic() - begun, at=now_text())
         self.progress = replace(self.progress, results={**self.progress.results, step.key: result})
         store_progress(self._path, self.progress)

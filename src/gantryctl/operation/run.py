@@ -15,6 +15,7 @@ from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_failed
+from gantryctl.operation.bus_log import AlarmFrames
 from gantryctl.operation.client import BrakeTestReport, Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, left_on_failure, open_axis
 from gantryctl.operation.store import StateStore
@@ -91,6 +92,7 @@ class AxisRun:
         self.brake_due = judge_due(machine, self.axis, opened.retained, opened.retained.power_ups)
         self._power_ups = self._moves = 0
         self._powered = False
+        self._frames = AlarmFrames(self.axis.alarms, None if store is None else store.traces)
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
@@ -349,6 +351,7 @@ class AxisRun:
             if held or lease:
                 self._renew()
             reached = engine.run_until(lambda _: done(), min(slice_s, end_s - engine.time_s))
+            self._frames.look(engine.time_s)
             self._observe()
             if reached:
                 return
@@ -390,6 +393,7 @@ class AxisRun:
             elif not self.axis.is_off:
                 self.power_down()
         finally:
+            self._frames.look(self.engine.time_s)
             self._timed.close()
             if self.engine.scan:
                 self.engine.close()

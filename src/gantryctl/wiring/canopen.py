@@ -14,6 +14,7 @@ from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
 from gantryctl.ports import Drive
 from gantryctl.units import rad
+from gantryctl.wiring.bus_log import link_log
 
 # A drive stepped by SYNC needs as long as its process computes; the longest such answer only ends a run that hangs.
 _STEPPED_ANSWER_S: Final = 1.0
@@ -71,13 +72,20 @@ def can_link(machine: Machine) -> BusLink:
         return virtual_node(machine)[0]
     # `can scan` and `drive status` take the lock too: they would ask the drive between two scans of a controller.
     c = machine.can
+    log = link_log(c.channel or c.interface, virtual=False)
     lock = DriveLock(f"{c.interface} {c.channel}, node {c.node}".replace(" ,", ","))
     try:
         bus = open_bus(c.interface, c.channel or None, c.bitrate)
     except BaseException:
         lock.release()
         raise
-    return BusLink(bus, echoes=c.interface in ECHOING, stepped=c.stepped, when_closed=lock.release)
+    return BusLink(
+        bus,
+        echoes=c.interface in ECHOING,
+        stepped=c.stepped,
+        log=log,
+        when_closed=lock.release,
+    )
 
 
 def canopen_drive(

@@ -17,6 +17,7 @@ from gantryctl.drives.virtual.side_channel.control import ControlClient, RemoteP
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder
 from gantryctl.units import DriveVelocityUnit, rad, rad_s_from_r_min
+from gantryctl.wiring.bus_log import link_log
 from gantryctl.wiring.simulator import drive_params, plant_params
 
 if TYPE_CHECKING:
@@ -138,7 +139,19 @@ def virtual_node(
         node.plant.restore(state)
     bus.attach(node)
     node.boot()
-    return BusLink(bus, advance=lambda seconds: node.advance(round(seconds * 1e6))), node
+    log = link_log("simulated", virtual=True)
+
+    # The link knows the time that it waits; SYNC lets that of the drive go on too.
+    def timed(_: float, can_id: int, data: bytes, sent: bool) -> None:
+        if log is not None:
+            log(node.time_us * 1e-6, can_id, data, sent)
+
+    link = BusLink(
+        bus,
+        advance=lambda seconds: node.advance(round(seconds * 1e6)),
+        log=None if log is None else timed,
+    )
+    return link, node
 
 
 def remote_plant(machine: Machine) -> RemotePlant:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.options import (
+    bus_log_option,
     config_option,
     confirm,
     fresh_option,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 
 
 @click.command("brake-test")
+@bus_log_option
 @config_option
 @fresh_option
 @json_option

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import click
 
-from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, print_done, print_json
+from gantryctl.cli.options import (
+    FINITE,
+    bus_log_option,
+    config_option,
+    json_option,
+    machine_of,
+    print_done,
+    print_json,
+)
 
 
 @click.group()
@@ -15,6 +23,7 @@ def encoder() -> None:
 
 
 @encoder.command()
+@bus_log_option
 @config_option
 @json_option
 def show(config_file: Path | None, as_json: bool) -> int:
@@ -31,6 +40,7 @@ def show(config_file: Path | None, as_json: bool) -> int:
 
 
 @encoder.command("set-zero")
+@bus_log_option
 @config_option
 @click.option("--angle", type=FINITE, required=True, help="The true gantry angle now, deg.")
 @click.option("--witness", required=True, help="What proves it: mark, laser, protocol number.")

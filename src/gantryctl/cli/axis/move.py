@@ -11,6 +11,7 @@ import click
 from gantryctl.cli.options import (
     FINITE,
     SignedCommand,
+    bus_log_option,
     config_option,
     confirm,
     fresh_option,
@@ -56,6 +57,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
             "--yes", is_flag=True, help="Do not ask before a real gantry moves, here or at the service."
         ),
         take_over_option,
+        bus_log_option,
     ):
         command = option(command)
     return command

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import PATH, bus_log_option, config_option, json_option, machine_of, print_json
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.setup.survey import Found
@@ -19,6 +19,7 @@ def can() -> None:
 
 
 @can.command()
+@bus_log_option
 @config_option
 @click.option(
     "--can", "interface", help="python-can interface; [can] interface of the machine file when not given."

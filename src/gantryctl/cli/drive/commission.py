@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import config_option, directory, out_option, proven_machine
+from gantryctl.cli.options import bus_log_option, config_option, directory, out_option, proven_machine
 
 if TYPE_CHECKING:
     from gantryctl.commissioning import Commissioning, Step, StepResult
@@ -17,6 +17,7 @@ DEFAULT_OUT = Path("commissioning_report")
 
 
 @click.group(invoke_without_command=True)
+@bus_log_option
 @config_option
 @click.option(
     "--with-sim", is_flag=True, help="With a virtual drive in this process: one terminal, no adapter."

@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.drive.drive_sim import sim
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json, write_text
+from gantryctl.cli.options import (
+    PATH,
+    bus_log_option,
+    config_option,
+    json_option,
+    machine_of,
+    print_json,
+    write_text,
+)
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.bus.node import RemoteNode
@@ -48,6 +56,7 @@ def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSetting
 
 
 @drive.command()
+@bus_log_option
 @config_option
 @json_option
 def status(config_file: Path | None, as_json: bool) -> int:
@@ -86,6 +95,7 @@ def status(config_file: Path | None, as_json: bool) -> int:
 
 
 @drive.command()
+@bus_log_option
 @config_option
 @json_option
 def diff(config_file: Path | None, as_json: bool) -> int:
@@ -110,6 +120,7 @@ def diff(config_file: Path | None, as_json: bool) -> int:
 
 
 @drive.command()
+@bus_log_option
 @config_option
 @click.option("--eds", "eds_file", type=PATH, help="Which objects there are; [can] eds when not given.")
 @json_option
@@ -128,6 +139,7 @@ def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> i
 
 
 @drive.command()
+@bus_log_option
 @config_option
 @click.option("--eds", "eds_file", type=PATH, help="Which objects there are; [can] eds when not given.")
 @click.argument("file", type=PATH)
@@ -143,6 +155,7 @@ def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
 
 
 @drive.command()
+@bus_log_option
 @config_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.argument("file", type=PATH)
@@ -166,6 +179,7 @@ def restore(config_file: Path | None, yes: bool, file: Path) -> int:
 
 
 @drive.command()
+@bus_log_option
 @config_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
 def save(config_file: Path | None, yes: bool) -> int:

@@ -10,6 +10,7 @@ import click
 from gantryctl.cli.options import (
     FINITE,
     PATH,
+    bus_log_option,
     choice_option,
     config_option,
     directory,
@@ -39,6 +40,7 @@ def accuracy() -> None:
 
 
 @accuracy.command("run")
+@bus_log_option
 @config_option
 @click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 import can
 
 from gantryctl.errors import DeviceError, UsageError
+from gantryctl.trace.frames.ring import FrameLog
 
 # Failures one after the other: a full transmit queue recovers, a dead controller does not.
 _DOWN_AFTER: Final = 3
@@ -26,9 +27,6 @@ UDP_GROUP: Final = "239.74.163.2"
 # Interfaces that deliver our own frames back. Undropped, the echo overwrote a freshly set controlword in 463 of 500
 # cycles of a library on udp_multicast.
 ECHOING: Final = ("udp_multicast", "socketcan")
-
-FrameLog = Callable[[float, int, bytes, bool], None]
-"""Takes each data frame: `BusLink.now_s`, identifier, data, and whether this master sent it."""
 
 
 class Frame(NamedTuple):
