@@ -70,7 +70,8 @@ void set_numbers(Params& p, Numbers given) {
   for (double x : {p.period_s, p.reversal_length_rad, p.fade_rad_s})
     if (!(x > 0.0))
       throw std::invalid_argument("period_s, reversal_length_rad and fade_rad_s must be positive");
-  for (double x : {p.torque_limit_nm, p.pos_limit_rad, p.encoder_limit_rad, p.encoder_dead_band_rad})
+  for (double x : {p.torque_limit_nm, p.pos_limit_rad, p.encoder_limit_rad, p.encoder_dead_band_rad,
+                   p.swing_speed_max_rad_s})
     if (!(x >= 0.0)) throw std::invalid_argument("a limit of the compensation is negative");
 }
 

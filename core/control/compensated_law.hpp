@@ -8,6 +8,8 @@
 namespace gantry {
 
 constexpr double kAnyAngleRad = 10.0;  // a reading beyond this is not an angle of a gantry
+constexpr double kScansMissing = 3.0;  // in a row, that the engine bridges
+constexpr double kStepShare = 0.01;    // of the swing's speed, for a reading that stepped
 
 template <class T>
 struct CompensatedResult {
@@ -59,14 +61,28 @@ void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint& r,
   s.torque_zero_nm = feed_forward_torque(p, ratio, T(r.pos), T(r.acc));
 }
 
-// The load-side reading without the encoder's own errors; an invalid reading (NaN, or no angle of a
-// gantry) is replaced by dead reckoning from the last one, and the disagreement tells.
+// What the load-side encoder says without its own errors, and what the law takes of it. The load goes with
+// its set-point but for its swing, and some scans may be missing. What goes on faster is a step of the
+// encoder: it is taken so slowly that it is no step of the command. An invalid reading (NaN, or no angle of a
+// gantry) is replaced by dead reckoning.
 template <class T>
-T load_side_reading(const CompensationParams<T>& p, const CompensationState<T>& s, T ring, T lead, T vel_ref,
-                    T y) {
+struct LoadSideReading {
+  T seen;  // NaN or no angle of a gantry where the encoder shows none
+  T taken;
+};
+
+template <class T>
+LoadSideReading<T> load_side_reading(const CompensationParams<T>& p, const CompensationState<T>& s, T ring,
+                                     T lead, T vel_ref, T y) {
   const T seen = (p.scale_map ? ring - harmonics(p.scale, ring).value : ring) + lead;
-  const T reckoned = s.started ? s.ring_last_rad + vel_ref * p.period_s : y;
-  return select(vabs(ring) < T(kAnyAngleRad), seen, reckoned);
+  const auto valid = vabs(ring) < T(kAnyAngleRad);
+  if (!s.started) return {select(valid, seen, ring), select(valid, seen, y)};
+  const T way = vel_ref * p.period_s;
+  const T reckoned = s.ring_last_rad + way;
+  const T swing = p.swing_speed_max_rad_s * p.period_s;
+  const auto plausible = vabs(seen - reckoned) <= swing + T(kScansMissing) * vabs(way);
+  const T most = select(plausible, swing, T(kStepShare) * swing);
+  return {select(valid, seen, ring), select(valid, clamp(seen, reckoned - most, reckoned + most), reckoned)};
 }
 
 // One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (0 without one).
@@ -77,9 +93,9 @@ CompensatedResult<T> compensated_law(const PositionLawParams& law, const Compens
   const T ratio = T(law.ratio);
   const T lead = T(r.vel) * p.latency_s;  // how far the motor went on since its encoder was read
   const T y = T(law.rad_per_count) * counts / ratio + lead;
-  const T reading = ring;
-  ring =
-      load_side_reading(p, s, reading, lead, T(r.vel), y);  // both encoders are latched at the same instant
+  // Both encoders are latched at the same instant.
+  const LoadSideReading<T> reading = load_side_reading(p, s, ring, lead, T(r.vel), y);
+  ring = reading.taken;
   if (!s.started) begin_following(p, ratio, r, y, ring, s);
 
   const T before = s.direction;
@@ -101,7 +117,7 @@ CompensatedResult<T> compensated_law(const PositionLawParams& law, const Compens
   }
   const T torque = feed_forward_torque(p, ratio, T(r.pos), T(r.acc)) - s.torque_zero_nm;
   out.torque_ff_nm = clamp(torque, -p.torque_limit_nm, p.torque_limit_nm);
-  out.disagreement_rad = select(vabs(reading) < T(kAnyAngleRad), ring, reading) - (y - c.pos);
+  out.disagreement_rad = reading.seen - (y - c.pos);
   s.pos_last_rad = T(r.pos);
   s.acc_last_rad_s2 = T(r.acc);
   s.ring_last_rad = ring;

@@ -41,6 +41,7 @@ constexpr int kFastWaves = 6;
   X(encoder_gain_per_s, 0.0, "integral gain of the load-side loop")                                   \
   X(encoder_dead_band_rad, 0.0, "load-side errors below this are left alone")                         \
   X(encoder_limit_rad, 0.0, "largest correction of the load-side loop")                               \
+  X(swing_speed_max_rad_s, 1e9, "fastest that the load moves against its set-point")                  \
   X(damping_gain, 0.0, "part of the swing torque that the motor yields to")                           \
   X(swing_rad_s, 0.0, "first mode with the motor held")                                               \
   X(damping_filter, 1.0, "1 - exp(-Ts/T) of the load speed")                                          \

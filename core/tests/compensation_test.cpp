@@ -165,6 +165,25 @@ TEST(CompensatedLaw, reckons_on_without_a_load_side_reading_and_says_so) {
   }
 }
 
+TEST(CompensatedLaw, takes_a_step_of_the_load_side_encoder_slowly_and_tells_it_whole) {
+  Params p;
+  p.load_encoder = true;
+  p.swing_speed_max_rad_s = 0.02;
+  const PositionLawParams law = example::law();
+  for (double step : {1e-3, -1e-3}) {
+    State s;
+    compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3);
+    const auto out = compensated_law(law, p, s, {0.30001, 0.01, 0.0}, 0.30001 * law.ratio / law.rad_per_count,
+                                     0.30001 + step);
+    EXPECT_NEAR(s.ring_last_rad, 0.30001 + std::copysign(0.0002 * p.period_s, step), 1e-12);
+    EXPECT_NEAR(out.disagreement_rad, step, 1e-9);  // half a step of the motor encoder
+    // Within the swing it is taken as it is, to the bit.
+    const double next = s.ring_last_rad + 1e-5;
+    compensated_law(law, p, s, {0.30002, 0.01, 0.0}, 0.30002 * law.ratio / law.rad_per_count, next);
+    EXPECT_EQ(s.ring_last_rad, next);
+  }
+}
+
 TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {
   const Params p = maps();
   const PositionLawParams law = example::law();

@@ -52,9 +52,15 @@ ALL_PEOPLE = Alphabet(commands(), (S.ESTOP,), without_right=without_right())
 
 
 def explore(
-    alphabet: Alphabet, *, parks: bool = False, people: bool = False, stop: bool = False
+    alphabet: Alphabet,
+    *,
+    parks: bool = False,
+    torque_preload: bool = True,
+    people: bool = False,
+    stop: bool = False,
 ) -> Exploration:
-    exploration = Exploration(World(settings(parks=parks), people=people), alphabet, stop_at_first=stop)
+    world = World(settings(parks=parks, torque_preload=torque_preload), people=people)
+    exploration = Exploration(world, alphabet, stop_at_first=stop)
     exploration.run()
     print(exploration.found)
     return exploration

@@ -15,6 +15,8 @@ from gantryctl.units import deg, rad
 # from the calibration file, measured by `gantryctl identify` (decision 0010).
 _MS: Final = 1e-3
 _US: Final = 1e-6
+# After a stop the load swings on by up to 0.53 deg/s (program/power/sequence.py); a step of the encoder is no swing.
+_SWING_DEG_S: Final = 1.0
 
 
 def check_calibration(machine: Machine, encoder_serial: str | None = None) -> Calibration:
@@ -105,6 +107,7 @@ def _numbers(machine: Machine) -> dict[str, float]:
         "encoder_gain_per_s": config.load_encoder.integral_per_s,
         "encoder_dead_band_rad": rad(config.load_encoder.dead_band_deg),
         "encoder_limit_rad": rad(config.load_encoder.limit_deg),
+        "swing_speed_max_rad_s": rad(_SWING_DEG_S),
         "damping_gain": damping.gain,
         # First-order filters as exact discrete gains, 1 - exp(-T/tau).
         "damping_filter": -math.expm1(-period_s / (damping.filter_ms * _MS)),

@@ -49,11 +49,6 @@ def test_encoders_that_agree_raise_nothing() -> None:
     assert abs(deg(load_side.disagreement_rad)) < 0.005  # a tenth of the limit
 
 
-@pytest.mark.no_oracle(
-    "defect: a step of the second encoder is a step of the speed command",
-    "INV-2",
-    "INV-3",
-)
 @pytest.mark.parametrize("off_deg", [0.06, -0.06])
 def test_a_second_encoder_that_disagrees_stops_the_axis(off_deg: float) -> None:
     rig = powered(improved_machine(), 30.0)
@@ -65,11 +60,6 @@ def test_a_second_encoder_that_disagrees_stops_the_axis(off_deg: float) -> None:
     assert not rig.engine.output.brake_open
 
 
-@pytest.mark.no_oracle(
-    "defect: a step of the second encoder is a step of the speed command",
-    "INV-2",
-    "INV-3",
-)
 def test_a_short_disagreement_is_forgiven() -> None:
     rig = powered(improved_machine(), 30.0)
     spoil(rig, lambda ring: ring + rad(0.06))
