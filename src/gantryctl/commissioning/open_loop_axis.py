@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from typing import Final
 
+from gantryctl.drives.canopen.bus.node import LOST
+from gantryctl.drives.canopen.cia402 import ENERGISED, FOLLOWS_COMMAND
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
-from gantryctl.image import DriveFeedback, DriveRequest, DriveState, OutputImage
+from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine
 from gantryctl.operation.opening import keep_machine, open_machine
 from gantryctl.operation.proofs import bus_reasons
@@ -19,16 +22,27 @@ from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
 
 ENABLE: Final = DriveRequest.ENABLE
+_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ENABLE_S: Final = 2.0
-_SILENT_S: Final = 1.5
+# A command acts at the next SYNC and shows at the one after (decision 0012); two scans more are granted.
+_SHOWN_SCANS: Final = 4
+# The way of the command is ahead of the gantry by the lag of the drive's speed loop: 0.02 s on the virtual drive. A drive
+# that stands still, or turns the wrong way, is told from a slow one by this.
+_BEHIND_DEG: Final = 0.05
+_BEHIND_S: Final = 0.15
+# Torque off and brake stop the reference gantry from 3 deg/s within 0.75 s.
+_BREAK_OFF_S: Final = 1.5
+_STILL_DEG_S: Final = 0.05
+_STILL_S: Final = 0.1
 
 
 class OpenLoopAxis:
-    """Commands to an open drive, switched off when the gantry moves too far.
+    """Commands to an open drive, switched off when the gantry moves too far or not as it was commanded.
 
     Args:
         feedback: what the drive showed when it was opened.
         leash_deg: way from there at which the axis is switched off.
+        following: the gantry must follow the speed command, as a drive of proven sign and scale does.
 
     Attributes:
         retained: the controller's memory, kept at the end; a step may change it.
@@ -41,6 +55,8 @@ class OpenLoopAxis:
         feedback: DriveFeedback,
         leash_deg: float,
         retained: Retained,
+        *,
+        following: bool = True,
     ) -> None:
         self.retained = retained
         self.drive, self.period_s = drive, drive.settings.period_s
@@ -50,6 +66,13 @@ class OpenLoopAxis:
         self._clock = RealClock(self.period_s) if machine.paced_by_clock else VirtualClock()
         self._deadline = 0
         self.feedback, self.start_counts = feedback, feedback.pos_act_counts
+        self._following = following
+        self._band_deg_s = machine.monitors.velocity_deviation_deg_s
+        self._band_scans = max(1, round(1e-3 * machine.monitors.velocity_deviation_time_ms / self.period_s))
+        self._commanded: deque[float] = deque(maxlen=_SHOWN_SCANS)
+        self._way_deg = self._begun_deg = 0.0
+        self._off_scans = self._stuck_scans = 0
+        self._passed_s = self.period_s
 
     @property
     def angle_deg(self) -> float:
@@ -61,30 +84,115 @@ class OpenLoopAxis:
         """Of the gantry, as the drive says."""
         return deg(self.feedback.vel_act_rad_s / self.ratio)
 
+    def motor_rad_s(self, speed_deg_s: float) -> float:
+        """Speed of the motor for one of the gantry."""
+        return rad(speed_deg_s) * self.ratio
+
     def scan(
         self, request: DriveRequest, speed_deg_s: float = 0.0, torque_nm: float = 0.0, brake: bool = True
     ) -> DriveFeedback:
         """Send one command and return the feedback of the next SYNC.
 
         Raises:
-            AlarmStop: the leash is at its end, or something is wrong with the connection.
+            AlarmStop: the leash is at its end, the gantry does not follow, or something is wrong with the connection.
         """
-        vel = rad(speed_deg_s) * self.ratio
-        self.drive.write(OutputImage(request, vel, torque_nm, brake))
-        self._wait()
+        before = self.feedback.state
+        self.drive.write(OutputImage(request, self.motor_rad_s(speed_deg_s), torque_nm, brake))
+        self.wait()
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
-            self.drive.write(OutputImage())
-            raise AlarmStop(
-                f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed · torque off, "
-                "brake closed"
+            self.stop_for(
+                f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed"
             )
         if self.feedback.link:
-            raise AlarmStop(f"the connection to the drive is disturbed: {self.feedback.link!r}")
+            self.stop_for(f"the connection to the drive is disturbed: {self.feedback.link!r}")
+        self._judge_bit_12()
+        self._judge_following(speed_deg_s, request is ENABLE and before is self.feedback.state is _ENABLED)
         return self.feedback
 
-    def _wait(self) -> None:
-        self._deadline = self._clock.wait_for(self._deadline + 1).deadline
+    def begin_time(self) -> None:
+        """Count scans from now on, after a time that somebody else has paced."""
+        self._clock.start()
+
+    def wait(self) -> None:
+        """Wait for the next scan."""
+        before = self._deadline
+        self._deadline = self._clock.wait_for(before + 1).deadline
+        # The gantry goes on while scans are missed.
+        self._passed_s = (self._deadline - before) * self.period_s
+
+    def _judge_bit_12(self) -> None:
+        """A drive that is off, or stops by itself, follows no command; a bit that says so in every state says nothing."""
+        wrong = (
+            self.drive.settings.follows_bit
+            and self.feedback.state is not _ENABLED
+            and bool(self.drive.process.statusword & FOLLOWS_COMMAND)
+        )
+        self._stuck_scans = self._stuck_scans + 1 if wrong else 0
+        if self._stuck_scans > _SHOWN_SCANS:
+            self.stop_for(
+                f"bit 12 of 6041 says that the drive follows the command while it is in {state_name(self.feedback.state)} · "
+                "[can] follows_bit = false where the bit means nothing"
+            )
+
+    def _judge_following(self, speed_deg_s: float, enabled: bool) -> None:
+        """Compare speed and way with what was commanded since the drive was enabled."""
+        if not (enabled and self._following):
+            self._commanded.clear()
+            self._way_deg, self._begun_deg, self._off_scans = 0.0, self.angle_deg, 0
+            return
+        self._commanded.append(speed_deg_s)
+        self._way_deg += speed_deg_s * self._passed_s
+        low, high = min(self._commanded) - self._band_deg_s, max(self._commanded) + self._band_deg_s
+        self._off_scans = 0 if low <= self.speed_deg_s <= high else self._off_scans + 1
+        if self._off_scans > self._band_scans:
+            self.stop_for(
+                f"the gantry turns at {self.speed_deg_s:+.3f} deg/s, {speed_deg_s:+.3f} deg/s are commanded (band "
+                f"{self._band_deg_s:g} deg/s)"
+            )
+        way, fastest = self.angle_deg - self._begun_deg, max(map(abs, self._commanded))
+        allowed = _BEHIND_DEG + _BEHIND_S * fastest
+        if not abs(way - self._way_deg) <= allowed:
+            self.stop_for(
+                f"the gantry turned by {way:+.3f} deg, {self._way_deg:+.3f} deg were commanded ({allowed:.3f} deg apart "
+                "are allowed)"
+            )
+
+    # --- the end of a command, expected or not ---------------------------------------------------------------------
+
+    def stop_for(self, why: str) -> None:
+        """Take torque off and brake, and end the step.
+
+        Raises:
+            AlarmStop: always, with the reason and with what the drive has confirmed.
+        """
+        raise AlarmStop(f"{why} · {self.break_off()}")
+
+    def break_off(self) -> str:
+        """Command torque off and brake, look at the drive, and say what it has confirmed."""
+        drive, still_s = self.drive, 0.0
+        drive.silent_process_data = drive.silent_heartbeat = False
+        drive.write(SAFE_OUTPUT)
+        if drive.lost:
+            # A drive that has left OPERATIONAL takes commands, and shows itself, only after it was started.
+            with suppress(DeviceError):
+                drive.resume()
+        self.begin_time()
+        before = self.angle_deg
+        for k in range(round(_BREAK_OFF_S / self.period_s)):
+            drive.write(SAFE_OUTPUT)
+            self.wait()
+            self.feedback = seen = drive.read()
+            # A turning gantry is not believed to be off, whatever the state says.
+            still = abs(self.angle_deg - before) <= _STILL_DEG_S * self.period_s
+            before = self.angle_deg
+            shown = not seen.age_scans and not seen.inputs_age_scans and not seen.link & LOST
+            off = shown and seen.state not in (*ENERGISED, DriveState.UNKNOWN) and not seen.brake_open
+            still_s = still_s + self.period_s if off and still else 0.0
+            if still_s >= _STILL_S:
+                after_ms = max(0.0, 1e3 * ((k + 1) * self.period_s - still_s))
+                return f"torque off and brake closed after {after_ms:.0f} ms, at {self.angle_deg:+.3f} deg"
+        return "torque off and brake commanded, not confirmed: press the emergency stop"
 
     def run(
         self,
@@ -107,12 +215,15 @@ class OpenLoopAxis:
             DeviceError: it does not reach Operation enabled.
         """
         for _ in range(round(_ENABLE_S / self.period_s)):
-            if self.scan(ENABLE, brake=brake).state is DriveState.OPERATION_ENABLED:
+            if self.scan(ENABLE, brake=brake).state is _ENABLED:
                 self.run(0.3, brake=brake)
                 return
+        status = self.drive.process.statusword
+        # The drive itself may say Operation enabled: then only bit 12 is missing.
+        lacks_bit = self.drive.settings.follows_bit and not status & FOLLOWS_COMMAND
+        hint = " · bit 12 of 6041 is 0: [can] follows_bit = false where the drive has no such bit" if lacks_bit else ""
         raise DeviceError(
-            f"the drive is in {self.feedback.state.name.lower().replace('_', ' ')} after {_ENABLE_S:g} s, operation "
-            "enabled was wanted"
+            f"the drive is in {state_name(self.feedback.state)} after {_ENABLE_S:g} s, operation enabled was wanted{hint}"
         )
 
     def ramp_to(self, speed_deg_s: float, acc_deg_s2: float) -> None:
@@ -127,38 +238,22 @@ class OpenLoopAxis:
         self.run(2 * self.period_s, brake=False)
         self.run(0.6, DriveRequest.DISABLE, brake=False)
 
-    def fall_silent(self, *, process_data: bool, heartbeat: bool) -> float:
-        """Stop sending until the drive has reacted; how long that took, s, or NaN.
-
-        With process data silent nothing is read either: the reaction shows by its emergency message.
-        """
-        drive, node = self.drive, self.drive.node
-        before, begun = node.emergencies.count, drive.link.now_s()
-        drive.silent_process_data, drive.silent_heartbeat = process_data, heartbeat
-        reacted = math.nan
-        for k in range(round(_SILENT_S / self.period_s)):
-            drive.write(OutputImage(ENABLE, 0.0, 0.0, True))
-            if not process_data:
-                self._wait()
-            self.feedback = drive.read()
-            seen = node.emergencies.count > before or (
-                not process_data and self.feedback.state is not DriveState.OPERATION_ENABLED
-            )
-            if seen and math.isnan(reacted):
-                elapsed = drive.link.now_s() - begun
-                reacted = (k + 1) * self.period_s if drive.link.stepped else elapsed
-        drive.silent_process_data = drive.silent_heartbeat = False
-        return reacted
-
     def wake(self) -> DriveFeedback:
-        """Send again, asking for nothing; the last feedback."""
+        """Send again after a silence, asking for nothing; the last feedback."""
         self.drive.resume()
-        self._clock.start()
+        self.begin_time()
         return self.run(0.1, DriveRequest.DISABLE)[-1]
 
 
+def state_name(state: DriveState) -> str:
+    """State of a drive for people."""
+    return state.name.lower().replace("_", " ")
+
+
 @contextmanager
-def open_loop_axis(machine: Machine, store: StateStore, leash_deg: float) -> Iterator[OpenLoopAxis]:
+def open_loop_axis(
+    machine: Machine, store: StateStore, leash_deg: float, *, following: bool = True
+) -> Iterator[OpenLoopAxis]:
     """Open the drive, and leave it off, braked and with its rest position retained.
 
     Raises:
@@ -167,7 +262,7 @@ def open_loop_axis(machine: Machine, store: StateStore, leash_deg: float) -> Ite
     opened = open_machine(machine, store)
     drive = opened.drive
     assert isinstance(drive, CanopenDrive)
-    axis = OpenLoopAxis(machine, drive, opened.feedback, leash_deg, opened.retained)
+    axis = OpenLoopAxis(machine, drive, opened.feedback, leash_deg, opened.retained, following=following)
     try:
         for reason in bus_reasons(machine, store, drive, commissioning=True):
             raise CommandRefused(reason.text)

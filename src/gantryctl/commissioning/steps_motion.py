@@ -9,14 +9,16 @@ from typing import Final
 
 import numpy as np
 
-from gantryctl.commissioning.open_loop_axis import open_loop_axis
+from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
+from gantryctl.commissioning.quick_stop import computed_way_deg, measure_quick_stop, permitted_way_deg
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
+from gantryctl.commissioning.silence import Silence, Way, fall_silent, watched_ways
 from gantryctl.commissioning.steps_power import reset
 from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop
-from gantryctl.image import DriveRequest, DriveState
+from gantryctl.image import DriveState
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.operation.run import AxisRun
@@ -27,6 +29,10 @@ from gantryctl.units import deg
 _SMALL_DEG: Final = 1.0
 _STOP_SPEEDS: Final = (1.0, 3.0)
 _STOP_ACC: Final = 1.0
+_CRUISE_S: Final = 0.5
+# Beyond ramp, cruise and permitted stop: lag of the drive, sag when the brake opens and closes.
+_LEASH_SPARE_DEG: Final = 0.3
+_TOO_LONG: Final = "605A, 6085, torque limit, [virtual_axis] quick_dec_deg_s2; nothing faster before"
 _TURN_SPEED: Final = 3.0
 _MARGIN_DEG: Final = 2.0
 # Over less than this a sine and a constant cannot be told apart well.
@@ -87,54 +93,80 @@ def _rest_error_deg(trace: Trace) -> float:
 
 def stops(c: Context) -> StepResult:
     """Measure quick stop and silence from two speeds and jog release from one, against the computed angles."""
-    virtual, can = c.machine.virtual_axis, c.machine.can
-    figures: dict[str, float] = {}
-    wrong = []
+    figures: dict[str, Figure] = {}
+    decs: list[float] = []
     direction = 1.0
     for speed in _STOP_SPEEDS:
-        # A silent controller stops the axis after the deadline of the process data, at full speed until then.
-        for what, delay_s in (("quick stop", 0.0), ("silence", can.rpdo_deadline_ms * 1e-3)):
-            measured = _measured_stop(c, what, direction * speed)
+        for stop in (_quick_stop, _silent_stop):
+            try:
+                what, measured, computed = stop(c, direction * speed, decs)
+            # What is too long at one speed is not tried at a higher one.
+            except AlarmStop as stopped:
+                return failed("stops", str(stopped), _TOO_LONG, **figures)
             # Forward and back: the gantry ends near where it began.
             direction = -direction
-            computed = speed * delay_s + rigid_stop(speed, virtual.quick_dec_deg_s2, math.inf)[0]
-            figures |= _figures(f"{what} {speed:g} deg/s", measured, computed)
-            if not 0.0 < measured <= computed + speed * REACTION_S:
-                wrong.append(f"{what} at {speed:g} deg/s")
-            c.say(f"  {what} from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
+            _add(c, figures, what, speed, measured, computed)
     speed = c.machine.speed.setting_min_deg_s
-    measured = _jog_release(c, speed)
+    virtual = c.machine.virtual_axis
     computed = rigid_stop(speed, virtual.jog_release_dec_deg_s2, virtual.jog_release_jerk_deg_s3)[0]
-    figures |= _figures(f"jog release {speed:g} deg/s", measured, computed)
-    c.say(f"  jog release from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
-    if measured > computed + speed * REACTION_S:
-        wrong.append("jog release")
-    proof = f"{len(figures) // 2} stops, largest {max(figures.values()):.3f} deg"
-    to_do = f"too long: {', '.join(wrong)}; 6085, torque limit, [virtual_axis] quick_dec_deg_s2"
-    return judged(not wrong, "stops", proof, to_do, **figures)
+    longest = max(_add(c, figures, "jog release", speed, _jog_release(c, speed), computed), measured)
+    figures["quick_stop_dec_deg_s2"] = Figure(min(decs, default=math.nan))
+    proof = f"{len(figures) // 2} stops, largest {longest:.3f} deg"
+    return judged(True, "stops", proof, _TOO_LONG, **figures)
 
 
-def _figures(name: str, measured: float, computed: float) -> dict[str, float]:
-    key = name.replace(" deg/s", "").replace(" ", "_").replace(".", "p")
-    return {f"{key}_measured_deg": measured, f"{key}_computed_deg": computed}
+def _add(
+    c: Context, figures: dict[str, Figure], what: str, speed: float, measured: float, computed: float
+) -> float:
+    """Tell a stop, and add it to the figures; its way."""
+    c.say(f"  {what} from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
+    key = f"{what}_{speed:g}".replace(" ", "_").replace(".", "p")
+    figures[f"{key}_measured_deg"] = Figure(measured, high=computed + speed * REACTION_S)
+    figures[f"{key}_computed_deg"] = Figure(computed)
+    return measured
 
 
-def _measured_stop(c: Context, what: str, speed: float) -> float:
-    """Ramp up with the position loop open, stop, and measure the motor-side way from the last command to rest."""
-    way = 2.0 * (speed * speed / (2.0 * _STOP_ACC) + 2.0 * abs(speed))
-    with open_loop_axis(c.machine, c.store, way + 2.0) as axis:
+@contextmanager
+def _at_speed(c: Context, speed: float, way_deg: float) -> Iterator[OpenLoopAxis]:
+    """The axis at a speed, with the position loop open, on a leash that ends with the permitted stop."""
+    leash = speed * speed / (2.0 * _STOP_ACC) + _CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
+    with open_loop_axis(c.machine, c.store, leash) as axis:
         axis.enable()
         axis.ramp_to(speed, _STOP_ACC)
-        axis.run(0.5, speed_deg_s=speed)
-        begun = axis.angle_deg
-        if what == "silence":
-            axis.fall_silent(process_data=True, heartbeat=True)
-            axis.wake()
-            if axis.feedback.state is DriveState.FAULT:
-                reset(axis)
-        else:
-            axis.run(abs(speed) / c.machine.virtual_axis.quick_dec_deg_s2 + 1.0, DriveRequest.QUICK_STOP)
-        return abs(axis.angle_deg - begun)
+        axis.run(_CRUISE_S, speed_deg_s=speed)
+        yield axis
+
+
+def _quick_stop(c: Context, speed: float, decs: list[float]) -> tuple[str, float, float]:
+    """Name, measured and computed way of a quick stop; its deceleration is added to `decs`."""
+    dec = c.machine.virtual_axis.quick_dec_deg_s2
+    with _at_speed(c, speed, permitted_way_deg(speed, dec)) as axis:
+        seen = measure_quick_stop(axis, speed, dec)
+    if math.isfinite(seen.dec_deg_s2):
+        decs.append(seen.dec_deg_s2)
+    return "quick stop", seen.way_deg, computed_way_deg(speed, dec)
+
+
+def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, float, float]:
+    """Name, measured and computed way of the stop by the drive alone, its controller silent in every way.
+
+    Raises:
+        AlarmStop: the drive did not stop, or not within the permitted way: it was broken off.
+    """
+    dec = c.machine.virtual_axis.quick_dec_deg_s2
+    with _at_speed(c, speed, c.machine.axis.stopping_angle_max_deg) as axis:
+        # The way that acts first counts.
+        delay_s = min((way.limit_s(c.machine) for way in watched_ways(axis)), default=0.0)
+        permitted = permitted_way_deg(speed, dec, delay_s)
+        silence = Silence(tuple(Way), delay_s, permitted, abs(speed) / dec)
+        seen = fall_silent(axis, silence, speed)
+        if not seen.stopped:
+            ended = seen.broken_off or f"{state_name(seen.state)}, brake open: {seen.brake_open}"
+            raise AlarmStop(f"silence at {abs(speed):g} deg/s: {ended}")
+        axis.wake()
+        if axis.feedback.state is DriveState.FAULT:
+            reset(axis)
+    return "silence", seen.way_deg, computed_way_deg(speed, dec, delay_s)
 
 
 def _jog_release(c: Context, speed: float) -> float:

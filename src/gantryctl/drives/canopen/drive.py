@@ -173,10 +173,21 @@ class CanopenDrive:
         self.node.drain()
         if self.node.boots:
             raise DeviceError(f"node {self.settings.node} has restarted: open it anew")
+        # The speed of before the silence; the RPDO repeats the 0 (DRV-08 asks for it before that).
+        with suppress(DeviceError):
+            self.node.sdo.set(0x60FF, 0, 0)
         self.node.nmt(NmtCommand.START)
         self.node.state, self._flags, self.commanded = None, LinkFlag.NONE, False
         self.process.forget()
         self._first_answer()
+
+    def look(self) -> DriveFeedback:
+        """Send SYNC and no command: what a drive shows before the controller speaks again."""
+        silent, self.silent_process_data = self.silent_process_data, False
+        self._exchange(self.settings.answer_s)
+        self.silent_process_data = silent
+        self._last = self._feedback()
+        return self._last
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -215,8 +226,11 @@ class CanopenDrive:
         request = self._request = DriveRequest.DISABLE if forbidden else output.request
         if self._supervision.forbids and state not in TURNING and request is DriveRequest.ENABLE:
             request = DriveRequest.DISABLE
-        word = next_controlword(state, request, self._controlword)
-        self._controlword = word = self._brake.word(word, state, request, output.brake_open)
+        # A proof: a word that follows the drive's state would end what the drive has to end by itself.
+        if not self.silent_heartbeat:
+            word = next_controlword(state, request, self._controlword)
+            self._controlword = self._brake.word(word, state, request, output.brake_open)
+        word = self._controlword
         self._enabling = self._enabling + 1 if word == ENABLE_OPERATION else 0
         enabled = state is DriveState.OPERATION_ENABLED and request is DriveRequest.ENABLE
         vel = output.vel_cmd_rad_s if enabled else 0.0

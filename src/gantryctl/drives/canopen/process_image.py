@@ -130,6 +130,10 @@ class ProcessImage:
         if number == 0:
             self.counts = self._unwrap(self._units.sign * raw[m.POSITION])
 
+    def take_position(self, raw: int) -> None:
+        """Take a 6064 that came by SDO while there are no telegrams."""
+        self.counts = self._unwrap(self._units.sign * raw)
+
     def forget(self) -> None:
         """Invalidate all telegrams until the next ones; the position goes on from where it was."""
         for watch in self.watches:
