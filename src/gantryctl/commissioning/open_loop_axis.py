@@ -26,8 +26,8 @@ _ENABLED: Final = DriveState.OPERATION_ENABLED
 _ENABLE_S: Final = 2.0
 # A command acts at the next SYNC and shows at the one after (decision 0012); two scans more are granted.
 _SHOWN_SCANS: Final = 4
-# The way of the command is ahead of the gantry by the lag of the drive's speed loop: 0.02 s on the virtual drive. A drive
-# that stands still, or turns the wrong way, is told from a slow one by this.
+# The way of the command is ahead of the gantry by the lag of the drive's speed loop: 0.02 s on the virtual drive. This
+# tells a drive that stands still, or turns the wrong way, from a slow one.
 _BEHIND_DEG: Final = 0.05
 _BEHIND_S: Final = 0.15
 # Torque off and brake stop the reference gantry from 3 deg/s within 0.75 s.
@@ -101,9 +101,7 @@ class OpenLoopAxis:
         self.wait()
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
-            self.stop_for(
-                f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed"
-            )
+            self.stop_for(f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed")
         if self.feedback.link:
             self.stop_for(f"the connection to the drive is disturbed: {self.feedback.link!r}")
         self._judge_bit_12()
@@ -122,7 +120,7 @@ class OpenLoopAxis:
         self._passed_s = (self._deadline - before) * self.period_s
 
     def _judge_bit_12(self) -> None:
-        """A drive that is off, or stops by itself, follows no command; a bit that says so in every state says nothing."""
+        """A drive that is off, or stops by itself, follows no command: a bit that is always 1 says nothing."""
         wrong = (
             self.drive.settings.follows_bit
             and self.feedback.state is not _ENABLED
@@ -131,8 +129,8 @@ class OpenLoopAxis:
         self._stuck_scans = self._stuck_scans + 1 if wrong else 0
         if self._stuck_scans > _SHOWN_SCANS:
             self.stop_for(
-                f"bit 12 of 6041 says that the drive follows the command while it is in {state_name(self.feedback.state)} · "
-                "[can] follows_bit = false where the bit means nothing"
+                f"bit 12 of 6041 says that the drive follows the command in {state_name(self.feedback.state)} · [can] "
+                "follows_bit = false where the bit means nothing"
             )
 
     def _judge_following(self, speed_deg_s: float, enabled: bool) -> None:
@@ -154,8 +152,8 @@ class OpenLoopAxis:
         allowed = _BEHIND_DEG + _BEHIND_S * fastest
         if not abs(way - self._way_deg) <= allowed:
             self.stop_for(
-                f"the gantry turned by {way:+.3f} deg, {self._way_deg:+.3f} deg were commanded ({allowed:.3f} deg apart "
-                "are allowed)"
+                f"the gantry turned by {way:+.3f} deg, {self._way_deg:+.3f} deg were commanded, {allowed:.3f} deg "
+                "apart are allowed"
             )
 
     # --- the end of a command, expected or not ---------------------------------------------------------------------
@@ -221,9 +219,14 @@ class OpenLoopAxis:
         status = self.drive.process.statusword
         # The drive itself may say Operation enabled: then only bit 12 is missing.
         lacks_bit = self.drive.settings.follows_bit and not status & FOLLOWS_COMMAND
-        hint = " · bit 12 of 6041 is 0: [can] follows_bit = false where the drive has no such bit" if lacks_bit else ""
+        hint = (
+            " · bit 12 of 6041 is 0: [can] follows_bit = false where the drive has no such bit"
+            if lacks_bit
+            else ""
+        )
         raise DeviceError(
-            f"the drive is in {state_name(self.feedback.state)} after {_ENABLE_S:g} s, operation enabled was wanted{hint}"
+            f"the drive is in {state_name(self.feedback.state)} after {_ENABLE_S:g} s, operation enabled was wanted"
+            f"{hint}"
         )
 
     def ramp_to(self, speed_deg_s: float, acc_deg_s2: float) -> None:

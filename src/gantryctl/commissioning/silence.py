@@ -14,8 +14,10 @@ from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState, OutputImage
 from gantryctl.machine import Machine
 
-# By SDO state and position are asked for in turn, and an answer comes a scan later.
-SEEN_SCANS: Final = 4
+# By SDO state and position are asked for in turn, and an answer comes a scan later; 6041 itself lags by 10 ms on a real
+# drive model.
+_SEEN_SCANS: Final = 4
+_LAG_S: Final = 0.010
 # Beyond the ramp: brake, torque off, and the state that shows it.
 _END_S: Final = 1.0
 _STILL_DEG_S: Final = 0.05
@@ -90,7 +92,7 @@ class SilentDrive:
 
 
 class _View:
-    """State and position in silence: by telegrams where SYNC goes out, else by SDO, one request at a time, not waited for."""
+    """State and position in silence: by telegrams where SYNC goes out, else by SDO requests that nobody waits for."""
 
     def __init__(self, axis: OpenLoopAxis) -> None:
         self._axis, self._drive = axis, axis.drive
@@ -139,6 +141,11 @@ class _View:
         self._axis.feedback = self._axis.feedback._replace(pos_act_counts=process.counts)
 
 
+def seen_by_s(limit_s: float, period_s: float) -> float:
+    """Time by which the reaction within a limit has shown itself."""
+    return limit_s + _SEEN_SCANS * period_s + _LAG_S
+
+
 def fall_silent(axis: OpenLoopAxis, silence: Silence, speed_deg_s: float = 0.0) -> SilentDrive:
     """Stop sending, enabled at a speed, until the drive has stopped by itself or has to be stopped.
 
@@ -150,10 +157,12 @@ def fall_silent(axis: OpenLoopAxis, silence: Silence, speed_deg_s: float = 0.0) 
     command = OutputImage(ENABLE, axis.motor_rad_s(speed_deg_s), 0.0, True)
     drive.silent_process_data = Way.COMMANDS in silence.ways
     drive.silent_heartbeat = Way.HEARTBEAT in silence.ways
-    late_s = silence.limit_s + SEEN_SCANS * axis.period_s
-    end_s = late_s + silence.ramp_s + _END_S
+    late_s = seen_by_s(silence.limit_s, axis.period_s)
+    # A brake that 60FE works begins to close when the torque goes off.
+    rest_s = _STILL_S + drive.settings.brake_close_s
+    end_s = late_s + silence.ramp_s + rest_s + _END_S
     scans, still_s, before = 0, 0.0, begun_deg
-    while not (view.state in _OFF and still_s >= _STILL_S):
+    while still_s < rest_s:
         drive.write(command)
         view.scan()
         scans += 1
@@ -163,10 +172,12 @@ def fall_silent(axis: OpenLoopAxis, silence: Silence, speed_deg_s: float = 0.0) 
         if time_s > late_s and drive.silent_process_data:
             view.look()
         if math.isnan(seen.stopped_s) and view.state is not DriveState.OPERATION_ENABLED:
-            seen.stopped_s = time_s
+            # What a SYNC shows right after the limit was so before.
+            seen.stopped_s = min(time_s, late_s)
         seen.way_deg = abs(axis.angle_deg - begun_deg)
         still = abs(axis.angle_deg - before) <= _STILL_DEG_S * axis.period_s
-        still_s, before = (still_s + axis.period_s if still else 0.0), axis.angle_deg
+        still_s = still_s + axis.period_s if still and view.state in _OFF else 0.0
+        before = axis.angle_deg
         why = ""
         if not seen.way_deg <= silence.way_deg:
             why = f"moved {seen.way_deg:.3f} deg, {silence.way_deg:.3f} deg are permitted"

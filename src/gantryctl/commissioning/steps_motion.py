@@ -32,6 +32,8 @@ _STOP_ACC: Final = 1.0
 _CRUISE_S: Final = 0.5
 # Beyond ramp, cruise and permitted stop: lag of the drive, sag when the brake opens and closes.
 _LEASH_SPARE_DEG: Final = 0.3
+# The load swings on by up to so much after a stop (power/sequence.py).
+_SWING_DEG_S: Final = 0.53
 _TOO_LONG: Final = "605A, 6085, torque limit, [virtual_axis] quick_dec_deg_s2; nothing faster before"
 _TURN_SPEED: Final = 3.0
 _MARGIN_DEG: Final = 2.0
@@ -109,7 +111,8 @@ def stops(c: Context) -> StepResult:
     speed = c.machine.speed.setting_min_deg_s
     virtual = c.machine.virtual_axis
     computed = rigid_stop(speed, virtual.jog_release_dec_deg_s2, virtual.jog_release_jerk_deg_s3)[0]
-    longest = max(_add(c, figures, "jog release", speed, _jog_release(c, speed), computed), measured)
+    _add(c, figures, "jog release", speed, _jog_release(c, speed), computed)
+    longest = max(figure.value or 0.0 for key, figure in figures.items() if "measured" in key)
     figures["quick_stop_dec_deg_s2"] = Figure(min(decs, default=math.nan))
     proof = f"{len(figures) // 2} stops, largest {longest:.3f} deg"
     return judged(True, "stops", proof, _TOO_LONG, **figures)
@@ -117,13 +120,12 @@ def stops(c: Context) -> StepResult:
 
 def _add(
     c: Context, figures: dict[str, Figure], what: str, speed: float, measured: float, computed: float
-) -> float:
-    """Tell a stop, and add it to the figures; its way."""
+) -> None:
+    """Tell a stop, and add it to the figures."""
     c.say(f"  {what} from {speed:g} deg/s: {measured:.3f} deg, computed {computed:.3f} deg")
     key = f"{what}_{speed:g}".replace(" ", "_").replace(".", "p")
     figures[f"{key}_measured_deg"] = Figure(measured, high=computed + speed * REACTION_S)
     figures[f"{key}_computed_deg"] = Figure(computed)
-    return measured
 
 
 @contextmanager
@@ -157,7 +159,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
     with _at_speed(c, speed, c.machine.axis.stopping_angle_max_deg) as axis:
         # The way that acts first counts.
         delay_s = min((way.limit_s(c.machine) for way in watched_ways(axis)), default=0.0)
-        permitted = permitted_way_deg(speed, dec, delay_s)
+        permitted = permitted_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
         silence = Silence(tuple(Way), delay_s, permitted, abs(speed) / dec)
         seen = fall_silent(axis, silence, speed)
         if not seen.stopped:
@@ -166,7 +168,12 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
         axis.wake()
         if axis.feedback.state is DriveState.FAULT:
             reset(axis)
-    return "silence", seen.way_deg, computed_way_deg(speed, dec, delay_s)
+    return "silence", seen.way_deg, computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
+
+
+def _unbraked_way_deg(c: Context) -> float:
+    """A brake that nobody works any more closes after the torque has gone: the motor goes with the swing of the load."""
+    return 0.0 if c.machine.brake.owner == "drive" else _SWING_DEG_S * c.machine.brake.close_time_ms * 1e-3
 
 
 def _jog_release(c: Context, speed: float) -> float:

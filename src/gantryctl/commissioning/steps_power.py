@@ -10,7 +10,7 @@ import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
-from gantryctl.commissioning.silence import SEEN_SCANS, Silence, SilentDrive, Way, fall_silent, watched_ways
+from gantryctl.commissioning.silence import Silence, SilentDrive, Way, fall_silent, seen_by_s, watched_ways
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake_policy import after_test
@@ -48,8 +48,8 @@ def silence(c: Context) -> StepResult:
                 axis.wake()
                 reset(axis)
         key = way.replace(" ", "_")
-        limit_ms = 1e3 * (way.limit_s(c.machine) + SEEN_SCANS * axis.period_s)
-        figures[f"{key}_ms"] = Figure(1e3 * seen.stopped_s, high=limit_ms)
+        most_ms = 1e3 * seen_by_s(way.limit_s(c.machine), axis.period_s)
+        figures[f"{key}_ms"] = Figure(1e3 * seen.stopped_s, high=most_ms)
         figures[f"{key}_moved_deg"] = Figure(seen.way_deg, high=_SAG_DEG)
         said = f"{way} silent: {_told(seen)}"
         c.say(f"  {said}")
@@ -61,6 +61,8 @@ def silence(c: Context) -> StepResult:
     if not times_s:
         return failed("silence", f"this drive has no {', '.join(lacking)}", "a watchdog by hardware")
     with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+        # Some drives answer SDO in PRE-OPERATIONAL only.
+        axis.drive.node.enter_pre_operational()
         key, marker = axis.drive.opened.identity.key, axis.drive.leave_restart_marker()
         store_silent_master_proof(silent_master_proof_path(c.store.directory, c.machine), key, marker)
     proof = ", ".join(f"{key} {figure.value:.4g}" for key, figure in figures.items())
@@ -73,7 +75,9 @@ def silence(c: Context) -> StepResult:
 
 def _told(seen: SilentDrive) -> str:
     """What a drive did in the silence, for people."""
-    complained = "no EMCY" if math.isnan(seen.complained_s) else f"EMCY after {1e3 * seen.complained_s:.0f} ms"
+    complained = (
+        "no EMCY" if math.isnan(seen.complained_s) else f"EMCY after {1e3 * seen.complained_s:.0f} ms"
+    )
     if seen.broken_off:
         return f"{complained}, {seen.broken_off}"
     brake = "open" if seen.brake_open else "closed"

@@ -120,8 +120,9 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     wrong_mode = _select_csv(node)
     rows = check_parameters(node.sdo, wanted)
     error = node.sdo.optional(0x603F) or 0
-    node.nmt(NmtCommand.START)
+    # Some drives answer SDO in PRE-OPERATIONAL only.
     marker = read_restart_marker(node.sdo)
+    node.nmt(NmtCommand.START)
     kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is ParameterVerdict.OK)
     return NodeSetup(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, marker)
 

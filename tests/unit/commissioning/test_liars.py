@@ -1,0 +1,213 @@
+"""Steps that can fail: each refuses the drive that lies about what it proves, and the gantry hardly moves meanwhile.
+
+What is judged beside the verdict is the true plant: how far the gantry was turned.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from gantryctl.commissioning import Commissioning, Outcome, StepResult
+from gantryctl.drives.virtual.axis.cia402 import State
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.personality import PERSONALITIES
+from gantryctl.machine import Machine, configs_folder, load_machine, with_values
+from gantryctl.operation.store import StateStore
+from gantryctl.wiring import virtual as virtual_wiring
+
+pytestmark = [
+    pytest.mark.can,
+    pytest.mark.no_oracle("the lies break the invariants: each test judges the true plant by itself"),
+]
+
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
+BRAKE_BY_60FE = {"brake.owner": "object_60FE"}
+
+
+class Done(NamedTuple):
+    """One step with one drive.
+
+    Attributes:
+        way_deg: largest true angle of the gantry from where the step began.
+        said: lines for the person who watches.
+    """
+
+    result: StepResult
+    way_deg: float
+    said: tuple[str, ...]
+
+
+@pytest.fixture
+def commission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Done]:
+    made = virtual_wiring.virtual_node
+    far = [0.0]
+
+    def run(quirk: str, key: str, changes: dict[str, object] | None = None, spoil=lambda node: None) -> Done:
+        machine = with_values(MACHINE, changes) if changes else MACHINE
+
+        def node_with(machine: Machine, angle_deg=0.0, state=None, _quirks=()):
+            link, node = made(machine, angle_deg, state, (quirk,) if quirk else ())
+            spoil(node)
+            _watch(node, far)
+            return link, node
+
+        monkeypatch.setattr(virtual_wiring, "virtual_node", node_with)
+        far[0], said = 0.0, []
+        with _commissioning(machine, tmp_path, said.append) as work:
+            result = work.do(work.left(key)[0])
+        assert result is not None
+        return Done(result, far[0], tuple(said))
+
+    return run
+
+
+@contextmanager
+def _commissioning(machine: Machine, folder: Path, say: Callable[[str], None]) -> Iterator[Commissioning]:
+    with StateStore(machine, folder) as store:
+        work = Commissioning(machine, store, folder, say, lambda step: True)
+        work.start(again=False)
+        yield work
+
+
+def _watch(node: DriveNode, far: list[float]) -> None:
+    begun = node.truth()[0]
+
+    def look() -> None:
+        far[0] = max(far[0], abs(math.degrees(node.truth()[0] - begun)))
+
+    node.plant.watch = look
+
+
+class Lie(NamedTuple):
+    """A liar, the step that must refuse it, words of the refusal, and how far the gantry may turn.
+
+    The way is what the step itself commands until the lie shows (`stops`: 0.5 deg of ramp and 0.5 deg at 1 deg/s), the
+    permitted way of the stop, and what torque off and brake take from there, rounded up.
+    """
+
+    liar: str
+    step: str
+    words: str
+    way_deg: float
+    changes: dict[str, object] | None = None
+
+
+STOPS_AT_1 = 1.0
+"""Way that `stops` commands at 1 deg/s before it stops, deg."""
+LIES = (
+    Lie("emcy-only", "silence", "still operation enabled", 0.02),
+    Lie("emcy-only", "stops", "still operation enabled", STOPS_AT_1 + 0.35),
+    Lie("emcy-only", "silence", "still operation enabled", 0.02, BRAKE_BY_60FE),
+    Lie("stops-at-rest-only", "stops", "still operation enabled", STOPS_AT_1 + 0.35),
+    Lie("fault-shown-only", "silence", "brake open", 0.02),
+    Lie("fault-shown-only", "stops", "are permitted", STOPS_AT_1 + 0.5),
+    Lie("brake-open-in-silence", "silence", "brake open", 0.02),
+    Lie("brake-open-in-silence", "stops", "are permitted", STOPS_AT_1 + 0.5),
+    Lie("heartbeat-ignored", "silence", "heartbeat silent: no EMCY, still operation enabled", 0.02),
+    Lie("deadline-ignored", "silence", "process data silent: no EMCY, still operation enabled", 0.02),
+    Lie("deadline-ignored", "stops", "still operation enabled", STOPS_AT_1 + 0.35),
+    Lie("quick-stop-option-ignored", "stops", "605A", STOPS_AT_1 + 0.35),
+    Lie("brief-quick-stop", "stops", "605A", STOPS_AT_1 + 0.35),
+    Lie("no-quick-stop", "stops", "not obeyed", STOPS_AT_1 + 0.35),
+    Lie("slow-quick-stop", "stops", "too long", STOPS_AT_1 + 0.45),
+    Lie("follows-bit-stuck", "pdo", "follows_bit", 0.0),
+    Lie("follows-bit-stuck", "silence", "follows_bit", 0.02),
+    Lie("wrong-sign-at-speed", "stops", "are commanded", 0.15),
+    Lie("wrong-sign-at-speed", "loop", "", 0.25),
+    Lie("position-frozen", "sign", "+0.0000 deg by position", 0.035),
+    Lie("position-frozen", "velocity", "were commanded", 0.1),
+    Lie("position-frozen", "stops", "were commanded", 0.3),
+)
+
+
+@pytest.mark.parametrize(
+    "lie", LIES, ids=lambda lie: f"{lie.liar}-{lie.step}{'-60FE' if lie.changes else ''}"
+)
+def test_a_liar_is_refused_and_hardly_moves(commission: Callable[..., Done], lie: Lie) -> None:
+    done = commission(lie.liar, lie.step, lie.changes)
+    assert done.result.outcome is Outcome.FAILED, done.result.proof
+    assert lie.words in done.result.proof
+    assert done.way_deg <= lie.way_deg
+
+
+@pytest.mark.parametrize(
+    ("step", "changes"),
+    [
+        *((step, None) for step in sorted({lie.step for lie in LIES})),
+        ("silence", BRAKE_BY_60FE),
+        ("stops", BRAKE_BY_60FE),
+    ],
+)
+def test_the_sound_drive_passes_the_same_steps(
+    commission: Callable[..., Done], step: str, changes: dict[str, object] | None
+) -> None:
+    assert commission("", step, changes).result.outcome is Outcome.PASSED
+
+
+def test_every_liar_has_a_step_that_refuses_it() -> None:
+    liars = {name for name, kind in PERSONALITIES.items() if kind.summary.startswith("lie:")}
+    assert liars - {"torque-limit-ignored"} == {lie.liar for lie in LIES} - {
+        "brief-quick-stop",
+        "no-quick-stop",
+    }
+
+
+@pytest.mark.parametrize(
+    ("quirk", "step"),
+    [
+        ("sdo-preop-only", "silence"),
+        ("lagging", "silence"),
+        ("lagging", "stops"),
+        ("silent-faults", "silence"),
+        ("early-enabled", "silence"),
+    ],
+)
+def test_a_quirk_is_no_lie(commission: Callable[..., Done], quirk: str, step: str) -> None:
+    """Without SDO in OPERATIONAL the drive is seen at a SYNC after the silence, and without EMCY by its state."""
+    done = commission(quirk, step)
+    assert done.result.outcome is Outcome.PASSED, done.result.proof
+
+
+def test_the_word_does_not_change_while_the_heartbeat_is_silent(
+    commission: Callable[..., Done], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A drive that leaves for any other state is not helped: no 00 before the verdict, as the old proof sent it."""
+    words: list[int] = []
+
+    def spy(node: DriveNode) -> None:
+        control = node.axis.control
+
+        def seen(word: int) -> None:
+            if node.axis.state is State.FAULT:
+                words.append(word)
+            control(word)
+
+        node.od.actions[0x6040, 0] = seen
+        # It stays in OPERATIONAL (1029), so that the telegrams of a living controller reach it.
+        node._heartbeat_lost = lambda: None
+        node._consumer._lost = lambda: node.axis.communication_lost(0x8130)
+
+    assert commission("", "silence", spoil=spy).result.outcome is Outcome.PASSED
+    # In the fault by the heartbeat the drive still gets the word of before.
+    assert 0x0F in words
+
+
+def test_what_is_not_confirmed_asks_for_the_emergency_stop(commission: Callable[..., Done]) -> None:
+    """A drive that obeys no controlword goes on after "torque off": the words do not say that the torque is off."""
+
+    def deaf(node: DriveNode) -> None:
+        def never(code: int) -> None:
+            node.faults.stuck_state = True
+
+        node.axis.communication_lost = never
+
+    done = commission("", "silence", spoil=deaf)
+    assert done.result.outcome is Outcome.FAILED
+    assert "commanded, not confirmed: press the emergency stop" in done.result.proof
+    assert "brake closed" not in done.result.proof
