@@ -172,7 +172,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
 
 
 def _unbraked_way_deg(c: Context) -> float:
-    """A brake that nobody works any more closes after the torque has gone: the motor goes with the swing of the load."""
+    """A brake that nobody works any more closes after the torque has gone: the motor goes with the load."""
     return 0.0 if c.machine.brake.owner == "drive" else _SWING_DEG_S * c.machine.brake.close_time_ms * 1e-3
 
 
