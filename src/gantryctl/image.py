@@ -81,6 +81,14 @@ class LinkFlag(IntFlag):
     """The drive complains (EMCY) and shows no fault; `error_code` is its code."""
     STALE_TARGET = 32768
     """The target speed in a drive that is not enabled is not 0 (60FF)."""
+    TWO_SENDERS = 65536
+    """Telegrams of the drive contradict each other within a SYNC period: another node uses their identifier."""
+    BUS_OFF = 131072
+    """The controller of the bus has taken itself off it, after too many errors of its own frames."""
+    QUEUE_FULL = 262144
+    """The transmit queue of the interface is full (ENOBUFS): nobody acknowledges, or the bus is held."""
+    ERROR_PASSIVE = 524288
+    """The controller of the bus has counted so many errors that it only listens to those of others."""
 
 
 class DigitalInputs(NamedTuple):
@@ -139,6 +147,8 @@ class DriveFeedback(NamedTuple):
     """False without a contact: `brake_open` is what the brake must have done."""
     spread_scans: float = 0.0
     """Time between this sample and the one before, beyond that between their scans, in scans; 0 where it keeps time."""
+    foreign_id: int = -1
+    """Identifier of the first frame from elsewhere that only the controller may send; -1 before."""
 
 
 class DriveIdentity(NamedTuple):
@@ -168,14 +178,21 @@ class LinkHealth(NamedTuple):
     late: tuple[int, ...] = ()
     duplicated: tuple[int, ...] = ()
     wrong_length: tuple[int, ...] = ()
+    contradicted: tuple[int, ...] = ()
+    """Telegrams that contradict the answer to the same SYNC."""
     longest_age_scans: tuple[int, ...] = ()
     boots: int = 0
     foreign: int = 0
     """Frames on identifiers that only the controller may send."""
     unknown: int = 0
-    """Frames on identifiers without a meaning here."""
+    """Frames on identifiers without a meaning here, those included that a filter in the kernel kept away."""
     refused: int = 0
     """Frames that the bus did not take."""
+    queue_full: int = 0
+    """Of these, for a full transmit queue."""
+    bus_offs: int = 0
+    passives: int = 0
+    """Times that the controller of the bus went error passive."""
     emergencies: int = 0
     messages: tuple[str, ...] = ()
     """The last emergency messages of the drive, in words."""
@@ -184,16 +201,32 @@ class LinkHealth(NamedTuple):
 
     def lines(self) -> tuple[str, ...]:
         """For people: a row per telegram, totals, and the complaints of the drive."""
-        tpdos = zip(
-            self.received, self.missed, self.late, self.duplicated, self.longest_age_scans, strict=True
-        )
+        columns = (
+            self.received, self.missed, self.late, self.duplicated, self.wrong_length, self.contradicted,
+            self.longest_age_scans,
+        )  # fmt: skip
         rows = [
             f"TPDO {n}: {got} of {self.scans} in time or late, {missed} missed, {late} late, {twice} twice, "
-            f"oldest {age} scans"
-            for n, (got, missed, late, twice, age) in enumerate(tpdos, start=1)
+            f"{length} of a wrong length, {other} contradicted, oldest {age} scans"
+            for n, (got, missed, late, twice, length, other, age) in enumerate(
+                zip(*columns, strict=True), start=1
+            )
         ]
-        rest = f"emergency messages {self.emergencies}, telegrams refused by the bus {self.refused}"
-        return (*rows, rest, *self.messages)
+        rest = (
+            f"emergency messages {self.emergencies}, telegrams refused by the bus {self.refused}, "
+            f"frames of others {self.unknown}, frames that only the controller may send {self.foreign}"
+        )
+        return (*rows, rest, *self._adapter(), *self.messages)
+
+    def _adapter(self) -> tuple[str, ...]:
+        """What went wrong at the controller of the bus; empty where nothing did."""
+        found = {
+            "bus-off": self.bus_offs,
+            "error passive": self.passives,
+            "transmit queue full (ENOBUFS)": self.queue_full,
+        }
+        told = ", ".join(f"{what} {count} times" for what, count in found.items() if count)
+        return (f"CAN controller: {told}",) if told else ()
 
 
 # The mode is not retained: after a start the operator chooses it again.

@@ -77,6 +77,24 @@ class TestInMotion:
         stopped(rig, begun, "DRV-12", QUICK_STOP_DEG[abs(speed)])
 
 
+@pytest.mark.parametrize(
+    ("scan_ms", "speed"), [pytest.param(1.0, 6.0, marks=pytest.mark.slow), (4.0, 6.0), (10.0, -1.0)]
+)
+def test_more_frames_than_a_scan_can_read(scan_ms: float, speed: float) -> None:
+    """The drive's telegrams wait behind them: what is how old cannot be told, and no encoder is blamed."""
+    rig = BusRig(bus_machine("drive", scan_ms)).power_up().cruise(speed)
+    begun = len(rig.ticks)
+    frames = [can.Message(arbitration_id=0x7E5, is_extended_id=False)] * 700
+
+    def more() -> bool:
+        rig.drive.link._bus._waiting.extend(frames)
+        return False
+
+    rig.engine.run_until(lambda _: more(), 2.0)
+    assert not any(code.startswith("ENC") for code in rig.codes), rig.told
+    stopped(rig, begun, "CAN-10", QUICK_STOP_DEG[abs(speed)])
+
+
 def test_a_flood_of_warnings_is_told_and_stops_nothing() -> None:
     rig = BusRig(bus_machine()).power_up().cruise(3.0)
     for _ in range(20):

@@ -9,7 +9,7 @@ from typing import Final
 from gantryctl.image import DigitalInputs, DriveFeedback, DriveState, EncoderFlag, LinkFlag
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog
-from gantryctl.program.alarms.words import Said, Words, drive_error_words
+from gantryctl.program.alarms.words import Said, Words, drive_error_words, foreign_words
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
@@ -20,13 +20,16 @@ _ENERGISED: Final = (*ENABLED, DriveState.FAULT_REACTION_ACTIVE)
 FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _NO_FLAG: Final = EncoderFlag.NONE
 _LOST: Final = LinkFlag.BUS_DOWN | LinkFlag.RESTARTED | LinkFlag.HEARTBEAT_LOST | LinkFlag.NOT_OPERATIONAL
-# In this order: the first that applies is the cause, the others follow from it.
+# In this order: the first of which every flag applies is the cause, the others follow from it.
 _LINK_CODES: Final[tuple[tuple[LinkFlag, Code, Words | None], ...]] = (
-    (LinkFlag.BUS_DOWN, Code.CAN_08, None),
+    (LinkFlag.BUS_DOWN | LinkFlag.BUS_OFF, Code.CAN_08, Words.BUS_OFF),
+    (LinkFlag.BUS_DOWN | LinkFlag.QUEUE_FULL, Code.CAN_08, Words.QUEUE_FULL),
+    (LinkFlag.BUS_DOWN, Code.CAN_08, Words.BUS_FAILED),
     (LinkFlag.RESTARTED, Code.DRV_11, None),
     (LinkFlag.HEARTBEAT_LOST, Code.CAN_06, None),
     (LinkFlag.NOT_OPERATIONAL, Code.CAN_13, None),
     (LinkFlag.OTHER_MASTER, Code.CAN_12, None),
+    (LinkFlag.TWO_SENDERS, Code.CAN_14, None),
     (LinkFlag.WRONG_MODE, Code.DRV_06, None),
     (LinkFlag.STALE_TARGET, Code.DRV_08, None),
     (LinkFlag.LOCAL_CONTROL, Code.DRV_05, Words.LOCAL_CONTROL),
@@ -35,7 +38,17 @@ _LINK_CODES: Final[tuple[tuple[LinkFlag, Code, Words | None], ...]] = (
     (LinkFlag.WRONG_LENGTH, Code.CAN_04, None),
     (LinkFlag.SYNC_UNSEEN, Code.CAN_01, None),
 )
-_LINK_WARNINGS: Final = LinkFlag.SYNC_JITTER | LinkFlag.EMERGENCY_FLOOD | LinkFlag.EMERGENCY
+_LINK_WARNINGS: Final = (
+    LinkFlag.SYNC_JITTER
+    | LinkFlag.EMERGENCY_FLOOD
+    | LinkFlag.EMERGENCY
+    | LinkFlag.QUEUE_FULL
+    | LinkFlag.ERROR_PASSIVE
+)
+_BUS_WARNINGS: Final = (
+    (LinkFlag.ERROR_PASSIVE, Words.ERROR_PASSIVE),
+    (LinkFlag.QUEUE_FULL, Words.QUEUE_FULL),
+)
 
 
 # Leak of the sum of position minus integrated speed: a wrong scale of the speed by 1 % shows as 0.018 deg at 6 deg/s.
@@ -146,13 +159,13 @@ class Feedback:
         (
             self.state, counts, vel_motor, self.torque_nm, self.brake_open, self.torque_limited, self.overload,
             encoder, self.error_code, self.warning, age, self.inputs, self.pos_ring_rad, link, changed,
-            self.motor_temp_c, self._speed_age, self._inputs_age, self.brake_contact, self._spread,
+            self.motor_temp_c, self._speed_age, self._inputs_age, self.brake_contact, self._spread, foreign_id,
         ) = drive  # fmt: skip
         self.age = age
         if self.state is not state_before:
             self._state_changed(state_before)
         if link:
-            self._link(link, age)
+            self._link(link, age, foreign_id)
         if changed:
             self._alarms.raise_(Code.DRV_09, measured=changed)
         # Comparisons of every normal scan, written so that NaN fails them: the step of the position against the speed
@@ -233,21 +246,21 @@ class Feedback:
             self._was_energised = before in _ENERGISED
         self.state_old = False
 
-    def _link(self, link: LinkFlag, age: int) -> None:
+    def _link(self, link: LinkFlag, age: int, foreign_id: int) -> None:
         """Raise the alarm of the connection to the drive; the reading of a lost drive is not valid."""
         # A drive that booted again has lost its mapping: what arrives may be anything.
         if age and link & _LOST:
             self.in_doubt = True
-        for flag, code, words in _LINK_CODES:
-            if link & flag:
-                if words is None:
-                    self._alarms.raise_(code)
-                else:
+        for flags, code, words in _LINK_CODES:
+            if link & flags == flags:
+                if words is not None:
                     self._alarms.raise_(code, measured=words)
+                elif code is not Code.CAN_12:
+                    self._alarms.raise_(code)
                 break
         # It follows from whatever else is wrong, and locks.
         if link & LinkFlag.OTHER_MASTER:
-            self._alarms.raise_(Code.CAN_12)
+            self._alarms.raise_(Code.CAN_12, measured=foreign_words(foreign_id))
         if link & LinkFlag.LATE and not link & _LOST:
             self._late(age)
         if link & _LINK_WARNINGS:
@@ -261,6 +274,9 @@ class Feedback:
             self._alarms.raise_(Code.CAN_09)
         if link & LinkFlag.SYNC_JITTER:
             self._alarms.raise_(Code.CAN_02)
+        for flag, words in _BUS_WARNINGS:
+            if link & flag and not link & LinkFlag.BUS_DOWN:
+                self._alarms.raise_(Code.CAN_15, measured=words)
 
     def _late(self, age: int) -> None:
         """Raise CAN-03 for a telegram that is missing for too long; a state that is too old is not known."""

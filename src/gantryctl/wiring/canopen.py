@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gantryctl.drives.base import SimulatedPlant
+from gantryctl.drives.canopen.bus.interface import InterfaceCounters
 from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, open_bus
 from gantryctl.drives.canopen.bus.lock import DriveLock
 from gantryctl.drives.canopen.drive import CanopenDrive
@@ -84,8 +85,19 @@ def can_link(machine: Machine) -> BusLink:
         echoes=c.interface in ECHOING,
         stepped=c.stepped,
         log=log,
+        counters=_counters(c.interface, c.channel),
         when_closed=lock.release,
     )
+
+
+def _counters(interface: str, channel: str) -> InterfaceCounters | None:
+    """Frame counters of an interface of SocketCAN; without them nothing is filtered, and every frame is received."""
+    if interface != "socketcan" or not channel:
+        return None
+    try:
+        return InterfaceCounters(channel)
+    except OSError:
+        return None
 
 
 def canopen_drive(

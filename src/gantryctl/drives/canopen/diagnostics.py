@@ -1,13 +1,22 @@
-"""Diagnostics of one TPDO: age in scans; telegrams missed, late, duplicated, of the wrong length."""
+"""Diagnostics of one TPDO: age in scans; telegrams missed, late, doubled, contradicted, of the wrong length."""
 
 from __future__ import annotations
+
+from typing import Final
+
+# SYNCs whose telegrams are missing may still be answered, so many of them and for so many scans: the answer to one of
+# them that comes behind a newer one is late, and no second sender.
+_OWED_MAX: Final = 3
+_OWED_SCANS: Final = 10
 
 
 class TpdoWatch:
     """Assign the telegrams of one identifier to the SYNC they answer.
 
-    `begin` is called when SYNC goes out. The first telegram after it is its answer; one that comes when the next SYNC
-    is due is late, and any other is a duplicate and changes nothing.
+    `begin` is called when SYNC goes out, `settle` when the scan has waited for the answers. The first telegram after
+    SYNC is its answer; one that comes when the next SYNC is due is late. A drive sends one telegram for each SYNC: a
+    second one changes nothing, and one that says something else contradicts the first: two nodes use the identifier.
+    What was contradicted before the scan has used it is not used at all.
 
     Args:
         size: bytes of the mapping.
@@ -16,6 +25,7 @@ class TpdoWatch:
         data: of the newest telegram; None before the first.
         wrong_in_row: telegrams of the wrong length since the last right one.
         age: scans since it was sampled; 0 when it belongs to this scan.
+        contradicted: telegrams beyond one for each SYNC that differ from the answer.
     """
 
     def __init__(self, size: int) -> None:
@@ -23,9 +33,12 @@ class TpdoWatch:
         self.data: bytes | None = None
         self.age = 0
         self.waiting = False
-        self.wrong_in_row = 0
-        self.received = self.missed = self.late = self.duplicated = self.wrong_length = 0
+        self.received = self.missed = self.late = self.duplicated = self.wrong_length = self.contradicted = 0
         self.longest_age = self.wrong_in_row = 0
+        self._answer: bytes | None = None
+        self._newest = b""
+        self._doubted = False
+        self._owed = self._answered_scans = 0
 
     def begin(self, periods: int = 1) -> None:
         """SYNC goes out, `periods` after the one before: a telegram still outstanding is missed."""
@@ -33,11 +46,18 @@ class TpdoWatch:
         # could be taken for the answer to a later SYNC.
         if self.waiting:
             self.missed += 1
+            self._answered_scans = 0
+        else:
+            self._answered_scans += 1
+            if self._answered_scans >= _OWED_SCANS:
+                self._owed = 0
+        self._owed = min(self._owed, _OWED_MAX) + 1
         self.waiting = True
         self.age += periods
+        self._answer, self._doubted = None, False
 
     def take(self, data: bytes, in_time: bool) -> bool:
-        """Store one telegram; True if it is new.
+        """Take one telegram; True if it is a late answer, which counts at once. `settle` judges one that is in time.
 
         Args:
             in_time: the scan still waited for it.
@@ -45,18 +65,52 @@ class TpdoWatch:
         if len(data) != self.size:
             self.wrong_length += 1
             self.wrong_in_row += 1
+            self._beyond_one()
             return False
-        # A drive sends one telegram for each SYNC: a second one would date the position by a wrong SYNC.
         if not self.waiting:
-            self.duplicated += 1
+            self._second(data)
             return False
+        self._beyond_one()
+        self._newest = data
+        self.wrong_in_row = 0
         self.waiting = False
         self.received += 1
-        self.late += not in_time
-        self.age = 0
-        self.data = data
+        if in_time:
+            self._answer = data
+            return False
+        self.late += 1
+        self.age, self.data = 0, data
         return True
 
-    def end(self) -> None:
-        """End the wait of this scan: note the longest age."""
+    def _second(self, data: bytes) -> None:
+        """Take one more telegram of a SYNC."""
+        self.duplicated += 1
+        if data == self._newest:
+            return
+        if self._beyond_one():
+            self._doubted = True
+            return
+        # The one before it was the late answer to an earlier SYNC: a bus keeps the order of a node's frames.
+        self._newest = data
+        if self._answer is not None:
+            self._answer = data
+
+    def _beyond_one(self) -> bool:
+        """Count a telegram; True if there was one for each SYNC already."""
+        if self._owed:
+            self._owed -= 1
+            return False
+        self.contradicted += 1
+        return True
+
+    def settle(self) -> bool:
+        """End the wait of this scan: True if its answer is to be used. Note the longest age."""
+        used = self._answer is not None and not self._doubted
+        if used:
+            self.age, self.data = 0, self._answer
         self.longest_age = max(self.longest_age, self.age)
+        return used
+
+    def forget(self) -> None:
+        """Invalidate the newest telegram."""
+        self.data, self._answer, self.age, self.waiting = None, None, 0, False

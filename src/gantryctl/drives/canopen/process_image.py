@@ -72,6 +72,7 @@ class ProcessImage:
         watches: one per TPDO.
         answer_times_s: from SYNC to the last of its answers, of the latest scans with all answers.
         counts: continuous position of the last telegram in increments, in the gantry's direction.
+        congested: more frames wait than the scan takes; no telegram is believed before all have been read.
     """
 
     def __init__(
@@ -110,7 +111,7 @@ class ProcessImage:
         self._vel_rad_s = 0.0
         self._span_s = settings.period_s
         self._shown_inputs = _ALL_GOOD
-        self._in_time = False
+        self._in_time = self.congested = False
         for number, (pdo, watch) in enumerate(zip(mapping.tpdos, self.watches, strict=True)):
             node.listen(0x180 + 0x100 * pdo.number + settings.node, self._taker(number, watch))
         for can_id in self._identifiers:
@@ -118,7 +119,11 @@ class ProcessImage:
 
     def _taker(self, number: int, watch: TpdoWatch) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:
-            if watch.take(data, self._in_time):
+            # Behind frames that could not be read in time there may be several telegrams of one SYNC after another:
+            # which of them is how old cannot be told.
+            if self.congested:
+                watch.late += 1
+            elif watch.take(data, self._in_time):
                 self._unpack(number, data)
 
         return take
@@ -137,7 +142,7 @@ class ProcessImage:
     def forget(self) -> None:
         """Invalidate all telegrams until the next ones; the position goes on from where it was."""
         for watch in self.watches:
-            watch.data, watch.age, watch.waiting = None, 0, False
+            watch.forget()
 
     # --- the cycle ---------------------------------------------------------------------------------------------
 
@@ -159,12 +164,16 @@ class ProcessImage:
                 if frame is None:
                     break
                 self._node.dispatch(frame)
+                # Frames of others that wait in a row must not hold up the scan either.
+                if link.now_s() > end:
+                    break
         finally:
             self._in_time = False
         if not any(watch.waiting for watch in self.watches):
             self.answer_times_s.append(link.now_s() - end + answer_s)
-        for watch in self.watches:
-            watch.end()
+        for number, watch in enumerate(self.watches):
+            if watch.settle() and watch.data is not None:
+                self._unpack(number, watch.data)
         # Without 606C, or its telegram, the speed is the difference of 6064 over the time between two telegrams.
         if (
             (self._speed.age or not self._has_velocity)
@@ -232,6 +241,11 @@ class ProcessImage:
     def wrong_lengths(self) -> int:
         """Telegrams of the wrong length in a row, of the worst TPDO."""
         return max(watch.wrong_in_row for watch in self.watches)
+
+    @property
+    def contradicted(self) -> int:
+        """Telegrams that contradict another one of the same SYNC."""
+        return sum(watch.contradicted for watch in self.watches)
 
     @property
     def silence(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Final
 
 from gantryctl.drives.canopen.bus.link import BusLink
@@ -24,6 +25,12 @@ _UNSEEN_S: Final = 0.030
 # Load of the bus in frames without stuff bits, over so long a time; 0.95 leaves no room for ours (E13).
 _LOAD_MAX: Final = 0.95
 _LOAD_S: Final = 0.020
+# Scans one after the other before which not all frames could be read: one may be a computer that was held up.
+_CONGESTED_SCANS: Final = 2
+# Telegrams that contradict another one of the same SYNC, and the scans in which they come: one may be a frame that an
+# adapter spoilt, two are another sender. Of 500 forged frames a second a scan of 1 ms sees every other one.
+_CONTRADICTIONS: Final = 2
+_CONTRADICTED_SCANS: Final = 3
 # Emergency messages a second beyond which they are only counted (E12).
 _EMERGENCIES_MAX: Final = 10
 # The fault state shows within this time of its emergency message; one without is a complaint of its own (D12).
@@ -67,10 +74,13 @@ class Supervision:
         self._told_scans = round(_TOLD_S / period_s)
         self._remote_bit = settings.remote_bit
         self._scan = self._load_until = self._ask_at = self._jitters = self._local = 0
-        self._bits = self._link.bits
+        self._bits = self._link.traffic.bits
         self._emergencies = self._window_count = node.emergencies.count
         self._window_until = 0
         self._complaint_at: int | None = None
+        self._contradicted_at: deque[int] = deque(maxlen=_CONTRADICTIONS)
+        self._contradicted = process.contradicted
+        self._congested_scans, self._queue_full = 0, self._link.queue_full
         self._wrong_mode = self._stale_target = self._asks_target = self._enabled = False
         self._flags = LinkFlag.NONE
         self.complaint = 0
@@ -86,6 +96,10 @@ class Supervision:
         late = abs(elapsed_s - self._period_s) > _JITTER * self._period_s
         self._jitters = self._jitters + 1 if late else 0
 
+    def begin(self) -> None:
+        """The program begins to command: what a drive sent while it was set up is no contradiction."""
+        self._contradicted = self._process.contradicted
+
     def flags(self, scan: int, state: DriveState, status: int, request: DriveRequest) -> LinkFlag:
         """Flags of this scan.
 
@@ -94,18 +108,7 @@ class Supervision:
             request: of the program, in the scan before.
         """
         self._scan = scan
-        if scan >= self._load_until:
-            self._measure_load(scan)
-        flags = self._flags
-        process = self._process
-        if process.age or process.inputs_age:
-            flags |= LinkFlag.LATE
-            if process.wrong_lengths >= _WRONG_LENGTHS:
-                flags |= LinkFlag.WRONG_LENGTH
-        if self._link.unseen > self._unseen_max:
-            flags |= LinkFlag.SYNC_UNSEEN
-        if self._jitters >= _JITTERS:
-            flags |= LinkFlag.SYNC_JITTER
+        flags = self._traffic(scan)
         emergencies = self._node.emergencies
         if emergencies.count != self._emergencies or self._complaint_at is not None:
             flags |= self._complaints(scan, state)
@@ -123,8 +126,34 @@ class Supervision:
 
     # --- traffic ----------------------------------------------------------------------------------------------------
 
+    def _traffic(self, scan: int) -> LinkFlag:
+        """Flags of the bus itself: its load, the telegrams, our own SYNC."""
+        if scan >= self._load_until:
+            self._measure_load(scan)
+        flags = self._flags
+        process = self._process
+        self._congested_scans = self._congested_scans + 1 if process.congested else 0
+        if self._congested_scans >= _CONGESTED_SCANS:
+            flags |= LinkFlag.OVERLOADED
+        if process.contradicted != self._contradicted:
+            self._contradictions(scan)
+        if self._two_senders(scan):
+            flags |= LinkFlag.TWO_SENDERS
+        if process.age or process.inputs_age:
+            flags |= LinkFlag.LATE
+            if process.wrong_lengths >= _WRONG_LENGTHS:
+                flags |= LinkFlag.WRONG_LENGTH
+        if self._link.unseen > self._unseen_max:
+            flags |= LinkFlag.SYNC_UNSEEN
+        if self._jitters >= _JITTERS:
+            flags |= LinkFlag.SYNC_JITTER
+        if self._link.queue_full != self._queue_full:
+            self._queue_full = self._link.queue_full
+            flags |= LinkFlag.QUEUE_FULL
+        return flags
+
     def _measure_load(self, scan: int) -> None:
-        bits, self._bits = self._bits, self._link.bits
+        bits, self._bits = self._bits, self._link.traffic.bits
         # Scans that were missed are part of the time.
         scans = self._load_scans + scan - self._load_until if self._load_until else self._load_scans
         overloaded = self._bits - bits > self._load_bits * scans / self._load_scans
@@ -133,6 +162,16 @@ class Supervision:
         if scan >= self._window_until:
             self._window_until = scan + self._second
             self._window_count = self._node.emergencies.count
+
+    def _contradictions(self, scan: int) -> None:
+        """Note the scan of each new telegram that contradicts another one."""
+        new = self._process.contradicted - self._contradicted
+        self._contradicted += new
+        self._contradicted_at.extend([scan] * min(new, _CONTRADICTIONS))
+
+    def _two_senders(self, scan: int) -> bool:
+        seen = self._contradicted_at
+        return len(seen) == _CONTRADICTIONS and scan - seen[0] < _CONTRADICTED_SCANS
 
     # --- complaints -------------------------------------------------------------------------------------------------
 

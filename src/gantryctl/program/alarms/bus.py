@@ -82,10 +82,10 @@ BUS: Final = (
     # Fault catalogue E11: the drive stops by its own watch of the controller.
     Definition(
         Code.CAN_08, _STOP, _TO,
-        Text("Bus down", "The CAN controller sends or receives no more",
+        Text("Bus down", "The CAN controller sends or receives no more: {measured}",
              "Bus-off, an open or short cable, or the adapter was unplugged. The drive's own watch stops the axis.",
              _CABLE),
-        Text("总线中断", "CAN 控制器不再收发",
+        Text("总线中断", "CAN 控制器不再收发：{measured}",
              "总线关闭、电缆断路或短路，或适配器被拔下。驱动器自身的监视会使轴停止。", _CABLE_ZH),
     ),
     # Fault catalogue E12: a flood is counted, not stored.
@@ -108,10 +108,10 @@ BUS: Final = (
     Definition(
         Code.CAN_12, _STOP, _QS,
         Text("Another master on the bus",
-             "Telegrams that only this controller may send came from another sender",
+             "A frame that only this controller may send came from another sender: {measured}",
              "A second controller, or a service tool that takes part in control.",
              "Take it off the bus. Service resets, with power off: the drive is set up again."),
-        Text("总线上有另一个主站", "只有本控制器可以发送的报文来自别处",
+        Text("总线上有另一个主站", "只有本控制器可以发送的帧来自别处：{measured}",
              "有第二个控制器，或参与控制的维修工具。", "将其从总线上移除。由维修人员复位。"),
         lock=True,
     ),
@@ -122,6 +122,28 @@ BUS: Final = (
              "The drive lost the controller's heartbeat, or another master stopped it.", _CABLE),
         Text("驱动器不在运行状态", "驱动器离开了 NMT 状态 OPERATIONAL",
              "驱动器丢失了控制器的心跳，或被他人停止。", _CABLE_ZH),
+    ),
+    # Which of two telegrams is the drive's cannot be told: neither is believed, and the drive's own ramp is sound.
+    Definition(
+        Code.CAN_14, _STOP, _QS,
+        Text("Two senders of the drive's telegrams",
+             "Telegrams of the drive contradict each other within one SYNC period",
+             "Another node sends on the drive's identifiers: two nodes with one node id, or somebody forges them.",
+             "Find it and take it off the bus. Service resets, with power off: the drive is set up again."),
+        Text("驱动器报文有两个发送者", "同一 SYNC 周期内驱动器的报文互相矛盾",
+             "另一节点使用驱动器的标识符：两个节点的节点号相同，或有人伪造报文。",
+             "查明并将其从总线上移除。由维修人员断电后复位：驱动器将被重新设置。"),
+        lock=True,
+    ),
+    # Fault catalogue E11: what comes before bus-off.
+    Definition(
+        Code.CAN_15, _WARN, Reaction.W,
+        Text("CAN controller disturbed", "The CAN controller of this computer is disturbed: {measured}",
+             "Cable, terminators, bit rate, or a node that spoils frames; bus-off may follow.",
+             "Check the bus before the next motion; the report of the run counts how often."),
+        Text("CAN 控制器受干扰", "本计算机的 CAN 控制器受干扰：{measured}",
+             "电缆、终端电阻、波特率，或某节点破坏帧；随后可能总线关闭。",
+             "下次运动前检查总线；运行报告给出次数。"),
     ),
     # Fault catalogue D5: the drive still has its quick stop; DRV-07 sees one that is not obeyed.
     Definition(

@@ -87,6 +87,8 @@ class Code(StrEnum):
     CAN_10 = "CAN-10"
     CAN_12 = "CAN-12"
     CAN_13 = "CAN-13"
+    CAN_14 = "CAN-14"
+    CAN_15 = "CAN-15"
     LIM_01 = "LIM-01"
     LIM_02 = "LIM-02"
     LIM_03 = "LIM-03"

@@ -105,6 +105,31 @@ class Words(Enum):
         "{count:.0f} overruns within 1 s (limit {limit:.0f})",
         "1 s 内超限 {count} 次（限值 {limit} 次）",
     )
+    # Frames that only the controller may send (CAN-12), with their identifier.
+    FOREIGN_NMT = "a network command (NMT), identifier {word}", "网络命令（NMT），标识符 {word}"
+    FOREIGN_SYNC = "SYNC, identifier {word}", "SYNC，标识符 {word}"
+    FOREIGN_COMMAND = (
+        "a command to the drive (RPDO), identifier {word}",
+        "给驱动器的指令（RPDO），标识符 {word}",
+    )
+    FOREIGN_SDO = "an access to the drive (SDO), identifier {word}", "对驱动器的访问（SDO），标识符 {word}"
+    FOREIGN_HEARTBEAT = "the controller's heartbeat, identifier {word}", "控制器的心跳，标识符 {word}"
+
+    # The controller of the bus, in the computer or its adapter (CAN-08, CAN-15).
+    BUS_OFF = (
+        "bus-off: after too many errors of its frames it has left the bus",
+        "总线关闭：其帧错误过多，已离开总线",
+    )
+    QUEUE_FULL = (
+        "its transmit queue is full (ENOBUFS): nobody acknowledges, or the bus is held",
+        "发送队列已满（ENOBUFS）：无人应答，或总线被占用",
+    )
+    BUS_FAILED = "three times one after the other it failed", "连续三次失败"
+    ERROR_PASSIVE = (
+        "error passive: it has counted 128 errors",
+        "错误被动：错误计数已达 128",
+    )
+
     # Telegrams of a drive on a bus (CAN-03).
     TELEGRAM_POSITION = "state and position", "状态和位置"
     TELEGRAM_INPUTS = "speed, inputs or encoder status", "速度、输入或编码器状态"
@@ -435,3 +460,18 @@ def drive_error_words(code: int) -> Words | Said:
     if name is None:
         return Words.DRIVE_ERROR(error=code, word=f"{code:04X}")
     return Words.DRIVE_ERROR_NAMED(error=code, word=f"{code:04X}", name=name)
+
+
+def foreign_words(can_id: int) -> Said:
+    """Words for a frame that only the controller may send, by the pre-defined connection set of CiA 301."""
+    word = f"{can_id:03X}h"
+    match can_id >> 7:
+        case 0:
+            return Words.FOREIGN_NMT(word=word)
+        case 1:
+            return Words.FOREIGN_SYNC(word=word)
+        case 12:
+            return Words.FOREIGN_SDO(word=word)
+        case 14:
+            return Words.FOREIGN_HEARTBEAT(word=word)
+    return Words.FOREIGN_COMMAND(word=word)

@@ -41,7 +41,9 @@ _UNLOAD_STEPS: Final = 3
 _UNWIND_RAD: Final = rad(0.03)
 _UNWIND_S: Final = 0.300
 # After these nobody gives torque back by itself: the drive does not obey, or another master may command it.
-_NO_HOLD_AFTER: Final = frozenset({Code.CAN_12, Code.CTL_05, Code.DRV_05, Code.DRV_07, Code.DRV_13})
+_NO_HOLD_AFTER: Final = frozenset(
+    {Code.CAN_12, Code.CAN_14, Code.CTL_05, Code.DRV_05, Code.DRV_07, Code.DRV_13}
+)
 
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
 _ABLE: Final = (

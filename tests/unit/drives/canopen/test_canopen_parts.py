@@ -144,9 +144,11 @@ def test_unknown_codes_name_their_class() -> None:
 def test_a_telegram_counts_once_per_sync() -> None:
     watch = TpdoWatch(2)
     watch.begin()
-    assert watch.take(b"ab", in_time=True)
-    assert not watch.take(b"cd", in_time=True)
-    assert (watch.data, watch.age, watch.duplicated) == (b"ab", 0, 1)
+    for _ in range(2):
+        watch.take(b"ab", in_time=True)
+    assert watch.settle()
+    assert not watch.take(b"ab", in_time=False)
+    assert (watch.data, watch.age, watch.duplicated, watch.contradicted) == (b"ab", 0, 2, 0)
 
 
 def test_missed_late_and_wrong_telegrams_are_told_apart() -> None:

@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import Any, Final, NamedTuple
 
 import can
 
+from gantryctl.drives.canopen.bus.interface import Counted, InterfaceCounters
 from gantryctl.errors import DeviceError, UsageError
+from gantryctl.image import LinkFlag
 from gantryctl.trace.frames.ring import FrameLog
 
 # Failures one after the other: a full transmit queue recovers, a dead controller does not.
 _DOWN_AFTER: Final = 3
 _ECHOES_KEPT: Final = 256
 _SYNC: Final = 0x080
+_ID_MASK: Final = 0x7FF
 # Classic frame with an 11-bit identifier and the space behind it (ISO 11898-1), without data.
 _FRAME_BITS: Final = 47
-# Error class of SocketCAN error frames (linux/can/error.h).
+# Classes of SocketCAN error frames, and of their second byte the states of the controller (linux/can/error.h).
+_CONTROLLER: Final = 0x04
 _BUS_OFF: Final = 0x40
+_RESTARTED: Final = 0x100
+_STATES: Final = 0x7C
+_PASSIVE: Final = 0x30
 
 
 # python-can's IPv4 group; its default, the IPv6 one, is lost on many hosts.
@@ -60,6 +69,15 @@ def open_bus(interface: str, channel: str | None = None, bitrate: int | None = N
         raise DeviceError(f"the CAN interface cannot be opened ({where}): {fault}") from None
 
 
+class Traffic(NamedTuple):
+    """Data frames on the bus since the link was opened."""
+
+    bits: int
+    """Without stuff bits."""
+    filtered: int
+    """Frames of others that a filter in the kernel kept from this process."""
+
+
 class BusLink:
     """Link of the master to a python-can bus.
 
@@ -69,14 +87,14 @@ class BusLink:
         advance: lets the time of a drive in this process go on; without it time is the computer's.
         stepped: the drive's time goes on by SYNC; always so for a drive in this process.
         log: called for each data frame sent or received, not for the echo of one; it must not raise.
+        counters: of an interface whose frames can be filtered in the kernel (SocketCAN).
         when_closed: called once, after the bus was left.
 
     Attributes:
-        refused: frames that the bus did not take.
+        refused: frames that the bus did not take. queue_full: of these, for a full transmit queue (ENOBUFS).
         ignored: frames that could not be read, or that are of no concern (extended, remote, FD, error frames).
-        bits: of the data frames sent and received, without stuff bits.
+        bus_offs, passives: times that the controller of the bus reported bus-off, or error passive.
         unseen: SYNCs sent since one of them came back; 0 on an interface that gives none back.
-        bus_off: the controller reported bus-off last.
     """
 
     def __init__(
@@ -87,42 +105,89 @@ class BusLink:
         advance: Callable[[float], None] | None = None,
         stepped: bool = False,
         log: FrameLog | None = None,
+        counters: InterfaceCounters | None = None,
         when_closed: Callable[[], None] = lambda: None,
     ) -> None:
         self._bus, self._when_closed, self._log = bus, when_closed, log
         self.stepped = stepped or advance is not None
         self._advance = advance
         self._virtual_s = 0.0
-        self._sent: Counter[tuple[int, bytes]] | None = Counter() if echoes else None
+        self._echoes: Counter[tuple[int, bytes]] | None = Counter() if echoes else None
         self._send_failures = self._receive_failures = 0
         self._open = True
-        self.refused = self.ignored = self.bits = self.unseen = 0
-        self.bus_off = False
+        self._counters, self._accepted = counters, set[int]()
+        self._sent_bits = self._received_bits = self._sent_frames = self._received = 0
+        self._begun = counters.read() if counters is not None else Counted(0, 0)
+        self.refused = self.queue_full = self.ignored = self.unseen = 0
+        self.bus_offs = self.passives = 0
+        self._bus_off = self._passive = False
 
     @property
     def down(self) -> bool:
         """Sending or receiving has failed several times in a row, or the controller is bus-off."""
         failures = max(self._send_failures, self._receive_failures)
-        return not self._open or self.bus_off or failures >= _DOWN_AFTER
+        return not self._open or self._bus_off or failures >= _DOWN_AFTER
+
+    @property
+    def trouble(self) -> LinkFlag:
+        """State of the controller of the bus: BUS_OFF, ERROR_PASSIVE, or neither."""
+        found = LinkFlag.BUS_OFF if self._bus_off else LinkFlag.NONE
+        return found | LinkFlag.ERROR_PASSIVE if self._passive else found
+
+    # --- the traffic of others ------------------------------------------------------------------------------------
+
+    def accept(self, identifiers: Iterable[int]) -> None:
+        """Let the kernel pass only these identifiers, and those accepted before, where it counts the others.
+
+        Frames of others cost the scan nothing then. Elsewhere every frame is received.
+        """
+        if self._counters is None:
+            return
+        self._accepted.update(identifiers)
+        wanted = sorted(self._accepted)
+        # Error frames have a filter of their own and pass.
+        self._bus.set_filters([{"can_id": i, "can_mask": _ID_MASK, "extended": False} for i in wanted])
+
+    @property
+    def traffic(self) -> Traffic:
+        """Count what was on the bus, frames that were filtered out included."""
+        if self._counters is not None:
+            # An interface that has gone shows by sending and receiving.
+            with suppress(OSError):
+                return self._counted(self._counters)
+        return Traffic(self._sent_bits + self._received_bits, 0)
+
+    def _counted(self, counters: InterfaceCounters) -> Traffic:
+        now = counters.read()
+        frames, data_bytes = now.frames - self._begun.frames, now.data_bytes - self._begun.data_bytes
+        bits = _FRAME_BITS * frames + 8 * data_bytes
+        if counters.counts_own:
+            return Traffic(bits, max(0, frames - self._received - self._sent_frames))
+        return Traffic(bits + self._sent_bits, max(0, frames - self._received))
+
+    # --- frames ---------------------------------------------------------------------------------------------------
 
     def send(self, can_id: int, data: bytes) -> None:
         """Send one frame; a refusal of the bus is counted, not raised."""
         if not self._open:
             return
-        if self._sent is not None:
-            if len(self._sent) > _ECHOES_KEPT:
-                self._sent.clear()
-            self._sent[can_id, data] += 1
-            self.unseen += can_id == _SYNC
-        self.bits += _FRAME_BITS + 8 * len(data)
+        self._sent_bits += _FRAME_BITS + 8 * len(data)
+        self.unseen += self._echoes is not None and can_id == _SYNC
         try:
             self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False))
-        except (can.CanError, OSError):
+        except (can.CanError, OSError) as fault:
             self.refused += 1
             self._send_failures += 1
+            number = fault.error_code if isinstance(fault, can.CanError) else fault.errno
+            self.queue_full += number == errno.ENOBUFS
         else:
+            # Of a controller that is bus-off the kernel still takes frames: only one that was seen proves anything.
             self._send_failures = 0
-            self.bus_off = False
+            self._sent_frames += 1
+            if self._echoes is not None:
+                if len(self._echoes) > _ECHOES_KEPT:
+                    self._echoes.clear()
+                self._echoes[can_id, data] += 1
             if self._log is not None:
                 self._log(self.now_s(), can_id, data, True)
 
@@ -158,24 +223,37 @@ class BusLink:
             return None
         if message.is_extended_id or message.is_remote_frame or message.is_fd:
             self.ignored += 1
+            self._received_bits += _FRAME_BITS + 8 * len(message.data)
             return None
+        self._bus_off = False
         frame = Frame(message.arbitration_id, bytes(message.data))
-        if self._sent is not None and self._sent[frame] > 0:
-            self._sent[frame] -= 1
-            if not self._sent[frame]:
-                del self._sent[frame]
+        if self._echoes is not None and self._echoes[frame] > 0:
+            self._echoes[frame] -= 1
+            if not self._echoes[frame]:
+                del self._echoes[frame]
             if frame.can_id == _SYNC:
                 self.unseen = 0
             return None
-        self.bits += _FRAME_BITS + 8 * len(frame.data)
+        self._received += 1
+        self._received_bits += _FRAME_BITS + 8 * len(frame.data)
         if self._log is not None:
             self._log(self.now_s(), frame.can_id, frame.data, False)
         return frame
 
     def _error_frame(self, message: can.Message) -> None:
         self.ignored += 1
-        if message.arbitration_id & _BUS_OFF:
-            self.bus_off = True
+        kind = message.arbitration_id
+        if kind & _BUS_OFF and not self._bus_off:
+            self._bus_off = True
+            self.bus_offs += 1
+        if kind & _RESTARTED:
+            self._bus_off = self._passive = False
+        # One frame for each change of the state, and it names the state that was reached.
+        state = message.data[1] & _STATES if kind & _CONTROLLER and len(message.data) > 1 else 0
+        if state:
+            passive = bool(state & _PASSIVE)
+            self.passives += passive and not self._passive
+            self._passive = passive
 
     def pause(self, seconds: float) -> None:
         """Sleep, or advance the drive in this process."""
@@ -199,4 +277,6 @@ class BusLink:
         if self._open:
             self._open = False
             self._bus.shutdown()
+            if self._counters is not None:
+                self._counters.close()
             self._when_closed()

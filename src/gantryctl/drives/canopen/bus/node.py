@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.link import BusLink, Frame
@@ -86,7 +88,7 @@ class RemoteNode:
         state: NMT state of the last heartbeat; None before the first.
         heartbeat_age: scans since then; the drive counts them up.
         boots: boot-up messages since `forget_boots`.
-        foreign: frames on identifiers that only this master may send.
+        foreign: frames on identifiers that only this master may send. foreign_id: identifier of the first, -1 before.
         unknown: frames on identifiers without a meaning here.
     """
 
@@ -97,15 +99,16 @@ class RemoteNode:
         self.state: int | None = None
         self.heartbeat_age = 0
         self.boots = self.foreign = self.unknown = 0
+        self.foreign_id = -1
         self.scan = 0
         self._heartbeat_frame = bytes((NmtState.OPERATIONAL,))
-        ours = (SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node)
         self._handlers: dict[int, Callable[[bytes], object]] = {
             _EMCY + node: lambda data: self.emergencies.take(data, self.scan),
             _HEARTBEAT + node: self._heartbeat,
             NMT: self._foreign_nmt,
-            **dict.fromkeys(ours, self._foreign),
         }
+        for can_id in (SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node):
+            self.reserve(can_id)
 
     def listen(self, can_id: int, handler: Callable[[bytes], object]) -> None:
         """Hand frames of an identifier to a handler."""
@@ -113,7 +116,12 @@ class RemoteNode:
 
     def reserve(self, can_id: int) -> None:
         """Count frames of an identifier that only this master may send as foreign."""
-        self._handlers[can_id] = self._foreign
+        self._handlers[can_id] = partial(self._foreign, can_id)
+
+    @property
+    def identifiers(self) -> frozenset[int]:
+        """Identifiers with a meaning here: of the node's frames, and of those that only this master may send."""
+        return frozenset((*self._handlers, self.sdo.response_id))
 
     def dispatch(self, frame: Frame) -> None:
         """Take one frame; nothing on the bus may raise here."""
@@ -133,19 +141,21 @@ class RemoteNode:
             self.boots += 1
         self.state = state
 
-    def _foreign(self, _data: bytes) -> None:
+    def _foreign(self, can_id: int, _data: bytes) -> None:
+        if not self.foreign:
+            self.foreign_id = can_id
         self.foreign += 1
 
     def _foreign_nmt(self, data: bytes) -> None:
         """Another master changes the state of a node: of this one it acts at once, not with the next heartbeat."""
-        self.foreign += 1
+        self._foreign(NMT, data)
         if len(data) == 2 and data[1] in (0, self.node) and data[0] in _LEAVES_OPERATIONAL:
             self.state, self.heartbeat_age = _LEAVES_OPERATIONAL[data[0]], 0
 
     def forget_boots(self) -> None:
         """Clear the counters of boot-ups and foreign frames, and the heartbeat age."""
-        self.boots = self.foreign = 0
-        self.heartbeat_age = 0
+        self.boots = self.foreign = self.heartbeat_age = 0
+        self.foreign_id = -1
 
     # --- out ---------------------------------------------------------------------------------------------------
 
@@ -167,13 +177,21 @@ class RemoteNode:
             if frame is not None:
                 self.dispatch(frame)
 
-    def drain(self, most: int = 500) -> None:
-        """Dispatch the waiting frames, at most `most`: a flood must not hold up the scan."""
+    def drain(self, within_s: float = math.inf, most: int = 500) -> bool:
+        """Dispatch the waiting frames, within a time and at most so many: a flood must not hold up the scan.
+
+        Returns:
+            Whether none was left.
+        """
+        end = self.link.now_s() + within_s
         for _ in range(most):
             frame = self.link.receive(0.0)
             if frame is None:
-                return
+                return True
             self.dispatch(frame)
+            if self.link.now_s() > end:
+                return False
+        return False
 
     def enter_pre_operational(self) -> None:
         """Leave OPERATIONAL."""
@@ -206,9 +224,9 @@ _GONE: Final = LinkFlag.RESTARTED | LinkFlag.NOT_OPERATIONAL | LinkFlag.HEARTBEA
 # With one of these the last feedback is not valid: without a heartbeat time-out a killed drive reads "operation
 # enabled".
 LOST: Final = _GONE | LinkFlag.BUS_DOWN
-# A rebooted drive has lost its mapping, and of one that obeyed another master nothing is sure: these flags stay until
-# the drive is set up again.
-LATCHED: Final = _GONE | LinkFlag.OTHER_MASTER
+# A rebooted drive has lost its mapping, and of one that obeyed another master, or in whose name another node speaks,
+# nothing is sure: these flags stay until the drive is set up again.
+LATCHED: Final = _GONE | LinkFlag.OTHER_MASTER | LinkFlag.TWO_SENDERS
 _WELL: Final = (None, NmtState.BOOT_UP, NmtState.OPERATIONAL)
 
 
@@ -222,7 +240,7 @@ def connection_flags(
         commanded: the master runs the node, so no restart or change of state is intended.
         timeout_scans: scans without a heartbeat until it counts as lost; None where it sends none.
     """
-    flags = before & LATCHED
+    flags = before & LATCHED | node.link.trouble
     if node.link.down:
         flags |= LinkFlag.BUS_DOWN
     if not commanded:

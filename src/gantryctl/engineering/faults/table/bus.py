@@ -13,6 +13,8 @@ _RUN: Final = "unit/drives/canopen/test_canopen_run.py"
 _FOREIGN: Final = "bus/test_foreign_nmt.py"
 _LOST: Final = "bus/test_lost_telegrams.py"
 _TRAFFIC: Final = "bus/test_traffic.py"
+_SENDERS: Final = "bus/test_two_senders.py"
+_CONTROLLER: Final = "unit/drives/canopen/test_bus_controller.py"
 _VIRTUAL: Final = "unit/drives/virtual/test_faults.py"
 
 BUS: Final = (
@@ -89,10 +91,15 @@ BUS: Final = (
     Row(
         "E6",
         "TPDO twice",
-        "second one of a SYNC",
-        "counted, not used",
-        (),
+        "second one of a SYNC; two within three scans that contradict the first are another sender's",
+        "counted, not used; another sender: quick stop, service only",
+        (Code.CAN_14,),
         (
+            *at(
+                _SENDERS,
+                "test_forged_telegrams_are_noticed_and_stop_the_axis",
+                "test_what_a_disturbed_bus_does_is_no_second_sender",
+            ),
             *at(_PARTS, "test_a_telegram_counts_once_per_sync"),
             *at(_DRIVE, "test_missing_and_doubled_telegrams_are_counted_and_bridged"),
         ),
@@ -170,6 +177,12 @@ BUS: Final = (
         "torque off and brake; the drive stops by its own watch; nothing moves when the bus is back",
         (Code.CAN_08,),
         (
+            *at(
+                _CONTROLLER,
+                "test_bus_off_is_named_by_its_alarm",
+                "test_a_full_queue_is_named_by_its_alarm",
+                "test_error_passive_is_a_warning_that_stays_until_the_reset",
+            ),
             *at(_DRIVE, "test_a_bus_that_goes_down_in_motion_and_comes_back_never_moves_the_axis_again"),
             *at(_PARTS, "test_a_dead_bus_is_down_after_three_failures_and_never_raises"),
         ),
@@ -193,12 +206,13 @@ BUS: Final = (
     Row(
         "E13",
         "Bus full of frames of higher priority",
-        "frames that fill 95 % of the bit rate for 20 ms; frames that the adapter does not take; "
+        "frames that fill 95 % of the bit rate for 20 ms; more of them than two scans in a row can read; "
+        "frames that the adapter does not take; "
         "the deadline of the drive",
         "quick stop",
         (Code.CAN_10, Code.CAN_08),
         (
-            *at(_TRAFFIC, "TestInMotion::test_a_full_bus"),
+            *at(_TRAFFIC, "TestInMotion::test_a_full_bus", "test_more_frames_than_a_scan_can_read"),
             *at(_PARTS, "test_a_dead_bus_is_down_after_three_failures_and_never_raises"),
         ),
         why=(
