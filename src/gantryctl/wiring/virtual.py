@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Final
 
 from gantryctl.drives.od.object_table import ObjectTable, read_objects_of
 from gantryctl.drives.od.velocity_units import unit_of_word
+from gantryctl.drives.profiles import profile_of_table
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
-from gantryctl.drives.virtual.personality import Personality, personality
+from gantryctl.drives.virtual.personality import PLAIN_MODES, Personality, personality
 from gantryctl.drives.virtual.side_channel.control import ControlClient, RemotePlant
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder
@@ -88,23 +89,36 @@ def shipped_objects() -> Path:
 def as_in_table(
     kind: Personality, table: ObjectTable, counts_per_turn: int, unit: DriveVelocityUnit
 ) -> Personality:
-    """Drive with the dictionary of a real model.
+    """Drive with the dictionary of a real model, and with its profile where there is one.
 
     Args:
         kind: its quirks.
         counts_per_turn: increments of 6064 in one motor turn, as the maker's tool has set them.
-        unit: of 60FF where the model has no 60A9.
+        unit: of 60FF where neither 60A9 nor a profile says it.
     """
     entry = table.entries.get((0x60A9, 0))
     word = entry.default if entry is not None else None
     said = unit_of_word(word) if isinstance(word, int) else None
-    return replace(
+    made = replace(
         kind,
         name=table.drive if kind.name == "plain" else f"{table.drive}+{kind.name}",
         summary=f"objects of {table.drive}",
         table=table,
         counts_per_turn=counts_per_turn,
         velocity_unit=said or unit,
+    )
+    profile = profile_of_table(table)
+    if profile is None:
+        return made
+    plate = (0x1018, 1, profile.match.vendor)
+    return replace(
+        made,
+        defaults=(*kind.defaults, plate),
+        modes=(0, *(mode for mode in profile.modes if mode in PLAIN_MODES)),
+        velocity_unit=said or profile.units.velocity or unit,
+        ramp_unit=profile.units.ramp,
+        ramp_size=profile.units.ramp_size,
+        rated_torque_per_nm=profile.units.rated_torque_per_nm,
     )
 
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.drive.drive_sim import sim
+from gantryctl.cli.drive.profiles import profiles
 from gantryctl.cli.options import (
     PATH,
     bus_log_option,
@@ -34,6 +35,7 @@ def drive() -> None:
 
 
 drive.add_command(sim)
+drive.add_command(profiles)
 
 
 @contextmanager

@@ -14,10 +14,11 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, NoReturn
 
+from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.drives.od.model import Access, DeviceDescription, EdsError, Entry
 from gantryctl.drives.od.reading import read_eds
 from gantryctl.drives.od.standard import standard_of
@@ -57,7 +58,24 @@ class ObjectTable:
 def table_of(device: DeviceDescription, name: str) -> ObjectTable:
     """Object table of an EDS, which names all that a drive has."""
     entries = {(entry.index, entry.sub): entry for entry in device.entries()}
+    info = device.info
+    # Many files name maker and product in [DeviceInfo] only.
+    for sub, code in enumerate((info.vendor_number, info.product_number, info.revision_number), start=1):
+        plate = entries.get((0x1018, sub))
+        if plate is not None and plate.default is None and code is not None:
+            entries[0x1018, sub] = replace(plate, default=code)
     return ObjectTable(name, entries, frozenset(), complete=True, maps_known=True)
+
+
+def facts_of_table(table: ObjectTable) -> DriveFacts:
+    """What a drive with this dictionary has."""
+    objects = {
+        key: ObjectFact(e.access.writable, e.rpdo or e.tpdo, e.default, e.low, e.high)
+        for key, e in table.entries.items()
+    }
+    found = DriveFacts(0, 0, 0, 0, "", objects)
+    vendor, product, revision = (found.value(0x1018, sub) or 0 for sub in (1, 2, 3))
+    return replace(found, vendor=vendor, product=product, revision=revision)
 
 
 def read_objects_of(path: Path, drive: str = "") -> ObjectTable:

@@ -10,6 +10,9 @@ from gantryctl.drives.od.object_table import ObjectTable
 from gantryctl.errors import UsageError
 from gantryctl.units import DriveVelocityUnit
 
+PLAIN_MODES: Final = (0, 3, 9)
+"""None, profile velocity, CSV: the modes that the virtual drive knows."""
+
 
 @dataclass(frozen=True)
 class Personality:
@@ -40,7 +43,7 @@ class Personality:
     # Dictionary of a real model: the bus sees what is in it, with its access, limits and defaults; None: the plain one.
     table: ObjectTable | None = None
     # Modes that 6060 takes; those of 6502 where the table has no default.
-    modes: tuple[int, ...] = (0, 3, 9)
+    modes: tuple[int, ...] = PLAIN_MODES
     # Units of 6076 in one N m: CiA 402 has 1 mN m.
     rated_torque_per_nm: float = 1000.0
 
@@ -48,6 +51,9 @@ class Personality:
     counts_per_turn: int = 1 << 19
     # Unit of 60FF, 606C, 60B1 and 607F; of accelerations that per second.
     velocity_unit: DriveVelocityUnit = "inc/s"
+    # Unit of 6083 to 6085 per second, None: that of 60FF; and how many of it make one.
+    ramp_unit: DriveVelocityUnit | None = None
+    ramp_size: float = 1.0
     # What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.
     torque_reference: float = 1.0
 

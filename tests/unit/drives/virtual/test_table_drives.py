@@ -89,12 +89,15 @@ def test_what_the_table_says_of_the_first_pdo_holds_for_all() -> None:
 def test_an_object_that_the_bus_does_not_see_acts_by_what_the_tool_has_set() -> None:
     """Ingenia has no 6085 and no 6072: its quick stop and its torque limit are those of the machine."""
     node, plain = drive("Ingenia"), booted(Personality())
-    for index in (0x6085, 0x6072):
-        assert node.od.number(index) == plain.od.number(index) > 0
+    assert node.od.number(0x6072) == plain.od.number(0x6072) > 0
+    assert node.scaling.rad_s2(node.od.number(0x6085)) == pytest.approx(
+        plain.scaling.rad_s2(plain.od.number(0x6085)),
+        rel=1e-4,  # whole mrev/s2
+    )
 
 
 def test_motor_data_are_entered_whatever_the_default_is() -> None:
-    assert drive("maxon EPOS4").od.number(0x6076) == 257_000
+    assert drive("Ingenia").od.number(0x6076) == 257_000
     # 0 in the file, and no tool: a torque limit of 0 until the controller writes one.
     assert drive("Trinamic TMCM-1617").od.number(0x6072) == 0
 
@@ -125,3 +128,19 @@ def test_an_object_with_less_room_than_the_behaviour_fills_gives_its_low_bits() 
     )
     node = booted(as_in_table(Personality(), narrow, 1 << 19, "inc/s"))
     assert node.od.upload(0x60FD, 0) == bytes((node.od.readers[0x60FD, 0]() & 0xFF,))
+
+
+def test_a_drive_of_the_field_has_the_units_and_modes_of_its_profile() -> None:
+    ingenia, epos4, epos2 = drive("Ingenia"), drive("maxon EPOS4"), drive("maxon EPOS2")
+    # mrev/s, and no 60A9 to say it: 2 pi rad/s is one turn a second.
+    assert ingenia.scaling.velocity(6.283185307179586) == 1000
+    # 6076 of the EPOS4 is in uN m, and its ramps stay in r/min/s whatever 60A9 says.
+    assert epos4.od.number(0x6076) == 257_000_000
+    before = epos4.scaling.rad_s2(600)
+    epos4.scaling.count_speed_in("0.001 r/min")
+    assert epos4.scaling.rad_s2(600) == before == pytest.approx(62.83185307179586)
+    assert (epos4.od.number(0x1018, 1), epos2.od.number(0x1018, 1)) == (0xFB, 0xFB)
+    # No CSV: mode 9 is refused, and 6502 does not name it.
+    assert refusal(epos2, 0x6060, 0, 9) is Abort.VALUE
+    assert not epos2.od.number(0x6502) & 0x100
+    assert epos4.od.number(0x6502) & 0x100

@@ -74,7 +74,7 @@ class Scaling:
     """
 
     def __init__(self, hardware: Hardware, kind: Personality) -> None:
-        self.counts_per_turn = kind.counts_per_turn
+        self._kind, self.counts_per_turn = kind, kind.counts_per_turn
         self._fine = hardware.fine_counts_per_turn
         self.count_speed_in(kind.velocity_unit)
         self.torque_unit_nm = hardware.torque_rated_nm * kind.torque_reference / 1000.0
@@ -83,6 +83,10 @@ class Scaling:
         """Take another unit of speed, by 60A9."""
         self.velocity_unit = unit
         self.per_rad_s = VELOCITY_UNITS[unit].per_rad_s(self.counts_per_turn)
+        self.ramp_per_rad_s2 = (
+            VELOCITY_UNITS[self._kind.ramp_unit or unit].per_rad_s(self.counts_per_turn)
+            / self._kind.ramp_size
+        )
 
     def increments(self, fine_counts: float) -> int:
         """Whole increments of 6064, unwrapped."""
@@ -94,12 +98,20 @@ class Scaling:
         return clamp_int(rad_s * self.per_rad_s, -_I32, _I32 - 1)
 
     def rad_s(self, units: int) -> float:
-        """Velocity from units of 60FF; accelerations too."""
+        """Velocity from units of 60FF."""
         return units / self.per_rad_s
 
     def unsigned(self, rad_s: float) -> int:
-        """607F, 6083 to 6085: at least 1."""
+        """607F: at least 1."""
         return clamp_int(rad_s * self.per_rad_s, 1, 2 * _I32 - 1)
+
+    def rad_s2(self, units: int) -> float:
+        """Acceleration from units of 6083 to 6085."""
+        return units / self.ramp_per_rad_s2
+
+    def ramp(self, rad_s2: float) -> int:
+        """6083 to 6085: at least 1."""
+        return clamp_int(rad_s2 * self.ramp_per_rad_s2, 1, 2 * _I32 - 1)
 
     def torque(self, nm: float) -> int:
         """6077, 1/1000 of the reference."""

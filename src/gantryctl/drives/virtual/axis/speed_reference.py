@@ -95,8 +95,8 @@ class SpeedReference:
     def deceleration(self, ramp: Ramp) -> float:
         """Deceleration of a ramp, rad/s2."""
         if ramp is Ramp.QUICK:
-            return self._kind.quick_stop_ramp_share * self._scaling.rad_s(self._od.number(0x6085))
-        return self._scaling.rad_s(self._od.number(0x6084))
+            return self._kind.quick_stop_ramp_share * self._scaling.rad_s2(self._od.number(0x6085))
+        return self._scaling.rad_s2(self._od.number(0x6084))
 
     def run(self, controlword: int) -> StageCommand:
         """Command of one tick while enabled."""
@@ -144,7 +144,7 @@ class SpeedReference:
         """Speed after one tick towards the target on the ramps 6083 and 6084."""
         vel = self.vel_rad_s
         speeding_up = abs(wanted) > abs(vel) and wanted * vel >= 0.0
-        rate = self._scaling.rad_s(self._od.number(0x6083 if speeding_up else 0x6084))
+        rate = self._scaling.rad_s2(self._od.number(0x6083 if speeding_up else 0x6084))
         step = rate * self._tick_s
         vel = max(vel - step, min(vel + step, wanted))
         window = self._scaling.rad_s(self._od.number(0x606D))

@@ -227,7 +227,7 @@ def _control_objects() -> tuple[ObjectSpec, ...]:
 
 def _motion_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> tuple[ObjectSpec, ...]:
     quick = hardware.quick_dec_rad_s2 if kind.quick_dec_deg_s2 is None else rad(kind.quick_dec_deg_s2)
-    normal = scaling.unsigned(hardware.normal_acc_rad_s2)
+    normal = scaling.ramp(hardware.normal_acc_rad_s2)
     limit = scaling.torque(hardware.torque_max_nm)
     ceiling = hardware.speed_max_rad_s
     small = scaling.unsigned(0.01 * ceiling)
@@ -246,7 +246,7 @@ def _motion_objects(hardware: Hardware, kind: Personality, scaling: Scaling) -> 
         var(0x6080, "Max motor speed", U32, RW, r_min(ceiling), limits=(1, r_min(ceiling))),
         var(0x6083, "Profile acceleration", U32, RW, normal, limits=(1, None)),
         var(0x6084, "Profile deceleration", U32, RW, normal, limits=(1, None)),
-        var(0x6085, "Quick stop deceleration", U32, RW, scaling.unsigned(quick), limits=(1, None)),
+        var(0x6085, "Quick stop deceleration", U32, RW, scaling.ramp(quick), limits=(1, None)),
         var(0x60B1, "Velocity offset", I32, RWW, maps=True, volatile=True),
         var(0x60B2, "Torque offset", I16, RWW, maps=True, volatile=True),
         record(

@@ -86,8 +86,9 @@ LOAD: Final = 0x64616F6C
 # Range of indices by sub-index of 1010 and 1011: all, communication, application parameters.
 _GROUPS: Final = {1: (0x1000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x2000, 0xFFFF)}
 
-# Windows, thresholds, ceilings and ramps in the unit of 60A9.
-_SPEEDS: Final = (0x606D, 0x606F, 0x607F, 0x6083, 0x6084, 0x6085)
+# Windows, thresholds and ceilings in the unit of 60A9; ramps in that or in one of their own.
+_SPEEDS: Final = (0x606D, 0x606F, 0x607F)
+_RAMPS: Final = (0x6083, 0x6084, 0x6085)
 
 
 class Parameters:
@@ -135,13 +136,17 @@ class Parameters:
         unit = unit_of_word(word)
         if unit is None:
             return
-        before = self._scaling.per_rad_s
-        self._scaling.count_speed_in(unit)
+        scaling = self._scaling
+        speed, ramp = scaling.per_rad_s, scaling.ramp_per_rad_s2
+        scaling.count_speed_in(unit)
         # What the bus does not see is a speed, not a number: it stays the same speed.
-        for index in _SPEEDS:
-            if index not in self._od.visible.objects:
-                own = round(self._od.number(index) * self._scaling.per_rad_s / before)
-                self._od.set(index, 0, max(1, own))
+        for indices, change in (
+            (_SPEEDS, scaling.per_rad_s / speed),
+            (_RAMPS, scaling.ramp_per_rad_s2 / ramp),
+        ):
+            for index in indices:
+                if index not in self._od.visible.objects:
+                    self._od.set(index, 0, max(1, round(self._od.number(index) * change)))
 
     def _cycle_time(self, _value: int) -> None:
         self._axis.reference.cycle_time_written = True

@@ -1,0 +1,24 @@
+"""Profiles of drive models: what no object of a drive says, as files; chosen by object 1018 and what a drive has."""
+
+from __future__ import annotations
+
+from gantryctl.drives.profiles.choice import (
+    load_profile,
+    profile_names,
+    profile_of,
+    profile_of_table,
+    profiles_fitting,
+)
+from gantryctl.drives.profiles.profile import DangerousDefault, DriveProfile, Gain, Tried
+
+__all__ = [
+    "DangerousDefault",
+    "DriveProfile",
+    "Gain",
+    "Tried",
+    "load_profile",
+    "profile_names",
+    "profile_of",
+    "profile_of_table",
+    "profiles_fitting",
+]

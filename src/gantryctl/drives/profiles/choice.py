@@ -1,0 +1,57 @@
+"""Choice of a profile: by its name, or by what a drive says of itself."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from pathlib import Path
+
+from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.object_table import ObjectTable, facts_of_table
+from gantryctl.drives.profiles.profile import DriveProfile, read_profile
+from gantryctl.errors import UsageError
+from gantryctl.machine import configs_folder
+
+
+@functools.cache
+def _shipped() -> Mapping[str, DriveProfile]:
+    folder = configs_folder() / "drives"
+    return {path.stem: read_profile(path) for path in sorted(folder.glob("*.toml"))}
+
+
+def profile_names() -> tuple[str, ...]:
+    """Names of the shipped profiles."""
+    return tuple(_shipped())
+
+
+def load_profile(name: str) -> DriveProfile:
+    """A shipped profile by its name, or one of the user by its file.
+
+    Raises:
+        UsageError: there is no such profile. ConfigError: the file is none.
+    """
+    if name.lower().endswith(".toml"):
+        return read_profile(Path(name))
+    found = _shipped().get(name)
+    if found is None:
+        raise UsageError(
+            f"there is no drive profile '{name}'; there are: {', '.join(_shipped())}, or FILE.toml"
+        )
+    return found
+
+
+def profile_of_table(table: ObjectTable) -> DriveProfile | None:
+    """The profile of a dictionary: by the name of a shipped table, else as of a drive."""
+    named = [profile for profile in _shipped().values() if profile.table == table.drive]
+    return named[0] if named else profile_of(facts_of_table(table))
+
+
+def profiles_fitting(facts: DriveFacts) -> tuple[DriveProfile, ...]:
+    """Every shipped profile that a drive fits."""
+    return tuple(profile for profile in _shipped().values() if profile.match.fits(facts))
+
+
+def profile_of(facts: DriveFacts) -> DriveProfile | None:
+    """The profile of a drive by object 1018 and what it has; None where none fits, or several do."""
+    found = profiles_fitting(facts)
+    return found[0] if len(found) == 1 else None

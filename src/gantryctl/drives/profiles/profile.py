@@ -1,0 +1,229 @@
+"""A profile: what is known of a drive model and no object of it says; one TOML file for each model."""
+
+from __future__ import annotations
+
+import math
+import re
+import tomllib
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+from gantryctl.errors import ConfigError
+from gantryctl.units import DriveVelocityUnit
+
+_PLACE: Final = re.compile(r"[0-9A-F]{4}:[0-9A-F]{2}")
+_CODE: Final = re.compile(r"[0-9A-F]{4}")
+
+
+class Tried(StrEnum):
+    """What the statements of a profile have been held against."""
+
+    VIRTUAL = "virtual drive"
+    """A virtual drive with the object dictionary of the model; never the hardware."""
+    MANUAL = "from the manual, not tried"
+
+
+def _place(text: str) -> str:
+    if _PLACE.fullmatch(text) is None:
+        raise ValueError(f"'{text}' is no object: write 605A:00")
+    return text
+
+
+def _code(text: str) -> str:
+    if _CODE.fullmatch(text) is None:
+        raise ValueError(f"'{text}' is no error code: write four hexadecimal digits, 8130")
+    return text
+
+
+Place = Annotated[str, AfterValidator(_place)]
+ErrorCode = Annotated[str, AfterValidator(_code)]
+Words = Annotated[str, Field(min_length=1, max_length=300)]
+Positive = Annotated[float, Field(gt=0.0)]
+
+
+def _as_tuple(given: object) -> object:
+    return tuple(given) if isinstance(given, list) else given
+
+
+AsTuple = BeforeValidator(_as_tuple)
+Names = Annotated[tuple[Words, ...], AsTuple]
+Places = Annotated[tuple[Place, ...], AsTuple]
+Numbers = Annotated[tuple[int, ...], AsTuple]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Match(_Part):
+    """Which drives a profile is for."""
+
+    vendor: int
+    """1018:01."""
+    products: Numbers = ()
+    """1018:02; empty where the codes are not known: then the objects decide."""
+    has: Places = ()
+    lacks: Places = ()
+    """Objects by which models of one maker are told apart."""
+
+    def fits(self, facts: DriveFacts) -> bool:
+        """Whether a drive is of this model."""
+        if facts.vendor != self.vendor or (self.products and facts.product not in self.products):
+            return False
+        return all(facts.has(*key_of(p)) for p in self.has) and not any(
+            facts.has(*key_of(p)) for p in self.lacks
+        )
+
+
+class Units(_Part):
+    """What the numbers of the drive mean."""
+
+    velocity: DriveVelocityUnit | None = None
+    """Of 60FF, 606C and 60B1; None where the maker's tool sets it and the machine file must name it."""
+    velocity_by_60A9: bool = False
+    """60A9 can be written: the controller sets the unit above."""
+    ramp: DriveVelocityUnit | None = None
+    """Of 6083 to 6085, per second; None: that of the velocity."""
+    ramp_size: Positive = 1.0
+    """So many of that unit in one."""
+    position: Words = "increments of the encoder"
+    """Of 6064."""
+    rated_torque_per_nm: Positive = 1000.0
+    """Units of 6076 in one N m; CiA 402 has 1 mN m."""
+    torque: Words = "1/1000 of the rated torque"
+    """Of 6071, 6072, 6077 and 60B2."""
+
+
+class DangerousDefault(_Part):
+    """Value as delivered that hurts."""
+
+    object: Place
+    value: int
+    because: Words
+
+
+# Size of a gain unit in SI with current in A: kp in A s/rad, ki in A/rad, both at the motor shaft.
+GAIN_UNITS: Final[dict[str, float]] = {
+    "uA s/rad": 1e-6,
+    "uA/rad": 1e-6,
+    "A/(rev/s)": 1.0 / (2.0 * math.pi),
+    "Hz": 1.0,
+    "": math.nan,
+}
+
+
+def _unit(text: str) -> str:
+    if text not in GAIN_UNITS:
+        raise ValueError(
+            f"unit '{text}' is not one of {', '.join(filter(None, GAIN_UNITS))}, or empty where unknown"
+        )
+    return text
+
+
+class Gain(_Part):
+    """Object with a gain of the speed loop."""
+
+    object: Place
+    unit: Annotated[str, AfterValidator(_unit)] = ""
+    """Empty where the manual gives none: then only ratios mean something."""
+
+    @property
+    def key(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return key_of(self.object)
+
+    @property
+    def si(self) -> float:
+        """One unit in A s/rad (kp), A/rad (ki) or 1/s; NaN where the unit is not known."""
+        return GAIN_UNITS[self.unit]
+
+
+class SpeedLoop(_Part):
+    """Gains of the drive's speed loop as objects."""
+
+    kp: Gain
+    ki: Gain | None = None
+
+
+class Saving(_Part):
+    """How the drive stores its parameters."""
+
+    object: Place = "1010:01"
+    remark: Words = "by the text of CiA 301"
+
+
+class DriveProfile(_Part):
+    """One drive model."""
+
+    name: str
+    maker: Words
+    model: Words
+    tried: Annotated[Tried, BeforeValidator(Tried)]
+    sources: Annotated[Names, Field(min_length=1)]
+    table: str = ""
+    """Name of the drive in the shipped object table; empty where nobody has its dictionary."""
+    modes: Numbers
+    """Modes of operation that 6060 takes."""
+    match: Match
+    units: Units
+    speed_loop: SpeedLoop | None = None
+    saving: Saving = Saving()
+    dangerous_defaults: Annotated[tuple[DangerousDefault, ...], AsTuple] = ()
+    lacks: dict[str, Words] = Field(default_factory=dict)
+    """What the drive cannot do, by object or property, and what follows."""
+    error_texts: dict[ErrorCode, Words] = Field(default_factory=dict)
+    """The maker's own error codes (EMCY, 603F)."""
+
+    def error_text(self, code: int) -> str:
+        """The maker's words for an error code; "" where the profile has none."""
+        return self.error_texts.get(f"{code:04X}", "")
+
+    def contradictions(self, facts: DriveFacts, increments_per_turn: int) -> tuple[str, ...]:
+        """Where a drive says of itself something else than its profile and the machine file, with both values."""
+        said = []
+        unit = self.units.velocity
+        word, wanted = facts.value(0x60A9), None if unit is None else VELOCITY_UNITS[unit].si_unit
+        settable = self.units.velocity_by_60A9 and facts.writable(0x60A9)
+        if word is not None and wanted is not None and word != wanted and not settable:
+            said.append(
+                f"60A9:00 SI unit velocity: the drive has {word:08X}h, the profile {self.name} says {wanted:08X}h "
+                f"({unit})"
+            )
+        counts, turns = facts.value(0x608F, 1), facts.value(0x608F, 2)
+        if counts and turns and counts != increments_per_turn * turns:
+            said.append(
+                f"608F Position encoder resolution: the drive has {counts} increments in {turns} turns, "
+                f"[can] increments_per_turn is {increments_per_turn}"
+            )
+        return tuple(said)
+
+
+def key_of(place: str) -> tuple[int, int]:
+    """Index and sub-index of "605A:00"."""
+    index, _, sub = place.partition(":")
+    return int(index, 16), int(sub, 16)
+
+
+def read_profile(path: Path) -> DriveProfile:
+    """Read one profile; its name is that of the file.
+
+    Raises:
+        ConfigError: the file cannot be read, or is no profile; one line per problem.
+    """
+    try:
+        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as fault:
+        raise ConfigError([f"{path}: cannot be read: {fault.strerror or fault}"]) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as fault:
+        raise ConfigError([f"{path}: {fault}"]) from None
+    try:
+        return DriveProfile.model_validate({**data, "name": path.stem})
+    except ValidationError as error:
+        raise ConfigError(
+            [f"{path}: {'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors(include_url=False)]
+        ) from None

@@ -1,0 +1,145 @@
+"""Profiles: chosen by what a drive says, in agreement with the object tables, refused where a drive says otherwise."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gantryctl.drives.od.facts import DriveFacts, facts_of
+from gantryctl.drives.od.object_table import ObjectTable, read_object_tables
+from gantryctl.drives.profiles import Tried, load_profile, profile_names, profile_of
+from gantryctl.drives.profiles.page import reference_page
+from gantryctl.drives.profiles.profile import key_of
+from gantryctl.drives.virtual.communication.objects import device_tables
+from gantryctl.drives.virtual.personality import Personality
+from gantryctl.errors import ConfigError, UsageError
+from gantryctl.wiring.virtual import as_in_table, shipped_objects
+from unit.drives.virtual.bench import hardware
+
+TABLES = read_object_tables(shipped_objects())
+PROFILES = [load_profile(name) for name in profile_names()]
+COUNTS = 524_288
+
+
+def facts(table: ObjectTable) -> DriveFacts:
+    """As a drive in software with this table tells them."""
+    device = device_tables(hardware(), as_in_table(Personality(), table, COUNTS, "inc/s"))[1]
+    # `info` is that of the virtual drive; object 1018 is the model's.
+    plate = replace(device.info, vendor_number=None, product_number=None, revision_number=None)
+    return facts_of(replace(device, info=plate))
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=lambda t: t.drive)
+def test_every_drive_of_the_table_has_one_profile(table: ObjectTable) -> None:
+    profile = profile_of(facts(table))
+    assert profile is not None
+    assert profile.table == table.drive
+    assert profile.tried is Tried.VIRTUAL
+
+
+@pytest.mark.parametrize("profile", [p for p in PROFILES if p.table], ids=lambda p: p.name)
+def test_a_profile_agrees_with_the_objects_of_its_drive(profile) -> None:
+    table = TABLES[profile.table]
+    for bad in profile.dangerous_defaults:
+        assert table.entries[key_of(bad.object)].default == bad.value, bad.object
+    sixty_a9 = table.entries.get((0x60A9, 0))
+    assert profile.units.velocity_by_60A9 is (sixty_a9 is not None and sixty_a9.access.writable)
+    modes = table.entries.get((0x6502, 0))
+    if modes is not None and isinstance(modes.default, int):
+        # Bit n of 6502 is mode n + 1 (CiA 402); the maker's own modes are negative.
+        told = {bit + 1 for bit in range(10) if modes.default >> bit & 1}
+        assert {mode for mode in profile.modes if mode > 0} == told
+    mode = table.entries[0x6060, 0]
+    assert all(
+        (mode.low is None or m >= mode.low) and (mode.high is None or m <= mode.high) for m in profile.modes
+    )
+
+
+@pytest.mark.parametrize("profile", [p for p in PROFILES if not p.table], ids=lambda p: p.name)
+def test_what_nobody_has_tried_says_so(profile) -> None:
+    assert profile.tried is Tried.MANUAL
+
+
+def test_a_stranger_has_no_profile() -> None:
+    assert profile_of(DriveFacts(0x1234, 0, 0, 0, "", {})) is None
+    with pytest.raises(UsageError, match=r"no drive profile 'nonsense'.*maxon_epos4"):
+        load_profile("nonsense")
+
+
+def test_a_drive_that_contradicts_its_profile_is_refused_with_both_values() -> None:
+    elmo = load_profile("elmo_gold")
+    found = facts(TABLES["Elmo Gold (DCF)"])
+    assert elmo.contradictions(found, COUNTS) == ()
+    assert (
+        "524288 increments in 1 turns, [can] increments_per_turn is 65536"
+        in elmo.contradictions(found, 65536)[0]
+    )
+    example = load_profile("e35").model_copy(
+        update={
+            "units": load_profile("e35").units.model_copy(
+                update={"velocity_by_60A9": False, "velocity": "r/min"}
+            )
+        }
+    )
+    said = example.contradictions(facts(TABLES["e35 example"]), COUNTS)
+    assert len(said) == 1
+    assert "the drive has 00B50300h, the profile e35 says 00B44700h (r/min)" in said[0]
+
+
+def test_a_unit_that_the_controller_sets_is_no_contradiction() -> None:
+    epos4 = load_profile("maxon_epos4")
+    assert epos4.contradictions(facts(TABLES["maxon EPOS4 0x1018"]), COUNTS) == ()
+
+
+def test_the_words_of_the_maker_for_an_error_code() -> None:
+    assert load_profile("kollmorgen_akd").error_text(0x3110) == "F523 DC bus overvoltage, by hardware"
+    assert load_profile("kollmorgen_akd").error_text(0x8130) == ""
+
+
+GOOD = """
+maker = "m"
+model = "x"
+tried = "from the manual, not tried"
+sources = ["s"]
+modes = [9]
+[match]
+vendor = 1
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("maker = ", "x.toml:"),
+        (GOOD, "units"),
+        (GOOD + '[units]\nvelocity = "rpm"\n', "units.velocity"),
+        (GOOD + '[units]\nvelocity = "r/min"\nvelocities = 1\n', "units.velocities"),
+        (GOOD + "[units]\nramp_size = 0.0\n", "units.ramp_size"),
+        (GOOD + '[units]\n[lacks]\n"605A:00" = ""\n', "lacks.605A:00"),
+        (GOOD + '[units]\n[error_texts]\nx8130 = "a"\n', "no error code"),
+        (GOOD + '[units]\n[speed_loop.kp]\nobject = "605a:0"\n', "is no object"),
+        (GOOD + '[units]\n[speed_loop.kp]\nobject = "605A:00"\nunit = "furlong"\n', "unit 'furlong'"),
+        (GOOD.replace("from the manual, not tried", "surely") + "[units]\n", "tried"),
+    ],
+)
+def test_what_is_wrong_with_a_profile_is_told(tmp_path: Path, text: str, told: str) -> None:
+    file = tmp_path / "x.toml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as wrong:
+        load_profile(str(file))
+    assert told in str(wrong.value)
+
+
+def test_a_profile_of_the_user_is_read_from_its_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(GOOD + "[units]\n", encoding="utf-8")
+    assert load_profile(str(file)).name == "mine"
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_profile(str(tmp_path / "other.toml"))
+
+
+def test_the_page_is_what_the_files_say() -> None:
+    page = Path("docs/reference/drive-profiles.md").read_text(encoding="utf-8")
+    assert page == reference_page(), (
+        "run: python -m gantryctl.drives.profiles.page docs/reference/drive-profiles.md"
+    )
