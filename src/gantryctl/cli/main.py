@@ -35,7 +35,10 @@ COMMANDS: Final = {
         "engineering.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
     ),
     "accuracy": Entry(
-        "engineering.accuracy", "accuracy", "The chord test: run, report, statistics of a table."
+        "engineering.accuracy", "accuracy", "The chord test: run, measure, report, statistics of a table."
+    ),
+    "instrument": Entry(
+        "engineering.instrument", "instrument", "Instruments at the load: read one, serve a simulated one."
     ),
     "size": Entry("engineering.size", "size", "Size motors for a requirement sheet; limits that follow."),
     "analyse": Entry(

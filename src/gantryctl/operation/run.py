@@ -6,14 +6,16 @@ the brake closed, the torque taken off and the state kept.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import ExitStack
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
+from gantryctl.operation.beside import begin
 from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_failed
 from gantryctl.operation.bus_log import AlarmFrames
 from gantryctl.operation.client import BrakeTestReport, Ending, MotionReport, Snapshot, Stop
@@ -29,9 +31,11 @@ from gantryctl.program.axis.command_checks import (
     check_target,
     require,
 )
-from gantryctl.runtime import Engine, FixedOperator, ScanFailure, keeps_time
+from gantryctl.runtime import Engine, FixedOperator, ScanFailure, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
 from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engine
+
+_Done = TypeVar("_Done")
 
 # Axis time between two calls of the observer.
 SLICE_S: Final = 0.1
@@ -252,6 +256,24 @@ class AxisRun:
             due=self.brake_due,
         )
 
+    def while_standing(self, work: Callable[[], _Done]) -> _Done | None:
+        """Do what takes its time (a person, an instrument) while the axis stands and goes on scanning.
+
+        In virtual time nothing passes meanwhile.
+
+        Returns:
+            What the work returned; None where the operator has stopped the axis, and the work is left alone.
+
+        Raises:
+            AlarmStop: an alarm came; the work is left alone.
+        """
+        if isinstance(self.engine.clock, VirtualClock):
+            return work()
+        done = begin(work)
+        self._follow(lambda: done.done() or self.stop is not Stop.NO or not self._no_alarm, math.inf)
+        self._raise_alarm()
+        return None if self.stop is not Stop.NO else done.result()
+
     # --- checks and refusals -------------------------------------------------------------------------------------
 
     def _check_speed(self, speed_deg_s: float) -> None:
@@ -316,7 +338,11 @@ class AxisRun:
     @property
     def _at_rest(self) -> bool:
         """Nothing moves or waits; also after an alarm."""
-        return self.axis.at_rest or self.axis.alarms.first_out is not None
+        return self.axis.at_rest or not self._no_alarm
+
+    @property
+    def _no_alarm(self) -> bool:
+        return self.axis.alarms.first_out is None
 
     # --- scanning ------------------------------------------------------------------------------------------------
 

@@ -439,6 +439,7 @@ ELSEWHERE = {
     "can.side_channel": "the plant of a virtual drive",
     "can.virtual_drive": "which virtual drive is made",
     "can.commissioning_required": "operation",
+    "accuracy.tolerance_deg": "accuracy",
     "accuracy.chord_radius_m": "accuracy",
     "accuracy.tracker_noise_um": "accuracy",
     "accuracy.dwell_s": "accuracy",

@@ -29,11 +29,12 @@ from gantryctl.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.accuracy.attended.session import ChordSession
     from gantryctl.errors import GantryctlError
     from gantryctl.machine import Machine
     from gantryctl.operation.client import AxisClient, BrakeTestReport, MotionReport
 
-    Report = TypeVar("Report", MotionReport, BrakeTestReport)
+    Report = TypeVar("Report", MotionReport, BrakeTestReport, ChordSession)
 
 # An axis that has moved by more is not where it was when the person was asked.
 _SAME_DEG: Final = 0.01

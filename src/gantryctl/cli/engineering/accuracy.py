@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.engineering.accuracy_end import finish, stamp
+from gantryctl.cli.engineering.measure import measure
 from gantryctl.cli.options import (
     FINITE,
     PATH,
@@ -27,7 +29,6 @@ from gantryctl.cli.options import (
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.procedure.procedures import Procedure
-    from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.machine import Machine
 
 # A folder of its own: a report is three files.
@@ -36,7 +37,10 @@ DEFAULT_OUT = Path("accuracy_report")
 
 @click.group()
 def accuracy() -> None:
-    """The paper's chord test: run it, report it, or evaluate a table."""
+    """The paper's chord test: run it, measure it on a machine, report it, or evaluate a table."""
+
+
+accuracy.add_command(measure)
 
 
 @accuracy.command("run")
@@ -108,8 +112,8 @@ def run_(
         if not as_json:
             click.echo(f"stop {index + 1} of {len(procedure.stops)}: {target_deg:+.1f} deg")
 
-    report = accuracy_report(machine, job, *_stamp(), progress)
-    return _finish(report, folder, as_json)
+    report = accuracy_report(machine, job, *stamp(), progress)
+    return finish(report, folder, as_json)
 
 
 def _announce(machine: Machine, procedure: Procedure) -> str:
@@ -147,30 +151,6 @@ def _measurable(config_file: Path | None, instrument: str) -> Machine:
     )
 
 
-def _stamp() -> tuple[str, str]:
-    """Version and date of the page."""
-    from datetime import UTC, datetime
-    from importlib.metadata import version
-
-    return version("gantryctl"), datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
-
-
-def _finish(report: AccuracyReport, out: Path, as_json: bool) -> int:
-    """Write the page, print table or JSON; 1 when a criterion is not met."""
-    from gantryctl.engineering.accuracy.report.data import report_json
-    from gantryctl.engineering.accuracy.report.page import write_report
-    from gantryctl.engineering.accuracy.report.text import text_report
-
-    page = write_report(report, directory(out))
-    if as_json:
-        click.echo(report_json(report), nl=False)
-    else:
-        click.echo(text_report(report))
-        click.echo(f"\nreport: {page.resolve()}")
-    # No verdict is no failure: motor-side readings end with 0.
-    return int(report.verdict.passed is False or report.speed_passed is False)
-
-
 @accuracy.command()
 @config_option
 @click.option(
@@ -193,11 +173,12 @@ def report(
     """Report a chord test that was measured elsewhere. Exit code 1 when the criterion is not met."""
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.table_csv import read_error_table
+    from gantryctl.engineering.report.origin import Origin
     from gantryctl.machine import short_hash
 
     machine = machine_of(config_file)
     table = read_error_table(measured, radius_m)
-    version, created = _stamp()
+    version, created = stamp()
     made = AccuracyReport(
         machine=machine.name,
         config_hash=short_hash(machine),
@@ -207,9 +188,11 @@ def report(
         source=measured.name,
         measures_load=not motor_side,
         measured=table,
+        origin=Origin.MEASURED,
         radius_m=radius_m,
+        limit_deg=machine.accuracy.tolerance_deg,
     )
-    return _finish(made, out or DEFAULT_OUT, as_json)
+    return finish(made, out or DEFAULT_OUT, as_json)
 
 
 @accuracy.command()
@@ -225,6 +208,7 @@ def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.report.text import text_report
     from gantryctl.engineering.accuracy.table_csv import read_error_table
+    from gantryctl.engineering.report.origin import Origin
 
     # The statistics need no machine: any table of errors will do.
     errors = read_error_table(_shipped(table), radius_m)
@@ -232,8 +216,9 @@ def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
         print_json(table_data(errors))
         return 0
     made = AccuracyReport(
-        machine="", config_hash="", version="", seed=0, source=table.name, measured=errors, radius_m=radius_m
-    )
+        machine="", config_hash="", version="", seed=0, source=table.name, measured=errors,
+        origin=Origin.MEASURED, radius_m=radius_m,
+    )  # fmt: skip
     click.echo(text_report(made))
     return 0
 

@@ -29,3 +29,8 @@ class TextTable(NamedTuple):
 def or_dash(value: float | None, form: str) -> str:
     """A figure in a format, or a dash where it does not exist."""
     return "-" if value is None else format(value, form)
+
+
+def duration(seconds: float) -> str:
+    """A time for people: seconds below two minutes, then minutes."""
+    return f"{seconds:.0f} s" if seconds < 120.0 else f"{seconds / 60.0:.0f} min"

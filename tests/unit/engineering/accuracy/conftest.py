@@ -8,6 +8,7 @@ from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEnsemble, SpeedCurves, SpeedRun
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import Direction
+from gantryctl.engineering.report.origin import Origin
 
 RADIUS_M, SIGMA_M = 2.5, 10e-6
 ACC_DEG_S2 = 450.0 / 1144.0
@@ -57,6 +58,7 @@ def demo_report(runs: int = 1) -> AccuracyReport:
         created="2026-11-20",
         source="simulator",
         measured=result.measured,
+        origin=Origin.SIMULATED,
         procedure=procedure,
         true=result.true,
         a_measured=result.a_measured,

@@ -15,6 +15,7 @@ from gantryctl.engineering.accuracy.report.page import render_html, write_report
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.table import table_from_rows
 from gantryctl.engineering.accuracy.table_csv import read_error_table
+from gantryctl.engineering.report.origin import Origin
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +92,7 @@ def test_what_the_page_says(page: str, report: AccuracyReport) -> None:
 
 
 def test_a_table_from_a_file_makes_a_small_page() -> None:
-    report = AccuracyReport("m", "-", "0.1", 0, "tracker.csv", PAPER_TABLE)
+    report = AccuracyReport("m", "-", "0.1", 0, "tracker.csv", PAPER_TABLE, Origin.MEASURED)
     page = render_html(report)
     assert page.count("<svg") == 2
     assert "Speed test" not in page
@@ -101,7 +102,7 @@ def test_a_table_from_a_file_makes_a_small_page() -> None:
 
 def test_other_bases_columns_and_no_verdict() -> None:
     table = table_from_rows([(45.0, "ccw", (0.0, 0.001)), (30.0, "ccw", (0.0, 0.2))], (0.0, 7.5))
-    report = AccuracyReport("<b>m</b>", "-", "0.1", 0, "drive", table, measures_load=False)
+    report = AccuracyReport("<b>m</b>", "-", "0.1", 0, "drive", table, Origin.MEASURED, measures_load=False)
     page = render_html(report)
     assert "NO VERDICT" in page
     assert "<b>m</b>" not in page

@@ -13,8 +13,9 @@ from gantryctl.engineering.accuracy.report.data import report_data, report_json,
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.report.text import text_report, text_table
 from gantryctl.engineering.accuracy.table import ErrorTable, RowKey, table_from_rows
+from gantryctl.engineering.report.origin import Origin
 
-MEASURED = AccuracyReport("m", "hash", "0.1", 0, "tracker.csv", PAPER_TABLE)
+MEASURED = AccuracyReport("m", "hash", "0.1", 0, "tracker.csv", PAPER_TABLE, Origin.MEASURED)
 
 
 def test_a_table_from_a_file_is_enough() -> None:
@@ -113,7 +114,7 @@ def test_text_table_of_other_columns_stands_alone() -> None:
 
 def test_repeated_runs_are_shown_as_means(five_runs: AccuracyReport) -> None:
     text = text_report(five_runs)
-    assert "here, noise off (mean of 5)" in text
+    assert "simulated, noise off (mean of 5)" in text
     assert "30 rows pooled" in text
     assert "ISO 230-2:2014, 5 runs in each direction" in text
     assert five_runs.iso.repeatability_up_deg == pytest.approx(0.0, abs=1e-12)

@@ -9,11 +9,12 @@ from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_NAME
 from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport, SpeedRun
 from gantryctl.engineering.accuracy.statistics import statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
+from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 from gantryctl.engineering.report.data import plain
 
 # Changes when a name disappears or changes its meaning; further names may come.
 SCHEMA = "gantryctl.accuracy/1"
-_IDENTITY = ("machine", "config_hash", "version", "seed", "created", "source", "measures_load")
+_IDENTITY = ("machine", "config_hash", "version", "seed", "created", "source", "origin", "measures_load")
 _ASKED = ("radius_m", "sigma_m", "dwell_s", "average_s", "vel_max_deg_s", "acc_deg_s2", "angle_errors_deg")
 _PROCEDURE = ("name", "bases_deg", "displacements_deg", "runs", "chord")
 
@@ -25,7 +26,8 @@ def report_json(report: AccuracyReport) -> str:
 
 def report_data(report: AccuracyReport) -> dict[str, Any]:
     """The report as plain dicts, lists, numbers and strings."""
-    tables, gears = {"measured": report.measured, "true": report.true}, report.ensemble
+    tables = {"measured": report.measured, "true": report.true, "simulated": report.simulated}
+    gears = report.ensemble
     return {
         "schema": SCHEMA,
         **{name: getattr(report, name) for name in _IDENTITY},
@@ -38,7 +40,8 @@ def report_data(report: AccuracyReport) -> dict[str, Any]:
             "true": None if report.true is None else plain(report.iso),
             "measured": plain(report.iso_measured),
         },
-        "verdict": plain(report.verdict),
+        "verdict": {"passed": report.verdict.passed, **plain(report.verdict)},
+        "uncertainty": _uncertainty(report),
         "comparison": {
             "paper": PAPER_NAME,
             "paper_a_deg": PAPER_A_DEG,
@@ -52,6 +55,19 @@ def report_data(report: AccuracyReport) -> dict[str, Any]:
             "runs": [speed_data(run) for run in report.speed],
         },
         "warnings": list(report.warnings),
+    }
+
+
+def _uncertainty(report: AccuracyReport) -> dict[str, Any] | None:
+    """Expanded uncertainties, k = 2."""
+    known = report.uncertainty
+    if known is None:
+        return None
+    return {
+        "coverage_factor": COVERAGE_K,
+        "a_expanded_deg": COVERAGE_K * known.a_deg,
+        "chord_expanded_deg": plain(COVERAGE_K * known.chord_deg),
+        "a_floor": plain(known.floor),
     }
 
 

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE
+from gantryctl.engineering.accuracy.paper import PAPER_A_DEG
 from gantryctl.engineering.accuracy.report.report import (
     SPEED_ERROR_LIMIT_DEG_S,
+    Beside,
     FloatArray,
     GearEnsemble,
     SpeedRun,
@@ -99,14 +100,14 @@ def _rounded(path: re.Match[str]) -> str:
 
 
 @styled
-def chord_errors(table: ErrorTable, reference: ErrorTable = PAPER_TABLE) -> Figure:
-    """Figure 6: chord errors by base, both directions, the paper's values beside them. One panel per base."""
+def chord_errors(table: ErrorTable, beside: Beside) -> Figure:
+    """Figure 6: chord errors by base, both directions, those of another table beside them. One panel per base."""
     figure, axes = _panels(len(table.bases_deg), height=2.7)
     for ax, base in zip(axes, table.bases_deg, strict=True):
         for direction in table.directions:
             _own_errors(ax, table, base, direction)
         for direction in table.directions:
-            _paper_errors(ax, reference, base, direction)
+            _other_errors(ax, beside, base, direction)
         ax.set_title(f"base {base:g}°".replace("-", "−"))
         ax.set_xlabel("displacement, °")
         ax.set_xticks(table.displacements_deg)
@@ -118,10 +119,10 @@ def chord_errors(table: ErrorTable, reference: ErrorTable = PAPER_TABLE) -> Figu
 
 
 @styled
-def bands(table: ErrorTable, reference: ErrorTable = PAPER_TABLE) -> Figure:
-    """X ± 3 S by displacement, ours and the paper's, with the two lines whose distance is A."""
+def bands(table: ErrorTable, beside: Beside) -> Figure:
+    """X ± 3 S by displacement, ours and another table's, with the two lines whose distance is A."""
     figure, axes = _panels(2, height=2.5)
-    for ax, data, title in ((axes[0], table, "here"), (axes[1], reference, "paper, table 2")):
+    for ax, data, title in ((axes[0], table, "here"), (axes[1], beside.table, beside.name)):
         mean, band = 1e3 * column_mean(data.errors_deg), 3e3 * column_std(data.errors_deg)
         x = np.array(data.displacements_deg)
         ax.fill_between(x, mean - band, mean + band, color=BLUE, alpha=0.13, lw=0)
@@ -241,11 +242,12 @@ def _own_errors(ax: Axes, table: ErrorTable, base: float, direction: Direction) 
     ax.plot(x, errors.mean(axis=0), color=colour, marker=MARKERS[direction], ms=4.0, label=label, zorder=3)
 
 
-def _paper_errors(ax: Axes, reference: ErrorTable, base: float, direction: Direction) -> None:
+def _other_errors(ax: Axes, beside: Beside, base: float, direction: Direction) -> None:
+    reference = beside.table.mean_of_runs()
     errors = 1e3 * reference.select([base], direction)
     if not len(errors):
         return
-    colour, label = COLOURS[direction], f"paper, {direction.value}"
+    colour, label = COLOURS[direction], f"{beside.name}, {direction.value}"
     (line,) = ax.plot(reference.displacements_deg, errors[0], color=colour, lw=0.9, alpha=0.65, label=label)
     line.set(
         linestyle=(0, (3, 2)), marker=MARKERS[direction], markersize=4.0, markerfacecolor="white", zorder=2

@@ -13,15 +13,16 @@ from gantryctl.engineering.accuracy.paper import (
     PAPER_TABLE,
     PAPER_THREE_S_DEG,
     PAPER_UPPER_DEG,
-    REQUIREMENT_DEG,
 )
 from gantryctl.engineering.accuracy.report import figures
 from gantryctl.engineering.accuracy.report.data import report_json
-from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport
+from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport, Beside
 from gantryctl.engineering.accuracy.report.text import ISO_NAMES, STATISTICS, angle_text, iso_text
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.accuracy.table_csv import format_error_table
+from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
+from gantryctl.engineering.accuracy.verdict import Conformity
 from gantryctl.engineering.report.page import render_page, signed
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "accuracy.html.j2"
@@ -37,6 +38,9 @@ SWITCH_NAMES: Final = {
     "three_slopes": "three-slope stiffness",
     "rigid": "rigid (no compliance)",
 }
+
+
+_BADGES: Final = {Conformity.PASS: "pass", Conformity.FAIL: "fail"}
 
 
 def render_html(report: AccuracyReport) -> str:
@@ -57,25 +61,25 @@ def write_report(report: AccuracyReport, folder: str | Path) -> Path:
 
 def _view(report: AccuracyReport) -> dict[str, Any]:
     """View for the template: words and numbers, no logic."""
-    iso, passed = report.iso, report.verdict.passed
-    word = "NO VERDICT" if passed is None else "PASS" if passed else "FAIL"
+    iso, conformity = report.iso, report.verdict.conformity
+    word, judged = conformity.value.upper(), conformity is not Conformity.NOT_JUDGED
     paper_rms = statistics(PAPER_TABLE).rms_deg
     return {
         "report": report,
-        "badge": word if passed is None else f"{word}: {REQUIREMENT_DEG:g}° required",
-        "badge_class": "none" if passed is None else word.lower(),
+        "badge": f"{word}: {report.limit_deg:g}° required" if judged else word,
+        "badge_class": _BADGES.get(conformity, "none"),
+        "coverage": COVERAGE_K,
         "angle": _angle,
         "paper_name": PAPER_NAME,
-        "paper_a": PAPER_A_DEG,
         "speed_limit": SPEED_ERROR_LIMIT_DEG_S,
         "tiles": _tiles(report),
         "asked": _asked(report),
         "tables": [
-            (title, _table_view(table))
+            (title, _table_view(table, report.beside))
             for title, table in (("without instrument noise", report.true), ("as measured", report.measured))
             if table is not None and not (title == "as measured" and report.measured == report.true)
         ],
-        "paper_printed": _paper_printed(report.table),
+        "paper_printed": _paper_printed(report.table) if report.beside.table is PAPER_TABLE else "",
         "iso": iso,
         "iso_rows": _iso_rows(report),
         "noise": [
@@ -83,6 +87,7 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
             for name, distribution in (
                 ("A as measured", report.a_measured),
                 ("A of a perfect axis: noise alone", report.a_floor),
+                ("A of a perfect axis: uncertainty alone", report.uncertainty and report.uncertainty.floor),
             )
             if distribution is not None
         ],
@@ -111,8 +116,12 @@ def _tiles(report: AccuracyReport) -> list[tuple[str, str, str]]:
     figures_ = report.statistics
     tiles = []
     if report.true is not None:
-        tiles.append((f"{figures_.a_deg:.4f}°", "A, eq. (6)", "true angles, no instrument"))
+        tiles.append((f"{figures_.a_deg:.4f}°", "A, eq. (6)", f"{report.origin.value}, no instrument"))
     tiles.append((f"{report.a_as_measured_deg:.4f}°", "A as measured", _measured_remark(report)))
+    if report.simulated is not None:
+        tiles.append(
+            (f"{statistics(report.simulated).a_deg:.4f}°", "A of the model", "simulated, true angles")
+        )
     tiles.append((f"{PAPER_A_DEG:.4f}°", "A of the paper", "comparison, no criterion"))
     if figures_.a_by_direction_deg is not None:
         tiles.append((f"{figures_.a_by_direction_deg:.4f}°", "directions apart", "3 s in each direction"))
@@ -128,13 +137,15 @@ def _tiles(report: AccuracyReport) -> list[tuple[str, str, str]]:
 
 
 def _measured_remark(report: AccuracyReport) -> str:
+    if report.uncertainty is not None:
+        return f"{report.origin.value}, ± {COVERAGE_K * report.uncertainty.a_deg:.4f}° (k = {COVERAGE_K:g})"
     if report.a_measured is None:
-        return "one table"
+        return f"{report.origin.value}, one table"
     return f"{report.a_measured.low_deg:.4f} .. {report.a_measured.high_deg:.4f} in 90 % of draws"
 
 
 def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
-    rows = [("Source of the readings", report.source)]
+    rows = [("Readings", f"{report.origin.value}: {report.source}")]
     procedure = report.procedure
     if procedure is not None:
         bases = signed(", ".join(f"{base:g}°" for base in procedure.bases_deg))
@@ -160,34 +171,38 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
 _CHORD_NAMES: Final = {"base": "base", "adjacent": "stop before (single steps)"}
 
 
-def _table_view(table: ErrorTable) -> dict[str, Any]:
-    """Rows of one table beside the paper's where base, direction and displacements are the same."""
-    same_columns = table.displacements_deg == PAPER_TABLE.displacements_deg
-    paper = dict(zip([row[:2] for row in PAPER_TABLE.rows], PAPER_TABLE.errors_deg.tolist(), strict=True))
+def _table_view(table: ErrorTable, beside: Beside) -> dict[str, Any]:
+    """Rows of one table beside another's where base, direction and displacements are the same."""
+    same_columns = table.displacements_deg == beside.table.displacements_deg
+    reference = beside.table.mean_of_runs()
+    others = dict(zip([row[:2] for row in reference.rows], reference.errors_deg.tolist(), strict=True))
     shown = table.mean_of_runs()
     rows = [
         {
             "name": signed(f"{row.base_deg:g} {row.direction.value}"),
             "errors": errors[1:],
-            "paper": paper.get(row[:2], [])[1:] if same_columns else [],
+            "others": others.get(row[:2], [])[1:] if same_columns else [],
             "first_of_base": index == 0 or shown.rows[index - 1].base_deg != row.base_deg,
         }
         for index, (row, errors) in enumerate(zip(shown.rows, shown.errors_deg.tolist(), strict=True))
     ]
+    other = statistics(beside.table)
     return {
         "columns": [f"{d:g}°" for d in table.displacements_deg[1:]],
-        "beside": same_columns,
+        "beside": beside.name if same_columns else "",
         "runs": table.runs,
         "rows": rows,
-        "statistics": _statistics_view(statistics(table), same_columns),
+        "statistics": _statistics_view(statistics(table), other if same_columns else None),
         "a": statistics(table).a_deg,
+        "other_a": other.a_deg,
     }
 
 
-def _statistics_view(ours: TableStatistics, beside: bool) -> list[tuple[str, list[float], list[float]]]:
-    paper = statistics(PAPER_TABLE)
+def _statistics_view(
+    ours: TableStatistics, other: TableStatistics | None
+) -> list[tuple[str, list[float], list[float]]]:
     return [
-        (signed(name), list(getattr(ours, key)[1:]), list(getattr(paper, key)[1:]) if beside else [])
+        (signed(name), list(getattr(ours, key)[1:]), list(getattr(other, key)[1:]) if other else [])
         for name, key in STATISTICS
     ]
 
@@ -210,8 +225,8 @@ def _paper_printed(table: ErrorTable) -> str:
 def _figures(report: AccuracyReport) -> dict[str, str]:
     """The SVGs by name; figures without data are left out."""
     made = {
-        "errors": figures.svg(figures.chord_errors(report.table), "errors"),
-        "bands": figures.svg(figures.bands(report.table), "bands"),
+        "errors": figures.svg(figures.chord_errors(report.table, report.beside), "errors"),
+        "bands": figures.svg(figures.bands(report.table, report.beside), "bands"),
     }
     with_curves = [run for run in report.speed if run.curves is not None]
     if with_curves:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +20,15 @@ from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE, REQUI
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
+from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K, ChordUncertainty
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, Conformity, judge
 from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_reaching, trapezoid_peak_speed
+from gantryctl.engineering.report.origin import Origin
 
 FloatArray = NDArray[np.float64]
 
+A_MEASURED = "A as measured"
+LARGEST_CHORD = "largest chord error"
 # The paper's figure 5: speed error over the whole move, taken on the motor side.
 SPEED_ERROR_LIMIT_DEG_S = 0.01
 
@@ -101,20 +107,11 @@ class GearEnsemble:
         return Distribution.of(self.a_deg)
 
 
-@dataclass(frozen=True)
-class AccuracyVerdict:
-    """Pass or fail against the requirement, or the reason for no verdict.
+class Beside(NamedTuple):
+    """A table beside ours, and its name."""
 
-    Attributes:
-        passed: None = no verdict.
-        figures_deg: what was compared with the limit, by name.
-        text: one sentence.
-    """
-
-    passed: bool | None
-    figures_deg: Mapping[str, float]
-    limit_deg: float
-    text: str
+    name: str
+    table: ErrorTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +124,7 @@ class AccuracyReport:
         measures_load: False for motor-side readings: the report then gives no verdict.
         procedure: what was asked; None for a table from a file.
         measured: the table as the instrument saw it (one draw of its noise).
+        origin: whether the readings are of a machine or of a model.
         true: the table without instrument noise; known to a simulator only.
         a_measured: A over many draws of the noise; its median is "A as measured".
         a_floor: A of a perfect axis through the same noise.
@@ -141,6 +139,9 @@ class AccuracyReport:
         speed: the runs of the speed test.
         ensemble: A over random gear phases.
         notes: further warnings, one sentence each.
+        limit_deg: required accuracy of the angle.
+        simulated: the same test on the model of a measured machine, true angles.
+        uncertainty: of the measured table, from the uncertainties of its readings.
     """
 
     machine: str
@@ -149,6 +150,7 @@ class AccuracyReport:
     seed: int
     source: str
     measured: ErrorTable
+    origin: Origin
     created: str = ""
     measures_load: bool = True
     procedure: Procedure | None = None
@@ -168,11 +170,19 @@ class AccuracyReport:
     speed: tuple[SpeedRun, ...] = ()
     ensemble: GearEnsemble | None = None
     notes: tuple[str, ...] = ()
+    limit_deg: float = REQUIREMENT_DEG
+    simulated: ErrorTable | None = None
+    uncertainty: ChordUncertainty | None = None
 
     @property
     def table(self) -> ErrorTable:
         """The true table where it is known, else the measured one."""
         return self.measured if self.true is None else self.true
+
+    @property
+    def beside(self) -> Beside:
+        """What stands beside the errors: the model of a measured machine, else the paper."""
+        return Beside("paper", PAPER_TABLE) if self.simulated is None else Beside("simulated", self.simulated)
 
     @cached_property
     def statistics(self) -> TableStatistics:
@@ -204,20 +214,23 @@ class AccuracyReport:
         """The criterion: 0.1 deg, for everything measured at the load."""
         if not self.measures_load:
             text = "the readings are motor side: the gear is outside of what the motor encoder sees"
-            return AccuracyVerdict(None, {}, REQUIREMENT_DEG, text)
+            return AccuracyVerdict(Conformity.NOT_JUDGED, {}, self.limit_deg, text)
         figures = {
             # A is a spread, the requirement is on the angle itself: the largest errors are compared as well.
-            "A as measured": self.a_as_measured_deg,
-            "largest chord error": self._largest_chord_error(),
+            A_MEASURED: self.a_as_measured_deg,
+            LARGEST_CHORD: self._largest_chord_error(),
         }
         # A turn lost with the power off shifts all stops alike and changes no chord; only this figure shows
         # it.
         if self.angle_errors_deg is not None:
             figures["largest angle error at a stop"] = max(abs(error) for error in self.angle_errors_deg)
-        outside = {name: value for name, value in figures.items() if value > REQUIREMENT_DEG}
-        listed = ", ".join(f"{name} {value:.4f} deg" for name, value in (outside or figures).items())
-        text = f"{listed}: {'outside' if outside else 'within'} {REQUIREMENT_DEG:g} deg"
-        return AccuracyVerdict(not outside, figures, REQUIREMENT_DEG, text)
+        known = self.uncertainty
+        expanded = (
+            {}
+            if known is None
+            else {A_MEASURED: COVERAGE_K * known.a_deg, LARGEST_CHORD: COVERAGE_K * known.largest_chord_deg}
+        )
+        return judge(figures, self.limit_deg, expanded)
 
     def _largest_chord_error(self) -> float:
         return max(self.statistics.largest_deg, self.measured_statistics.largest_deg)

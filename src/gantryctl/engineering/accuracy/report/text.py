@@ -7,11 +7,13 @@ from collections.abc import Sequence
 
 from gantryctl.engineering.accuracy.iso230 import IsoFigures
 from gantryctl.engineering.accuracy.noise import Distribution
-from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_TABLE
-from gantryctl.engineering.accuracy.report.report import AccuracyReport, SpeedRun
+from gantryctl.engineering.accuracy.paper import PAPER_TABLE
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside, SpeedRun
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
+from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 
+PAPER = Beside("paper", PAPER_TABLE)
 # The paper's table fits beside ours: twice four columns of errors.
 WIDTH = 100
 
@@ -47,33 +49,37 @@ def iso_text(attribute: str, figures: IsoFigures) -> str:
     return angle_text(value).strip() if attribute == "mean_reversal_deg" else f"{value:.4f}"
 
 
-def text_table(table: ErrorTable, reference: ErrorTable | None = PAPER_TABLE, title: str = "here") -> str:
+def text_table(table: ErrorTable, beside: Beside = PAPER, title: str = "here") -> str:
     """The errors and their statistics beside a reference table (the paper's), deg.
 
     Repeated series are shown as the mean of their runs; the statistics are those of all rows. Reference rows
     appear where base and direction are the same, and reference columns only when the displacements are.
     """
-    beside = reference if reference and reference.displacements_deg == table.displacements_deg else None
-    paper: dict[tuple[float, Direction], list[float]] = {}
-    if beside is not None:
-        paper = dict(zip([row[:2] for row in beside.rows], beside.errors_deg.tolist(), strict=True))
+    name, other = beside
+    reference = other.mean_of_runs() if other.displacements_deg == table.displacements_deg else None
+    others: dict[tuple[float, Direction], list[float]] = {}
+    if reference is not None:
+        others = dict(zip([row[:2] for row in reference.rows], reference.errors_deg.tolist(), strict=True))
     shown = table.mean_of_runs()
     title += f" (mean of {table.runs})" if table.runs > 1 else ""
     head = _cells([f"{d:g}" for d in table.displacements_deg[1:]])
-    lines = [f"{'error, deg':<12}{title:<{len(head)}}" + ("   paper" if beside else "")]
-    lines.append(f"{'base, way':<12}{head}" + (f"   {head}" if beside else ""))
+    lines = [f"{'error, deg':<12}{title:<{len(head)}}" + (f"   {name}" if reference else "")]
+    lines.append(f"{'base, way':<12}{head}" + (f"   {head}" if reference else ""))
     for row, errors in zip(shown.rows, shown.errors_deg.tolist(), strict=True):
-        name = f"{row.base_deg:g} {row.direction.value}"
-        lines.append(f"{name:<12}{_angles(errors)}{_beside(paper.get(row[:2]))}")
+        way = f"{row.base_deg:g} {row.direction.value}"
+        lines.append(f"{way:<12}{_angles(errors)}{_beside(others.get(row[:2]))}")
     if len(table.rows) > 1:
-        lines += ["-" * max(len(line) for line in lines), *_statistics_lines(statistics(table), beside)]
+        lines += [
+            "-" * max(len(line) for line in lines),
+            *_statistics_lines(statistics(table), reference and other),
+        ]
     return "\n".join(line.rstrip() for line in lines)
 
 
 def text_report(report: AccuracyReport) -> str:
     """The whole result in words and tables."""
     blocks = [
-        text_table(report.table, title=_table_title(report)),
+        text_table(report.table, report.beside, _table_title(report)),
         _headline(report),
         _iso_lines(report),
         speed_lines(report.speed),
@@ -93,18 +99,26 @@ def _wrapped(text: str) -> str:
 
 
 def _table_title(report: AccuracyReport) -> str:
-    return "here" if report.true is None else "here, noise off"
+    return report.origin.value if report.true is None else f"{report.origin.value}, noise off"
 
 
 def _headline(report: AccuracyReport) -> str:
     figures = report.statistics
-    lines = [f"A = {figures.a_deg:.4f} deg by eq. (6), {figures.n} rows pooled"]
+    lines = [_wrapped(f"readings: {report.origin}, {report.source}")]
+    lines.append(f"A = {figures.a_deg:.4f} deg by eq. (6), {figures.n} rows pooled")
     if report.a_measured is not None:
         lines.append(
             f"A as measured, median of {report.a_measured.draws}: {distribution_text(report.a_measured)}"
         )
     if report.a_floor is not None:
         lines.append(f"A of the instrument's noise alone: {distribution_text(report.a_floor)}")
+    if report.uncertainty is not None:
+        known = report.uncertainty
+        lines.append(
+            f"expanded uncertainty, k = {COVERAGE_K:g}: of A {COVERAGE_K * known.a_deg:.4f} deg, of a chord error "
+            f"up to {COVERAGE_K * known.largest_chord_deg:.4f} deg"
+        )
+        lines.append(f"A of the instrument's uncertainty alone: {distribution_text(known.floor)}")
     if figures.a_by_direction_deg is not None:
         lines.append(f"with the directions kept apart, 3s: {figures.a_by_direction_deg:.4f} deg")
     rms = ", ".join(f"{base:g} deg {value:.4f}" for base, value in figures.rms_deg.items())
@@ -115,9 +129,7 @@ def _headline(report: AccuracyReport) -> str:
             f"A over {len(gears.a_deg)} gears with random phases: median "
             f"{gears.distribution.median_deg:.4f} deg, {min(gears.a_deg):.4f} .. {max(gears.a_deg):.4f}"
         )
-    passed = report.verdict.passed
-    word = "NO VERDICT" if passed is None else "PASS" if passed else "FAIL"
-    lines.append(_wrapped(f"{word}: {report.verdict.text}"))
+    lines.append(_wrapped(f"{report.verdict.conformity.value.upper()}: {report.verdict.text}"))
     lines.append(_wrapped(report.comparison))
     return "\n".join(lines)
 
@@ -162,7 +174,8 @@ def _statistics_lines(figures: TableStatistics, beside: ErrorTable | None) -> li
         lines.append(line.replace("+", " ") if name == "3 S" else line)
     a = f"{'A':<12}{figures.a_deg:7.4f}"
     width = 12 + len(_angles(figures.mean_deg))
-    return [*lines, f"{a:<{width}}" + (f"   {PAPER_A_DEG:7.4f}" if beside is PAPER_TABLE else "")]
+    # The paper's rows give its printed A, 0.0113, to the last digit.
+    return [*lines, f"{a:<{width}}" + (f"   {other.a_deg:7.4f}" if other is not None else "")]
 
 
 def _cells(texts: Sequence[str]) -> str:

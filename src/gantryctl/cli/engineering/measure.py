@@ -1,0 +1,187 @@
+"""`gantryctl accuracy measure`: the chord test on a machine, with an instrument or a person at the load."""
+
+from __future__ import annotations
+
+import os
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gantryctl.cli.engineering.accuracy_end import finish, stamp
+from gantryctl.cli.options import (
+    FINITE,
+    config_option,
+    confirm,
+    directory,
+    json_option,
+    out_option,
+    proven_machine,
+    seed_option,
+)
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.accuracy.attended.session import ChordSession
+    from gantryctl.engineering.instruments import Instrument
+    from gantryctl.machine import Machine
+    from gantryctl.operation.client import AxisClient
+    from gantryctl.operation.run import AxisRun
+
+_BY_HAND, _SIMULATED = "hand", "simulated"
+# What `accuracy run` writes is of the simulator: a folder of its own.
+DEFAULT_OUT = Path("accuracy_measured")
+
+
+@click.command()
+@config_option
+@click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
+@click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
+@click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
+@click.option(
+    "--instrument",
+    "place",
+    default=_BY_HAND,
+    show_default=True,
+    help="tcp:HOST:PORT, serial:DEVICE:BAUD, hand (a person types the readings), or simulated.",
+)
+@click.option(
+    "--uncertainty-deg", type=FINITE, help="Standard uncertainty of a reading by hand (k = 1), deg."
+)
+@click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")
+@click.option("--yes", is_flag=True, help="Do not ask before a real gantry moves.")
+@seed_option
+@out_option
+@json_option
+def measure(config_file: Path | None, place: str, out: Path | None, as_json: bool, **given: Any) -> int:
+    """Run the chord test on a machine: move, dwell until settled, read the load's angle, keep the reading, go on.
+
+    Every reading is on the disk before the axis goes on; the same command goes on after any interruption. The report
+    has the uncertainty of the figures, and the same test on the machine's model beside it. Exit code 1 when the
+    requirement is not shown to be met.
+    """
+    from gantryctl.cli.axis.move import guarded
+    from gantryctl.engineering.accuracy.attended.run import AttendedTest
+    from gantryctl.engineering.accuracy.attended.session import session_path, store_session
+    from gantryctl.engineering.accuracy.procedure.on_batch import check_travel
+    from gantryctl.operation.run import AxisRun
+    from gantryctl.operation.store import StateStore
+
+    machine = proven_machine(config_file)
+    folder = directory(out or DEFAULT_OUT)
+
+    def say(line: str) -> None:
+        click.echo(line, err=as_json)
+
+    with StateStore(machine) as store:
+        path = session_path(store)
+        session = _session(path, machine, given)
+        check_travel(machine, session.procedure)
+        run = AxisRun(machine, store)
+
+        def action(axis: AxisClient) -> ChordSession:
+            # Before anything moves: an instrument that does not answer is put right first.
+            instrument = _instrument(run, place, given["uncertainty_deg"], given["seed"])
+            test = replace(session, instruments=(*session.instruments, instrument.name))
+            say(_announce(machine, test))
+            if axis.must_ask and not given["yes"]:
+                confirm("Move?", "nothing moved")
+            return AttendedTest(run, test, path, instrument, say).go_on()
+
+        ended, failure = guarded(run, action)
+        if failure is not None:
+            raise failure
+        assert ended is not None
+        if not ended.complete:
+            say(f"{ended.text}; the same command goes on")
+            return 1
+        store_session(folder / "readings.json", ended)
+    return _finish(machine, ended, place, folder, as_json)
+
+
+def _session(path: Path, machine: Machine, given: dict[str, Any]) -> ChordSession:
+    from gantryctl.engineering.accuracy.attended.session import (
+        ChordOrder,
+        new_session,
+        session_to_go_on_with,
+    )
+    from gantryctl.engineering.accuracy.procedure.procedures import Chord
+
+    order = ChordOrder(given["name"], given["runs"], Chord(given["chord"]))
+    kept = None if given["again"] else session_to_go_on_with(path, machine, order)
+    return kept or new_session(machine, order)
+
+
+def _instrument(run: AxisRun, place: str, uncertainty_deg: float | None, seed: int) -> Instrument:
+    from gantryctl.engineering.accuracy.attended.report import simulated_tracker
+    from gantryctl.engineering.instruments import ByHand, LinePort, parse_address
+    from gantryctl.errors import UsageError
+    from gantryctl.operation.state import operator_name
+
+    if place == _SIMULATED:
+        return simulated_tracker(run.machine, run.drive.truth_source, seed)
+    if place == _BY_HAND:
+        if uncertainty_deg is None:
+            raise UsageError(
+                "--uncertainty-deg is missing: the standard uncertainty of a reading by hand, deg"
+            )
+        return ByHand(operator_name(), uncertainty_deg, Typed().number)
+    port = LinePort(parse_address(place))
+    port.identify()
+    return port
+
+
+class Typed:
+    """Numbers that a person types."""
+
+    def __init__(self) -> None:
+        self._text = ""
+
+    def number(self) -> float:
+        """The next one.
+
+        Raises:
+            InstrumentError: it is none, or nobody types any more.
+        """
+        from gantryctl.errors import InstrumentError
+
+        click.echo("reading, deg: ", nl=False, err=True)
+        line = self._line()
+        if not line:
+            raise InstrumentError("no reading: the input has ended")
+        try:
+            return float(line.strip().replace(",", "."))
+        except ValueError:
+            raise InstrumentError(f"{line.strip()[:40]!r} is no angle in deg") from None
+
+    def _line(self) -> str:
+        while "\n" not in self._text:
+            try:
+                # Not through the buffer of sys.stdin: its lock would hold up the end of the process while this waits.
+                more = os.read(sys.stdin.fileno(), 4096).decode(errors="replace")
+            except (OSError, ValueError):  # a standard input without a file, as under a test
+                more = sys.stdin.readline()
+            if not more:
+                break
+            self._text += more
+        line, end, self._text = self._text.partition("\n")
+        return line + end
+
+
+def _announce(machine: Machine, session: ChordSession) -> str:
+    procedure = session.procedure
+    low, high = procedure.travel_deg
+    done = f"; {len(session.readings)} readings are there" if session.readings else ""
+    return (
+        f"{machine.machine.name} ({machine.drive.kind}): chord test {procedure.name}, {len(procedure.stops)} stops "
+        f"between {low:g} and {high:g} deg, {machine.accuracy.dwell_s:g} s each, {session.instruments[-1]}{done}"
+    )
+
+
+def _finish(machine: Machine, session: ChordSession, place: str, folder: Path, as_json: bool) -> int:
+    from gantryctl.engineering.accuracy.attended.report import session_report
+    from gantryctl.engineering.report.origin import Origin
+
+    origin = Origin.SIMULATED if place == _SIMULATED else Origin.MEASURED
+    return finish(session_report(machine, session, origin, *stamp()), folder, as_json)

@@ -1,0 +1,76 @@
+"""The criterion of an accuracy test, held against figures with their uncertainty."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+
+
+class Conformity(Enum):
+    """What a figure with its uncertainty says of a limit (ISO 14253-1: both sides must prove their case)."""
+
+    PASS = "pass"
+    FAIL = "fail"
+    # The limit lies within the uncertainty: neither is proven.
+    UNDECIDED = "within uncertainty"
+    # Nothing was measured at the load.
+    NOT_JUDGED = "no verdict"
+
+
+@dataclass(frozen=True)
+class AccuracyVerdict:
+    """Conformity with the requirement.
+
+    Attributes:
+        figures_deg: what was compared with the limit, by name.
+        text: one sentence.
+        uncertainties_deg: expanded uncertainty (k = 2) of these figures, where it is known.
+    """
+
+    conformity: Conformity
+    figures_deg: Mapping[str, float]
+    limit_deg: float
+    text: str
+    uncertainties_deg: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool | None:
+        """None = no verdict."""
+        return {Conformity.PASS: True, Conformity.FAIL: False}.get(self.conformity)
+
+
+def judge(
+    figures_deg: Mapping[str, float], limit_deg: float, uncertainties_deg: Mapping[str, float]
+) -> AccuracyVerdict:
+    """Hold figures against a limit; the worst of them decides.
+
+    Args:
+        uncertainties_deg: expanded, by the name of the figure; a figure without one counts as certain.
+    """
+    each = {
+        name: _conformity(value, uncertainties_deg.get(name, 0.0), limit_deg)
+        for name, value in figures_deg.items()
+    }
+    worst = next(c for c in (Conformity.FAIL, Conformity.UNDECIDED, Conformity.PASS) if c in each.values())
+    told = ", ".join(
+        f"{name} {figures_deg[name]:.4f} {_plus_minus(uncertainties_deg.get(name))}deg"
+        for name, conformity in each.items()
+        if conformity is worst
+    )
+    end = {
+        Conformity.PASS: f"within {limit_deg:g} deg",
+        Conformity.FAIL: f"outside {limit_deg:g} deg",
+        Conformity.UNDECIDED: f"{limit_deg:g} deg lies within the uncertainty, so this is neither passed nor failed",
+    }[worst]
+    return AccuracyVerdict(worst, figures_deg, limit_deg, f"{told}: {end}", uncertainties_deg)
+
+
+def _conformity(value: float, expanded: float, limit: float) -> Conformity:
+    if value + expanded <= limit:
+        return Conformity.PASS
+    return Conformity.UNDECIDED if value - expanded <= limit else Conformity.FAIL
+
+
+def _plus_minus(expanded: float | None) -> str:
+    return "" if expanded is None else f"+- {expanded:.4f} "
