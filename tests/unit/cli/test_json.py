@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from gantryctl.engineering.instruments import Reading
+from gantryctl.engineering.instruments.line_server import LineServer
 from gantryctl.machine import configs_folder
 from support.command_line import cli, done, machine_file
 
@@ -40,6 +43,15 @@ def prepare() -> None:
     next(Path("traces").iterdir()).rename("run.parquet")
 
 
+class Level:
+    """An instrument."""
+
+    name = "level"
+
+    def read(self, time_s: float) -> Reading:
+        return Reading(0.0, 0.001)
+
+
 CAN = configs_folder() / "hust_can.toml"
 RUNS: dict[str, list[str]] = {
     "move": ["move", "0.5", "--fresh"],
@@ -57,6 +69,8 @@ RUNS: dict[str, list[str]] = {
     "speed-test": ["speed-test", "--speed", "0.5"],
     "accuracy run": ["accuracy", "run", "--no-speed-test", "--out", "report"],
     "accuracy report": ["accuracy", "report", "--measured", "table.csv", "--out", "report"],
+    "accuracy measure": ["accuracy", "measure", "--instrument", "simulated", "--config", "quick.toml"],
+    "instrument read": ["instrument", "read", "tcp:127.0.0.1:47113"],
     "accuracy stats": ["accuracy", "stats", "paper_table2.csv"],
     "can scan": ["can", "scan", "--config", str(CAN)],
     "drive status": ["drive", "status", "--config", str(CAN)],
@@ -92,7 +106,11 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
     Path("table.csv").write_text(
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
     )
-    answer = cli(*RUNS[command], "--json")
+    if command == "accuracy measure":
+        values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
+        machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})
+    with LineServer(Level(), lambda: 0.0, port=47113) if command == "instrument read" else nullcontext():
+        answer = cli(*RUNS[command], "--json")
     assert (answer.code, answer.err) == (int(command == "drive diff"), "")  # as the drive comes, it differs
     value: Any = answer.json
     if isinstance(value, list):

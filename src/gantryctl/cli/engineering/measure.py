@@ -72,7 +72,8 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
     folder = directory(out or DEFAULT_OUT)
 
     def say(line: str) -> None:
-        click.echo(line, err=as_json)
+        if not as_json:
+            click.echo(line)
 
     with StateStore(machine) as store:
         path = session_path(store)
@@ -84,8 +85,10 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
             # Before anything moves: an instrument that does not answer is put right first.
             instrument = _instrument(run, place, given["uncertainty_deg"], given["seed"])
             test = replace(session, instruments=(*session.instruments, instrument.name))
-            say(_announce(machine, test))
-            if axis.must_ask and not given["yes"]:
+            ask = axis.must_ask and not given["yes"]
+            if ask or not as_json:
+                click.echo(_announce(machine, test), err=as_json)
+            if ask:
                 confirm("Move?", "nothing moved")
             return AttendedTest(run, test, path, instrument, say).go_on()
 
@@ -94,7 +97,7 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
             raise failure
         assert ended is not None
         if not ended.complete:
-            say(f"{ended.text}; the same command goes on")
+            click.echo(f"{ended.text}; the same command goes on", err=True)
             return 1
         store_session(folder / "readings.json", ended)
     return _finish(machine, ended, place, folder, as_json)

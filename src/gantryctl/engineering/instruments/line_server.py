@@ -15,6 +15,12 @@ from gantryctl.errors import UsageError
 _LOOK_S: Final = 0.1
 
 
+class _Server(socketserver.ThreadingTCPServer):
+    # A port that was served a minute ago is free again.
+    allow_reuse_address = True
+    daemon_threads = True
+
+
 class LineServer:
     """Server of an instrument, as a context manager.
 
@@ -44,10 +50,9 @@ class LineServer:
                         self.wfile.write(f"{answer}\n".encode())
 
         try:
-            self._server = socketserver.ThreadingTCPServer((host, port), Client)
+            self._server = _Server((host, port), Client)
         except OSError as fault:
             raise UsageError(f"port {host}:{port}: cannot listen: {fault.strerror or fault}") from None
-        self._server.daemon_threads = True
         self._thread = threading.Thread(
             target=self._server.serve_forever, args=(_LOOK_S,), name="instrument", daemon=True
         )
