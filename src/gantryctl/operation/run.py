@@ -152,16 +152,30 @@ class AxisRun:
             return
         self._powered = True
         self._power_ups += 1
+        refusals = self.axis.refusal_count
         self._command(power=True)
-        self._follow(lambda: self.axis.state is AxisState.STANDSTILL, _POWER_S)
+        # An alarm or a refusal ends the waiting: nothing that comes later would switch the axis on.
+        self._follow(
+            lambda: self.axis.state is AxisState.STANDSTILL or self._power_refused(refusals), _POWER_S
+        )
         self._raise_alarm()
+        if self._power_refused(refusals):
+            require(self.axis.refusal)
         if self.axis.state is not AxisState.STANDSTILL:
             raise AlarmStop(
                 f"{Code.SYS_10} STOP · power-up did not end within {_POWER_S:g} s, "
-                f"the axis is {_words(self.axis.state)} · torque off, brake closed · "
+                f"the axis is {_words(self.axis.state)} · "
                 "a custom program must switch power on when the operator wants it",
                 Code.SYS_10,
             )
+
+    def _power_refused(self, refusals: int) -> bool:
+        """An alarm stands against power, or it was refused since there were so many refusals."""
+        axis = self.axis
+        if axis.alarms.first_out is not None:
+            return True
+        refused = axis.refusal
+        return axis.refusal_count > refusals and refused is not None and refused.code is Code.PWR_04
 
     def power_down(self) -> None:
         """Come to rest, close the brake, take the torque off; nothing when that was done."""

@@ -10,7 +10,7 @@ from typing import Any, Final
 from gantryctl.errors import CommandRefused, DeviceError, StateError, UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
-from gantryctl.operation.brake_policy import brake_words
+from gantryctl.operation.brake_policy import LOCKED, brake_words
 from gantryctl.operation.home_reference import (
     AbsoluteReading,
     EncoderScale,
@@ -93,7 +93,8 @@ def machine_status(machine: Machine) -> MachineStatus:
         encoder = f"in doubt since {retained.doubted_by}: service compares the angle, then reset"
     code = retained.error_stop
     if code:
-        condition = f"stopped by alarm {code}; `gantryctl explain {code}`, then reset"
+        then = "only service resets it" if code in LOCKED else "then reset"
+        condition = f"stopped by alarm {code}; `gantryctl explain {code}`, {then}"
     return MachineStatus(
         machine=machine.name,
         condition=condition,

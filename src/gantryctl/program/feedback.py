@@ -16,7 +16,7 @@ from gantryctl.units import deg
 # States in which the motor has torque.
 ENABLED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
 # The same, and the ramp of a drive's fault reaction.
-_ENERGISED: Final = (*ENABLED, DriveState.FAULT_REACTION_ACTIVE)
+ENERGISED: Final = (*ENABLED, DriveState.FAULT_REACTION_ACTIVE)
 FAULTS: Final = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
 _NO_FLAG: Final = EncoderFlag.NONE
 _LOST: Final = LinkFlag.BUS_DOWN | LinkFlag.RESTARTED | LinkFlag.HEARTBEAT_LOST | LinkFlag.NOT_OPERATIONAL
@@ -239,11 +239,11 @@ class Feedback:
     @property
     def energised(self) -> bool:
         """The motor has torque; of a drive that is not heard any more, whether it had."""
-        return self.state in _ENERGISED or (self.state is DriveState.UNKNOWN and self._was_energised)
+        return self.state in ENERGISED or (self.state is DriveState.UNKNOWN and self._was_energised)
 
     def _state_changed(self, before: DriveState) -> None:
         if before is not DriveState.UNKNOWN:
-            self._was_energised = before in _ENERGISED
+            self._was_energised = before in ENERGISED
         self.state_old = False
 
     def _link(self, link: LinkFlag, age: int, foreign_id: int) -> None:

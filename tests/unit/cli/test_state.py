@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from gantryctl.machine import default_machine
+from gantryctl.operation.store import StateStore
 from gantryctl.program.alarms.table import all_codes
 from support.command_line import cli, done, plant_truth
 
@@ -79,6 +82,23 @@ def test_alarms_are_listed_newest_first_and_say_what_holds_the_axis() -> None:
     assert done("reset").out.startswith("LIM-03 acknowledged by ")
     assert "holds the axis" not in done("alarms").out
     assert done("reset").out == "nothing to reset\n"
+
+
+def test_an_alarm_that_says_not_to_reset_is_not_listed_with_reset() -> None:
+    alarmed(1)
+    assert cli("move", "3").code == 4
+    machine = default_machine()
+    text = "ENC-01 STOP · ... · Do not reset. Check encoder cable and plug, then call service."
+    with StateStore(machine) as store:
+        retained = store.load_retained()
+        assert retained is not None
+        last = replace(retained.alarms[-1], code="ENC-01", text=text)
+        store.store_retained(replace(retained, error_stop="ENC-01", alarms=(*retained.alarms[:-1], last)))
+    said = done("alarms", "--last").out
+    assert "Do not reset" in said
+    assert "(holds the axis: only service resets it)" in said
+    assert "gantryctl reset" not in said
+    assert "then reset" not in done("status").out.replace(text, "")
 
 
 def test_explain_knows_every_code() -> None:

@@ -18,7 +18,7 @@ from gantryctl.operation.client import MotionReport, Snapshot, Stop
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import machine_status, read_retained, reset_machine
 from gantryctl.operation.store import StateStore
-from gantryctl.program import Axis, AxisProgram, GantryProgram
+from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
 
 IDEAL = with_values(default_machine(), {"drive.kind": "ideal"})
 SIM = default_machine()
@@ -184,6 +184,31 @@ def test_a_stop_request_during_power_up_means_no_motion(
     session.power_down()
     session.close("stopped")
     assert session.angle_deg == pytest.approx(0.0, abs=0.01)
+    assert_left_safely(session)
+
+
+def test_an_alarm_before_the_drive_is_enabled_ends_the_move_at_once() -> None:
+    """It took ten seconds, the time of a power-up that never comes."""
+    session = AxisRun(SIM)
+    session.engine.run_for(0.1)
+    session.axis.alarms.raise_(Code.DRV_06, reaction=None)
+    begun_s = session.engine.time_s
+    with pytest.raises(AlarmStop, match="DRV-06"):
+        session.move(5.0)
+    assert session.engine.time_s - begun_s < 0.2
+    session.close("stopped")
+    assert_left_safely(session)
+
+
+def test_a_refused_power_up_ends_the_move_at_once() -> None:
+    session = AxisRun(SIM)
+    assert isinstance(session.drive, SimDrive)
+    session.drive.faults.mains_ready = False
+    begun_s = session.engine.time_s
+    with pytest.raises(CommandRefused, match="mains are not ready"):
+        session.move(5.0)
+    assert session.engine.time_s - begun_s < 0.2
+    session.close("refused")
     assert_left_safely(session)
 
 

@@ -92,9 +92,16 @@ def alarms(config_file: Path | None, last: bool, as_json: bool, service: bool) -
     elif not found:
         click.echo("no alarms")
     for alarm in found if not as_json else ():
-        held = " (holds the axis: gantryctl reset)" if alarm.code in holds else ""
+        held = f" ({_held(alarm.code)})" if alarm.code in holds else ""
         click.echo(f"{alarm.at}  t = {alarm.time_s:.3f} s{held}\n  {alarm.text}")
     return 0
+
+
+def _held(code: str) -> str:
+    """Who may reset an alarm that holds the axis: never "reset" beside an alarm that says not to."""
+    from gantryctl.operation.brake_policy import LOCKED
+
+    return "holds the axis: only service resets it" if code in LOCKED else "holds the axis: gantryctl reset"
 
 
 @click.command()

@@ -50,7 +50,7 @@ class Alarm:
     pos_rad: float = 0.0
     """Angle of the gantry; NaN where the reading is in doubt."""
     steps: tuple[Words | Said, ...] = field(init=False)
-    """What gantryctl did, one by one."""
+    """What gantryctl has commanded; when the stop is over, what the drive has shown, one by one."""
     follows: Code | None = None
     """Code of the latched alarm that came before it."""
     consequences: list[Alarm] = field(default_factory=list)
@@ -107,8 +107,8 @@ _STEPS: Final[dict[Reaction, tuple[Words | Said, ...]]] = {
     Reaction.W: (),
     Reaction.REF: (),
     Reaction.HLT: (Words.STOPPING,),
-    Reaction.QUICK_STOP: (Words.QUICK_STOP,),
-    Reaction.TORQUE_OFF: (Words.TORQUE_OFF,),
+    Reaction.QUICK_STOP: (Words.QUICK_STOP_COMMANDED,),
+    Reaction.TORQUE_OFF: (Words.TORQUE_OFF_COMMANDED,),
     Reaction.HOLD: (Words.TORQUE_KEPT,),
 }
 
@@ -198,7 +198,7 @@ class AlarmLog:
         """Correct the alarms that say that torque is kept: it could not be given, or had to go."""
         for alarm in self.active.values():
             if Words.TORQUE_KEPT in alarm.steps:
-                alarm.steps = (Words.TORQUE_OFF,)
+                alarm.steps = (Words.TORQUE_OFF_COMMANDED,)
 
     def blocking(self, but: Code | None = None) -> Alarm | None:
         """An active alarm that forbids motion without having stopped the axis, or None; `but` does not count."""

@@ -147,16 +147,30 @@ class Words(Enum):
 
     # Reactions, and how a stop went.
     STOPPING = "Stopping on the jog-release ramp", "正按松键斜坡停止"
+    # What was commanded is told as that until the drive has confirmed it; then come the words of what it has shown.
+    QUICK_STOP_COMMANDED = "Quick stop commanded", "已指令快速停止"
+    TORQUE_OFF_COMMANDED = "Torque off and brake commanded", "已指令切断转矩并制动"
     QUICK_STOP = "Quick stop", "快速停止"
-    TORQUE_OFF = "Torque off and brake", "转矩切断并制动"
     TORQUE_KEPT = "Torque kept at zero speed", "保持零速转矩"
     NOTHING_ON = "Nothing was switched on", "没有接通任何部分"
     AT_REST_AFTER = "at rest after {time_ms:.0f} ms", "{time_ms} ms 后静止"
     TORQUE_OFF_AFTER = "torque off after {time_ms:.0f} ms", "{time_ms} ms 后转矩切断"
     BRAKE_CLOSED_AFTER = "brake closed after {time_ms:.0f} ms", "{time_ms} ms 后制动器抱紧"
     TORQUE_OFF_SEEN = "torque seen off after {time_ms:.0f} ms", "{time_ms} ms 后确认转矩已切断"
-    TORQUE_UNKNOWN = "whether the torque is off is not known", "转矩是否已切断未知"
+    TORQUE_UNCONFIRMED = (
+        "torque off commanded, not confirmed: press the emergency stop",
+        "已指令切断转矩，未经确认：请按下急停",
+    )
+    STOP_UNCONFIRMED = (
+        "torque off and brake commanded, not confirmed: press the emergency stop",
+        "已指令切断转矩并制动，未经确认：请按下急停",
+    )
+    # Without a contact nothing confirms a brake; a shaft at rest without torque is held by something.
     BRAKE_COMMANDED = "brake commanded closed, not confirmed", "已指令制动器抱紧，未经确认"
+    STILL_TURNING = (
+        "still turning at {speed:.2f} deg/s: press the emergency stop",
+        "仍以 {speed} °/s 转动：请按下急停",
+    )
     MOVED_TO = "gantry moved {way:.2f} deg to {position:.2f} deg", "机架移动 {way}° 至 {position}°"
     ANGLE_UNKNOWN = "the angle is not known", "角度未知"
 

@@ -15,13 +15,21 @@ from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
+# Torque goes within some scans; torque off and brake stop the reference gantry from 6 deg/s within 0.9 s, a stop without
+# a valid position is judged after 1.5 s (power/sequence.py), and a quick stop and its brake take less than 3 s.
+_TORQUE_OFF_S: Final = 0.5
+_BRAKE_STOP_S: Final = 2.0
+_QUICK_STOP_S: Final = 4.0
+# One object: what shows the alarm notices a change by identity.
+_UNCONFIRMED: Final = (Words.STOP_UNCONFIRMED,)
+
 
 class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
         "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_switching_on",
-        "_torque_scan", "_torque_unseen", "_was_open", "_was_torque", "alarm", "finished",
+        "_torque_scan", "_torque_unseen", "_turned", "_turning_rad_s", "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
     def __init__(self, alarm: Alarm, period_s: float, feedback: Feedback, power: PowerSequence) -> None:
@@ -35,7 +43,8 @@ class StopRecord:
         self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
         self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
-        self._torque_unseen = False
+        self._torque_unseen = self._turned = False
+        self._turning_rad_s = 0.0
         self.finished = False
 
     def scan(self, scan: int, pos_rad: float, feedback: Feedback, falling: bool) -> None:
@@ -48,7 +57,10 @@ class StopRecord:
             self._switching_on = self._switching_on and feedback.state is DriveState.SWITCHED_ON
             if not (feedback.energised or self._switching_on):
                 self._torque_scan = scan
-        if not feedback.speed_known or not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S:
+        turning = not -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S
+        self._turning_rad_s = feedback.vel_rad_s if turning and feedback.speed_known else 0.0
+        self._turned = self._turned or bool(self._turning_rad_s)
+        if not feedback.speed_known or turning:
             self._slow_scan = -1
         elif self._slow_scan < 0:
             self._slow_scan = scan
@@ -60,18 +72,31 @@ class StopRecord:
             self._angle_known = self._angle_known and feedback.position_valid
             self.finished = True
             self.alarm.steps = self._steps()
+        elif self._overdue((scan - self.alarm.scan) * self._period_s):
+            self.alarm.steps = _UNCONFIRMED
+
+    def _overdue(self, time_s: float) -> bool:
+        """The stop takes longer than a sound drive and brake do: nobody waits for its end before it is told."""
+        if self.alarm.reaction is Reaction.HOLD:
+            return False
+        if self.alarm.reaction is Reaction.QUICK_STOP:
+            return time_s > _QUICK_STOP_S
+        return time_s > (_TORQUE_OFF_S if self._torque_scan < 0 else _BRAKE_STOP_S)
 
     def _steps(self) -> tuple[Words | Said, ...]:
         alarm = self.alarm
         hold = Words.TORQUE_KEPT in alarm.steps
+        # A state and a contact that say "off" and "closed" of an axis that turns on have confirmed nothing.
+        off = self._torque_scan >= 0 and not self._turning_rad_s
+        closed = self._brake_scan >= 0 and not self._turning_rad_s
         steps = (
             (self._slow_scan, Words.AT_REST_AFTER, self._slow_scan > alarm.scan and self._angle_known),
             (
                 self._torque_scan,
                 Words.TORQUE_OFF_SEEN if self._torque_unseen else Words.TORQUE_OFF_AFTER,
-                self._was_torque and not hold,
+                off and self._was_torque and not hold,
             ),
-            (self._brake_scan, Words.BRAKE_CLOSED_AFTER, self._was_open and not hold),
+            (self._brake_scan, Words.BRAKE_CLOSED_AFTER, closed and self._was_open and not hold),
         )
         parts: list[Words | Said] = [Words.TORQUE_KEPT] if hold else []
         if alarm.reaction is Reaction.QUICK_STOP and self._was_torque:
@@ -79,12 +104,14 @@ class StopRecord:
         for at, words, happened in sorted(steps, key=lambda step: step[0]):
             if happened and at >= 0:
                 parts.append(words(time_ms=(at - alarm.scan) * self._period_s * 1e3))
-        if not (parts or self._was_torque or self._was_open):
+        if not (parts or self._was_torque or self._was_open or self._turned):
             return (Words.NOTHING_ON,)
-        if self._was_torque and self._torque_scan < 0 and not hold:
-            parts.append(Words.TORQUE_UNKNOWN)
-        if self._was_open and self._brake_scan < 0 and not hold:
-            parts.append(Words.BRAKE_COMMANDED)
+        if not hold:
+            parts += _unconfirmed(
+                self._was_torque and not off, self._was_open and not closed, self._slow_scan >= 0
+            )
+        if self._turning_rad_s and self._angle_known:
+            parts.append(Words.STILL_TURNING(speed=abs(deg(self._turning_rad_s))))
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
         parts.append(
             Words.MOVED_TO(way=abs(moved), position=deg(self._rest_pos_rad))
@@ -92,6 +119,15 @@ class StopRecord:
             else Words.ANGLE_UNKNOWN
         )
         return tuple(parts)
+
+
+def _unconfirmed(torque: bool, brake: bool, at_rest: bool) -> tuple[Words, ...]:
+    """Words for what was commanded and not shown; `at_rest`: the shaft stands, whatever holds it."""
+    if torque:
+        return (Words.STOP_UNCONFIRMED if brake else Words.TORQUE_UNCONFIRMED,)
+    if brake:
+        return (Words.BRAKE_COMMANDED if at_rest else Words.STOP_UNCONFIRMED,)
+    return ()
 
 
 # A drive that still shows its fault after this keeps it for a cause that a reset does not clear.

@@ -29,7 +29,7 @@ from gantryctl.program import GantryProgram
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
-from gantryctl.program.feedback import ENABLED
+from gantryctl.program.feedback import ENERGISED
 from gantryctl.runtime import ScanFailure
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -237,11 +237,10 @@ class Controller:
             at = f"{math.degrees(self.axis.pos_act_rad):.3f} deg"
             where = f" at {at}" if feedback.position_valid else ", the angle is not known"
         seen = drive.age_scans == 0 and drive.state is not DriveState.UNKNOWN
-        brake = ("open" if drive.brake_open else "closed") if seen else "commanded to close, not confirmed"
-        torque = (
-            "torque off" if seen and drive.state not in ENABLED else "torque off commanded, not confirmed"
-        )
-        return f"controller ended{where}, brake {brake}, {torque}"
+        if not (seen and drive.state not in ENERGISED) or drive.brake_open:
+            return f"controller ended{where}, torque off and brake commanded, not confirmed: press the emergency stop"
+        brake = "brake closed" if feedback.brake_known else "brake commanded closed, not confirmed"
+        return f"controller ended{where}, {brake}, torque off"
 
     def _write_start(self) -> None:
         """Write the start into the journal, and how the run before ended if it was not shut down."""
