@@ -1,4 +1,4 @@
-"""The words of a stop say what was commanded until the drive has shown it, and nothing of a turning axis that is not so."""
+"""The words of a stop: commanded until the drive has shown it, and nothing of a turning axis that is not so."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def test_the_account_of_a_stop_reaches_rows_and_journal_when_it_is_complete() ->
     view, log = seen.view, seen.log
     log.raise_(Code.INT_06, measured=5.0, speed=-6.0)
     view.scan()
-    assert view.rows()["alarms"][0]["done"] == "Quick stop"
+    assert view.rows()["alarms"][0]["done"] == "Quick stop commanded"
     view.changed = False
     view.scan()
     assert not view.changed

@@ -15,8 +15,8 @@ from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 
-# Torque goes within some scans; torque off and brake stop the reference gantry from 6 deg/s within 0.9 s, a stop without
-# a valid position is judged after 1.5 s (power/sequence.py), and a quick stop and its brake take less than 3 s.
+# Torque goes within some scans. Torque off and brake stop the reference gantry from 6 deg/s within 0.9 s, and a stop
+# without a valid position is over after 1.5 s (power/sequence.py); a quick stop and its brake take less than 3 s.
 _TORQUE_OFF_S: Final = 0.5
 _BRAKE_STOP_S: Final = 2.0
 _QUICK_STOP_S: Final = 4.0

@@ -237,7 +237,7 @@ class Controller:
             at = f"{math.degrees(self.axis.pos_act_rad):.3f} deg"
             where = f" at {at}" if feedback.position_valid else ", the angle is not known"
         seen = drive.age_scans == 0 and drive.state is not DriveState.UNKNOWN
-        if not (seen and drive.state not in ENERGISED) or drive.brake_open:
+        if not seen or drive.state in ENERGISED or drive.brake_open:
             return f"controller ended{where}, torque off and brake commanded, not confirmed: press the emergency stop"
         brake = "brake closed" if feedback.brake_known else "brake commanded closed, not confirmed"
         return f"controller ended{where}, {brake}, torque off"
