@@ -99,7 +99,7 @@ class DriveNode:
         self._signals = Signals(hardware, self.axis, od, scaling, kind, self.faults)
         self._store = store or ParameterStore()
         self._parameters = Parameters(od, self.axis, scaling, self._store, self._saving, kind.modes)
-        self._sdo = SdoServer(od)
+        self._sdo = SdoServer(od, self.kind.block_transfer, lambda: self.time_us * 1e-6)
         self._gate = FrameGate(self.faults.tpdo, self.send)
         self._gate_in = FrameGate(self.faults.frames, self._receive)
         self._gate_out = FrameGate(self.faults.frames, self._out)
@@ -221,17 +221,21 @@ class DriveNode:
         also = None if self.kind.sdo_preoperational_only else NmtState.OPERATIONAL
         if self.state not in (NmtState.PRE_OPERATIONAL, also) or faults.sdo_silent:
             return
-        response = self._sdo.answer(data)
-        if response is None:
+        responses = self._sdo.answer(data)
+        if not responses:
             return
         if faults.sdo_abort is not None:
-            response = abort_frame(data[1] | data[2] << 8, data[3], faults.sdo_abort)
-        elif faults.sdo_toggle and response[0] >> 5 in (0, 1):
-            response = bytes((response[0] ^ _TOGGLE,)) + response[1:]
+            responses = (abort_frame(data[1] | data[2] << 8, data[3], faults.sdo_abort),)
+        elif faults.sdo_toggle and responses[0][0] >> 5 in (0, 1):
+            responses = (bytes((responses[0][0] ^ _TOGGLE,)) + responses[0][1:],)
         delay, self._answer_delay_us = self._answer_delay_us, 0
         if delay:
-            self.after(delay, lambda: self.send(_SDO_RESPONSE + self.node_id, response))
+            self.after(delay, lambda: self._respond(responses))
         else:
+            self._respond(responses)
+
+    def _respond(self, responses: tuple[bytes, ...]) -> None:
+        for response in responses:
             self.send(_SDO_RESPONSE + self.node_id, response)
 
     # --- NMT ---------------------------------------------------------------------------------------------------

@@ -61,6 +61,8 @@ class Personality:
     csv: bool = True
     # Enters OPERATIONAL by itself after boot-up.
     auto_operational: bool = False
+    # SDO block transfer is served; most real drives refuse it (0504 0001).
+    block_transfer: bool = True
     # SDO is served in PRE-OPERATIONAL only, although CiA 301 serves it in OPERATIONAL too.
     sdo_preoperational_only: bool = False
     # 6041 is 0 until the first controlword.
@@ -130,6 +132,7 @@ PERSONALITIES: Final = {
         _p("no-csv", "accepts mode 9, shows it, never moves; 6502 has no CSV bit", csv=False),
         _p("self-starting", "enters OPERATIONAL by itself after boot-up", auto_operational=True),
         _p("sdo-preop-only", "answers SDO in PRE-OPERATIONAL only", sdo_preoperational_only=True),
+        _p("no-block-transfer", "refuses SDO block transfer", block_transfer=False),
         _p("zero-status", "6041 is 0 until the first controlword", statusword_zero=True),
         _p("step-by-step", "0F straight from Ready to switch on is ignored", needs_switch_on=True),
         _p("level-reset", "fault reset acts by level", reset_by_level=True),

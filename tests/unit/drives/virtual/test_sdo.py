@@ -70,8 +70,8 @@ def test_an_expedited_download_without_size_takes_the_bytes_of_the_object(bench:
         ("2385600000000000", 0x06090032),
         ("2100100000000000", 0x06010002),  # a segmented download is refused at once
         ("2185600000100000", 0x06070012),
-        ("a085600000000000", 0x05040001),  # block upload
-        ("c085600000000000", 0x05040001),  # block download
+        ("a085600000000000", 0x05040002),  # a block of 0 segments
+        ("a385600000000000", 0x05040001),  # a block without a transfer
         ("e085600000000000", 0x05040001),
         ("6000000000000000", 0x05040001),  # a segment without a transfer
         ("0000000000000000", 0x05040001),
@@ -110,7 +110,7 @@ def test_a_segmented_download_has_an_end(bench: Bench) -> None:
     bench.sdo(bytes.fromhex("2085600000000000"))
 
     def without_end() -> None:
-        for k in range(200):
+        for k in range(400):
             bench.sdo(bytes((0x10 * (k % 2), 1, 2, 3, 4, 5, 6, 7)))
 
     with pytest.raises(Aborted, match="05040005"):

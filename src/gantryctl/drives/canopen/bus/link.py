@@ -167,10 +167,10 @@ class BusLink:
 
     # --- frames ---------------------------------------------------------------------------------------------------
 
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send one frame; a refusal of the bus is counted, not raised."""
+    def send(self, can_id: int, data: bytes) -> bool:
+        """Send one frame; False for one that the bus refused, which is counted, not raised."""
         if not self._open:
-            return
+            return False
         self._sent_bits += _FRAME_BITS + 8 * len(data)
         self.unseen += self._echoes is not None and can_id == _SYNC
         try:
@@ -180,16 +180,17 @@ class BusLink:
             self._send_failures += 1
             number = fault.error_code if isinstance(fault, can.CanError) else fault.errno
             self.queue_full += number == errno.ENOBUFS
-        else:
-            # Of a controller that is bus-off the kernel still takes frames: only one that was seen proves anything.
-            self._send_failures = 0
-            self._sent_frames += 1
-            if self._echoes is not None:
-                if len(self._echoes) > _ECHOES_KEPT:
-                    self._echoes.clear()
-                self._echoes[can_id, data] += 1
-            if self._log is not None:
-                self._log(self.now_s(), can_id, data, True)
+            return False
+        # Of a controller that is bus-off the kernel still takes frames: only one that was seen proves anything.
+        self._send_failures = 0
+        self._sent_frames += 1
+        if self._echoes is not None:
+            if len(self._echoes) > _ECHOES_KEPT:
+                self._echoes.clear()
+            self._echoes[can_id, data] += 1
+        if self._log is not None:
+            self._log(self.now_s(), can_id, data, True)
+        return True
 
     def receive(self, timeout_s: float) -> Frame | None:
         """Receive the next classic data frame that is not an echo; None when the time is over."""

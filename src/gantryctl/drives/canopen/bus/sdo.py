@@ -1,11 +1,12 @@
-"""SDO client (CiA 301): expedited and segmented, in the thread of its caller; never used inside the cycle."""
+"""SDO client (CiA 301): expedited, by blocks, by segments, in the thread of its caller; never inside the cycle."""
 
 from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Final
+from typing import Final, NoReturn, TypeVar
 
+from gantryctl.drives.canopen.bus import block_transfer
 from gantryctl.drives.canopen.bus.link import BusLink, Frame
 from gantryctl.drives.od.standard import standard_of
 from gantryctl.drives.od.types import Value, decode, encode
@@ -15,14 +16,24 @@ _REQUEST: Final = 0x600
 _RESPONSE: Final = 0x580
 _ABORT: Final = 0x80
 _TRIES: Final = 3
-_LONGEST: Final = 4096
+# Some drives keep their EDS in an object (1021).
+_LONGEST: Final = 1 << 20
 _TIMED_OUT: Final = 0x0504_0000
+# From here on blocks take fewer frames than segments, even where the server refuses them first.
+_BLOCKS_FROM: Final = 56
+# A transmit queue of Linux holds ten frames unless it was made longer: a block has 127.
+_QUEUE_S: Final = 0.002
+_QUEUE_TRIES: Final = 50
 
 # Abort codes of CiA 301, table "SDO abort codes".
 _TEXTS: Final = {
     0x0503_0000: "toggle bit not alternated",
     0x0504_0000: "no answer",
     0x0504_0001: "unknown command",
+    0x0504_0002: "wrong block size",
+    0x0504_0003: "wrong sequence number in a block",
+    0x0504_0004: "wrong checksum (CRC)",
+    0x0504_0005: "out of memory",
     0x0601_0000: "access not possible",
     0x0601_0001: "cannot be read",
     0x0601_0002: "cannot be written",
@@ -30,17 +41,32 @@ _TEXTS: Final = {
     0x0604_0041: "cannot be mapped into a process data telegram",
     0x0604_0042: "the mapping would be longer than a telegram",
     0x0604_0043: "does not go together with other parameters",
+    0x0604_0047: "internal incompatibility in the drive",
     0x0606_0000: "hardware error in the drive",
     0x0607_0010: "wrong length",
+    0x0607_0012: "too long",
+    0x0607_0013: "too short",
     0x0609_0011: "no such sub-index",
     0x0609_0030: "value out of range",
     0x0609_0031: "value too high",
     0x0609_0032: "value too low",
+    0x0609_0036: "highest value below the lowest",
+    0x060A_0023: "resource not available",
     0x0800_0000: "general error",
     0x0800_0020: "cannot be stored",
     0x0800_0021: "not possible, local control",
     0x0800_0022: "not possible in the drive's present state",
+    0x0800_0023: "no object dictionary",
+    0x0800_0024: "no data",
 }
+# Answers of a server without block transfer; some say nothing at all.
+_NO_BLOCKS: Final = frozenset({_TIMED_OUT, 0x0504_0001, 0x0601_0000, 0x0800_0000})
+_T = TypeVar("_T")
+
+
+def abort_text(code: int) -> str:
+    """Abort code of CiA 301 in words, with its number."""
+    return f"{_TEXTS.get(code, 'refused')} (abort code {code:08X})"
 
 
 class SdoError(DeviceError):
@@ -52,13 +78,17 @@ class SdoError(DeviceError):
 
     def __init__(self, index: int, sub: int, code: int) -> None:
         self.index, self.sub, self.code = index, sub, code
-        text = _TEXTS.get(code, "refused")
-        super().__init__(f"object {index:04X}:{sub:02X}: {text} (abort code {code:08X})")
+        super().__init__(f"object {index:04X}:{sub:02X}: {abort_text(code)}")
 
     @property
     def silent(self) -> bool:
         """The drive did not answer at all."""
         return self.code == _TIMED_OUT
+
+    @property
+    def disturbed(self) -> bool:
+        """Frames were lost on the way: the same request may succeed."""
+        return self.silent or self.code == block_transfer.BlockAbort.CHECKSUM
 
 
 def decode_object(index: int, sub: int, data: bytes) -> Value:
@@ -87,6 +117,7 @@ class SdoClient:
         self._link, self._other = link, other
         self.request_id, self.response_id = _REQUEST + node, _RESPONSE + node
         self.timeout_s = timeout_s
+        self._blocks = True
 
     # --- values ------------------------------------------------------------------------------------------------
 
@@ -145,42 +176,74 @@ class SdoClient:
     # --- transfers ---------------------------------------------------------------------------------------------
 
     def read(self, index: int, sub: int) -> bytes:
-        """Upload an object; a read without an answer is tried again."""
+        """Upload an object; a read that was disturbed is tried again."""
+        return self._again(lambda: self._read(index, sub))
+
+    def _again(self, transfer: Callable[[], _T]) -> _T:
         for left in reversed(range(_TRIES)):
             try:
-                return self._read(index, sub)
+                return transfer()
             except SdoError as refused:
-                if not (refused.silent and left):
+                if not (refused.disturbed and left):
                     raise
         raise AssertionError
 
     def _read(self, index: int, sub: int) -> bytes:
-        answer = self._ask(struct.pack("<BHB4x", 0x40, index, sub), index, sub, expect=0x40)
+        request = struct.pack("<BHB4x", 0x40, index, sub)
+        answer = self._ask(request, index, sub, expect=0x40)
         # Initiate upload (CiA 301): bit 1 expedited, bit 0 size indicated, bits 2 and 3 bytes without data. An
         # expedited answer without a size has four bytes.
         command = answer[0]
         if command & 2:
             size = 4 - (command >> 2 & 3) if command & 1 else 4
             return answer[4 : 4 + size]
+        if command & 1 and struct.unpack_from("<I", answer, 4)[0] >= _BLOCKS_FROM and self._blocks:
+            # The server keeps the transfer by segments until it is told.
+            self._tell_abort(index, sub, _TIMED_OUT)
+            self._pass_over()
+            exchange = _Exchange(self, index, sub)
+            found, done = self._by_blocks(lambda: block_transfer.upload(exchange, _LONGEST))
+            if found is not None:
+                return found
+            if not done:
+                self._ask(request, index, sub, expect=0x40)
+        return self._read_segments(index, sub)
+
+    def _by_blocks(self, transfer: Callable[[], _T]) -> tuple[_T | None, bool]:
+        """Result of a transfer by blocks, and whether the server has taken it."""
+        try:
+            return transfer(), True
+        except SdoError as refused:
+            if refused.code not in _NO_BLOCKS:
+                raise
+        self._blocks = False
+        return None, False
+
+    def _read_segments(self, index: int, sub: int) -> bytes:
         # Upload segments: bit 4 toggles, bits 1 to 3 are bytes without data, bit 0 marks the last one.
-        data, toggle = b"", 0
+        data, toggle = bytearray(), 0
         while True:
             answer = self._ask(bytes((0x60 | toggle,)).ljust(8, b"\0"), index, sub)
             if answer[0] & 0xE0 or answer[0] & 0x10 != toggle or len(data) > _LONGEST:
-                self._abort(index, sub, 0x0503_0000)
+                self.abort(index, sub, 0x0503_0000)
             data += answer[1 : 8 - (answer[0] >> 1 & 7)]
             if answer[0] & 1:
-                return data
+                return bytes(data)
             toggle ^= 0x10
 
     def write(self, index: int, sub: int, data: bytes) -> None:
-        """Download an object."""
-        # Initiate download, expedited up to four bytes; then segments of seven with the bits of the upload.
+        """Download an object; one of several blocks that was disturbed is tried again."""
+        # Initiate download, expedited up to four bytes; then blocks, or segments of seven with the bits of the upload.
         head = struct.pack("<HB", index, sub)
         if 0 < len(data) <= 4:
             request = bytes((0x23 | (4 - len(data)) << 2,)) + head + data.ljust(4, b"\0")
             self._ask(request, index, sub, expect=0x60)
             return
+        if len(data) >= _BLOCKS_FROM and self._blocks:
+            exchange = _Exchange(self, index, sub)
+            _, done = self._again(lambda: self._by_blocks(lambda: block_transfer.download(exchange, data)))
+            if done:
+                return
         self._ask(b"\x21" + head + struct.pack("<I", len(data)), index, sub, expect=0x60)
         toggle = 0
         for at in range(0, len(data), 7):
@@ -188,6 +251,8 @@ class SdoClient:
             last = at + 7 >= len(data)
             self._ask(bytes((toggle | (7 - len(part)) << 1 | last,)) + part.ljust(7, b"\0"), index, sub)
             toggle ^= 0x10
+
+    # --- frames ------------------------------------------------------------------------------------------------------
 
     def _ask(self, request: bytes, index: int, sub: int, expect: int | None = None) -> bytes:
         """Send a request and wait for its answer.
@@ -198,7 +263,28 @@ class SdoClient:
         # An answer to an earlier request that had timed out names another object, or another command: it is passed
         # over.
         head = struct.pack("<HB", index, sub)
-        self._link.send(self.request_id, request)
+        self.send(request)
+        answer = self.receive(
+            index, sub, lambda f: expect is None or (f[0] & 0xE0 == expect and f[1:4] == head)
+        )
+        if answer is None:
+            raise SdoError(index, sub, _TIMED_OUT)
+        return answer
+
+    def send(self, request: bytes) -> None:
+        """Send a frame; where the transmit queue is full, as soon as it has room."""
+        for _ in range(_QUEUE_TRIES):
+            if self._link.send(self.request_id, request):
+                return
+            self._link.pause(_QUEUE_S)
+
+    def receive(self, index: int, sub: int, accept: Callable[[bytes], bool]) -> bytes | None:
+        """Wait for a frame of the server that is accepted; None when the time is over.
+
+        Raises:
+            SdoError: the server ended the transfer of this object.
+        """
+        head = struct.pack("<HB", index, sub)
         end = self._link.now_s() + self.timeout_s
         while (left := end - self._link.now_s()) > 0.0:
             frame = self._link.receive(left)
@@ -209,10 +295,44 @@ class SdoClient:
             elif frame.data[0] == _ABORT:
                 if frame.data[1:4] == head:
                     raise SdoError(index, sub, struct.unpack_from("<I", frame.data, 4)[0])
-            elif expect is None or (frame.data[0] & 0xE0 == expect and frame.data[1:4] == head):
+            elif accept(frame.data):
                 return frame.data
-        raise SdoError(index, sub, _TIMED_OUT)
+        return None
 
-    def _abort(self, index: int, sub: int, code: int) -> None:
-        self._link.send(self.request_id, struct.pack("<BHBI", _ABORT, index, sub, code))
+    def _pass_over(self) -> None:
+        """Pass over what the server has sent up to now: a copy of an answer must not answer the next request."""
+        while (frame := self._link.receive(0.0)) is not None:
+            if frame.can_id != self.response_id:
+                self._other(frame)
+
+    def abort(self, index: int, sub: int, code: int) -> NoReturn:
+        """End a transfer.
+
+        Raises:
+            SdoError: always.
+        """
+        self._tell_abort(index, sub, code)
         raise SdoError(index, sub, code)
+
+    def _tell_abort(self, index: int, sub: int, code: int) -> None:
+        self.send(struct.pack("<BHBI", _ABORT, index, sub, code))
+
+
+class _Exchange:
+    """Frames of a block transfer of one object."""
+
+    def __init__(self, client: SdoClient, index: int, sub: int) -> None:
+        self._client, self._index, self._sub = client, index, sub
+        self.head = struct.pack("<HB", index, sub)
+
+    def send(self, request: bytes) -> None:
+        """Send a frame."""
+        self._client.send(request)
+
+    def receive(self, accept: Callable[[bytes], bool]) -> bytes | None:
+        """Wait for a frame that is accepted; None without one."""
+        return self._client.receive(self._index, self._sub, accept)
+
+    def abort(self, code: int) -> NoReturn:
+        """End the transfer."""
+        self._client.abort(self._index, self._sub, code)

@@ -12,7 +12,11 @@ class Abort(IntEnum):
     TOGGLE = 0x05030000
     """Toggle bit not alternated."""
     COMMAND = 0x05040001
-    """Command specifier not valid or unknown (block transfer too)."""
+    """Command specifier not valid or unknown; a server without block transfer refuses it so."""
+    BLOCK_SIZE = 0x05040002
+    SEQUENCE = 0x05040003
+    """Invalid sequence number of a block transfer."""
+    CHECKSUM = 0x05040004
     OUT_OF_MEMORY = 0x05040005
     WRITE_ONLY = 0x06010001
     """Attempt to read a write-only object."""

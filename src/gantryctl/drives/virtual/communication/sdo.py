@@ -1,4 +1,4 @@
-"""SDO server (CiA 301): expedited and segmented transfers, one at a time; block transfer is refused.
+"""SDO server (CiA 301): expedited and segmented transfers and those by blocks, one at a time.
 
 | client command (bits 7..5) | meaning            |
 |----------------------------|--------------------|
@@ -7,19 +7,23 @@
 | 2                          | initiate upload    |
 | 3                          | upload segment     |
 | 4                          | abort              |
-| 5, 6                       | block transfer     |
+| 5, 6                       | block transfer: `block_transfer` |
 """
 
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
+from gantryctl.drives.virtual.communication.block_transfer import BlockDownload, BlockUpload
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 
-_MAX_BYTES: Final = 1024
+_MAX_BYTES: Final = 2048
+# In a block download every frame is a segment: one that was left must not take the requests that follow for segments.
+_BLOCK_S: Final = 0.3
 _TOGGLE: Final = 0x10
 _LAST: Final = 0x01
 
@@ -37,45 +41,98 @@ class _Transfer:
 
 
 class SdoServer:
-    """Answer one request frame with one response frame."""
+    """Answer request frames.
 
-    def __init__(self, od: Dictionary) -> None:
-        self._od = od
+    Args:
+        od: objects.
+        blocks: block transfer is served.
+        now_s: clock, s, for a block download that the client has left.
+    """
+
+    def __init__(self, od: Dictionary, blocks: bool, now_s: Callable[[], float]) -> None:
+        self._od, self._blocks, self._now_s = od, blocks, now_s
         self._transfer: _Transfer | None = None
+        self._block: BlockUpload | BlockDownload | None = None
+        self._block_s = 0.0
 
     def reset(self) -> None:
         """Discard a transfer under way."""
-        self._transfer = None
+        self._transfer = self._block = None
 
-    def answer(self, frame: bytes) -> bytes | None:
-        """Response to a request; None to an abort and to a frame of another length."""
+    def answer(self, frame: bytes) -> tuple[bytes, ...]:
+        """Responses to a request; none to an abort, to a frame of another length, and to most segments of a block."""
         if len(frame) != 8:
-            return None
+            return ()
         index, sub = struct.unpack_from("<HB", frame, 1)
         command = frame[0] >> 5
-        if command in (0, 3) and self._transfer is not None:
-            index, sub = self._transfer.index, self._transfer.sub
+        under_way = self._of_a_block(frame) or (self._transfer if command in (0, 3) else None)
+        if under_way is not None:
+            index, sub = under_way.index, under_way.sub
         try:
+            if under_way is not None and under_way is self._block:
+                return self._go_on(under_way, frame)
             match command:
                 case 1:
-                    return self._start_download(index, sub, frame)
+                    return (self._start_download(index, sub, frame),)
                 case 0:
-                    return self._download_segment(frame)
+                    return (self._download_segment(frame),)
                 case 2:
-                    return self._start_upload(index, sub)
+                    return (self._start_upload(index, sub),)
                 case 3:
-                    return self._upload_segment(frame)
+                    return (self._upload_segment(frame),)
                 case 4:
-                    self._transfer = None
-                    return None
+                    self.reset()
+                    return ()
+                case 5 | 6:
+                    return self._start_block(index, sub, frame)
                 case _:
                     raise SdoAbort(Abort.COMMAND)
         except SdoAbort as refused:
-            self._transfer = None
-            return abort_frame(index, sub, refused.code)
+            self.reset()
+            return (abort_frame(index, sub, refused.code),)
+
+    # --- by blocks ----------------------------------------------------------------------------------------------------
+
+    def _of_a_block(self, frame: bytes) -> BlockUpload | BlockDownload | None:
+        """Block transfer that a frame belongs to."""
+        block, since = self._block, self._block_s
+        if block is None or self._now_s() - since > _BLOCK_S:
+            self._block = None
+            return None
+        self._block_s = self._now_s()
+        # 80h is the abort: segments are numbered from 1.
+        takes = frame[0] != 0x80 if isinstance(block, BlockDownload) else frame[0] >> 5 == 5 and frame[0] & 3
+        return block if takes else None
+
+    def _start_block(self, index: int, sub: int, frame: bytes) -> tuple[bytes, ...]:
+        self.reset()
+        # Only a step that begins a transfer: the others belong to one that is not under way.
+        if not self._blocks or frame[0] & (3 if frame[0] >> 5 == 5 else 1):
+            raise SdoAbort(Abort.COMMAND)
+        self._block_s = self._now_s()
+        if frame[0] >> 5 == 6:
+            self._od.may_write(self._od.entry(index, sub))
+            self._block = BlockDownload(index, sub, frame, _MAX_BYTES)
+            return (self._block.begin(),)
+        data = self._od.upload(index, sub)
+        # The client's threshold: up to so many bytes the server may take the other protocol, which is shorter then.
+        if len(data) <= frame[5]:
+            return (self._start_upload(index, sub),)
+        self._block = BlockUpload(index, sub, data, frame)
+        return (self._block.begin(),)
+
+    def _go_on(self, block: BlockUpload | BlockDownload, frame: bytes) -> tuple[bytes, ...]:
+        answers = block.answer(frame)
+        if block.done:
+            self._block = None
+            if isinstance(block, BlockDownload):
+                self._od.download(block.index, block.sub, bytes(block.data))
+        return answers
+
+    # --- by segments --------------------------------------------------------------------------------------------------
 
     def _start_download(self, index: int, sub: int, frame: bytes) -> bytes:
-        self._transfer = None
+        self.reset()
         expedited, sized = frame[0] & 2, frame[0] & 1
         self._od.may_write(self._od.entry(index, sub))
         if expedited:
@@ -106,7 +163,7 @@ class SdoServer:
         return bytes((reply, 0, 0, 0, 0, 0, 0, 0))
 
     def _start_upload(self, index: int, sub: int) -> bytes:
-        self._transfer = None
+        self.reset()
         data = self._od.upload(index, sub)
         if 0 < len(data) <= 4:
             return struct.pack("<BHB", 0x43 | (4 - len(data)) << 2, index, sub) + data.ljust(4, b"\0")
