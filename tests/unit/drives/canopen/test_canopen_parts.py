@@ -198,8 +198,9 @@ class Server:
     def __init__(self, *answers: bytes) -> None:
         self.answers, self.sent, self.time_s = list(answers), [], 0.0
 
-    def send(self, can_id: int, data: bytes) -> None:
+    def send(self, can_id: int, data: bytes) -> bool:
         self.sent.append((can_id, data))
+        return True
 
     def receive(self, timeout_s: float) -> Frame | None:
         if self.answers:
