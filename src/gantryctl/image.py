@@ -196,8 +196,6 @@ class LinkHealth(NamedTuple):
     emergencies: int = 0
     messages: tuple[str, ...] = ()
     """The last emergency messages of the drive, in words."""
-    inputs_sent: bool = True
-    """The drive sends its digital inputs (60FD); else all of them show as good."""
 
     def lines(self) -> tuple[str, ...]:
         """For people: a row per telegram, totals, and the complaints of the drive."""

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
+from gantryctl.drives.od.verdicts import ParameterRow
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine
@@ -131,6 +132,7 @@ class Context:
     Attributes:
         folder: for files that steps write.
         results: of the steps before.
+        as_found: parameters of the drive before this commissioning wrote any.
         say: a line for the person who watches.
     """
 
@@ -138,6 +140,7 @@ class Context:
     store: StateStore
     folder: Path
     results: Mapping[str, StepResult]
+    as_found: tuple[ParameterRow, ...]
     say: Callable[[str], None]
 
 

@@ -17,22 +17,29 @@ from gantryctl.commissioning.results import (
     load_progress,
     store_progress,
 )
+from gantryctl.drives.canopen.setup.opening import UnusableDrive
+from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
+from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.verdicts import ParameterRow
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation.bus_log import freeze
-from gantryctl.operation.ledger import LedgerRow
-from gantryctl.operation.opening import read_only
+from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
+from gantryctl.operation.ledger.acceptance import proven_hash
+from gantryctl.operation.ledger.judging import unproven
+from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
+from gantryctl.operation.ledger.rows import MEASURED
+from gantryctl.operation.opening import leave_bus, open_machine
 from gantryctl.operation.proofs import (
     CommissioningRecord,
-    must_be_proven,
-    proven_hash,
+    ledger_reasons,
     read_ledger,
     record_path,
     store_record,
-    why_inputs_missing,
 )
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import StateStore, now_text
+from gantryctl.wiring.canopen import can_link, canopen_settings
 
 
 @dataclass(frozen=True)
@@ -124,6 +131,7 @@ class Commissioning:
         fits = kept is not None and kept.proven_hash == proven_hash(machine)
         self.progress = kept if kept is not None and fits else Progress(machine.name, proven_hash(machine))
         self.resumed = bool(self.progress.results)
+        self._as_found: tuple[ParameterRow, ...] = ()
 
     def left(self, only: str | None = None) -> tuple[Step, ...]:
         """Steps that are left.
@@ -140,29 +148,47 @@ class Commissioning:
         return tuple(step for step in STEPS if step.key not in done)
 
     def start(self, again: bool) -> None:
-        """Pin the drive; another one than before begins from the start.
+        """Set the drive up, pin it, and say its ledger; another drive or firmware than before begins from the start.
 
         Raises:
-            CommandRefused: a safety input is neither wired nor accepted by a person.
+            CommandRefused: something is lacking that no step will show. DeviceError: the drive cannot be reached.
         """
-        missing = why_inputs_missing(self.ledger) if must_be_proven(self.machine) else None
-        if missing is not None:
-            raise CommandRefused(missing.text)
-        with read_only(self.machine, self.store) as machine:
-            who = machine.drive.health()
-        # A CAN machine is commissioned.
-        assert who is not None
+        link = can_link(self.machine)
+        try:
+            self._as_found = ReadOnlyDrive(link, canopen_settings(self.machine)).rows
+        finally:
+            link.close()
+        facts = self._set_up()
         # Proofs belong to one drive: another one has shown nothing yet.
-        if again or (self.progress.drive and self.progress.drive != who.drive_key):
+        before = self.progress.drive, self.progress.software
+        if again or (before[0] and before != (facts.key, facts.software)):
             self.progress = Progress(self.machine.name, proven_hash(self.machine))
-        self.progress = replace(self.progress, drive=who.drive_key, software=who.software)
+        self.progress = replace(self.progress, drive=facts.key, software=facts.software)
+        rows = self.ledger
+        for row in rows:
+            self._say(f"  {row.text}")
+        reasons = ledger_reasons(self.machine, rows)
+        if reasons:
+            raise CommandRefused(" · ".join(reason.text for reason in reasons))
+
+    def _set_up(self) -> DriveFacts:
+        """Set the drive up once, which shows what it takes; nothing is enabled."""
+        path = facts_path(self.store.directory, self.machine)
+        try:
+            leave_bus(open_machine(self.machine, self.store).drive)
+        except UnusableDrive as unusable:
+            store_facts(path, unusable.facts)
+        facts = load_facts(path)
+        # A CAN machine is commissioned: its set-up has kept them.
+        assert facts is not None
+        return facts
 
     def do(self, step: Step) -> StepResult | None:
         """Run one step; None when the person declined it."""
         if step.moves and not self._confirm(step):
             return None
         begun = time.monotonic()
-        context = Context(self.machine, self.store, self.folder, self.progress.results, self._say)
+        context = Context(self.machine, self.store, self.folder, self.progress.results, self._as_found, self._say)
         try:
             result = step.run(context)
         # A step that stops the axis has failed; the run ends there and goes on with this step.
@@ -180,12 +206,27 @@ class Commissioning:
     @property
     def ledger(self) -> tuple[LedgerRow, ...]:
         """What gives each safety property; of a virtual drive too, which needs no acceptance."""
-        return read_ledger(self.machine, self.store.directory)
+        results = self.progress.results
+        passed = frozenset(key for key, result in results.items() if result.outcome is Outcome.PASSED)
+        failed = frozenset(key for key, result in results.items() if result.outcome is Outcome.FAILED)
+        proofs = Proofs(passed, failed, self._measured)
+        return read_ledger(self.machine, self.store.directory, proofs=proofs)
+
+    @property
+    def _measured(self) -> dict[str, float]:
+        """Figures of passed steps that the ledger is computed with."""
+        return {
+            name: result.number(name)
+            for result in self.progress.results.values()
+            if result.outcome is Outcome.PASSED
+            for name in MEASURED
+            if name in result.figures
+        }
 
     @property
     def complete(self) -> bool:
         """True when the record can be written."""
-        return complete(self.progress.results)
+        return complete(self.progress.results) and not unproven(self.ledger)
 
     def record(self) -> Path:
         """Write the commissioning record: from now on the machine may move."""
@@ -202,6 +243,8 @@ class Commissioning:
                 by=operator_name(),
                 report_hash=self.progress.hash,
                 steps=done,
+                accepted=tuple(row.text for row in self.ledger if row.standing is Standing.ACCEPTED),
+                measured=self._measured,
             ),
         )
         return path

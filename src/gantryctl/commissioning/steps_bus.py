@@ -8,13 +8,12 @@ from typing import Final
 from gantryctl.commissioning.open_loop_axis import open_loop_axis
 from gantryctl.commissioning.results import Context, Figure, StepResult, failed, judged, passed
 from gantryctl.drives.canopen.setup.parameters import backup
-from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.home_reference import why_not_referenced
 from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import load_record, record_path
-from gantryctl.wiring.canopen import can_link, canopen_settings
 
 _WATCH_S: Final = 2.0
 # One SYNC in a hundred: rarer gaps are bridged by the master for 30 ms (decision 0012).
@@ -59,11 +58,7 @@ def encoder(c: Context) -> StepResult:
 
 def defaults(c: Context) -> StepResult:
     """Compare the drive's parameters with what they must be, before anything is written."""
-    link = can_link(c.machine)
-    try:
-        rows = ReadOnlyDrive(link, canopen_settings(c.machine)).rows
-    finally:
-        link.close()
+    rows = c.as_found
     wrong = [row.line for row in rows if row.verdict.refuses]
     for line in wrong:
         c.say(f"  {line}")
@@ -82,7 +77,7 @@ def parameters(c: Context) -> StepResult:
     file = c.folder / f"{c.machine.name}.drive.json"
     file.write_text(json.dumps(kept, indent=1) + "\n", encoding="utf-8")
     # A sparse drive may lack optional objects; the proof names them.
-    lacking = [row.place for row in rows if row.verdict.value == "not in this drive"]
+    lacking = [row.place for row in rows if row.verdict is ParameterVerdict.ABSENT]
     without = f"; this drive has no {', '.join(lacking)}" if lacking else ""
     return passed(
         "parameters", f"{len(rows)} parameters read back as written, backup in {file.name}{without}"

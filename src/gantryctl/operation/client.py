@@ -143,6 +143,11 @@ class AxisClient(Protocol):
         ...
 
     @property
+    def speed_max_deg_s(self) -> float:
+        """Highest speed setting in force: of the machine file, or of the ledger where that is lower."""
+        ...
+
+    @property
     def angle_deg(self) -> float:
         """Measured angle, motor side; to look at, without any claim on the axis."""
         ...

@@ -24,7 +24,9 @@ from gantryctl.operation.home_reference import (
     judge_reference,
     why_not_referenced,
 )
-from gantryctl.operation.proofs import accepted_lacks, bus_reasons
+from gantryctl.operation.ledger.judging import speed_max_deg_s
+from gantryctl.operation.ledger.kept_facts import facts_path, store_facts
+from gantryctl.operation.proofs import bus_reasons, ledger_notes, ledger_of
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
@@ -68,6 +70,7 @@ class OpenAxis(NamedTuple):
 
     Attributes:
         reasons: why power cannot be switched on, the gravest first; () when nothing is wrong.
+        speed_max_deg_s: highest speed setting in force: of the machine file, or of the ledger where that is lower.
     """
 
     drive: Drive
@@ -76,6 +79,7 @@ class OpenAxis(NamedTuple):
     program: AxisProgram
     notes: tuple[str, ...]
     reasons: tuple[Reason, ...]
+    speed_max_deg_s: float
 
 
 class RunEnd(NamedTuple):
@@ -117,19 +121,22 @@ def open_axis(
     with left_on_failure(found.drive):
         reasons = _reasons(found, bus_reasons(machine, store, found.drive, commissioning=commissioning))
         retained, notes = _with_accepted_motion(found, reasons)
-        notes = (*notes, *accepted_lacks(machine, store))
+        rows = ledger_of(machine, store, found.drive)
+        fastest = min(machine.speed.setting_max_deg_s, speed_max_deg_s(rows))
+        notes = (*notes, *ledger_notes(machine, rows))
         made = build_program(
             machine,
             found.drive,
             program,
             zero_counts=_zero_counts(found),
             holding_torque_nm=retained.holding_torque_nm or 0.0,
+            speed_max_deg_s=fastest,
         )
     restore_failure(made.axis, retained)
     restore_learned(made.axis, retained)
     # A reading in doubt is not sound because the power was off meanwhile: service compares the angle.
     made.axis.feedback.in_doubt = bool(retained.doubted_by)
-    return OpenAxis(found.drive, retained, found.reading, made, notes, reasons)
+    return OpenAxis(found.drive, retained, found.reading, made, notes, reasons, fastest)
 
 
 def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool = False) -> OpenMachine:
@@ -141,6 +148,18 @@ def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool 
     Raises:
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
     """
+    found = _open(machine, store, read_only)
+    if store is not None and machine.on_bus:
+        from gantryctl.wiring.canopen import facts_of_drive  # only a machine on a bus loads the bus
+
+        facts = facts_of_drive(found.drive)
+        if facts is not None:
+            with left_on_failure(found.drive):
+                store_facts(facts_path(store.directory, machine), facts)
+    return found
+
+
+def _open(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMachine:
     if not machine.plant_is_local:
         return _real_machine(machine, store, read_only)
     if store is None:

@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import tomllib
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
+from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.image import LinkHealth
 from gantryctl.machine import Machine
-from gantryctl.operation.ledger import LedgerRow, Standing, lacks, ledger, ledger_path, load_acceptances
+from gantryctl.operation.ledger.acceptance import ledger_path, load_acceptances, proven_hash
+from gantryctl.operation.ledger.judging import impossible, lacks, ledger, speed_max_deg_s, unproven
+from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
+from gantryctl.operation.ledger.rows import LedgerRow, Proofs, Standing
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Said, Words
-
-# A change in one of these tables makes the proofs void; speeds and monitors may change.
-_PROVEN: Final = ("axis", "control", "motor", "encoder", "brake", "drive", "can")
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,9 @@ class CommissioningRecord:
 
     Attributes:
         drive: vendor, product and serial number of object 1018.
+        steps: those that have passed.
+        accepted: rows of the ledger that a person has accepted, in words.
+        measured: figures that the ledger and the stops are computed with (`ledger.rows.MEASURED`).
     """
 
     machine: str
@@ -40,12 +43,8 @@ class CommissioningRecord:
     by: str
     report_hash: str
     steps: tuple[str, ...]
-
-
-def proven_hash(machine: Machine) -> str:
-    """Hash of everything that the proofs depend on."""
-    parts = {name: getattr(machine, name).model_dump(mode="json") for name in _PROVEN}
-    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
+    accepted: tuple[str, ...]
+    measured: dict[str, float]
 
 
 def record_path(directory: Path, machine: Machine) -> Path:
@@ -64,7 +63,9 @@ def load_record(path: Path) -> CommissioningRecord | None:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
         known = {field.name: data[field.name] for field in fields(CommissioningRecord)}
-        return CommissioningRecord(**{**known, "steps": tuple(known["steps"])})
+        for name in ("steps", "accepted"):
+            known[name] = tuple(known[name])
+        return CommissioningRecord(**known)
     except (OSError, ValueError, KeyError, TypeError) as fault:
         raise StateError(
             f"{path}: the commissioning record cannot be read ({fault}); commission again"
@@ -73,7 +74,12 @@ def load_record(path: Path) -> CommissioningRecord | None:
 
 def store_record(path: Path, record: CommissioningRecord) -> None:
     """Write the record, whole or not at all."""
-    lines = [f"{name} = {json.dumps(value, ensure_ascii=False)}" for name, value in asdict(record).items()]
+    lines = [
+        f"{field.name} = {json.dumps(getattr(record, field.name), ensure_ascii=False)}"
+        for field in fields(record)
+        if field.name != "measured"
+    ]
+    lines += ["", "[measured]", *(f"{name} = {float(value)!r}" for name, value in record.measured.items())]
     write_whole(path, "\n".join(lines) + "\n")
 
 
@@ -118,23 +124,24 @@ def bus_reasons(
     """Why a drive on a bus may not be enabled; () for any other drive.
 
     Args:
-        commissioning: the record is what is being made; what nobody has accepted counts all the same.
+        commissioning: the record is what is being made; what no step of it shows counts all the same.
     """
     if drive.refusals:
         return (Reason(Code.CFG_CAN_01, {"parameters": "; ".join(drive.refusals)}, ClearedBy.RESTART),)
     health = drive.health()
-    if health is None or store is None or not must_be_proven(machine):
+    if health is None:
         return ()
-    missing = why_inputs_missing(read_ledger(machine, store.directory, inputs_sent=health.inputs_sent))
-    if missing is not None or commissioning:
-        return () if missing is None else (missing,)
+    rows = ledger_of(machine, store, drive)
+    found = ledger_reasons(machine, rows)
+    if found or commissioning or store is None or not must_be_proven(machine):
+        return found
     record = load_record(record_path(store.directory, machine))
     proof = load_silent_master_proof(silent_master_proof_path(store.directory, machine))
-    found = (why_not_commissioned(machine, record, health.drive_key), why_silence_not_proven(proof, health))
+    why = (why_not_commissioned(machine, record, health.drive_key, rows), why_silence_not_proven(proof, health))
     return tuple(
-        Reason(code, {"why": why}, ClearedBy.COMMISSIONING)
-        for code, why in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), found, strict=True)
-        if why
+        Reason(code, {"why": words}, ClearedBy.COMMISSIONING)
+        for code, words in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), why, strict=True)
+        if words
     )
 
 
@@ -143,37 +150,83 @@ def must_be_proven(machine: Machine) -> bool:
     return machine.on_bus and not machine.plant_is_local and machine.can.commissioning_required
 
 
-def read_ledger(machine: Machine, directory: Path, *, inputs_sent: bool = True) -> tuple[LedgerRow, ...]:
-    """The ledger of a machine, with what is kept in its state directory; `inputs_sent` as the drive has shown.
+# --- the ledger ------------------------------------------------------------------------------------------------
+
+
+def read_ledger(
+    machine: Machine, directory: Path, facts: DriveFacts | None = None, proofs: Proofs | None = None
+) -> tuple[LedgerRow, ...]:
+    """The ledger of a machine, with what is kept in its state directory.
+
+    Args:
+        facts: of the drive as it is now; those of its last set-up when not given.
+        proofs: of a commissioning under way; those of its record when not given.
 
     Raises:
         StateError: a file is damaged.
     """
-    bound_to = proven_hash(machine)
-    record = load_record(record_path(directory, machine))
-    steps = record.steps if record is not None and record.proven_hash == bound_to else ()
-    acceptances = load_acceptances(ledger_path(directory, machine))
-    return ledger(machine, acceptances, bound_to, steps, inputs_sent=inputs_sent)
+    facts = facts or load_facts(facts_path(directory, machine))
+    if proofs is None:
+        proofs = _recorded(machine, facts, load_record(record_path(directory, machine)))
+    return ledger(machine, facts, proofs, load_acceptances(ledger_path(directory, machine)))
 
 
-def accepted_lacks(machine: Machine, store: StateStore | None) -> tuple[str, ...]:
-    """What persons have accepted, for the journal and for whoever opens the machine."""
-    if store is None or not must_be_proven(machine):
+def _recorded(machine: Machine, facts: DriveFacts | None, record: CommissioningRecord | None) -> Proofs:
+    """What a record shows of this drive in this configuration."""
+    if record is None or facts is None or facts.key != record.drive:
+        return Proofs()
+    if record.proven_hash != proven_hash(machine):
+        return Proofs()
+    return Proofs(frozenset(record.steps), frozenset(), record.measured)
+
+
+def ledger_of(machine: Machine, store: StateStore | None, drive: Drive) -> tuple[LedgerRow, ...]:
+    """The ledger of a machine with its open drive; () without a bus."""
+    if not machine.on_bus:
         return ()
-    rows = read_ledger(machine, store.directory)
-    return tuple(f"ledger: {row.text}" for row in rows if row.standing is Standing.ACCEPTED)
+    from gantryctl.wiring.canopen import facts_of_drive  # only a machine on a bus loads the bus
+
+    facts = facts_of_drive(drive)
+    return ledger(machine, facts) if store is None else read_ledger(machine, store.directory, facts)
 
 
-def why_inputs_missing(rows: tuple[LedgerRow, ...]) -> Reason | None:
-    """The reason against power while a safety input is neither wired nor accepted."""
-    missing = lacks(rows)
-    if not missing:
-        return None
-    return Reason(Code.CFG_CAN_04, {"inputs": ", ".join(missing)}, ClearedBy.COMMISSIONING)
+def ledger_reasons(machine: Machine, rows: tuple[LedgerRow, ...], *, real: bool = False) -> tuple[Reason, ...]:
+    """The reasons against power by what is lacking and no step of commissioning will show, the gravest first.
+
+    A virtual drive hurts nobody: what a person could accept of it counts as accepted.
+
+    Args:
+        real: the drive is a real one, whatever the machine file says of it.
+    """
+    cleared = ClearedBy.COMMISSIONING
+    found = []
+    if missing := impossible(rows):
+        found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(missing)}, cleared))
+    slowest = machine.speed.setting_min_deg_s
+    if speed_max_deg_s(rows) < slowest:
+        limiting = tuple(row for row in rows if row.speed_max_deg_s is not None and row.speed_max_deg_s < slowest)
+        found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(limiting)}, cleared))
+    if (real or must_be_proven(machine)) and (open_lacks := lacks(rows)):
+        found.append(Reason(Code.CFG_CAN_04, {"lacks": _texts(open_lacks)}, cleared))
+    return tuple(found)
+
+
+def _texts(rows: tuple[LedgerRow, ...]) -> str:
+    return "; ".join(f"{row.what} ({row.detail})" if row.detail else row.what for row in rows)
+
+
+def ledger_notes(machine: Machine, rows: tuple[LedgerRow, ...]) -> tuple[str, ...]:
+    """What persons have accepted, and what limits the speed: for the journal and for whoever opens the machine."""
+    accepted = must_be_proven(machine)
+    return tuple(
+        f"ledger: {row.text}"
+        for row in rows
+        if (accepted and row.standing is Standing.ACCEPTED) or row.speed_max_deg_s is not None
+    )
 
 
 def why_not_commissioned(
-    machine: Machine, record: CommissioningRecord | None, drive_key: str
+    machine: Machine, record: CommissioningRecord | None, drive_key: str, rows: tuple[LedgerRow, ...] = ()
 ) -> Words | Said | None:
     """Say what the record lacks for this drive and configuration; None when it fits."""
     if record is None:
@@ -182,6 +235,8 @@ def why_not_commissioned(
         return Words.OTHER_DRIVE(drive=drive_key, machine=machine.name, proven=record.drive)
     if record.proven_hash != proven_hash(machine):
         return Words.CONFIGURATION_CHANGED(machine=machine.name, date=record.date)
+    if missing := unproven(rows):
+        return Words.STEPS_MISSING(steps=", ".join(sorted({row.proof for row in missing})))
     return None
 
 

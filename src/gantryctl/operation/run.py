@@ -113,6 +113,11 @@ class AxisRun:
         return opened_deg
 
     @property
+    def speed_max_deg_s(self) -> float:
+        """Highest speed setting in force: of the machine file, or of the ledger where that is lower."""
+        return self._open.speed_max_deg_s
+
+    @property
     def drive(self) -> Drive:
         """The open drive."""
         return self._open.drive
@@ -194,7 +199,7 @@ class AxisRun:
             CommandRefused: target or speed are not possible; nothing moved, and power was not switched on for it.
             AlarmStop: an alarm ended it; the axis is at rest.
         """
-        wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
+        wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
         self._check_speed(wanted)
         require(check_target(rad(self.angle_deg), rad(target_deg), self.axis.settings.travel))
         if not 0.0 < override <= 1.0:

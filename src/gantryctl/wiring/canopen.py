@@ -11,6 +11,9 @@ from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, open_bus
 from gantryctl.drives.canopen.bus.lock import DriveLock
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.settings import CanopenSettings, EncoderStatus, InputBits
+from gantryctl.drives.canopen.setup.opening import checksum_of, facts_as_set_up, parameter_rows
+from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.verdicts import ParameterRow
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
 from gantryctl.ports import Drive
@@ -147,3 +150,26 @@ def read_only_drive(machine: Machine) -> Drive:
         return ReadOnlyDrive(link, canopen_settings(machine))
     finally:
         link.close()
+
+
+# --- what a drive has, for the ledger ------------------------------------------------------------------------
+
+
+def facts_of_drive(drive: Drive) -> DriveFacts | None:
+    """What an open drive on a bus has; None for any other drive."""
+    return drive.facts if isinstance(drive, CanopenDrive) else None
+
+
+def set_up_facts(machine: Machine, facts: DriveFacts) -> DriveFacts:
+    """A drive as the set-up of this machine would leave it."""
+    return facts_as_set_up(canopen_settings(machine), facts)
+
+
+def parameters_of(machine: Machine, facts: DriveFacts) -> Mapping[str, ParameterRow]:
+    """Parameters of a drive against those of the machine, by index and sub-index (`1016:01`)."""
+    return {row.place: row for row in parameter_rows(canopen_settings(machine), facts)}
+
+
+def parameter_checksum(machine: Machine, facts: DriveFacts) -> str:
+    """Checksum of the values that decide what the drive does."""
+    return checksum_of(canopen_settings(machine), facts)

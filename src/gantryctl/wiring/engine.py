@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 
 from gantryctl.machine import Machine
@@ -42,6 +43,7 @@ def build_program(
     *,
     zero_counts: float | None = None,
     holding_torque_nm: float = 0.0,
+    speed_max_deg_s: float = math.inf,
     keep_plans: bool = False,
 ) -> AxisProgram:
     """Program of a machine with its axis, standing with power off.
@@ -51,6 +53,7 @@ def build_program(
         program: the shipped program, or a class derived from `AxisProgram`.
         zero_counts: encoder count at 0 deg (retained memory); that of a new machine when not given.
         holding_torque_nm: torque that held the load last time, the preload of the first release of the brake.
+        speed_max_deg_s: nothing moves faster, whatever the machine file allows (ledger of a drive on a bus).
         keep_plans: keep every set-point plan with its start scan in `axis.virtual.plans`.
 
     Raises:
@@ -62,7 +65,7 @@ def build_program(
         from gantryctl.wiring.simulator import delivered_zero_counts
 
         zero_counts = float(delivered_zero_counts(machine))
-    settings = axis_settings(machine, holding_torque_nm, drive.torque_preload)
+    settings = axis_settings(machine, holding_torque_nm, drive.torque_preload, speed_max_deg_s)
     return program(Axis(settings, zero_counts, keep_plans=keep_plans))
 
 

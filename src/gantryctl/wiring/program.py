@@ -34,7 +34,10 @@ _FINE_STEPS: Final = 2**18
 
 
 def axis_settings(
-    machine: Machine, holding_torque_nm: float = 0.0, torque_preload: bool = True
+    machine: Machine,
+    holding_torque_nm: float = 0.0,
+    torque_preload: bool = True,
+    speed_max_deg_s: float = math.inf,
 ) -> AxisSettings:
     """Settings of one axis.
 
@@ -42,12 +45,13 @@ def axis_settings(
         holding_torque_nm: learned holding torque from retained memory, motor side: the preload at the first
             release of the brake.
         torque_preload: the drive takes a torque beside the speed.
+        speed_max_deg_s: highest speed setting where it is below that of the machine file.
     """
     encoder = machine.encoder
     return AxisSettings(
         period_s=machine.control.scan_period_ms * _MS,
         travel=travel_settings(machine),
-        speed=speed_settings(machine),
+        speed=speed_settings(machine, speed_max_deg_s),
         ramps=_ramps(machine),
         law=LawSettings(
             kpp_per_s=machine.control.kpp_per_s,
@@ -74,12 +78,12 @@ def travel_settings(machine: Machine) -> TravelSettings:
     return TravelSettings(rad(axis.pos_min_deg), rad(axis.pos_max_deg), rad(axis.over_travel_deg))
 
 
-def speed_settings(machine: Machine) -> SpeedSettings:
-    """Speed chain."""
+def speed_settings(machine: Machine, speed_max_deg_s: float = math.inf) -> SpeedSettings:
+    """Speed chain; `speed_max_deg_s` is a limit beside the highest setting."""
     speed = machine.speed
     return SpeedSettings(
         setting_min_rad_s=rad(speed.setting_min_deg_s),
-        setting_max_rad_s=rad(speed.setting_max_deg_s),
+        setting_max_rad_s=rad(min(speed.setting_max_deg_s, speed_max_deg_s)),
         command_clamp_rad_s=rad(speed.command_clamp_deg_s),
         overspeed_trip_rad_s=rad(speed.overspeed_trip_deg_s),
         creep_rad_s=rad(speed.creep_deg_s),

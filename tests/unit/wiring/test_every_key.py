@@ -437,6 +437,7 @@ ELSEWHERE = {
     "can.channel": "which bus is opened",
     "can.eds": "checks of the drive before it is opened",
     "can.side_channel": "the plant of a virtual drive",
+    "can.torque_limit_in_drive_nm": "the ledger, and the pulse that shows it",
     "can.virtual_drive": "which virtual drive is made",
     "can.commissioning_required": "operation",
     "accuracy.tolerance_deg": "accuracy",

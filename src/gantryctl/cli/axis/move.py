@@ -88,11 +88,11 @@ def move(
         raise UsageError(f"--override {override:g}: from 1 to 100 percent")
 
     def action(axis: AxisClient) -> MotionReport:
-        wanted = axis.machine.speed.setting_max_deg_s if speed is None else speed
+        wanted = axis.speed_max_deg_s if speed is None else speed
         end = target
         if axis.must_ask:
             # First of all: control at a service may stop what moves (--take-over).
-            _check_speed(axis.machine, wanted)
+            _check_speed(axis, wanted)
         if axis.must_ask and not yes:
             # Without a claim on the axis: at a service, control is lost after 2 s of silence.
             here = axis.angle_deg
@@ -134,12 +134,12 @@ def jog(direction: str, seconds: float, speed: float | None, yes: bool, **run: A
     return _run(action, "jog", **run)
 
 
-def _check_speed(machine: Machine, speed: float) -> None:
+def _check_speed(axis: AxisClient, speed: float) -> None:
     from gantryctl.program.axis.command_checks import check_setting, require
     from gantryctl.units import rad
     from gantryctl.wiring.program import speed_settings
 
-    require(check_setting(rad(speed), speed_settings(machine)))
+    require(check_setting(rad(speed), speed_settings(axis.machine, axis.speed_max_deg_s)))
 
 
 def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:

@@ -66,6 +66,14 @@ class ServiceAxis:
         return self.tags
 
     @property
+    def speed_max_deg_s(self) -> float:
+        """Highest speed setting in force: of the machine file, or of the ledger where that is lower."""
+        return float((self.tags if self._connection else self.look())["speed_max_deg_s"])
+
+    def _check_speed(self, speed_deg_s: float) -> None:
+        require(check_setting(rad(speed_deg_s), speed_settings(self.machine, self.speed_max_deg_s)))
+
+    @property
     def angle_deg(self) -> float:
         """Measured angle, motor side.
 
@@ -154,8 +162,8 @@ class ServiceAxis:
         self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
     ) -> MotionReport:
         """Move to an angle and wait until the axis stands there."""
-        wanted = self.machine.speed.setting_max_deg_s if speed_deg_s is None else speed_deg_s
-        require(check_setting(rad(wanted), speed_settings(self.machine)))
+        wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
+        self._check_speed(wanted)
         start_deg = self.take()
         require(check_target(rad(start_deg), rad(target_deg), travel_settings(self.machine)))
         self.power_up()
@@ -177,7 +185,7 @@ class ServiceAxis:
                 f"--for {seconds:g} s: the service lets a key be held for {HELD_S:g} s at most; ask again then"
             )
         start_deg = self.take()
-        require(check_setting(rad(speed_deg_s), speed_settings(self.machine)))
+        self._check_speed(speed_deg_s)
         direction = 1.0 if forward else -1.0
         require(check_direction(rad(start_deg), direction, travel_settings(self.machine)))
         self.power_up()

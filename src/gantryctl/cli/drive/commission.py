@@ -69,36 +69,51 @@ def commission(
 @commission.command()
 @config_option
 @click.option(
-    "--input", "what", required=True, metavar="INPUT", help="Key of [can.inputs], estop_ok for one."
+    "--lack", "lacks", required=True, multiple=True, metavar="NAME",
+    help="Row of the ledger that is lacking: limits_torque, or an input of [can.inputs]; may be given several times.",
 )
 @click.option("--by", required=True, metavar="NAME", help="Who answers for it.")
 @click.option("--because", required=True, metavar="TEXT", help="Why the machine is safe without it.")
-def accept(config_file: Path | None, what: str, by: str, because: str) -> int:
-    """Accept by name that a safety input is not wired; kept with the machine until its configuration changes.
+def accept(config_file: Path | None, lacks: tuple[str, ...], by: str, because: str) -> int:
+    """Accept by name what the drive or the machine lacks.
 
-    Without it the machine does not switch power on. It covers a lack, never a failed proof.
+    It covers a lack, never a failed proof, and it ends with any change of the drive, its firmware, its parameters or
+    the configuration. `commission` says what is lacking.
     """
     from gantryctl.errors import CommandRefused
     from gantryctl.machine import default_machine_path
-    from gantryctl.operation.ledger import (
+    from gantryctl.operation.ledger.acceptance import (
         Acceptance,
+        binding_of,
         check_acceptance,
         ledger_path,
         load_acceptances,
         store_acceptances,
     )
-    from gantryctl.operation.proofs import must_be_proven, proven_hash, read_ledger
+    from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
+    from gantryctl.operation.proofs import must_be_proven, read_ledger
     from gantryctl.operation.state import operator_name
     from gantryctl.operation.store import StateStore, now_text
 
     machine = proven_machine(config_file or default_machine_path().parent / "hust_can.toml")
     if not must_be_proven(machine):
         raise CommandRefused(f"{machine.name}: a simulated or virtual drive needs no acceptance")
-    check_acceptance(machine, what, by, because)
-    made = Acceptance(what, by.strip(), because.strip(), now_text(), operator_name(), proven_hash(machine))
     with StateStore(machine) as store:
+        facts = load_facts(facts_path(store.directory, machine))
+        if facts is None:
+            raise CommandRefused(
+                f"{machine.name}: its drive was never set up, and an acceptance belongs to one drive: "
+                "`gantryctl commission` sets it up and says what is lacking"
+            )
+        rows, bound_to = read_ledger(machine, store.directory), binding_of(machine, facts)
+        for what in lacks:
+            check_acceptance(rows, what, by, because)
+        made = [
+            Acceptance(what, by.strip(), because.strip(), now_text(), operator_name(), bound_to)
+            for what in lacks
+        ]
         path = ledger_path(store.directory, machine)
-        store_acceptances(path, (*load_acceptances(path), made))
+        store_acceptances(path, (*load_acceptances(path), *made))
         for row in read_ledger(machine, store.directory):
             click.echo(row.text)
     return 0

@@ -105,11 +105,11 @@ def diff(config_file: Path | None, as_json: bool) -> int:
 
     Exit code 1 when one of them differs. Before it enables, the controller writes them itself.
     """
-    from gantryctl.drives.canopen.setup.opening import read_only_check
+    from gantryctl.drives.canopen.setup.opening import facts_as_found, parameter_rows
 
     # The same table by which a controller refuses to enable a drive (CFG-CAN-01).
     with _node(config_file) as (node, settings, _):
-        _, rows = read_only_check(node, settings)
+        rows = parameter_rows(settings, facts_as_found(node, settings)[1])
     if as_json:
         print_json([{**row._asdict(), "verdict": row.verdict.value} for row in rows])
     else:

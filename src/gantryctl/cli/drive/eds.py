@@ -1,24 +1,18 @@
-"""`gantryctl eds`: an EDS or DCF compared with the needs of a speed axis."""
+"""`gantryctl eds`: what a drive has by its EDS or DCF, judged as the commissioning of a machine judges the drive."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import PATH, json_option, print_json
+from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
-    from gantryctl.drives.od.model import DeviceDescription, Entry
-    from gantryctl.drives.od.standard import Finding
-
-_HEADINGS = {
-    "must": "Without these there is no CSV axis",
-    "stop": "These decide what happens when something breaks",
-    "may": "These make the axis better",
-}
+    from gantryctl.drives.od.facts import DriveFacts
+    from gantryctl.drives.od.model import DeviceDescription
+    from gantryctl.machine import Machine
 
 
 @click.group()
@@ -28,37 +22,70 @@ def eds() -> None:
 
 @eds.command()
 @click.argument("file", type=PATH)
+@config_option
 @click.option(
     "--node", "node_id", type=click.IntRange(1, 127), help="Node id that values of a DCF are wanted for."
 )
 @json_option
-def check(file: Path, node_id: int | None, as_json: bool) -> int:
-    """Compare FILE with the needs of a CSV axis, with the substitute for each missing object.
+def check(file: Path, config_file: Path | None, node_id: int | None, as_json: bool) -> int:
+    """Say of the drive in FILE what `gantryctl commission` will say of it: the ledger of the machine, row by row.
 
-    Exit code 1 when an object is missing without which there is no CSV axis.
+    Without a machine file, that of the delivered CAN machine with the drive's own unit of speed. Exit code 1 when
+    something is lacking that nothing makes up for and nobody may accept. A file is a promise: what the drive itself
+    shows counts.
     """
+    from gantryctl.drives.od.facts import facts_of
     from gantryctl.drives.od.reading import read_eds
-    from gantryctl.drives.od.standard import check_csv_axis, lacking
+    from gantryctl.operation.ledger.judging import impossible, ledger
+    from gantryctl.operation.proofs import ledger_reasons
+    from gantryctl.wiring.canopen import set_up_facts
 
     device = read_eds(file, node_id)
-    findings = check_csv_axis(device)
-    missing = lacking(findings)
+    facts = facts_of(device)
+    machine = _delivered(facts) if config_file is None else machine_of(config_file)
+    _must_be_on_bus(machine)
+    rows = ledger(machine, set_up_facts(machine, facts))
+    reasons = ledger_reasons(machine, rows, real=True)
     if as_json:
-        print_json(_data(device, findings, not missing))
-        return int(bool(missing))
+        print_json(
+            {
+                **_about(device),
+                "usable": not impossible(rows),
+                "ledger": [row._asdict() for row in rows],
+                "reasons": [reason.text for reason in reasons],
+            }
+        )
+        return int(bool(impossible(rows)))
     _heading(device, file)
-    for need, heading in _HEADINGS.items():
-        click.echo(f"\n{heading}")
-        for finding in findings:
-            if finding.wish.need == need:
-                _line(finding)
+    for row in rows:
+        click.echo(f"  {row.text}")
     # Real files break the standard in many ways (decision 0008): read all the same, but not in silence.
     if device.notes:
-        click.echo("\nOdd in this file, read all the same")
+        click.echo("odd in this file, read all the same:")
         for note in device.notes:
             click.echo(f"  {note}")
-    click.echo(f"\n{_verdict(findings, missing)}")
-    return int(bool(missing))
+    for reason in reasons:
+        click.echo(reason.text)
+    if not reasons:
+        click.echo("nothing is lacking that commissioning does not show")
+    return int(bool(impossible(rows)))
+
+
+def _delivered(facts: DriveFacts) -> Machine:
+    """The delivered CAN machine, with the unit of speed that the drive has by its 60A9."""
+    from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+    from gantryctl.machine import configs_folder, load_machine, with_values
+
+    machine, word = load_machine(configs_folder() / "hust_can.toml"), facts.value(0x60A9)
+    unit = next((name for name, unit in VELOCITY_UNITS.items() if word is not None and unit.si_unit == word), None)
+    return machine if unit is None else with_values(machine, {"can.velocity_unit": unit})
+
+
+def _must_be_on_bus(machine: Machine) -> None:
+    from gantryctl.errors import UsageError
+
+    if not machine.on_bus:
+        raise UsageError(f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"')
 
 
 def _heading(device: DeviceDescription, file: Path) -> None:
@@ -74,65 +101,12 @@ def _heading(device: DeviceDescription, file: Path) -> None:
         )
 
 
-def _line(finding: Finding) -> None:
-    wish, entry = finding.wish, finding.entry
-    mark = "has  " if finding.ok else "LACKS" if wish.need == "must" else "lacks"
-    what = f"{wish.place} {wish.standard.name}"
-    have = "" if entry is None else _have(entry)
-    click.echo(f"  {mark}  {what:44} {have}".rstrip())
-    for remark in finding.remarks:
-        click.echo(f"           {remark}")
-
-
-def _have(entry: Entry) -> str:
-    maps = "/".join(name for name, can in (("RPDO", entry.rpdo), ("TPDO", entry.tpdo)) if can)
-    values = [] if entry.default is None else [f"default {_shown(entry.default, entry.node_relative)}"]
-    if entry.value is not None:
-        values.append(f"DCF {_shown(entry.value, False)}")
-    return ", ".join([f"{entry.data_type.label} {entry.access.value}", *([maps] if maps else []), *values])
-
-
-def _shown(value: object, relative: bool) -> str:
-    # CiA 306 lets a file give values relative to the node id, COB-IDs above all: $NODEID+0x180.
-    text = f"0x{value:X}" if isinstance(value, int) and (relative or value > 0xFFF) else str(value)
-    return f"$NODEID+{text}" if relative else text
-
-
-def _verdict(findings: tuple[Finding, ...], missing: tuple[Finding, ...]) -> str:
-    if missing:
-        names = ", ".join(finding.wish.place for finding in missing)
-        return f"No CSV axis by this file: {names} lacking."
-    stop = [finding.wish.place for finding in findings if finding.wish.need == "stop" and not finding.ok]
-    # Consumer heartbeat time and event timer of RPDO 1 (CiA 301): one of them must end the motion of a drive that no
-    # longer hears its controller.
-    if {"1016:01", "1400:05"} <= set(stop):
-        return (
-            "A CSV axis by this file, but nothing in it stops the axis of a silent controller "
-            "(neither 1016 nor 1400:05): not without a hard-wired watchdog."
-        )
-    if not stop:
-        return "A CSV axis by this file. A file is a promise: modes, defaults and reactions are read from the drive."
-    return f"A CSV axis by this file; to be proved at standstill, for the file lacks {', '.join(stop)}."
-
-
-def _data(device: DeviceDescription, findings: tuple[Finding, ...], usable: bool) -> dict[str, Any]:
+def _about(device: DeviceDescription) -> dict[str, Any]:
     return {
-        "usable": usable,
         "is_dcf": device.is_dcf,
         "node_id": device.node_id,
         "vendor": device.info.vendor_name,
         "product": device.info.product_name,
         "objects": len(device.objects),
         "notes": [note._asdict() for note in device.notes],
-        "findings": [
-            {
-                "object": finding.wish.place,
-                "name": finding.wish.standard.name,
-                "need": finding.wish.need.value,
-                "ok": finding.ok,
-                "has": None if finding.entry is None else _have(finding.entry),
-                "remarks": list(finding.remarks),
-            }
-            for finding in findings
-        ],
     }

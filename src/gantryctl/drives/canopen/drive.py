@@ -29,10 +29,11 @@ from gantryctl.drives.canopen.cia402 import (
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, open_node, write_restart_marker
-from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.canopen.setup.parameter_watch import ParameterWatch
 from gantryctl.drives.canopen.stop_by_sdo import StopBySdo
 from gantryctl.drives.canopen.supervision import Supervision
+from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     SAFE_OUTPUT,
@@ -199,6 +200,11 @@ class CanopenDrive:
     def refusals(self) -> tuple[str, ...]:
         """Lines of the parameter check that forbid enabling."""
         return self.opened.refusals
+
+    @property
+    def facts(self) -> DriveFacts:
+        """What the drive has, as its set-up has left it."""
+        return self.opened.facts
 
     @property
     def torque_preload(self) -> bool:
@@ -371,7 +377,6 @@ class CanopenDrive:
             drive_key=self.opened.identity.key,
             software=self.opened.identity.software,
             restart_marker=self.opened.restart_marker,
-            inputs_sent=self.process.has_inputs,
             heartbeat_age_scans=node.heartbeat_age,
             scans=self.scan,
             received=tuple(w.received for w in watches),

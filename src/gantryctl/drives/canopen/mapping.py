@@ -10,6 +10,8 @@ from gantryctl.errors import DeviceError
 
 # Transmission type 1: at every SYNC. Bits 31 and 30 of a PDO identifier: not valid, no remote request (CiA 301).
 SYNCHRONOUS: Final = 1
+# A command of these types acts when it arrives: sooner than at the next SYNC, so no dead time grows.
+_ON_ARRIVAL: Final = (254, 255)
 _INVALID: Final = 0x8000_0000
 _NO_RTR: Final = 0x4000_0000
 _PDOS: Final = 4
@@ -39,6 +41,11 @@ VELOCITY: Final = Signal(0x606C, 0, 32, True)
 TORQUE: Final = Signal(0x6077, 0, 16, True)
 INPUTS: Final = Signal(0x60FD, 0, 32, False)
 ERROR: Final = Signal(0x603F, 0, 16, False)
+OPTIONAL: Final = (TORQUE_OFFSET, VELOCITY, TORQUE, INPUTS, ERROR)
+
+
+class FixedMapping(DeviceError):
+    """Drive whose telegrams cannot be set up."""
 
 
 def encoder_signal(settings: CanopenSettings) -> Signal | None:
@@ -64,6 +71,8 @@ class Mapping(NamedTuple):
 
     rpdos: tuple[Pdo, ...]
     tpdos: tuple[Pdo, ...]
+    refused: frozenset[Signal] = frozenset()
+    """Objects that the drive has and cannot map."""
 
     @property
     def signals(self) -> frozenset[Signal]:
@@ -97,27 +106,46 @@ def configure(sdo: SdoClient, node: int, brake_by_60fe: bool, encoder: Signal | 
     """Write the mapping in PRE-OPERATIONAL, read it back and return it; leave out what the drive cannot map.
 
     Raises:
-        DeviceError: a needed object cannot be mapped, or the drive reads back another mapping.
+        DeviceError: a needed object cannot be mapped, or the drive reads back another mapping; FixedMapping where
+            its telegrams cannot be changed at all.
     """
     # 6077 cannot be mapped, or 60B1, 60B2, 603F are missing, in many drives: of 30 real EDS files 20 have no 603F, and
     # only two drive families have all twelve objects of a speed axis. So optional objects stay optional.
-    present = frozenset(
-        signal
-        for signal in (TORQUE_OFFSET, VELOCITY, TORQUE, INPUTS, ERROR)
-        if sdo.optional(signal.obj, signal.sub) is not None
-    )
+    sizes = {signal: _bits(sdo, signal) for signal in OPTIONAL}
+    present = frozenset(signal for signal, bits in sizes.items() if bits == signal.bits)
+    # 60B2 has 32 bits in one real drive, where the standard gives it 16.
+    unmapped = frozenset(signal for signal, bits in sizes.items() if bits and bits != signal.bits)
     while True:
         plan = plan_mapping(present, brake_by_60fe, encoder)
-        refused = _write(sdo, node, plan)
+        try:
+            refused = _write(sdo, node, plan)
+        except SdoError as fixed:
+            if fixed.silent:
+                raise
+            raise FixedMapping(
+                f"node {node}: {fixed}: its telegrams are fixed, and without a telegram of 6040 with 60FF, and of 6041 "
+                "with 6064, there is no CSV axis"
+            ) from None
         if refused is None:
             _read_back(sdo, node, plan)
-            return plan
+            return plan._replace(refused=unmapped)
         if refused not in present:
             raise DeviceError(
                 f"node {node}: object {refused.obj:04X}:{refused.sub:02X} cannot be mapped; without it there is no "
                 + ("status of the encoder: correct [can.encoder]" if refused == encoder else "CSV axis")
             )
         present -= {refused}
+        unmapped |= {refused}
+
+
+def _bits(sdo: SdoClient, signal: Signal) -> int:
+    """Size that the drive gives an object; 0 where it has none."""
+    try:
+        return 8 * len(sdo.read(signal.obj, signal.sub))
+    except SdoError as refused:
+        if refused.silent:
+            raise
+        return 0
 
 
 def _rows(node: int, plan: Mapping) -> list[tuple[int, int, Pdo | None]]:
@@ -150,9 +178,21 @@ def _write(sdo: SdoClient, node: int, plan: Mapping) -> Signal | None:
                     raise
                 return signal
         sdo.set(mapping, 0, len(pdo.signals), 1)
-        sdo.set(communication, 2, SYNCHRONOUS, 1)
+        _make_synchronous(sdo, communication)
         sdo.set(communication, 1, cob_id, 4)
     return None
+
+
+def _make_synchronous(sdo: SdoClient, communication: int) -> None:
+    """Write transmission type 1; an RPDO with a fixed type that acts on arrival will do."""
+    try:
+        sdo.set(communication, 2, SYNCHRONOUS, 1)
+    except SdoError as refused:
+        if refused.silent or communication >= _FIRST_TPDO or sdo.number(communication, 2) not in _ON_ARRIVAL:
+            raise
+
+
+_FIRST_TPDO: Final = 0x1800
 
 
 def _switch_off(sdo: SdoClient, communication: int, cob_id: int) -> None:
@@ -169,9 +209,11 @@ def _read_back(sdo: SdoClient, node: int, plan: Mapping) -> None:
         if pdo is None:
             continue
         mapping = communication + 0x200
+        kind = sdo.number(communication, 2)
+        on_arrival = communication < _FIRST_TPDO and kind in _ON_ARRIVAL
         wanted = [
             (communication, 1, cob_id, 0x9FFF_FFFF),
-            (communication, 2, SYNCHRONOUS, 0xFF),
+            (communication, 2, kind if on_arrival else SYNCHRONOUS, 0xFF),
             (mapping, 0, len(pdo.signals), 0xFF),
             *((mapping, sub, signal.entry, 0xFFFF_FFFF) for sub, signal in enumerate(pdo.signals, start=1)),
         ]

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from gantryctl.drives.od.model import DeviceDescription, Entry
-from gantryctl.drives.od.types import Value
+from gantryctl.drives.od.standard import standard_of
+from gantryctl.drives.od.types import Value, bit_length
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,11 @@ class DriveFacts:
     software: str
     objects: Mapping[tuple[int, int], ObjectFact]
 
+    @property
+    def key(self) -> str:
+        """Vendor, product and serial number: distinguishes one drive from another."""
+        return f"{self.vendor:08X}-{self.product:08X}-{self.serial}"
+
     def has(self, index: int, sub: int = 0) -> bool:
         """The drive has the object."""
         return (index, sub) in self.objects
@@ -87,8 +93,14 @@ def _plate(device: DeviceDescription, sub: int) -> int:
 
 
 def _fact(entry: Entry, node: int | None) -> ObjectFact:
-    mappable = entry.rpdo or entry.tpdo
-    return ObjectFact(entry.access.writable, mappable, _value(entry, node), entry.low, entry.high)
+    high, known = entry.high, standard_of(entry.index, entry.sub)
+    # Telegrams are laid out by the standard: an object of another size fits into none of them.
+    fits = known is None or bit_length(known.data_type) == bit_length(entry.data_type)
+    mappable = fits and (entry.rpdo or entry.tpdo)
+    # 1016 is a node id and a time in one word; a file that limits it to 16 bits means the time (a DCF of Elmo).
+    if entry.index == 0x1016 and high is not None and high <= 0xFFFF:
+        high = None
+    return ObjectFact(entry.access.writable, mappable, _value(entry, node), entry.low, high)
 
 
 def _value(entry: Entry, node: int | None) -> Value | None:

@@ -9,6 +9,8 @@ from gantryctl.machine.rules.book import RATIO, Broken, Check, at_least, at_most
 from gantryctl.machine.tables.model import Machine
 
 _TRAVEL = ("axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
+# Drives take their limit as a current in whole per cent.
+_LIMIT_PART = 0.95
 # A deadline shorter than this trips on an ordinary late scan.
 _FEWEST_SCANS = 3.0
 
@@ -62,6 +64,16 @@ def position_fits_32_bits(m: Machine) -> Broken:
     travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
     most = 2.0**32 / (travel / 360.0 * m.axis.ratio)
     return at_most(m.can.increments_per_turn, most, "or the 32 bits of 6064 wrap within the travel")
+
+
+@bus_rule("can.torque_limit_in_drive_nm", "motor.torque_max_nm")
+def limit_in_drive_is_that_of_the_machine(m: Machine) -> Broken:
+    """A torque limit set with the maker's tool is the machine's, or up to 5 % below it."""
+    limit, most = m.can.torque_limit_in_drive_nm, m.motor.torque_max_nm
+    if limit == 0.0:
+        return None
+    why = "the stops and the reducer are computed with [motor] torque_max_nm; set the same in the drive and here"
+    return at_most(limit, most, why) or at_least(limit, _LIMIT_PART * most, why)
 
 
 @bus_rule("can.side_channel", "can.commissioning_required")

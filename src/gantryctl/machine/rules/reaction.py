@@ -176,6 +176,44 @@ def disagreement_within_reaction(m: Machine) -> Broken:
     return at_most(encoders.disagreement_deg, limit, _REACTION) if left_ms >= 0.0 else None
 
 
+# --- a silent controller ------------------------------------------------------------------------------------
+def silent_angle_deg(m: Machine, delay_ms: float, *, brake: bool = False, dec_deg_s2: float = 0.0) -> float:
+    """Way from the last sign of a controller to rest, from the highest setting.
+
+    Args:
+        delay_ms: until the drive misses the controller; it goes on at the speed of the last command meanwhile.
+        brake: the drive takes the torque off and closes the brake instead of a ramp; inf where the brake is too weak.
+        dec_deg_s2: ramp of the drive; the quick stop of the machine file when not given.
+    """
+    v = m.speed.setting_max_deg_s
+    square, linear, constant = _silent_way(m, delay_ms, brake, dec_deg_s2)
+    return square * v**2 + linear * v + constant
+
+
+def silent_speed_max_deg_s(
+    m: Machine, delay_ms: float, *, brake: bool = False, dec_deg_s2: float = 0.0
+) -> float:
+    """Highest speed at which that way is within the permitted stopping angle; 0 where there is none."""
+    square, linear, constant = _silent_way(m, delay_ms, brake, dec_deg_s2)
+    if not math.isfinite(constant):
+        return 0.0
+    return _positive_root(square, linear, constant - m.axis.stopping_angle_max_deg)
+
+
+def _silent_way(m: Machine, delay_ms: float, brake: bool, dec_deg_s2: float) -> tuple[float, float, float]:
+    """The way as square, linear and constant part of the speed."""
+    delay_s = delay_ms / 1000.0
+    if not brake:
+        return 0.5 / (dec_deg_s2 or m.virtual_axis.quick_dec_deg_s2), delay_s, 0.0
+    # v d + v t + s t^2 / 2 + (v + s t)^2 / 2n: the load drives while the brake closes, then it slows.
+    sinking, time_s = sinking_acc_deg_s2(m), m.brake.close_time_ms / 1000.0
+    net = braking_dec_deg_s2(m) - sinking
+    if net <= 0.0:
+        return 0.0, 0.0, math.inf
+    sunk = sinking * time_s
+    return 0.5 / net, delay_s + time_s + sunk / net, 0.5 * sunk * time_s + sunk**2 / (2.0 * net)
+
+
 # --- from standstill ----------------------------------------------------------------------------------------
 @rule("monitors.standstill_time_ms", SCAN, "brake.close_time_ms", *ROOM, *DRIVEN_AWAY, "brake.torque_nm")
 def standstill_time_within_reaction(m: Machine) -> Broken:

@@ -58,6 +58,12 @@ class CanTable(Table):
     torque_reference: float = number(
         1.0, 0.1, 10.0, "What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.", "catalogue"
     )
+    torque_limit_in_drive_nm: float = number(
+        0.0,
+        0.0,
+        10_000.0,
+        "Torque limit set with the maker's tool in a drive without 6072, 0 = none: shown by a pulse when commissioning.",
+    )
     inverted: bool = switch(False, "true = the motor's positive direction turns the gantry negative.")
     follows_bit: bool = switch(True, "Bit 12 of 6041 says that the drive follows 60FF.", "standard")
     remote_bit: bool = switch(True, "Bit 9 of 6041 says that the drive obeys the bus.", "standard")

@@ -142,6 +142,7 @@ class Code(StrEnum):
     CFG_CAN_02 = "CFG-CAN-02"
     CFG_CAN_03 = "CFG-CAN-03"
     CFG_CAN_04 = "CFG-CAN-04"
+    CFG_CAN_05 = "CFG-CAN-05"
     SYS_02 = "SYS-02"
     SYS_03 = "SYS-03"
     SYS_05 = "SYS-05"

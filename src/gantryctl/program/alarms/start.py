@@ -86,14 +86,25 @@ START: Final = (
     ),
     Definition(
         Code.CFG_CAN_04, _REF, Reaction.REF,
-        Text("Safety input missing", "safety inputs that are neither wired nor accepted by a person: {inputs}",
-             "In [can.inputs] their bit is -1: they would count as good whatever happens.",
-             "Wire them and give their bits, or have each accepted by name: "
-             "`gantryctl commission accept --input INPUT --by NAME --because TEXT --config FILE`."),
-        Text("缺少安全输入", "既未接线也无人签字接受的安全输入：{inputs}",
-             "[can.inputs] 中其位为 -1：无论发生什么都视为正常。",
-             "接线并填写其位，或由负责人逐项签字接受："
-             "`gantryctl commission accept --input INPUT --by NAME --because TEXT --config FILE`。"),
+        Text("Safety property lacking", "nothing gives these, and no person has accepted that: {lacks}",
+             "The ledger of the machine names for each safety property what gives it; an input whose bit in "
+             "[can.inputs] is -1 would count as good whatever happens.",
+             "Wire or set up what is missing, or have it accepted by name: "
+             "`gantryctl commission accept --lack NAME --by PERSON --because TEXT --config FILE`."),
+        Text("缺少安全特性", "以下特性无任何保障，也无人签字接受：{lacks}",
+             "安全台账逐项列出每个安全特性由什么保障；[can.inputs] 中位为 -1 的输入无论发生什么都视为正常。",
+             "接线或设置所缺部分，或由负责人签字接受："
+             "`gantryctl commission accept --lack NAME --by PERSON --because TEXT --config FILE`。"),
+    ),
+    Definition(
+        Code.CFG_CAN_05, _REF, Reaction.REF,
+        Text("Drive not usable", "nothing makes up for what this drive and machine lack: {lacks}",
+             "No proof of commissioning and no person's name stands for these.",
+             "Set up, add or replace what is named; `gantryctl eds check FILE --config FILE` says it of a drive "
+             "before it is bought."),
+        Text("驱动器不可用", "该驱动器和机器所缺的特性无可替代：{lacks}",
+             "调试证明和个人签字都不能代替这些特性。",
+             "设置、补充或更换所列部分；购买前可用 `gantryctl eds check FILE --config FILE` 检查驱动器。"),
     ),
     Definition(
         Code.SYS_12, _REF, Reaction.REF,

@@ -346,6 +346,10 @@ class Words(Enum):
         "the configuration has changed since {machine} was commissioned on {date}",
         "{machine} 于 {date} 调试后配置已改变",
     )
+    STEPS_MISSING = (
+        "the ledger waits for what these steps show: {steps}",
+        "安全台账尚缺以下步骤的证明：{steps}",
+    )
     SILENCE_NOT_PROVEN = (
         "it is not proven that this drive stops the axis when its controller falls silent",
         "未证明控制器静默时该驱动器会停止轴",

@@ -39,6 +39,7 @@ class ServiceOperator:
         permit: what stands against power beside the program's alarms.
         acknowledge: marks an alarm row as seen; raises MessageRefused for an unknown one.
         levels: the first ones, see `first_levels`.
+        speed_max_deg_s: highest speed setting in force.
         epoch: the first one.
         now: the monotonic time, s.
         second_person: what one user arms, another one executes.
@@ -58,6 +59,7 @@ class ServiceOperator:
         permit: Permit,
         acknowledge: Callable[[int, Identity], None],
         levels: OperatorCommand,
+        speed_max_deg_s: float,
         *,
         epoch: int,
         now: Callable[[], float] = time.monotonic,
@@ -65,7 +67,7 @@ class ServiceOperator:
     ) -> None:
         self.program, self._inbox, self.permit = program, inbox, permit
         self.events, self._acknowledge = inbox.events, acknowledge
-        self.ranges = rules.setting_ranges(machine)
+        self.ranges = rules.setting_ranges(machine, speed_max_deg_s)
         self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
         self.hold = HoldToRun(machine.monitors.lease_ms * 1e-3)
         self.levels, self.shutdown = levels, False

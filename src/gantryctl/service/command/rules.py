@@ -59,8 +59,8 @@ class SettingRange(NamedTuple):
     high: float
 
 
-def setting_ranges(machine: Machine) -> dict[str, SettingRange]:
-    """The range of every setting of a machine, by tag."""
+def setting_ranges(machine: Machine, speed_max_deg_s: float) -> dict[str, SettingRange]:
+    """The range of every setting of a machine, by tag; `speed_max_deg_s` is the highest speed setting in force."""
     speed, axis, acc = machine.speed, machine.axis, machine.virtual_axis.acc_deg_s2
     travel = axis.pos_max_deg - axis.pos_min_deg
     return {
@@ -69,7 +69,7 @@ def setting_ranges(machine: Machine) -> dict[str, SettingRange]:
             Words.SPEED,
             Words.WITHIN_SPEEDS,
             speed.setting_min_deg_s,
-            speed.setting_max_deg_s,
+            speed_max_deg_s,
         ),
         "increment_deg": SettingRange(
             Words.NAME_INCREMENT, Words.ANGLE, Words.WITHIN_ANGLES, _INCREMENT_MIN_DEG, travel
@@ -84,10 +84,10 @@ def setting_ranges(machine: Machine) -> dict[str, SettingRange]:
 
 
 def first_levels(
-    machine: Machine, speed_rad_s: float | None = None, increment_rad: float | None = None
+    machine: Machine, speed_max_deg_s: float, speed_rad_s: float | None = None, increment_rad: float | None = None
 ) -> OperatorCommand:
     """Operator levels at the start, with settings of the last run where they still fit the machine."""
-    ranges = setting_ranges(machine)
+    ranges = setting_ranges(machine, speed_max_deg_s)
     speed, step = ranges["speed_setting_deg_s"], ranges["increment_deg"]
     speed_deg_s = speed.low if speed_rad_s is None else min(max(deg(speed_rad_s), speed.low), speed.high)
     step_deg = 1.0 if increment_rad is None else deg(increment_rad)

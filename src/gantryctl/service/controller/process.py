@@ -86,7 +86,8 @@ class Controller:
                 Inbox(memory.commands, memory.replies, self.events),
                 self.permit,
                 self.alarms.acknowledge,
-                first_levels(machine, retained.speed_rad_s, retained.increment_rad),
+                first_levels(machine, opened.speed_max_deg_s, retained.speed_rad_s, retained.increment_rad),
+                opened.speed_max_deg_s,
                 # Epochs start from a random number, so that none of a previous start is met again (decision 0011).
                 epoch=secrets.randbits(40),
                 second_person=second_person,

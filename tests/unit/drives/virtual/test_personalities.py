@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.drives.od.facts import facts_of
 from gantryctl.drives.od.reading import parse_eds
-from gantryctl.drives.od.standard import STANDARD, check_csv_axis, lacking
+from gantryctl.drives.od.standard import STANDARD
 from gantryctl.drives.od.writing import write_eds
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.communication.nmt import NmtState
@@ -32,7 +33,10 @@ def test_every_personality_is_a_csv_axis_by_its_eds_and_can_be_enabled(name: str
     bench = Bench(name)
     device = parse_eds(write_eds(bench.node.device).encode())
     assert device.notes == ()
-    assert lacking(check_csv_axis(device)) == ()
+    facts = facts_of(device)
+    for index in (0x6040, 0x6041, 0x6064, 0x60FF):
+        assert facts.objects[index, 0].mappable
+    assert facts.objects[0x6060, 0].takes(9)
     if name == "sdo-preop-only":
         bench.nmt(0x80)
     bench.set_up()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from dataclasses import replace
+from typing import Final
 
 from gantryctl.drives.canopen.bus.node import NodeIdentity
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError, decode_object
@@ -10,7 +12,15 @@ from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.drives.od.standard import standard_of
 
 # CiA 301: no such object, no such sub-index. Whatever else a drive answers, the object is there.
-_MISSING = (0x0602_0000, 0x0609_0011)
+_MISSING: Final = (0x0602_0000, 0x0609_0011)
+# Attempt to write a read-only object. What a drive refuses in its present state, or as a value, can be written.
+_READ_ONLY: Final = 0x0601_0002
+# What is asked of every drive beside its parameters: commands, feedback, telegrams, and what may be missing.
+ASKED: Final = (
+    (0x1400, 1), (0x1400, 2), (0x1600, 0), (0x1800, 1), (0x1800, 2), (0x1A00, 0), (0x603F, 0), (0x6040, 0), (0x6041, 0),
+    (0x6060, 0), (0x6061, 0), (0x6064, 0), (0x606C, 0), (0x6077, 0), (0x60B1, 0), (0x60B2, 0), (0x60FD, 0), (0x60FE, 1),
+    (0x60FF, 0),
+)  # fmt: skip
 
 
 def read_facts(
@@ -48,3 +58,39 @@ def _read(sdo: SdoClient, place: tuple[int, int], takes: bool) -> ObjectFact | N
     except ValueError:
         # An object of another type than the standard gives it: it is there, and its value means something else.
         return ObjectFact(writable, mappable)
+
+
+def read_only_of(sdo: SdoClient, places: Iterable[tuple[int, int]]) -> frozenset[tuple[int, int]]:
+    """Objects that cannot be written, shown by writing the value that they hold."""
+    found = set()
+    for place in places:
+        try:
+            sdo.write(*place, sdo.read(*place))
+        except SdoError as refused:
+            if refused.silent:
+                raise
+            if refused.code == _READ_ONLY:
+                found.add(place)
+    return frozenset(found)
+
+
+def with_mapped(facts: DriveFacts, unmapped: Iterable[tuple[int, int]]) -> DriveFacts:
+    """The same drive, knowing what it maps into no telegram, and that a transmission type which stays is fixed."""
+    objects = dict(facts.objects)
+    for place in unmapped:
+        if place in objects:
+            objects[place] = replace(objects[place], mappable=False)
+    kind = objects.get(_KIND_OF_COMMANDS)
+    if kind is not None and kind.default != _AT_SYNC:
+        objects[_KIND_OF_COMMANDS] = replace(kind, writable=False)
+    return replace(facts, objects=objects)
+
+
+_KIND_OF_COMMANDS: Final = (0x1400, 2)
+_AT_SYNC: Final = 1
+
+
+def without_csv(facts: DriveFacts) -> DriveFacts:
+    """The same drive, knowing that it takes no mode 9."""
+    modes = facts.objects[0x6060, 0]
+    return replace(facts, objects={**facts.objects, (0x6060, 0): replace(modes, high=8)})

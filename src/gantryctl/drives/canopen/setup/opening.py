@@ -6,21 +6,31 @@ from contextlib import suppress
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.node import NmtCommand, NodeIdentity, RemoteNode
-from gantryctl.drives.canopen.bus.sdo import SdoClient
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.cia402 import TURNING, decode_statusword
-from gantryctl.drives.canopen.mapping import Mapping, configure, encoder_signal
+from gantryctl.drives.canopen.mapping import OPTIONAL, FixedMapping, Mapping, configure, encoder_signal
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.drives.canopen.setup.live_facts import (
+    ASKED,
+    read_facts,
+    read_only_of,
+    with_mapped,
+    without_csv,
+)
 from gantryctl.drives.canopen.setup.parameter_check import (
     CSV,
-    ParameterRow,
-    ParameterVerdict,
     WantedParameter,
-    check_parameters,
+    as_set_up,
+    compare_parameters,
+    parameter_checksum,
     refusals,
+    set_value_places,
     wanted_parameters,
     write_parameters,
 )
+from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.verdicts import ParameterRow, ParameterVerdict
 from gantryctl.errors import DeviceError
 
 # 6061 may follow a write to 6060 later: by 10 ms on a real drive model.
@@ -77,22 +87,63 @@ class NodeSetup(NamedTuple):
     """Parameters that agree with their set values, and must stay so."""
     restart_marker: int | None
     """Number that an earlier run left in the drive; gone after a boot-up."""
+    facts: DriveFacts
+    """What the drive has, as the set-up has left it."""
 
 
-def rated_torque_nm(node: RemoteNode, settings: CanopenSettings) -> float:
+class UnusableDrive(DeviceError):
+    """Drive that cannot be set up; `facts` show the ledger why."""
+
+    def __init__(self, text: str, facts: DriveFacts) -> None:
+        self.facts = facts
+        super().__init__(text)
+
+
+# The objects by which telegrams are set up.
+_TELEGRAMS: Final = ((0x1400, 1), (0x1400, 2), (0x1600, 0), (0x1800, 1), (0x1800, 2), (0x1A00, 0))
+
+
+def wanted_of(settings: CanopenSettings, rated_mnm: int | None) -> tuple[WantedParameter, ...]:
+    """Parameters of a drive; `rated_mnm` is its object 6076, None or 0 where it does not say."""
+    rated_nm = rated_torque_nm(settings, rated_mnm)
+    return wanted_parameters(settings, BusUnits(settings, rated_nm), rated_nm)
+
+
+def rated_torque_nm(settings: CanopenSettings, rated_mnm: int | None) -> float:
     """Rated torque: 6076 where the drive has it, else of the machine file."""
-    rated_mnm = node.sdo.optional(0x6076)
     return rated_mnm / 1000.0 if rated_mnm else settings.torque_rated_nm
 
 
-def read_only_check(
-    node: RemoteNode, settings: CanopenSettings
-) -> tuple[NodeIdentity, tuple[ParameterRow, ...]]:
-    """Identity and parameter check as they are; nothing is written."""
+def parameter_rows(settings: CanopenSettings, facts: DriveFacts) -> tuple[ParameterRow, ...]:
+    """Parameters of a drive against what they must be."""
+    return compare_parameters(facts, wanted_of(settings, facts.value(0x6076)))
+
+
+def facts_as_set_up(settings: CanopenSettings, facts: DriveFacts) -> DriveFacts:
+    """A drive as `open_node` would leave it."""
+    return as_set_up(facts, wanted_of(settings, facts.value(0x6076)))
+
+
+def checksum_of(settings: CanopenSettings, facts: DriveFacts) -> str:
+    """Checksum of the values that decide what the drive does."""
+    return parameter_checksum(facts, wanted_of(settings, facts.value(0x6076)))
+
+
+def facts_as_found(node: RemoteNode, settings: CanopenSettings) -> tuple[NodeIdentity, DriveFacts]:
+    """Identity and facts of a drive as they are; nothing is written."""
     node.drain()
     identity = node.identity()
-    rated = rated_torque_nm(node, settings)
-    return identity, check_parameters(node.sdo, wanted_parameters(settings, BusUnits(settings, rated), rated))
+    wanted = wanted_of(settings, node.sdo.optional(0x6076))
+    return identity, _facts(node, identity, wanted)
+
+
+def _facts(
+    node: RemoteNode,
+    identity: NodeIdentity,
+    wanted: tuple[WantedParameter, ...],
+    refused: frozenset[tuple[int, int]] = frozenset(),
+) -> DriveFacts:
+    return read_facts(node.sdo, identity, (*ASKED, *set_value_places(wanted)), refused)
 
 
 def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
@@ -105,26 +156,50 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     identity = node.identity()
     _refuse_a_running_drive(node)
     node.enter_pre_operational()
-    rated = rated_torque_nm(node, settings)
-    units = BusUnits(settings, rated)
-    wanted = wanted_parameters(settings, units, rated)
-    write_parameters(node.sdo, wanted)
+    rated_mnm = node.sdo.optional(0x6076)
+    wanted = wanted_of(settings, rated_mnm)
+    refused = write_parameters(node.sdo, wanted)
     # The brake closes and the speed is 0 before the telegrams fly: the RPDO repeats both from the first scan on.
-    if settings.brake_owner == "object_60FE":
-        node.sdo.set(0x60FE, 2, 1)
-        node.sdo.set(0x60FE, 1, 1)
+    by_60fe, encoder = settings.brake_owner == "object_60FE", encoder_signal(settings)
+    if by_60fe:
+        _close_the_brake(node)
     node.sdo.set(0x6040, 0, 0)
     node.sdo.set(0x60FF, 0, 0)
-    by_60fe, encoder = settings.brake_owner == "object_60FE", encoder_signal(settings)
-    mapping = configure(node.sdo, node.node, by_60fe, encoder)
+    try:
+        mapping = configure(node.sdo, node.node, by_60fe, encoder)
+    except FixedMapping as fixed:
+        refused |= read_only_of(node.sdo, _TELEGRAMS)
+        found = _facts(node, identity, wanted, refused)
+        raise UnusableDrive(str(fixed), found if _takes_csv(node) else without_csv(found)) from None
     wrong_mode = _select_csv(node)
-    rows = check_parameters(node.sdo, wanted)
-    error = node.sdo.optional(0x603F) or 0
+    found = _facts(node, identity, wanted, refused)
+    if wrong_mode is None:
+        text = f"node {node.node}: 6060 does not take {CSV}: it has no mode CSV"
+        raise UnusableDrive(text, without_csv(found))
+    facts = with_mapped(found, ((s.obj, s.sub) for s in OPTIONAL if s in mapping.refused))
+    rows = compare_parameters(facts, wanted)
     # Some drives answer SDO in PRE-OPERATIONAL only.
     marker = read_restart_marker(node.sdo)
     node.nmt(NmtCommand.START)
-    kept = tuple(p for p, row in zip(wanted, rows, strict=False) if row.verdict is ParameterVerdict.OK)
-    return NodeSetup(identity, units, rows, (*refusals(rows), *wrong_mode), mapping, error, kept, marker)
+    kept = tuple(p for p, row in zip(wanted, rows, strict=True) if row.verdict is ParameterVerdict.OK)
+    return NodeSetup(
+        identity=identity,
+        units=BusUnits(settings, rated_torque_nm(settings, rated_mnm)),
+        rows=rows,
+        refusals=(*refusals(rows), *wrong_mode),
+        mapping=mapping,
+        error_code=facts.value(0x603F) or 0,
+        kept=kept,
+        restart_marker=marker,
+        facts=facts,
+    )
+
+
+def _close_the_brake(node: RemoteNode) -> None:
+    # Not every drive has a mask of its outputs (60FE:02).
+    if node.sdo.optional(0x60FE, 2) is not None:
+        node.sdo.set(0x60FE, 2, 1)
+    node.sdo.set(0x60FE, 1, 1)
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:
@@ -137,14 +212,26 @@ def _refuse_a_running_drive(node: RemoteNode) -> None:
         )
 
 
-def _select_csv(node: RemoteNode) -> tuple[str, ...]:
-    """Write 6060 = 9 and wait until 6061 shows it; a refusal where it does not."""
-    sdo = node.sdo
+def _takes_csv(node: RemoteNode) -> bool:
+    """Write 6060 = 9; False where the drive refuses it."""
     # Written afresh: after a quick stop some drives report Operation enabled and stand until 6060 changes.
     # Not every drive knows mode 0, "no mode".
     with suppress(DeviceError):
-        sdo.set(0x6060, 0, 0)
-    sdo.set(0x6060, 0, CSV)
+        node.sdo.set(0x6060, 0, 0)
+    try:
+        node.sdo.set(0x6060, 0, CSV)
+    except SdoError as refused:
+        if refused.silent:
+            raise
+        return False
+    return True
+
+
+def _select_csv(node: RemoteNode) -> tuple[str, ...] | None:
+    """Write 6060 = 9 and wait until 6061 shows it; a refusal where it does not, None where 6060 does not take it."""
+    sdo = node.sdo
+    if not _takes_csv(node):
+        return None
     waited = 0.0
     while (shown := sdo.number(0x6061)) != CSV and waited < _LAG_S:
         node.listen_for(_STEP_S)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
-from enum import Enum
+from dataclasses import replace
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.drives.od.standard import STANDARD
 from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+from gantryctl.drives.od.verdicts import ParameterRow, ParameterVerdict
 from gantryctl.errors import DeviceError
 from gantryctl.units import r_min_from_rad_s
 
@@ -20,20 +23,6 @@ SYNC_ID: Final = 0x80
 _MASK_ID: Final = 0x7FF
 
 
-class ParameterVerdict(Enum):
-    """Result of the comparison of one parameter."""
-
-    OK = "ok"
-    DIFFERS = "differs"
-    LACKING = "lacking"
-    ACCEPTED = "not in this drive"
-
-    @property
-    def refuses(self) -> bool:
-        """Forbids enabling the axis."""
-        return self in (ParameterVerdict.DIFFERS, ParameterVerdict.LACKING)
-
-
 class WantedParameter(NamedTuple):
     """Parameter and its set value."""
 
@@ -41,28 +30,11 @@ class WantedParameter(NamedTuple):
     sub: int
     value: int
     meaning: str
-    needed: bool = False
-    """A drive without this object is refused."""
     writable: bool = True
+    """The controller writes it; else it is only compared."""
     mask: int = -1
     """Bits that are compared."""
     tolerance: int = 0
-
-
-class ParameterRow(NamedTuple):
-    """Parameter with set value, actual value and verdict."""
-
-    place: str
-    name: str
-    want: str
-    have: str
-    verdict: ParameterVerdict
-    meaning: str
-
-    @property
-    def line(self) -> str:
-        """For a list of refusals."""
-        return f"{self.place} {self.name}: want {self.want}, have {self.have} · {self.meaning}"
 
 
 def wanted_parameters(
@@ -78,8 +50,8 @@ def wanted_parameters(
     quick = units.unsigned_velocity(s.quick_dec_rad_s2)
     # docs/reference/canopen.md gives the reason for each. 6007 = 1 with 605E = 2, not 6007 = 3: with 605A = 6 a quick
     # stop by lost communication would hold the load on a servo whose controller is gone; a fault ramps down, closes
-    # the brake and takes the torque off (decision 0012). Of nine real object dictionaries
-    # none has both 1016 and 1400:05, and five have no 6072: most objects are optional.
+    # the brake and takes the torque off (decision 0012). Of nine real object dictionaries none has both 1016 and
+    # 1400:05, and five have no 6072: what a drive lacks is judged by the ledger.
     return (
         WantedParameter(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
         WantedParameter(0x1006, 0, period_us, "SYNC period, us"),
@@ -102,10 +74,10 @@ def wanted_parameters(
         WantedParameter(0x605D, 0, 1, "halt ramps down (it may have no function in CSV)"),
         WantedParameter(0x1029, 1, 0, "after lost communication the drive leaves OPERATIONAL"),
         WantedParameter(
-            0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2", True
+            0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2"
         ),
         WantedParameter(0x6080, 0, ceiling, "speed ceiling in the drive, r/min", tolerance=1),
-        WantedParameter(0x6072, 0, torque, "torque limit, per mille", True, tolerance=1),
+        WantedParameter(0x6072, 0, torque, "torque limit, per mille", tolerance=1),
         WantedParameter(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
         WantedParameter(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
         WantedParameter(0x608F, 2, 1, "the same, per motor turn", writable=False),
@@ -145,37 +117,87 @@ def interpolation(period_us: int) -> tuple[int, int]:
     raise DeviceError(f"a SYNC period of {period_us} us cannot be told to the drive (60C2)")
 
 
-def check_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> tuple[ParameterRow, ...]:
-    """Compare the drive with the set values; nothing is written."""
-    rows = [compare(parameter, sdo.optional(parameter.obj, parameter.sub)) for parameter in wanted]
-    return (*rows, *_watchdog(rows))
+def set_value_places(wanted: Iterable[WantedParameter]) -> tuple[tuple[int, int], ...]:
+    """Objects whose values decide what the drive does: those that are compared, and the scales of its name plate."""
+    return (*((parameter.obj, parameter.sub) for parameter in wanted), *_PLATE)
 
 
-def _watchdog(rows: Iterable[ParameterRow]) -> tuple[ParameterRow, ...]:
-    """Refusal where nothing stops the axis of a silent controller."""
-    # In CSV the drive ramps nothing: without a watch in the drive the last speed goes on for as long as the motor
-    # turns.
-    have = {row.place for row in rows if row.verdict is ParameterVerdict.OK}
-    if have & {"1016:01", "1400:05"}:
-        return ()
-    text = "nothing in this drive stops the axis of a silent controller: not without a hard-wired watchdog"
-    name = "Consumer heartbeat time or RPDO deadline"
-    return (ParameterRow("1016:01", name, "one of them", "none", ParameterVerdict.LACKING, text),)
+# Rated current and torque, limits of current, gear and feed, motor type, profile velocity: a change of one of them
+# changes what a torque or a speed on the bus means, and nothing here writes them.
+_PLATE: Final = (
+    (0x6075, 0), (0x6076, 0), (0x6073, 0), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6402, 0), (0x607F, 0),
+)  # fmt: skip
 
 
-def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> None:
-    """Write what differs; a refusal shows in the check that follows."""
+def parameter_checksum(facts: DriveFacts, wanted: Iterable[WantedParameter]) -> str:
+    """Checksum of the values that decide what the drive does, as the set-up has left them."""
+    values = {place: facts.value(*place) for place in set_value_places(wanted)}
+    held = [f"{i:04X}:{s:02X}={v}" for (i, s), v in sorted(values.items()) if v is not None]
+    return hashlib.sha256("\n".join(held).encode()).hexdigest()
+
+
+def compare_parameters(facts: DriveFacts, wanted: Iterable[WantedParameter]) -> tuple[ParameterRow, ...]:
+    """Compare what a drive holds with the set values."""
+    return tuple(_compare_fact(facts, parameter) for parameter in wanted)
+
+
+def _compare_fact(facts: DriveFacts, wanted: WantedParameter) -> ParameterRow:
+    fact = facts.objects.get((wanted.obj, wanted.sub))
+    row = compare(wanted, facts.value(wanted.obj, wanted.sub))
+    if fact is None or row.verdict is ParameterVerdict.OK:
+        return row
+    if row.value is None:
+        return row._replace(verdict=ParameterVerdict.UNKNOWN, have="not known")
+    # What is only compared differs whoever may write it; what is written and stays is fixed.
+    if wanted.writable and not fact.takes(wanted.value):
+        return row._replace(verdict=ParameterVerdict.FIXED)
+    return row
+
+
+def as_set_up(facts: DriveFacts, wanted: Iterable[WantedParameter]) -> DriveFacts:
+    """A drive as its set-up would leave it, by an EDS or by what was read before: it holds what it takes.
+
+    A default of an object that only the maker's tool writes is no promise: only the drive can say its value.
+    """
+    objects = dict(facts.objects)
+    for parameter in wanted:
+        place = parameter.obj, parameter.sub
+        fact = objects.get(place)
+        if fact is None:
+            continue
+        if parameter.writable and fact.takes(parameter.value):
+            objects[place] = replace(fact, default=_written(parameter, fact))
+        elif not parameter.writable and fact.writable and parameter.obj in _OF_THE_MOTOR:
+            objects[place] = replace(fact, default=None)
+    return replace(facts, objects=objects)
+
+
+# Encoder increments and motor revolutions: commissioned with the motor by the maker's tool.
+_OF_THE_MOTOR: Final = frozenset({0x608F})
+
+
+def _written(parameter: WantedParameter, fact: ObjectFact) -> int:
+    have = fact.default if isinstance(fact.default, int) else None
+    return have if have is not None and _equal(parameter, have) else parameter.value
+
+
+def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> frozenset[tuple[int, int]]:
+    """Write what differs; return the objects for which the drive takes no value."""
+    refused_by_drive = set()
     for parameter in wanted:
         if not parameter.writable:
             continue
-        have = sdo.optional(parameter.obj, parameter.sub)
-        if have is None or _equal(parameter, have):
-            continue
         try:
+            have = sdo.optional(parameter.obj, parameter.sub)
+            if have is None or _equal(parameter, have):
+                continue
             sdo.set(parameter.obj, parameter.sub, parameter.value)
-        except SdoError as refused:
-            if refused.silent:
+        except DeviceError as refused:
+            # An object of another type than the standard gives it takes no value either: nobody knows what it means.
+            if isinstance(refused, SdoError) and refused.silent:
                 raise
+            refused_by_drive.add((parameter.obj, parameter.sub))
+    return frozenset(refused_by_drive)
 
 
 def refusals(rows: Iterable[ParameterRow]) -> tuple[str, ...]:
@@ -194,12 +216,12 @@ def compare(wanted: WantedParameter, have: int | None) -> ParameterRow:
     known = STANDARD.get((wanted.obj, wanted.sub))
     name = known.name if known is not None else "SI unit velocity"
     if have is None:
-        verdict = ParameterVerdict.LACKING if wanted.needed else ParameterVerdict.ACCEPTED
+        verdict = ParameterVerdict.ABSENT
     else:
         verdict = ParameterVerdict.OK if _equal(wanted, have) else ParameterVerdict.DIFFERS
     place = f"{wanted.obj:04X}:{wanted.sub:02X}"
     seen = "nothing" if have is None else _shown(wanted.obj, have)
-    return ParameterRow(place, name, _shown(wanted.obj, wanted.value), seen, verdict, wanted.meaning)
+    return ParameterRow(place, name, _shown(wanted.obj, wanted.value), seen, verdict, wanted.meaning, have)
 
 
 def _shown(index: int, value: int) -> str:

@@ -9,7 +9,8 @@ from typing import Final
 
 from gantryctl.drives.canopen.bus.requests import SdoRequests
 from gantryctl.drives.canopen.bus.sdo import decode_object
-from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict, WantedParameter, compare
+from gantryctl.drives.canopen.setup.parameter_check import WantedParameter, compare
+from gantryctl.drives.od.verdicts import ParameterVerdict
 
 # Every parameter is read once in this time: about one request every three seconds behind the process data.
 ROUND_S: Final = 60.0

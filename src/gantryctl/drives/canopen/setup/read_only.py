@@ -8,7 +8,7 @@ from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
 from gantryctl.drives.canopen.process_image import Unwrap
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
-from gantryctl.drives.canopen.setup.opening import read_only_check
+from gantryctl.drives.canopen.setup.opening import facts_as_found, parameter_rows
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveFeedback, DriveIdentity, EncoderFlag, LinkHealth, OutputImage
 
@@ -21,7 +21,7 @@ class ReadOnlyDrive(BaseDrive):
         settings: of the drive.
 
     Attributes:
-        who: identity of the node. rows: its parameter check.
+        who: identity of the node. facts: what it has. rows: its parameter check.
 
     Raises:
         DeviceError: the drive does not answer.
@@ -29,7 +29,8 @@ class ReadOnlyDrive(BaseDrive):
 
     def __init__(self, link: BusLink, settings: CanopenSettings) -> None:
         node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
-        self.who, self.rows = read_only_check(node, settings)
+        self.who, self.facts = facts_as_found(node, settings)
+        self.rows = parameter_rows(settings, self.facts)
         self._identity = drive_identity(settings, self.who.text, self.who.key)
         # Only what a question about a standing machine needs: speed, torque and inputs would be from another moment.
         raw = node.sdo.number(0x6064)
