@@ -61,7 +61,6 @@ class Bench:
             Permit(self.axis, JournalHealth(self.words), self.events),
             AlarmView(self.axis.alarms, self.axis.feedback, self.events).acknowledge,
             first_levels(MACHINE, MACHINE.speed.setting_max_deg_s),
-            MACHINE.speed.setting_max_deg_s,
             epoch=EPOCH,
             now=lambda: self.time_s,
             second_person=second_person,

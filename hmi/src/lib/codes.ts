@@ -122,7 +122,8 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'CFG-CAN-01': {"title": "驱动器参数禁止使能", "message": "驱动器参数禁止使能：{parameters}", "cause": "在这些参数下，控制器失效时驱动器不会自行停止轴。", "to_do": "更正驱动器或机器文件中的参数，然后重新启动。"},
   'CFG-CAN-02': {"title": "未调试", "message": "机器未调试：{why}", "cause": "没有该驱动器在此配置下的调试记录：其停止功能未经证明。", "to_do": "用 `gantryctl commission --config FILE` 调试机器。"},
   'CFG-CAN-03': {"title": "未证明控制器静默时停止", "message": "未证明无控制器时停止：{why}", "cause": "驱动器自上次重启以来，尚未证明控制器静默时它会停止轴。", "to_do": "`gantryctl commission --only silence --config FILE` 在静止状态下数秒内证明。"},
-  'CFG-CAN-04': {"title": "缺少安全输入", "message": "既未接线也无人签字接受的安全输入：{inputs}", "cause": "[can.inputs] 中其位为 -1：无论发生什么都视为正常。", "to_do": "接线并填写其位，或由负责人逐项签字接受：`gantryctl commission accept --input INPUT --by NAME --because TEXT --config FILE`。"},
+  'CFG-CAN-04': {"title": "缺少安全特性", "message": "以下特性无任何保障，也无人签字接受：{lacks}", "cause": "安全台账逐项列出每个安全特性由什么保障；[can.inputs] 中位为 -1 的输入无论发生什么都视为正常。", "to_do": "接线或设置所缺部分，或由负责人签字接受：`gantryctl commission accept --lack NAME --by PERSON --because TEXT --config FILE`。"},
+  'CFG-CAN-05': {"title": "驱动器不可用", "message": "该驱动器和机器所缺的特性无可替代：{lacks}", "cause": "调试证明和个人签字都不能代替这些特性。", "to_do": "设置、补充或更换所列部分；购买前可用 `gantryctl eds check FILE --config FILE` 检查驱动器。"},
   'SYS-12': {"title": "先前的停止未确认", "message": "{stopped_by} 在上次运行中使轴停止，尚未确认", "cause": "每次报警停止都会保持轴，直到有人查看，重新启动后也是如此。", "to_do": "查看报警（`gantryctl alarms --last`），然后 `gantryctl reset`。"},
 };
 
@@ -290,6 +291,7 @@ export const WORDS: Record<string, string> = {
   NO_RECORD: "{machine} 没有调试记录：其驱动器未经验证",
   OTHER_DRIVE: "总线上的驱动器为 {drive}，{machine} 调试时为 {proven}",
   CONFIGURATION_CHANGED: "{machine} 于 {date} 调试后配置已改变",
+  STEPS_MISSING: "安全台账尚缺以下步骤的证明：{steps}",
   SILENCE_NOT_PROVEN: "未证明控制器静默时该驱动器会停止轴",
   RESTARTED_SINCE: "驱动器在 {date} 证明控制器静默时会停止轴之后已重新启动",
   STARTED_AGAIN: "{how}；{pause_s:g} 秒后重新启动",

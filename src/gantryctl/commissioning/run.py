@@ -188,7 +188,9 @@ class Commissioning:
         if step.moves and not self._confirm(step):
             return None
         begun = time.monotonic()
-        context = Context(self.machine, self.store, self.folder, self.progress.results, self._as_found, self._say)
+        context = Context(
+            self.machine, self.store, self.folder, self.progress.results, self._as_found, self._say
+        )
         try:
             result = step.run(context)
         # A step that stops the axis has failed; the run ends there and goes on with this step.

@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.commissioning.open_loop_axis import ENABLE, OpenLoopAxis, state_name
 from gantryctl.drives.canopen.cia402 import ENERGISED, decode_statusword
-from gantryctl.drives.canopen.setup.parameter_check import ParameterVerdict
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState, OutputImage
 from gantryctl.machine import Machine

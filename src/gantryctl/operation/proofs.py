@@ -137,7 +137,10 @@ def bus_reasons(
         return found
     record = load_record(record_path(store.directory, machine))
     proof = load_silent_master_proof(silent_master_proof_path(store.directory, machine))
-    why = (why_not_commissioned(machine, record, health.drive_key, rows), why_silence_not_proven(proof, health))
+    why = (
+        why_not_commissioned(machine, record, health.drive_key, rows),
+        why_silence_not_proven(proof, health),
+    )
     return tuple(
         Reason(code, {"why": words}, ClearedBy.COMMISSIONING)
         for code, words in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), why, strict=True)
@@ -190,7 +193,9 @@ def ledger_of(machine: Machine, store: StateStore | None, drive: Drive) -> tuple
     return ledger(machine, facts) if store is None else read_ledger(machine, store.directory, facts)
 
 
-def ledger_reasons(machine: Machine, rows: tuple[LedgerRow, ...], *, real: bool = False) -> tuple[Reason, ...]:
+def ledger_reasons(
+    machine: Machine, rows: tuple[LedgerRow, ...], *, real: bool = False
+) -> tuple[Reason, ...]:
     """The reasons against power by what is lacking and no step of commissioning will show, the gravest first.
 
     A virtual drive hurts nobody: what a person could accept of it counts as accepted.
@@ -204,7 +209,9 @@ def ledger_reasons(machine: Machine, rows: tuple[LedgerRow, ...], *, real: bool 
         found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(missing)}, cleared))
     slowest = machine.speed.setting_min_deg_s
     if speed_max_deg_s(rows) < slowest:
-        limiting = tuple(row for row in rows if row.speed_max_deg_s is not None and row.speed_max_deg_s < slowest)
+        limiting = tuple(
+            row for row in rows if row.speed_max_deg_s is not None and row.speed_max_deg_s < slowest
+        )
         found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(limiting)}, cleared))
     if (real or must_be_proven(machine)) and (open_lacks := lacks(rows)):
         found.append(Reason(Code.CFG_CAN_04, {"lacks": _texts(open_lacks)}, cleared))

@@ -112,6 +112,7 @@ BREAKS = {
     "deadline_outlasts_scans": CAN | {"can.rpdo_deadline_ms": 11.0},
     "answers_fit_a_scan": CAN | {"can.answer_ms": 3.0},
     "position_fits_32_bits": CAN | {"can.increments_per_turn": 2**22},
+    "limit_in_drive_is_that_of_the_machine": CAN | {"can.torque_limit_in_drive_nm": 386.0},
     "truth_is_for_virtual_drives": CAN | {"can.side_channel": "/run/drive.sock"},
     "drive_works_the_brake": CAN | {"brake.owner": "controller_output"},
     "sync_period_fits_60c2": CAN | {"control.scan_period_ms": 2.5},

@@ -28,6 +28,7 @@ UNNOTICED = {
     "plant.load.eccentric_angle_deg": list(FACTORS),  # 0 deg stays 0 deg in every unit
     "control.compensation.latency_us": list(FACTORS),
     "can.inputs.limit_minus": list(FACTORS),  # bit 0
+    "can.torque_limit_in_drive_nm": list(FACTORS),  # 0 = none
     "can.node": [60.0],  # any of 1 to 127
     # Numbers without a unit: a count of stops, and the place of an object.
     "brake.emergency_stops_max": [60.0, 360.0, 1000.0],

@@ -40,7 +40,9 @@ REAL = with_values(VIRTUAL, {"can.interface": "socketcan", "can.channel": "can0"
 
 def facts_of_virtual(machine: Machine = VIRTUAL) -> DriveFacts:
     """The virtual drive as the set-up of a machine leaves it."""
-    drive = canopen_wiring.canopen_drive(with_values(machine, {"can.interface": "simulated", "can.channel": ""}))
+    drive = canopen_wiring.canopen_drive(
+        with_values(machine, {"can.interface": "simulated", "can.channel": ""})
+    )
     drive.close()
     return drive.facts
 
@@ -271,7 +273,10 @@ def test_a_heartbeat_alone_costs_angle_and_limits_the_speed() -> None:
     assert (row.standing, row.by) == (Standing.MADE_UP, "1016:01, step silence")
     assert row.speed_max_deg_s == 5.8
     assert "no 1400:05" in row.detail
-    assert "150 ms, then its ramp: 4.23 deg from 6 deg/s, permitted 4 deg: not faster than 5.8 deg/s" in row.detail
+    assert (
+        "150 ms, then its ramp: 4.23 deg from 6 deg/s, permitted 4 deg: not faster than 5.8 deg/s"
+        in row.detail
+    )
     # 100 ms: 3.93 deg.
     quick = with_values(REAL, {"can.heartbeat_timeout_ms": 100.0})
     row = row_of("stops_without_controller", changed(facts_of_virtual(quick), o1400_5=None), quick)
@@ -409,7 +414,9 @@ def test_a_drive_that_watches_nothing_is_not_even_commissioned(tmp_path: Path) -
     with StateStore(machine, tmp_path) as store:
         said: list[str] = []
         work = Commissioning(machine, store, tmp_path, said.append, lambda step: True)
-        with pytest.raises(CommandRefused, match=r"CFG-CAN-05.*stops_without_controller \(no 1400:05, no 1016:01"):
+        with pytest.raises(
+            CommandRefused, match=r"CFG-CAN-05.*stops_without_controller \(no 1400:05, no 1016:01"
+        ):
             work.start(again=False)
         assert any("stops_without_commands: lacking" in line for line in said)
         with pytest.raises(CommandRefused, match="CFG-CAN-05"):

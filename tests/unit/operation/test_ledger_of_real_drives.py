@@ -26,8 +26,9 @@ pytestmark = pytest.mark.can
 # Has it; made up for; a step is to show it; a name may stand for it; nothing does.
 HAS, MADE, STEP, NAME, NEVER = "has", "made up", "step", "name", "never"
 
-# A row by hand: the objects of the table (configs/drives/objects.csv) against what the machine needs. Torque: 6072, else
-# the limit of the maker's tool, which the delivered machine does not have. `sign` shows what 608F and 60A9 do not.
+# Each row by hand: the objects of the table (configs/drives/objects.csv) against what the machine needs. Without 6072
+# the limit of the maker's tool must be entered, which the delivered machine has not. `sign` shows what 608F and 60A9
+# do not.
 _SILENT: Final = {"stops_without_commands": STEP, "stops_without_controller": STEP, "keeps_brake": STEP}
 _SCALES_BY_SIGN: Final = {"knows_counts": STEP, "knows_speed_unit": STEP}
 _INPUTS_OPEN: Final = dict.fromkeys(
@@ -53,7 +54,7 @@ EXPECTED: Final[dict[str, dict[str, str]]] = {
         **_SILENT, **_SCALES_BY_SIGN, "limits_speed": MADE, "reacts_to_lost_bus": MADE, "tells_its_fault": MADE,
         "knows_rated_torque": MADE, "has_outputs": MADE,
     },
-    # The same with 605B to 605E read-only, right but for 605B, which nothing asks for; 1400:02 stays 255; no 6072, 6077.
+    # 605B to 605E are read-only and right, but for 605B, which nothing asks for; 1400:02 stays 255; no 6072, 6077.
     "Trinamic TMCM-6212 v3.22": {
         **_SILENT, "knows_speed_unit": STEP, "limits_torque": NEVER, "limits_speed": MADE, "reacts_to_lost_bus": MADE,
         "tells_its_fault": MADE, "knows_rated_torque": MADE, "tells_its_torque": MADE, "takes_preload": MADE,

@@ -69,7 +69,11 @@ def commission(
 @commission.command()
 @config_option
 @click.option(
-    "--lack", "lacks", required=True, multiple=True, metavar="NAME",
+    "--lack",
+    "lacks",
+    required=True,
+    multiple=True,
+    metavar="NAME",
     help="Row of the ledger that is lacking: limits_torque, or an input of [can.inputs]; may be given several times.",
 )
 @click.option("--by", required=True, metavar="NAME", help="Who answers for it.")

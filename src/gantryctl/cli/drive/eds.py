@@ -77,7 +77,9 @@ def _delivered(facts: DriveFacts) -> Machine:
     from gantryctl.machine import configs_folder, load_machine, with_values
 
     machine, word = load_machine(configs_folder() / "hust_can.toml"), facts.value(0x60A9)
-    unit = next((name for name, unit in VELOCITY_UNITS.items() if word is not None and unit.si_unit == word), None)
+    unit = next(
+        (name for name, unit in VELOCITY_UNITS.items() if word is not None and unit.si_unit == word), None
+    )
     return machine if unit is None else with_values(machine, {"can.velocity_unit": unit})
 
 

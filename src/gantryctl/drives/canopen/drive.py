@@ -29,11 +29,11 @@ from gantryctl.drives.canopen.cia402 import (
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, open_node, write_restart_marker
-from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.canopen.setup.parameter_watch import ParameterWatch
 from gantryctl.drives.canopen.stop_by_sdo import StopBySdo
 from gantryctl.drives.canopen.supervision import Supervision
 from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import DeviceError
 from gantryctl.image import (
     SAFE_OUTPUT,

@@ -62,7 +62,7 @@ class CanTable(Table):
         0.0,
         0.0,
         10_000.0,
-        "Torque limit set with the maker's tool in a drive without 6072, 0 = none: shown by a pulse when commissioning.",
+        "Torque limit set with the maker's tool, for a drive without 6072, 0 = none; commissioning shows it.",
     )
     inverted: bool = switch(False, "true = the motor's positive direction turns the gantry negative.")
     follows_bit: bool = switch(True, "Bit 12 of 6041 says that the drive follows 60FF.", "standard")

@@ -27,7 +27,9 @@ def csv_row(q: Question) -> LedgerRow:
     facts = q.facts
     missing = ", ".join(f"{index:04X}" for index in _NEEDED if not facts.has(index))
     if missing:
-        return LedgerRow(CSV, Standing.LACKING, "", f"no {missing}: nothing stands in for these in a CSV axis")
+        return LedgerRow(
+            CSV, Standing.LACKING, "", f"no {missing}: nothing stands in for these in a CSV axis"
+        )
     profile = "a drive in a profile mode makes set-points of its own, and nothing here replaces CSV"
     if not facts.objects[0x6060, 0].takes(_CSV_MODE):
         return LedgerRow(CSV, Standing.LACKING, "", f"6060 does not take {_CSV_MODE}, CSV; {profile}")
@@ -76,7 +78,9 @@ def unit_row(q: Question) -> LedgerRow:
     """Unit of 60FF."""
     if q.verdict("60A9:00") is ParameterVerdict.DIFFERS:
         unit = q.machine.can.velocity_unit
-        detail = f'60A9 = {q.parameters["60A9:00"].have}, [can] velocity_unit = "{unit}": one of them is wrong'
+        detail = (
+            f'60A9 = {q.parameters["60A9:00"].have}, [can] velocity_unit = "{unit}": one of them is wrong'
+        )
         return LedgerRow(UNITS, Standing.LACKING, "", detail)
     if q.has("60A9:00"):
         return LedgerRow(UNITS, Standing.OBJECT, "60A9")
@@ -95,10 +99,10 @@ def _by_sign(q: Question, what: str, why: str) -> LedgerRow:
 # Object, property, what makes up for it, and the consequence. What none of these needs is not in the list: of nine real
 # object dictionaries six have no 603F, four no 6077, and 605B, shutdown, is never asked to ramp here.
 _CONSEQUENCES: Final = (
-    (0x1005, 0, "hears_sync", "the answers to SYNC", "80h is taken for its identifier; a drive that does not answer is refused"),
+    (0x1005, 0, "hears_sync", "the answers to SYNC", "80h is taken for it; a drive without an answer is refused"),
     (0x1006, 0, "knows_sync_period", "60C2", "the drive has the period from 60C2, or from SYNC itself"),
     (0x1017, 0, "shows_its_life", "its telegrams", "its loss is seen by missing telegrams, after 30 ms"),
-    (0x1029, 1, "leaves_operational", "step silence", "whether it does so after lost communication is fixed by its maker"),
+    (0x1029, 1, "leaves_operational", "step silence", "what it does after lost communication is fixed by its maker"),
     (0x6007, 0, "reacts_to_lost_bus", "step silence", "its reaction is fixed by its maker: what the step sees"),
     (0x603F, 0, "tells_its_fault", "emergency messages", "a fault without a message has no code"),
     (0x6076, 0, "knows_rated_torque", "[motor] torque_rated_nm", "nothing in the drive confirms the scale of torque"),
@@ -123,7 +127,9 @@ def consequence_rows(q: Question) -> Iterator[LedgerRow]:
         elif fixed:
             yield LedgerRow(what, Standing.MADE_UP, by, f"{q.why_not(place)}: {cost}")
         elif index in _TELEGRAM_ONLY and not fact.mappable:
-            yield LedgerRow(what, Standing.MADE_UP, by, f"{place.removesuffix(':00')} cannot be mapped: {cost}")
+            yield LedgerRow(
+                what, Standing.MADE_UP, by, f"{place.removesuffix(':00')} cannot be mapped: {cost}"
+            )
     if not q.has("605E:00"):
         why = q.why_not("605E:00")
         yield LedgerRow("ramps_fault", Standing.MADE_UP, "the brake", f"{why}: count on torque off and brake")

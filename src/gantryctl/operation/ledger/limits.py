@@ -6,7 +6,12 @@ import math
 from typing import Final
 
 from gantryctl.drives.od.verdicts import ParameterVerdict
-from gantryctl.machine.rules.reaction import driven_acc_deg_s2, silent_angle_deg, silent_speed_max_deg_s
+from gantryctl.machine.rules.reaction import (
+    REACTION_S,
+    driven_acc_deg_s2,
+    silent_angle_deg,
+    silent_speed_max_deg_s,
+)
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM, LedgerRow, Question, Standing
 from gantryctl.operation.ledger.silence import SILENCE_STEP
 from gantryctl.units import DEG_S_PER_R_MIN
@@ -40,7 +45,9 @@ def torque_row(q: Question) -> LedgerRow:
         detail = f"{why}; {entered:g} N m set with the maker's tool"
         return LedgerRow(TORQUE, Standing.PROVEN, f"step {TORQUE_STEP}", detail, TORQUE_STEP)
     # A pulse is held by the brake and reaches a part of its torque: what lies above, nothing shows.
-    open_nm = f"{why}; {entered:g} N m set with the maker's tool, what lies above {shown:.0f} N m is not shown"
+    open_nm = (
+        f"{why}; {entered:g} N m set with the maker's tool, what lies above {shown:.0f} N m is not shown"
+    )
     return LedgerRow(TORQUE, Standing.LACKING, "", open_nm, "", True)
 
 
@@ -65,16 +72,21 @@ def ramp_row(q: Question) -> LedgerRow:
     """Quick-stop ramp: 6085 with 605A, or the drive's own, measured."""
     option = q.value("605A:00")
     if q.has("6085:00") and (q.has("605A:00") or option in _BY_6085):
-        return LedgerRow(RAMP, Standing.OBJECT, "6085, 605A", "" if q.has("605A:00") else q.why_not("605A:00"))
+        return LedgerRow(
+            RAMP, Standing.OBJECT, "6085, 605A", "" if q.has("605A:00") else q.why_not("605A:00")
+        )
     why = q.why_not("6085:00", "605A:00")
     if RAMP_STEP in q.proofs.failed:
         return LedgerRow(RAMP, Standing.LACKING, "", f"{why}; step {RAMP_STEP} has failed", RAMP_STEP)
     dec = q.proofs.measured.get(RAMP_DEG_S2)
     if RAMP_STEP not in q.proofs.passed or dec is None:
-        return LedgerRow(RAMP, Standing.LACKING, "", f"{why}; the drive's own ramp is to be measured", RAMP_STEP)
-    m, reaction_ms = q.machine, 60.0
+        return LedgerRow(
+            RAMP, Standing.LACKING, "", f"{why}; the drive's own ramp is to be measured", RAMP_STEP
+        )
+    m, reaction_ms = q.machine, 1e3 * REACTION_S
     angle = silent_angle_deg(m, reaction_ms, dec_deg_s2=dec)
-    detail = f"{why}; {dec:.2f} deg/s2: {angle:.2f} deg from {m.speed.setting_max_deg_s:g} deg/s with {reaction_ms:g} ms"
+    top = m.speed.setting_max_deg_s
+    detail = f"{why}; {dec:.2f} deg/s2: {angle:.2f} deg from {top:g} deg/s with {reaction_ms:g} ms"
     permitted, fastest = m.axis.stopping_angle_max_deg, None
     if angle > permitted:
         fastest = math.floor(10.0 * silent_speed_max_deg_s(m, reaction_ms, dec_deg_s2=dec)) / 10.0
@@ -89,7 +101,7 @@ def brake_row(q: Question) -> LedgerRow:
         if q.facts.has(0x60FE, 1):
             return LedgerRow(BRAKE, Standing.OBJECT, "60FE:01")
         return LedgerRow(
-            BRAKE, Standing.LACKING, "", 'no 60FE: nobody commands the brake; another [brake] owner does'
+            BRAKE, Standing.LACKING, "", "no 60FE: nobody commands the brake; another [brake] owner does"
         )
     if owner == "controller_output":
         return LedgerRow(BRAKE, Standing.OBJECT, "output of the controller")

@@ -47,9 +47,7 @@ def _row(q: Question, what: str, by: str, delay_ms: float, cost: str = "") -> Le
             what, Standing.LACKING, "", f"{by} is to be proven; {detail}", SILENCE_STEP, False, fastest
         )
     standing = Standing.MADE_UP if cost else Standing.PROVEN
-    return LedgerRow(
-        what, standing, f"{by}, step {SILENCE_STEP}", detail, SILENCE_STEP, False, fastest
-    )
+    return LedgerRow(what, standing, f"{by}, step {SILENCE_STEP}", detail, SILENCE_STEP, False, fastest)
 
 
 def _way(q: Question, delay_ms: float) -> tuple[str, float | None]:
@@ -76,9 +74,13 @@ def ramp_deg_s2(q: Question) -> float:
 
 
 def _by_watchdog(q: Question, what: str) -> LedgerRow:
-    missing = f"{q.why_not(_DEADLINE, _HEARTBEAT)}: the drive goes on at its last speed when its controller is gone"
+    missing = (
+        f"{q.why_not(_DEADLINE, _HEARTBEAT)}: the drive goes on at its last speed when its controller is gone"
+    )
     if WATCHDOG_STEP in q.proofs.failed:
-        return LedgerRow(what, Standing.LACKING, "", f"{missing}; step {WATCHDOG_STEP} has failed", WATCHDOG_STEP)
+        return LedgerRow(
+            what, Standing.LACKING, "", f"{missing}; step {WATCHDOG_STEP} has failed", WATCHDOG_STEP
+        )
     delay_s = q.proofs.measured.get(SILENT_STOP_S)
     if WATCHDOG_STEP not in q.proofs.passed or delay_s is None:
         to_do = "only a watchdog outside of it makes up for that"

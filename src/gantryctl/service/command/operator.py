@@ -39,7 +39,6 @@ class ServiceOperator:
         permit: what stands against power beside the program's alarms.
         acknowledge: marks an alarm row as seen; raises MessageRefused for an unknown one.
         levels: the first ones, see `first_levels`.
-        speed_max_deg_s: highest speed setting in force.
         epoch: the first one.
         now: the monotonic time, s.
         second_person: what one user arms, another one executes.
@@ -59,7 +58,6 @@ class ServiceOperator:
         permit: Permit,
         acknowledge: Callable[[int, Identity], None],
         levels: OperatorCommand,
-        speed_max_deg_s: float,
         *,
         epoch: int,
         now: Callable[[], float] = time.monotonic,
@@ -67,7 +65,9 @@ class ServiceOperator:
     ) -> None:
         self.program, self._inbox, self.permit = program, inbox, permit
         self.events, self._acknowledge = inbox.events, acknowledge
-        self.ranges = rules.setting_ranges(machine, speed_max_deg_s)
+        # Nine digits: 6 deg/s comes back from radians as 6.
+        in_force = round(deg(program.axis.settings.speed.setting_max_rad_s), 9)
+        self.ranges = rules.setting_ranges(machine, min(machine.speed.setting_max_deg_s, in_force))
         self.arming, self.authority = Arming(second_person=second_person), Authority(epoch)
         self.hold = HoldToRun(machine.monitors.lease_ms * 1e-3)
         self.levels, self.shutdown = levels, False

@@ -12,7 +12,9 @@ from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import JournalHealth
 from gantryctl.service.protocol.messages import Identity, MessageRefused
 
-_OF_THE_BUS: Final = frozenset({Code.CFG_CAN_01, Code.CFG_CAN_02, Code.CFG_CAN_03, Code.CFG_CAN_04, Code.CFG_CAN_05})
+_OF_THE_BUS: Final = frozenset(
+    {Code.CFG_CAN_01, Code.CFG_CAN_02, Code.CFG_CAN_03, Code.CFG_CAN_04, Code.CFG_CAN_05}
+)
 
 
 class Permit:

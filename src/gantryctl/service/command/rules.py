@@ -84,7 +84,10 @@ def setting_ranges(machine: Machine, speed_max_deg_s: float) -> dict[str, Settin
 
 
 def first_levels(
-    machine: Machine, speed_max_deg_s: float, speed_rad_s: float | None = None, increment_rad: float | None = None
+    machine: Machine,
+    speed_max_deg_s: float,
+    speed_rad_s: float | None = None,
+    increment_rad: float | None = None,
 ) -> OperatorCommand:
     """Operator levels at the start, with settings of the last run where they still fit the machine."""
     ranges = setting_ranges(machine, speed_max_deg_s)

@@ -87,7 +87,6 @@ class Controller:
                 self.permit,
                 self.alarms.acknowledge,
                 first_levels(machine, opened.speed_max_deg_s, retained.speed_rad_s, retained.increment_rad),
-                opened.speed_max_deg_s,
                 # Epochs start from a random number, so that none of a previous start is met again (decision 0011).
                 epoch=secrets.randbits(40),
                 second_person=second_person,

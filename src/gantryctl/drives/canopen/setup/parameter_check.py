@@ -73,9 +73,7 @@ def wanted_parameters(
         ),
         WantedParameter(0x605D, 0, 1, "halt ramps down (it may have no function in CSV)"),
         WantedParameter(0x1029, 1, 0, "after lost communication the drive leaves OPERATIONAL"),
-        WantedParameter(
-            0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2"
-        ),
+        WantedParameter(0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2"),
         WantedParameter(0x6080, 0, ceiling, "speed ceiling in the drive, r/min", tolerance=1),
         WantedParameter(0x6072, 0, torque, "torque limit, per mille", tolerance=1),
         WantedParameter(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
@@ -181,6 +179,10 @@ def _written(parameter: WantedParameter, fact: ObjectFact) -> int:
     return have if have is not None and _equal(parameter, have) else parameter.value
 
 
+# CiA 301: cannot be written, access not possible, value out of range, too high, too low.
+_TAKES_NONE: Final = (0x0601_0002, 0x0601_0000, 0x0609_0030, 0x0609_0031, 0x0609_0032)
+
+
 def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> frozenset[tuple[int, int]]:
     """Write what differs; return the objects for which the drive takes no value."""
     refused_by_drive = set()
@@ -193,9 +195,12 @@ def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> froze
                 continue
             sdo.set(parameter.obj, parameter.sub, parameter.value)
         except DeviceError as refused:
-            # An object of another type than the standard gives it takes no value either: nobody knows what it means.
             if isinstance(refused, SdoError) and refused.silent:
                 raise
+            # What a drive takes, but not now, it must take: it differs, and is refused. An object of another type than
+            # the standard gives it takes no value either: nobody knows what it means.
+            if isinstance(refused, SdoError) and refused.code not in _TAKES_NONE:
+                continue
             refused_by_drive.add((parameter.obj, parameter.sub))
     return frozenset(refused_by_drive)
 
