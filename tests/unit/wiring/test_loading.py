@@ -13,7 +13,7 @@ import pytest
 import gantryctl.wiring
 
 MODULES_MAX = 190
-"""Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger judged drives."""
+"""Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger came."""
 
 ON_BUS = """
 from gantryctl.service.controller import process
