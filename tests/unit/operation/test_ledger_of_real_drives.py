@@ -37,9 +37,9 @@ _INPUTS_OPEN: Final = dict.fromkeys(
 EXPECTED: Final[dict[str, dict[str, str]]] = {
     # 1016, 605A, 6085, 6080; no 1400:05, 6072, 608F. 60A9 is r/min, and so is the machine file.
     "maxon EPOS4 0x1018": {**_SILENT, "limits_torque": NEVER, "knows_counts": STEP},
-    # 1016; no 605A, 6072, 6077, 60FD, 6080; 60C2 stays at 1 ms.
+    # By its profile it has no CSV. 1016; no 605A, 6072, 6077, 60FD, 6080; 60C2 stays at 1 ms.
     "maxon EPOS2 50/5": {
-        **_SILENT, **_SCALES_BY_SIGN, **_INPUTS_OPEN, "limits_torque": NEVER, "ramps_quick_stop": STEP,
+        "runs_csv": NEVER, **_SILENT, **_SCALES_BY_SIGN, **_INPUTS_OPEN, "limits_torque": NEVER, "ramps_quick_stop": STEP,
         "limits_speed": MADE, "leaves_operational": MADE, "tells_its_fault": MADE, "knows_rated_torque": MADE,
         "tells_its_torque": MADE, "takes_preload": MADE, "has_outputs": MADE, "interpolates": MADE,
     },
@@ -83,7 +83,7 @@ EXPECTED: Final[dict[str, dict[str, str]]] = {
     },
 }  # fmt: skip
 # Drives that no limit of torque entered and no acceptance makes usable.
-REFUSED: Final = {"Faulhaber MCDC 73-A", "e35 example"}
+REFUSED: Final = {"maxon EPOS2 50/5", "Faulhaber MCDC 73-A", "e35 example"}
 _CHANGES: Final[dict[str, dict[str, object]]] = {
     "maxon EPOS4 0x1018": {"can.velocity_unit": "r/min"},
     "Yiyou servo v1.4": {"can.torque_reference": 385.0 / 257.0},

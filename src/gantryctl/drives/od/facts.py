@@ -78,9 +78,9 @@ def facts_of(device: DeviceDescription) -> DriveFacts:
     software = device.entry(0x100A)
     name = None if software is None else _value(software, device.node_id)
     return DriveFacts(
-        info.vendor_number or _plate(device, 1),
-        info.product_number or _plate(device, 2),
-        info.revision_number or _plate(device, 3),
+        _plate(device, 1) or info.vendor_number or 0,
+        _plate(device, 2) or info.product_number or 0,
+        _plate(device, 3) or info.revision_number or 0,
         0,
         name if isinstance(name, str) else "",
         {(entry.index, entry.sub): _fact(entry, device.node_id) for entry in device.entries()},

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
+from gantryctl.drives.profiles import profile_of
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.operation.ledger.rows import LedgerRow, Question, Standing
 
@@ -31,11 +32,15 @@ def csv_row(q: Question) -> LedgerRow:
             CSV, Standing.LACKING, "", f"no {missing}: nothing stands in for these in a CSV axis"
         )
     profile = "a drive in a profile mode makes set-points of its own, and nothing here replaces CSV"
-    if not facts.objects[0x6060, 0].takes(_CSV_MODE):
-        return LedgerRow(CSV, Standing.LACKING, "", f"6060 does not take {_CSV_MODE}, CSV; {profile}")
+    model = profile_of(facts)
+    if model is not None and _CSV_MODE not in model.modes:
+        detail = f"no mode {_CSV_MODE}, CSV, by the profile {model.name}; {profile}"
+        return LedgerRow(CSV, Standing.LACKING, "", detail)
     if q.verdict("6502:00") is ParameterVerdict.DIFFERS:
         detail = f"6502 = {q.parameters['6502:00'].have} has no CSV (bit 8); {profile}"
         return LedgerRow(CSV, Standing.LACKING, "", detail)
+    if not facts.objects[0x6060, 0].takes(_CSV_MODE):
+        return LedgerRow(CSV, Standing.LACKING, "", f"6060 does not take {_CSV_MODE}, CSV; {profile}")
     if facts.has(0x6502):
         return LedgerRow(CSV, Standing.OBJECT, "6502")
     return LedgerRow(CSV, Standing.MADE_UP, "6061", "no 6502; that it shows mode 9, and moves in it, is seen")
