@@ -39,7 +39,8 @@ EXPECTED: Final[dict[str, dict[str, str]]] = {
     "maxon EPOS4 0x1018": {**_SILENT, "limits_torque": NEVER, "knows_counts": STEP},
     # By its profile it has no CSV. 1016; no 605A, 6072, 6077, 60FD, 6080; 60C2 stays at 1 ms.
     "maxon EPOS2 50/5": {
-        "runs_csv": NEVER, **_SILENT, **_SCALES_BY_SIGN, **_INPUTS_OPEN, "limits_torque": NEVER, "ramps_quick_stop": STEP,
+        **_SILENT, **_SCALES_BY_SIGN, **_INPUTS_OPEN, "runs_csv": NEVER, "limits_torque": NEVER,
+        "ramps_quick_stop": STEP,
         "limits_speed": MADE, "leaves_operational": MADE, "tells_its_fault": MADE, "knows_rated_torque": MADE,
         "tells_its_torque": MADE, "takes_preload": MADE, "has_outputs": MADE, "interpolates": MADE,
     },

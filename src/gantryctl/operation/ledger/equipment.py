@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from gantryctl.drives.profiles import profile_of
 from gantryctl.drives.od.verdicts import ParameterVerdict
+from gantryctl.drives.profiles import profile_of
 from gantryctl.operation.ledger.rows import LedgerRow, Question, Standing
 
 CSV: Final = "runs_csv"
