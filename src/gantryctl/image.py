@@ -89,6 +89,10 @@ class LinkFlag(IntFlag):
     """The transmit queue of the interface is full (ENOBUFS): nobody acknowledges, or the bus is held."""
     ERROR_PASSIVE = 524288
     """The controller of the bus has counted so many errors that it only listens to those of others."""
+    IO_LOST = 1048576
+    """The node with digital inputs and outputs is not heard: its inputs show their safe state."""
+    LOAD_ENCODER_LOST = 2097152
+    """The encoder node on the ring is not heard."""
 
 
 class DigitalInputs(NamedTuple):
@@ -313,6 +317,12 @@ class OutputImage(NamedTuple):
     """Brake release command; a drive that owns the brake may ignore it while not enabled."""
     horn: bool = False
     """The load moves, or has moved, without a command: people must leave. Until service resets."""
+    lamp: bool = False
+    """Power is on or goes on: the load may move."""
+    in_position: bool = False
+    """The load stands at its target, within the window."""
+    at_rest: bool = False
+    """The load is commanded to stand, and the motor stands."""
 
 
 SAFE_OUTPUT = OutputImage()

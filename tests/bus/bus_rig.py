@@ -8,14 +8,16 @@ from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.axis.cia402 import State
-from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
+from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.program import AxisState, GantryProgram, Reaction
 from gantryctl.runtime import FixedOperator
 from gantryctl.units import rad
-from gantryctl.wiring.canopen import canopen_drive
+from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.engine import build_engine, build_program
+from gantryctl.wiring.virtual import virtual_bus
 
 MACHINE: Final = load_machine(configs_folder() / "hust_can.toml")
 # Eccentricity that gives 50 kN m, the moment of the check: the reference load has 16 kN m at 8.15 mm.
@@ -65,10 +67,8 @@ class BusRig:
 
     def __init__(self, machine: Machine, angle_deg: float = 0.0) -> None:
         self.machine = machine
-        drive = canopen_drive(machine, angle_deg)
-        assert isinstance(drive, CanopenDrive)
-        assert isinstance(drive.plant, DriveNode)
-        self.drive, self.node = drive, drive.plant
+        link, self.node, self.neighbours = virtual_bus(machine, angle_deg)
+        self.drive = drive = CanopenDrive(link, canopen_settings(machine), self.node).open()
         self.ask = Requests(self.node).answer
         program = build_program(machine, drive, GantryProgram)
         assert isinstance(program, GantryProgram)
@@ -123,6 +123,23 @@ class BusRig:
         self.run(abs(speed_deg_s) / 2.0 + 0.5)
         assert abs(self.ticks[-1].vel_deg_s - speed_deg_s) < 0.2, self.ticks[-1]
         return self
+
+    @property
+    def io(self) -> IoNode:
+        """The I/O node."""
+        assert self.neighbours.io is not None
+        return self.neighbours.io
+
+    @property
+    def ring(self) -> EncoderNode:
+        """The encoder node on the ring."""
+        assert self.neighbours.encoder is not None
+        return self.neighbours.encoder
+
+    @property
+    def levels(self) -> dict[str, bool]:
+        """What the outputs of the controller show, by name."""
+        return self.node.plant.cabinet.levels
 
     # --- on the bus ----------------------------------------------------------------------------------------------
 

@@ -197,14 +197,10 @@ def fall_silent(axis: OpenLoopAxis, silence: Silence, speed_deg_s: float = 0.0) 
 
 def _brake_open(axis: OpenLoopAxis, state: DriveState) -> bool:
     """Contact of the brake, by telegram or SDO; without one what the state means."""
-    drive, process = axis.drive, axis.drive.process
-    bit = drive.settings.inputs.brake_open
-    if bit is None or not process.has_inputs:
-        return state in ENERGISED
-    if not process.inputs_age:
-        return bool(process.inputs()[1])
+    drive = axis.drive
     try:
-        return bool(drive.node.sdo.number(0x60FD) >> bit & 1)
+        contact = drive.beside.ask_brake_contact()
     except DeviceError:
         # What cannot be read is not closed.
         return True
+    return state in ENERGISED if contact is None else contact

@@ -11,7 +11,7 @@ from types import UnionType
 from typing import Any, Final, TypeAlias
 
 from gantryctl.machine.reading import Data, printable
-from gantryctl.machine.rules import axis, can, compensation, monitors, parts, plant, reaction
+from gantryctl.machine.rules import axis, can, compensation, monitors, nodes, parts, plant, reaction
 from gantryctl.machine.rules.book import REGISTERED, Limit, Rule, violations
 from gantryctl.machine.specs import FieldSpec, field_specs, table_models, value_at
 from gantryctl.machine.tables.fields import Table
@@ -47,7 +47,9 @@ _FACTORS: Final = {
 
 
 # In the order of the reference page and of the messages, whatever order the chapters are imported in.
-_CHAPTERS: Final = [module.__name__ for module in (axis, parts, monitors, reaction, can, plant, compensation)]
+_CHAPTERS: Final = [
+    module.__name__ for module in (axis, parts, monitors, reaction, can, nodes, plant, compensation)
+]
 
 RULES: Final[tuple[Rule, ...]] = tuple(
     sorted(REGISTERED, key=lambda rule: _CHAPTERS.index(rule.check.__module__))

@@ -30,6 +30,8 @@ _LINK_CODES: Final[tuple[tuple[LinkFlag, Code, Words | None], ...]] = (
     (LinkFlag.NOT_OPERATIONAL, Code.CAN_13, None),
     (LinkFlag.OTHER_MASTER, Code.CAN_12, None),
     (LinkFlag.TWO_SENDERS, Code.CAN_14, None),
+    (LinkFlag.IO_LOST, Code.CAN_16, Words.IO_NODE),
+    (LinkFlag.LOAD_ENCODER_LOST, Code.CAN_16, Words.LOAD_ENCODER_NODE),
     (LinkFlag.WRONG_MODE, Code.DRV_06, None),
     (LinkFlag.STALE_TARGET, Code.DRV_08, None),
     (LinkFlag.LOCAL_CONTROL, Code.DRV_05, Words.LOCAL_CONTROL),

@@ -10,12 +10,20 @@ from gantryctl.drives.canopen.bus.interface import InterfaceCounters
 from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, open_bus
 from gantryctl.drives.canopen.bus.lock import DriveLock
 from gantryctl.drives.canopen.drive import CanopenDrive
-from gantryctl.drives.canopen.settings import CanopenSettings, EncoderStatus, InputBits
+from gantryctl.drives.canopen.settings import (
+    CanopenSettings,
+    EncoderStatus,
+    InputBits,
+    IoNodeSettings,
+    LoadEncoderSettings,
+    OutputBits,
+)
 from gantryctl.drives.canopen.setup.opening import checksum_of, facts_as_set_up, parameter_rows
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine
+from gantryctl.machine.tables.fields import Table
 from gantryctl.ports import Drive
 from gantryctl.units import rad
 from gantryctl.wiring.bus_log import link_log
@@ -27,7 +35,6 @@ _STEPPED_ANSWER_S: Final = 1.0
 def canopen_settings(machine: Machine) -> CanopenSettings:
     """Settings of the master; reads nothing of [plant]."""
     c, motor, ratio = machine.can, machine.motor, machine.axis.ratio
-    bits = {name: None if bit < 0 else bit for name, bit in c.inputs.model_dump().items()}
     answer_s = c.answer_ms * 1e-3
     if c.simulated:
         # A virtual drive in this process has answered when `send` returns.
@@ -47,7 +54,7 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2) * ratio,
         speed_ceiling_rad_s=rad(machine.speed.drive_ceiling_deg_s) * ratio,
         inverted=c.inverted,
-        brake_owner="object_60FE" if machine.brake.owner == "object_60FE" else "drive",
+        brake_owner=machine.brake.owner,
         brake_close_s=machine.brake.close_time_ms * 1e-3,
         heartbeat_s=c.heartbeat_ms * 1e-3,
         heartbeat_timeout_s=c.heartbeat_timeout_ms * 1e-3,
@@ -57,9 +64,33 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         follows_bit=c.follows_bit,
         remote_bit=c.remote_bit,
         bitrate=c.bitrate,
-        inputs=InputBits(**bits),
+        inputs=InputBits(**_bits(c.inputs)),
         encoder=EncoderStatus(*c.encoder.model_dump().values()),
+        outputs=OutputBits(**_bits(c.outputs)),
+        io=_io_node(machine),
+        load_encoder=_load_encoder(machine),
+        watchdog_s=c.watchdog_ms * 1e-3,
     )
+
+
+def _bits(table: Table) -> dict[str, int | None]:
+    """Bits by name; None for what is not wired."""
+    return {name: None if bit < 0 else bit for name, bit in table.model_dump().items()}
+
+
+def _io_node(machine: Machine) -> IoNodeSettings | None:
+    io = machine.can.io
+    if not io.node:
+        return None
+    return IoNodeSettings(io.node, InputBits(**_bits(io.inputs)), OutputBits(**_bits(io.outputs)))
+
+
+def _load_encoder(machine: Machine) -> LoadEncoderSettings | None:
+    e = machine.can.load_encoder
+    if e.source == "none":
+        return None
+    node = e.node if e.source == "node" else None
+    return LoadEncoderSettings(node, e.counts_per_turn, e.zero_counts, e.inverted)
 
 
 def can_link(machine: Machine) -> BusLink:

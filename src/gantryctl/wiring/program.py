@@ -131,7 +131,7 @@ def untestable(machine: Machine, torque_preload: bool = True) -> Words | Said | 
     # command.
     if not machine.on_bus:
         return None
-    if machine.brake.owner != "object_60FE":
+    if machine.brake.owner == "drive":
         return Words.DRIVE_OWNS_BRAKE(owner=machine.brake.owner)
     if not torque_preload:
         return Words.NO_TORQUE_INPUT

@@ -176,11 +176,14 @@ def gantry_sim(
 
 def fit_load_encoder(machine: Machine, sim: _core.GantrySim) -> None:
     """Put the encoder of [plant.load_encoder] on the simulated ring, zeroed at 0 deg."""
+    sim.fit_load_encoder(*ring_encoder(machine))
+
+
+def ring_encoder(machine: Machine) -> tuple[float, float, float, tuple[tuple[float, float, float], ...]]:
+    """Encoder of [plant.load_encoder]: step and noise in rad, latency in s, terms of its scale error."""
     encoder = machine.plant.load_encoder
-    scale = [(waves, gain * encoder.scale_error_rad, phase) for waves, gain, phase in SCALE_TERMS]
-    sim.fit_load_encoder(
-        2.0 * math.pi / 2.0**encoder.bits, encoder.noise_rad, encoder.latency_us * 1e-6, scale
-    )
+    scale = tuple((waves, gain * encoder.scale_error_rad, phase) for waves, gain, phase in SCALE_TERMS)
+    return 2.0 * math.pi / 2.0**encoder.bits, encoder.noise_rad, encoder.latency_us * 1e-6, scale
 
 
 def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:

@@ -13,13 +13,14 @@ from gantryctl.drives.profiles import profile_of_table
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.group import Neighbours, group_of
 from gantryctl.drives.virtual.personality import PLAIN_MODES, Personality, personality
 from gantryctl.drives.virtual.side_channel.control import ControlClient, RemotePlant
-from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, configs_folder
 from gantryctl.units import DriveVelocityUnit, rad, rad_s_from_r_min
 from gantryctl.wiring.bus_log import link_log
 from gantryctl.wiring.simulator import drive_params, plant_params
+from gantryctl.wiring.virtual_nodes import load_encoder, virtual_neighbours, watchdog_s, wired
 
 if TYPE_CHECKING:
     from gantryctl.drives.canopen.bus.link import BusLink
@@ -29,17 +30,7 @@ TABLE_ENDINGS: Final = (".eds", ".dcf", ".csv")
 
 
 def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
-    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed.
-
-    Raises:
-        UsageError: an output of the controller works the brake, and no wire leads from it to a virtual drive.
-    """
-    owner = machine.brake.owner
-    if owner == "controller_output":
-        raise UsageError(
-            '[brake] owner = "controller_output": there is no wire from a controller to a virtual drive; '
-            'use "drive" or "object_60FE"'
-        )
+    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed."""
     motor, encoder, ratio = machine.motor, machine.encoder, machine.axis.ratio
     return Hardware(
         plant=plant_params(machine),
@@ -59,7 +50,10 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
         brake_open_s=machine.brake.open_time_ms * 1e-3,
         brake_close_s=machine.brake.close_time_ms * 1e-3,
         limit_switch_rad=rad(machine.axis.limit_switch_deg),
-        brake_owner=owner,
+        brake_owner=machine.brake.owner,
+        output_bits=tuple(wired(machine.can.outputs).items()),
+        watchdog_s=watchdog_s(machine),
+        load_encoder=load_encoder(machine),
         start_angle_rad=start_angle_rad,
         encoder_serial=f"SIM-{machine.name}",
     )
@@ -128,7 +122,18 @@ def virtual_node(
     state: Mapping[str, float] | None = None,
     quirks: Sequence[str] = (),
 ) -> tuple[BusLink, DriveNode]:
-    """Bus and booted virtual drive in this process.
+    """Bus and booted virtual drive in this process; the arguments of `virtual_bus`."""
+    link, drive, _ = virtual_bus(machine, angle_deg, state, quirks)
+    return link, drive
+
+
+def virtual_bus(
+    machine: Machine,
+    angle_deg: float = 0.0,
+    state: Mapping[str, float] | None = None,
+    quirks: Sequence[str] = (),
+) -> tuple[BusLink, DriveNode, Neighbours]:
+    """Bus in this process with a booted virtual drive and the nodes beside it.
 
     Args:
         angle_deg: angle of the standing gantry.
@@ -142,7 +147,7 @@ def virtual_node(
     from gantryctl.drives.canopen.bus.link import BusLink
 
     bus = DirectBus()
-    node = DriveNode(
+    drive = DriveNode(
         drive_hardware(machine, rad(angle_deg)),
         machine.can.node,
         bus.deliver,
@@ -150,22 +155,24 @@ def virtual_node(
         stepped=True,
     )
     if state is not None:
-        node.plant.restore(state)
-    bus.attach(node)
-    node.boot()
+        drive.plant.restore(state)
+    neighbours = virtual_neighbours(machine, drive, bus.deliver)
+    nodes = group_of(drive, neighbours)
+    bus.attach(nodes)
+    nodes.boot()
     log = link_log("simulated", virtual=True)
 
     # The link knows the time that it waits; SYNC lets that of the drive go on too.
     def timed(_: float, can_id: int, data: bytes, sent: bool) -> None:
         if log is not None:
-            log(node.time_us * 1e-6, can_id, data, sent)
+            log(nodes.time_us * 1e-6, can_id, data, sent)
 
     link = BusLink(
         bus,
-        advance=lambda seconds: node.advance(round(seconds * 1e6)),
+        advance=lambda seconds: nodes.advance(round(seconds * 1e6)),
         log=None if log is None else timed,
     )
-    return link, node
+    return link, drive, neighbours
 
 
 def remote_plant(machine: Machine) -> RemotePlant:

@@ -10,6 +10,8 @@ from gantryctl.drives.faults import Faults
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.drives.virtual.axis.plant import DrivePlant, StageMode
 from gantryctl.drives.virtual.loop import DirectBus
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.group import NodeGroup
 from gantryctl.image import DriveState, InputImage, OutputImage
 from gantryctl.program import AxisProgram
 from gantryctl.runtime import Engine
@@ -230,6 +232,11 @@ def _bus_write(original: Callable[..., None]) -> Callable[..., None]:
     return write
 
 
+def _drive_of(end: DriveNode | NodeGroup) -> tuple[DriveNode, tuple[int, ...]]:
+    """The drive at the end of a bus, and the ids of all nodes there."""
+    return (end.drive, end.node_ids) if isinstance(end, NodeGroup) else (end, (end.node_id,))
+
+
 def _bus_send(original: Callable[..., None]) -> Callable[..., None]:
     def send(bus: DirectBus, message: Any, timeout: float | None = None) -> None:
         oracle, node = _Now.oracle, bus._node
@@ -237,8 +244,9 @@ def _bus_send(original: Callable[..., None]) -> Callable[..., None]:
             can_id = message.arbitration_id
             function, number = can_id & 0x780, can_id & 0x7F
             # A master has a number of its own for its heartbeat.
-            own = function in _TO_NODE if number == node.node_id else function == _HEARTBEAT
-            axis = oracle.axes.get(id(node.plant))
+            drive, ids = _drive_of(node)
+            own = function in _TO_NODE if number in ids else function == _HEARTBEAT
+            axis = oracle.axes.get(id(drive.plant))
             if axis is not None and axis.bound and not (own or can_id in _BROADCAST):
                 axis.say("INV-4", f"a frame of the controller with the identifier {can_id:03X}h")
         original(bus, message, timeout)

@@ -32,6 +32,10 @@ UNNOTICED = {
     "can.node": [60.0],  # any of 1 to 127
     # Numbers without a unit: a count of stops, and the place of an object.
     "brake.emergency_stops_max": [60.0, 360.0, 1000.0],
+    "can.io.node": list(FACTORS),  # 0: there is none
+    "can.load_encoder.node": list(FACTORS),
+    "can.load_encoder.counts_per_turn": [60.0],
+    "can.load_encoder.zero_counts": list(FACTORS),
     "can.encoder.index": list(FACTORS),
     "can.encoder.sub": list(FACTORS),
 }

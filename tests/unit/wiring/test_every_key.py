@@ -16,7 +16,13 @@ from typing import Any, NamedTuple
 import pytest
 
 from gantryctl import _core
-from gantryctl.drives.canopen.settings import EncoderStatus, InputBits
+from gantryctl.drives.canopen.settings import (
+    EncoderStatus,
+    InputBits,
+    IoNodeSettings,
+    LoadEncoderSettings,
+    OutputBits,
+)
 from gantryctl.machine import Machine, default_machine, field_specs
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.wiring import compensation
@@ -136,7 +142,10 @@ def quantum(m: Machine) -> float:
 
 
 def bit(m: Machine, name: str) -> int | None:
-    number = getattr(m.can.inputs, name)
+    return in_use(getattr(m.can.inputs, name))
+
+
+def in_use(number: int) -> int | None:
     return None if number < 0 else number
 
 
@@ -301,9 +310,25 @@ ROWS: dict[str, Row] = {
         f"can.inputs.{name}": {f"bus.inputs.{name}": lambda m, name=name: bit(m, name)}
         for name in (
             "estop_ok", "enabling_switch", "mains_ready", "brake_open", "limit_minus", "limit_plus",
-            "collision_ok", "door_ok", "estop_ok_2",
+            "collision_ok", "door_ok", "estop_ok_2", "watchdog_closed",
         )
     },
+    "can.watchdog_ms": {"bus.watchdog_s": MS},
+    **{
+        f"can.{where}.{name}": {
+            f"bus.{where}.{name}": lambda m, place=f"can.{where}.{name}": in_use(value_of(m, place))
+        }
+        for where, names in (
+            ("outputs", OutputBits._fields), ("io.outputs", OutputBits._fields), ("io.inputs", InputBits._fields),
+        )
+        for name in names
+    },
+    "can.io.node": {"bus.io.node": 1.0},
+    "can.load_encoder.source": {"bus.load_encoder.node": lambda _: None},
+    "can.load_encoder.node": {"bus.load_encoder.node": 1.0},
+    "can.load_encoder.counts_per_turn": {"bus.load_encoder.counts_per_turn": 1.0},
+    "can.load_encoder.zero_counts": {"bus.load_encoder.zero_counts": 1.0},
+    "can.load_encoder.inverted": {"bus.load_encoder.inverted": 1.0},
     # --- monitors
     "monitors.following_error_base_deg": {"program.monitors.following_error_base_rad": DEG},
     "monitors.following_error_per_speed_s": {"program.monitors.following_error_per_speed_s": 1.0},
@@ -466,6 +491,7 @@ CHANGED: dict[str, Any] = {
     "control.scan_period_ms": 2.0,
     "drive.speed_loop.cycle_us": 250.0,
     "can.interface": "simulated",
+    "can.load_encoder.source": "60E4",
     "can.velocity_unit": "0.1 r/min",
     "monitors.door_reaction": "quick_stop",
     "plant.integration.scheme": "rk4",
@@ -508,6 +534,8 @@ def another(path: str, value: Any) -> Any:
 
 # On a bus, where the program knows who owns the brake, and a real one, where answers are waited for.
 MACHINE = with_key(with_key(default_machine(), "drive.kind", "canopen"), "can.interface", "socketcan")
+# With nodes beside the drive.
+MACHINE = with_key(with_key(MACHINE, "can.io.node", 3), "can.load_encoder.source", "node")
 
 
 class Given(NamedTuple):
@@ -521,7 +549,7 @@ def flat(prefix: str, given: Any) -> dict[str, Any]:
     """Settings by dotted name."""
     if is_dataclass(given):
         pairs = [(each.name, getattr(given, each.name)) for each in fields(given)]
-    elif isinstance(given, InputBits | EncoderStatus):
+    elif isinstance(given, InputBits | EncoderStatus | OutputBits | IoNodeSettings | LoadEncoderSettings):
         pairs = list(given._asdict().items())
     elif type(given).__module__.startswith("gantryctl._core"):
         pairs = [

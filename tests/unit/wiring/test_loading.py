@@ -13,7 +13,8 @@ import pytest
 import gantryctl.wiring
 
 MODULES_MAX = 190
-"""Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger came."""
+"""Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger and the
+nodes beside the drive came."""
 
 ON_BUS = """
 from gantryctl.service.controller import process

@@ -1,4 +1,4 @@
-"""Brake control of a CANopen axis: by object 60FE, or by the state machine of a drive that owns its brake."""
+"""Brake control of a CANopen axis: by an output, or by the state machine of a drive that owns its brake."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.image import DriveRequest, DriveState
 
 _ENABLED: Final = DriveState.OPERATION_ENABLED
-# 60FE, bit 0 (CiA 402): set the brake.
-_SET_BRAKE: Final = 1
 # Beyond the closing time of the machine file; after that the torque goes off whether the drive has followed or not.
 _RESERVE_S: Final = 0.2
 
@@ -26,18 +24,18 @@ class BrakeControl:
     """
 
     def __init__(self, settings: CanopenSettings) -> None:
-        self._by_60fe = settings.brake_owner == "object_60FE"
+        self._by_output = settings.brake_owner != "drive"
         self._most = round((settings.brake_close_s + _RESERVE_S) / settings.period_s)
         self._close = round(settings.brake_close_s / settings.period_s)
         self._was_released = False
-        self._closing = self._close if self._by_60fe else 0
+        self._closing = self._close if self._by_output else 0
         self._closed_in_order = False
         self.released = False
-        """Release command for 60FE; always False for a brake that the drive owns."""
+        """Release command for the output; always False for a brake that the drive owns."""
 
     def word(self, word: int, state: DriveState, request: DriveRequest, brake_open: bool) -> int:
         """Controlword with an orderly way down where the drive owns the brake."""
-        if self._by_60fe:
+        if self._by_output:
             self.released = brake_open and state in TURNING
             self._closing = 0 if self.released else self._closing + 1
             return word
@@ -57,13 +55,8 @@ class BrakeControl:
         self._closed_in_order = request is DriveRequest.ENABLE
         return DISABLE_OPERATION
 
-    @property
-    def output(self) -> int:
-        """Value for 60FE:01."""
-        return 0 if self.released else _SET_BRAKE
-
     def is_open(self, state: DriveState, contact: bool | None) -> bool:
         """State of the brake contact; without one, what the brake must have done by its closing time."""
         if contact is not None:
             return contact
-        return self._closing < self._close if self._by_60fe else state in TURNING
+        return self._closing < self._close if self._by_output else state in TURNING

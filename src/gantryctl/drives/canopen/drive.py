@@ -26,6 +26,7 @@ from gantryctl.drives.canopen.cia402 import (
     decode_statusword,
     next_controlword,
 )
+from gantryctl.drives.canopen.nodes.neighbours import Neighbours
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import RESTART_MARKERS, NodeSetup, open_node, write_restart_marker
@@ -81,6 +82,7 @@ class CanopenDrive:
 
     Attributes:
         node: NMT, SDO, emergency messages.
+        beside: other nodes on the same SYNC; inputs, outputs, the encoder on the ring.
         requests: SDO behind the process data.
         opened: identity, parameter check and mapping; after `open`.
         parameter_watch: the same parameters, read again while the axis runs.
@@ -91,6 +93,7 @@ class CanopenDrive:
     def __init__(self, link: BusLink, settings: CanopenSettings, plant: SimulatedPlant | None = None) -> None:
         self.link, self.settings, self.plant = link, settings, plant
         self.node = RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s)
+        self.beside = Neighbours(self.node, settings, lambda: self.process.in_time)
         self.silent_process_data = self.silent_heartbeat = False
         self.scan = self._heartbeat_due = 0
         self.commanded = self._due = self._closed = False
@@ -120,7 +123,10 @@ class CanopenDrive:
         """Begin with what was found and written; forget every earlier connection."""
         settings, node = self.settings, self.node
         self.opened = opened
-        self.process = ProcessImage(node, settings, opened.units, opened.mapping, before)
+        self.beside.open()
+        self.process = ProcessImage(
+            node, settings, opened.units, opened.mapping, self.beside.watches, before
+        )  # fmt: skip
         self.requests = SdoRequests(node)
         self.parameter_watch = ParameterWatch(self.requests, opened.kept, settings.period_s)
         self._stop_by_sdo = StopBySdo(node, self.requests, settings)
@@ -140,7 +146,7 @@ class CanopenDrive:
     @property
     def lost(self) -> bool:
         """Connection lost or something changed in the drive: only a new set-up makes it usable again."""
-        return bool(self._flags & _CHANGED) or bool(self.parameter_watch.differs)
+        return bool(self._flags & _CHANGED or self.parameter_watch.differs) or self.beside.changed
 
     def set_up_again(self) -> None:
         """Set a lost drive up on the same bus, with power off and between two scans; nothing moves.
@@ -168,6 +174,7 @@ class CanopenDrive:
                 f"node {self.settings.node} does not answer SYNC with its process data: is it OPERATIONAL, and is "
                 "1005 = 80h?"
             )
+        self.beside.check_answers()
         self._last = self._feedback()
 
     def resume(self) -> None:
@@ -186,6 +193,7 @@ class CanopenDrive:
         self.node.nmt(NmtCommand.START)
         self.node.state, self._flags, self.commanded = None, LinkFlag.NONE, False
         self.process.forget()
+        self.beside.resume()
         self._first_answer()
 
     def look(self) -> DriveFeedback:
@@ -249,15 +257,17 @@ class CanopenDrive:
         vel = output.vel_cmd_rad_s if enabled else 0.0
         torque = output.torque_ff_nm if state in _TORQUE_TAKEN else 0.0
         if not self.silent_process_data:
-            brake = self._brake.output
+            well = not self._flags & LOST
+            self.beside.send(output, self._brake.released, well)
+            outputs = self.beside.outputs.drive_word
             # Behind one missing SYNC answer there may be a drive that takes no commands either.
             if self.silent_heartbeat:
                 pass  # a proof: what the drive does is its own doing
             elif self._flags & LOST or self.process.silence >= _SILENT_SCANS:
-                self._stop_by_sdo.scan(word, brake, self._passed)
+                self._stop_by_sdo.scan(word, outputs, self._passed)
             else:
                 self._stop_by_sdo.forget()
-            self.process.send(word, vel, torque, brake)
+            self.process.send(word, vel, torque, outputs)
             # A fault without EMCY, and without 603F in a telegram, is completed by an SDO read of 603F (decision
             # 0012).
             unknown = state in _IN_FAULT and not (self.process.error_code or self.node.emergencies.code)
@@ -289,6 +299,7 @@ class CanopenDrive:
             node.listen_for(self.settings.period_s)
             return
         process.begin(periods)
+        self.beside.begin(periods)
         node.sync()
         self._spread_scans = self._spread(periods)
         process.collect(answer_s)
@@ -317,7 +328,9 @@ class CanopenDrive:
         status = process.statusword
         # Of a drive that is lost only what it has said by SDO since counts.
         state = self._stop_by_sdo.state if flags & LOST else self._shown(decode_statusword(status), status)
-        inputs, brake = process.inputs()
+        # While the axis turns the alarm of a lost node stops it on its ramp; what its inputs show then is not known.
+        inputs = self.beside.read_inputs(process.input_word, keep=state in ENERGISED)
+        brake = self.beside.brake_contact()
         brake_open = self._brake.is_open(state, brake)
         code = process.error_code or self.node.emergencies.code or self.parameter_watch.error_code
         return DriveFeedback(
@@ -333,6 +346,7 @@ class CanopenDrive:
             bool(status & WARNING),
             process.age,
             inputs,
+            self.beside.ring_rad(process),
             link=flags,
             changed="" if flags & LOST else self.parameter_watch.line,
             speed_age_scans=process.speed_age,
@@ -356,6 +370,7 @@ class CanopenDrive:
         flags = connection_flags(
             self.node, self._flags, commanded=self.commanded, timeout_scans=self._heartbeat_timeout
         )
+        flags |= self.beside.flags(self.commanded)
         if self.commanded:
             status = self.process.statusword
             flags |= self._supervision.flags(self.scan, decode_statusword(status), status, self._request)
@@ -431,6 +446,7 @@ class CanopenDrive:
 
     def _take_the_watch_off(self) -> None:
         """Stop process data and the drive's heartbeat consumer (1016): silence is no fault any more."""
+        self.beside.release()
         self.node.enter_pre_operational()
         if self.node.sdo.optional(0x1016, 1):
             self.node.sdo.set(0x1016, 1, 0)

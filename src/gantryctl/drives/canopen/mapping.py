@@ -15,6 +15,8 @@ _ON_ARRIVAL: Final = (254, 255)
 _INVALID: Final = 0x8000_0000
 _NO_RTR: Final = 0x4000_0000
 _PDOS: Final = 4
+_NO_AXIS: Final = "CSV axis"
+_WITHOUT: Final = {0x60E4: "encoder on the ring: correct [can.load_encoder] source"}
 
 
 class Signal(NamedTuple):
@@ -35,11 +37,14 @@ CONTROLWORD: Final = Signal(0x6040, 0, 16, False)
 TARGET_VELOCITY: Final = Signal(0x60FF, 0, 32, True)
 TORQUE_OFFSET: Final = Signal(0x60B2, 0, 16, True)
 OUTPUTS: Final = Signal(0x60FE, 1, 32, False)
+# 60FE, bit 0 (CiA 402): set the brake.
+SET_BRAKE: Final = 1
 STATUSWORD: Final = Signal(0x6041, 0, 16, False)
 POSITION: Final = Signal(0x6064, 0, 32, True)
 VELOCITY: Final = Signal(0x606C, 0, 32, True)
 TORQUE: Final = Signal(0x6077, 0, 16, True)
 INPUTS: Final = Signal(0x60FD, 0, 32, False)
+RING_POSITION: Final = Signal(0x60E4, 1, 32, True)
 ERROR: Final = Signal(0x603F, 0, 16, False)
 OPTIONAL: Final = (TORQUE_OFFSET, VELOCITY, TORQUE, INPUTS, ERROR)
 
@@ -52,6 +57,15 @@ def encoder_signal(settings: CanopenSettings) -> Signal | None:
     """Object for the status of the encoder; None where the drive has none."""
     status = settings.encoder
     return None if status.obj == 0 else Signal(status.obj, status.sub, 8 * status.length, False)
+
+
+def extra_signals(settings: CanopenSettings) -> tuple[Signal, ...]:
+    """Objects of the third telegram: what the machine file asks for beyond a CSV axis."""
+    status, ring = encoder_signal(settings), settings.load_encoder
+    return (
+        *(() if status is None else (status,)),
+        *((RING_POSITION,) if ring is not None and ring.node is None else ()),
+    )
 
 
 class Pdo(NamedTuple):
@@ -80,21 +94,26 @@ class Mapping(NamedTuple):
         return frozenset(signal for pdo in (*self.rpdos, *self.tpdos) for signal in pdo.signals)
 
 
-def plan_mapping(present: frozenset[Signal], brake_by_60fe: bool, encoder: Signal | None = None) -> Mapping:
-    """Telegrams for the objects that a drive has; `encoder`: the maker's own object for the encoder's status."""
+def plan_mapping(present: frozenset[Signal], outputs: bool, extra: tuple[Signal, ...] = ()) -> Mapping:
+    """Telegrams for the objects that a drive has.
+
+    Args:
+        outputs: bits of 60FE are used.
+        extra: what the machine file asks for: the encoder's status, the position of a second encoder.
+    """
     # Two TPDOs have 16 bytes; 6041, 6064, 606C, 6077, 603F and 60FD need 18. Inputs are worth more than 603F: the
     # error code comes by EMCY, and a fault without one is asked for 603F (decision 0012).
     first = [CONTROLWORD, TARGET_VELOCITY, *_those(present, TORQUE_OFFSET)]
     rpdos = [Pdo(0, tuple(first))]
-    if brake_by_60fe:
+    if outputs:
         rpdos.append(Pdo(1, (OUTPUTS,)))
     status = [STATUSWORD, POSITION, *_those(present, TORQUE)]
     second = _those(present, VELOCITY, INPUTS if INPUTS in present else ERROR)
     if INPUTS in present and VELOCITY not in present:
         second += _those(present, ERROR)
     tpdos = [Pdo(0, tuple(status)), *([Pdo(1, tuple(second))] if second else [])]
-    if encoder is not None:
-        tpdos.append(Pdo(len(tpdos), (encoder,)))
+    if extra:
+        tpdos.append(Pdo(len(tpdos), extra))
     return Mapping(tuple(rpdos), tuple(tpdos))
 
 
@@ -102,7 +121,7 @@ def _those(present: frozenset[Signal], *wanted: Signal) -> list[Signal]:
     return [signal for signal in wanted if signal in present]
 
 
-def configure(sdo: SdoClient, node: int, brake_by_60fe: bool, encoder: Signal | None = None) -> Mapping:
+def configure(sdo: SdoClient, node: int, outputs: bool, extra: tuple[Signal, ...] = ()) -> Mapping:
     """Write the mapping in PRE-OPERATIONAL, read it back and return it; leave out what the drive cannot map.
 
     Raises:
@@ -116,9 +135,9 @@ def configure(sdo: SdoClient, node: int, brake_by_60fe: bool, encoder: Signal | 
     # 60B2 has 32 bits in one real drive, where the standard gives it 16.
     unmapped = frozenset(signal for signal, bits in sizes.items() if bits and bits != signal.bits)
     while True:
-        plan = plan_mapping(present, brake_by_60fe, encoder)
+        plan = plan_mapping(present, outputs, extra)
         try:
-            refused = _write(sdo, node, plan)
+            refused = write_mapping(sdo, node, plan)
         except SdoError as fixed:
             if fixed.silent:
                 raise
@@ -127,12 +146,15 @@ def configure(sdo: SdoClient, node: int, brake_by_60fe: bool, encoder: Signal | 
                 "with 6064, there is no CSV axis"
             ) from None
         if refused is None:
-            _read_back(sdo, node, plan)
+            check_mapping(sdo, node, plan)
             return plan._replace(refused=unmapped)
         if refused not in present:
             raise DeviceError(
                 f"node {node}: object {refused.obj:04X}:{refused.sub:02X} cannot be mapped; without it there is no "
-                + ("status of the encoder: correct [can.encoder]" if refused == encoder else "CSV axis")
+                + _WITHOUT.get(
+                    refused.obj,
+                    "status of the encoder: correct [can.encoder]" if refused in extra else _NO_AXIS,
+                )
             )
         present -= {refused}
         unmapped |= {refused}
@@ -159,7 +181,7 @@ def _rows(node: int, plan: Mapping) -> list[tuple[int, int, Pdo | None]]:
     return rows
 
 
-def _write(sdo: SdoClient, node: int, plan: Mapping) -> Signal | None:
+def write_mapping(sdo: SdoClient, node: int, plan: Mapping) -> Signal | None:
     """Write telegram by telegram; return the signal that the drive refuses, or None."""
     # The procedure of CiA 301: PDO invalid, count 0, entries, count n, transmission type, PDO valid. Object by object,
     # whatever the EDS says: a library that follows it writes no entry where the EDS declares the mapping as ARRAY.
@@ -202,7 +224,12 @@ def _switch_off(sdo: SdoClient, communication: int, cob_id: int) -> None:
         sdo.set(communication, 1, cob_id | _INVALID, 4)
 
 
-def _read_back(sdo: SdoClient, node: int, plan: Mapping) -> None:
+def check_mapping(sdo: SdoClient, node: int, plan: Mapping) -> None:
+    """Read the mapping back.
+
+    Raises:
+        DeviceError: it is not what was written.
+    """
     # Read back and compared: what a drive has accepted is not always what it does.
     wrong = []
     for communication, cob_id, pdo in _rows(node, plan):

@@ -12,9 +12,8 @@ from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.drives.canopen.mapping import Mapping, Pdo, Signal
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.image import DigitalInputs, EncoderFlag
+from gantryctl.image import EncoderFlag
 
-_ALL_GOOD: Final = DigitalInputs()
 _TIMES_KEPT: Final = 5000
 # A position whose telegram is missing goes on with its last speed for this time: an old reading in the position loop
 # is a step of the speed command (decision 0012). After that the program stops the axis (CAN-03).
@@ -66,6 +65,7 @@ class ProcessImage:
         settings: range of the encoder, bits of the inputs.
         units: conversions.
         mapping: objects of each telegram.
+        others: telegrams of the nodes beside the drive, which answer the same SYNC.
         before: process image of an earlier set-up of this drive: the position goes on from where it was.
 
     Attributes:
@@ -81,15 +81,18 @@ class ProcessImage:
         settings: CanopenSettings,
         units: BusUnits,
         mapping: Mapping,
+        others: tuple[TpdoWatch, ...] = (),
         before: ProcessImage | None = None,
     ) -> None:
-        self._node, self._units, self._bits = node, units, settings.inputs
+        self._node, self._units = node, units
         self._period_s = settings.period_s
         # Pre-defined connection set of CiA 301: RPDO n at 200h + n * 100h, TPDO n at 180h + n * 100h, plus the node
         # id.
         self._identifiers = [0x200 + 0x100 * pdo.number + settings.node for pdo in mapping.rpdos]
         self._rpdos = mapping.rpdos
         self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
+        self._neighbours = others
+        self._awaited = (*self.watches, *others)
         self._first = self.watches[0]
         self._speed = self.watches[_telegram_of(m.VELOCITY, mapping)]
         self._others = self.watches[1:] or self.watches
@@ -110,8 +113,9 @@ class ProcessImage:
         self._counts_before: int | None = None
         self._vel_rad_s = 0.0
         self._span_s = settings.period_s
-        self._shown_inputs = _ALL_GOOD
-        self._in_time = self.congested = False
+        self.in_time = self.congested = False
+        """The scan still waits for telegrams; frames that could not be read in time wait before them."""
+        self._ring = self.watches[_telegram_of(m.RING_POSITION, mapping)]
         for number, (pdo, watch) in enumerate(zip(mapping.tpdos, self.watches, strict=True)):
             node.listen(0x180 + 0x100 * pdo.number + settings.node, self._taker(number, watch))
         for can_id in self._identifiers:
@@ -123,7 +127,7 @@ class ProcessImage:
             # which of them is how old cannot be told.
             if self.congested:
                 watch.late += 1
-            elif watch.take(data, self._in_time):
+            elif watch.take(data, self.in_time):
                 self._unpack(number, data)
 
         return take
@@ -157,9 +161,9 @@ class ProcessImage:
         """Wait for the answers to SYNC, at most `answer_s`; dispatch every other frame meanwhile."""
         link = self._node.link
         end = link.now_s() + answer_s
-        self._in_time = True
+        self.in_time = True
         try:
-            while any(watch.waiting for watch in self.watches):
+            while any(watch.waiting for watch in self._awaited):
                 frame = link.receive(max(0.0, end - link.now_s()))
                 if frame is None:
                     break
@@ -168,12 +172,14 @@ class ProcessImage:
                 if link.now_s() > end:
                     break
         finally:
-            self._in_time = False
-        if not any(watch.waiting for watch in self.watches):
+            self.in_time = False
+        if not any(watch.waiting for watch in self._awaited):
             self.answer_times_s.append(link.now_s() - end + answer_s)
         for number, watch in enumerate(self.watches):
             if watch.settle() and watch.data is not None:
                 self._unpack(number, watch.data)
+        for watch in self._neighbours:
+            watch.settle()
         # Without 606C, or its telegram, the speed is the difference of 6064 over the time between two telegrams.
         if (
             (self._speed.age or not self._has_velocity)
@@ -282,32 +288,15 @@ class ProcessImage:
         """603F, where it is mapped."""
         return self._raw.get(m.ERROR, 0)
 
-    def inputs(self) -> tuple[DigitalInputs, bool | None]:
-        """60FD, and the contact of the brake (None: not wired)."""
-        if not self.has_inputs:
-            return self._shown_inputs, None
-        word, bits = self._raw[m.INPUTS], self._bits
+    @property
+    def input_word(self) -> int | None:
+        """60FD; None where it is not mapped."""
+        return self._raw.get(m.INPUTS)
 
-        def good(bit: int | None, active: int) -> bool:
-            return bit is None or (word >> bit & 1) == active
-
-        def fitted(bit: int | None) -> bool | None:
-            return None if bit is None else bool(word >> bit & 1)
-
-        inputs = DigitalInputs(
-            good(bits.estop_ok, 1),
-            good(bits.enabling_switch, 1),
-            good(bits.limit_minus, 0),
-            good(bits.limit_plus, 0),
-            good(bits.mains_ready, 1),
-            fitted(bits.collision_ok),
-            fitted(bits.door_ok),
-            fitted(bits.estop_ok_2),
-        )
-        if inputs != self._shown_inputs:
-            self._shown_inputs = inputs
-        brake = None if bits.brake_open is None else bool(word >> bits.brake_open & 1)
-        return self._shown_inputs, brake
+    @property
+    def ring(self) -> tuple[int, int, int]:
+        """60E4:01, its age in scans, and how many of its telegrams came; where it is mapped."""
+        return self._raw.get(m.RING_POSITION, 0), self._ring.age, self._ring.received
 
 
 def _fields(pdo: Pdo) -> tuple[tuple[Signal, int, int], ...]:

@@ -8,11 +8,11 @@ from typing import Final, Literal, NamedTuple
 from gantryctl.image import DriveIdentity
 from gantryctl.units import DriveVelocityUnit
 
-BrakeOwner = Literal["drive", "object_60FE"]
+BrakeOwner = Literal["drive", "object_60FE", "controller_output"]
 
 
 class InputBits(NamedTuple):
-    """Bits of 60FD; None for an input that is not wired: the first five then count as good."""
+    """Bits of 60FD, or of 6000 of an I/O node; None for an input that is not wired there."""
 
     estop_ok: int | None = None
     enabling_switch: int | None = None
@@ -24,6 +24,41 @@ class InputBits(NamedTuple):
     collision_ok: int | None = None
     door_ok: int | None = None
     estop_ok_2: int | None = None
+    watchdog_closed: int | None = None
+
+
+class OutputBits(NamedTuple):
+    """Bits of 60FE:01, or of 6200 of an I/O node; None for an output that is not wired there."""
+
+    brake_release: int | None = None
+    watchdog: int | None = None
+    horn: int | None = None
+    lamp: int | None = None
+    in_position: int | None = None
+    at_rest: int | None = None
+
+    @property
+    def mask(self) -> int:
+        """All bits in use."""
+        return sum(1 << bit for bit in self if bit is not None)
+
+
+class IoNodeSettings(NamedTuple):
+    """Node with digital inputs and outputs (CiA 401)."""
+
+    node: int
+    inputs: InputBits
+    outputs: OutputBits
+
+
+class LoadEncoderSettings(NamedTuple):
+    """Encoder on the ring: 60E4 of the drive, or a node by CiA 406."""
+
+    node: int | None
+    """None: 60E4 of the drive."""
+    counts_per_turn: int
+    zero_counts: int
+    inverted: bool
 
 
 class EncoderStatus(NamedTuple):
@@ -41,6 +76,7 @@ class EncoderStatus(NamedTuple):
 
 _NO_STATUS: Final = EncoderStatus()
 _NOTHING_WIRED: Final = InputBits()
+_NO_OUTPUTS: Final = OutputBits()
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +117,21 @@ class CanopenSettings:
     bitrate: int = 1_000_000
     inputs: InputBits = _NOTHING_WIRED
     encoder: EncoderStatus = _NO_STATUS
+    outputs: OutputBits = _NO_OUTPUTS
+    io: IoNodeSettings | None = None
+    load_encoder: LoadEncoderSettings | None = None
+    watchdog_s: float = 0.1
+    """Time after which the watchdog relay opens, where one is wired."""
+
+    @property
+    def brake_by_60fe(self) -> bool:
+        """A bit of 60FE works the brake: that of CiA 402, or one that the machine file names."""
+        return self.brake_owner == "object_60FE" or self.outputs.brake_release is not None
+
+    @property
+    def output_mask(self) -> int:
+        """Bits of 60FE in use; bit 0 is the brake of CiA 402."""
+        return self.outputs.mask | (self.brake_owner == "object_60FE")
 
     @property
     def heartbeat_scans(self) -> int:

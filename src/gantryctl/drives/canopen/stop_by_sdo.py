@@ -44,7 +44,7 @@ class StopBySdo:
         self._node, self._requests = node, requests
         self._longest = round(_LONGEST_S / settings.period_s)
         self._retry = max(1, round(_RETRY_S / settings.period_s))
-        self._brake_by_60fe = settings.brake_owner == "object_60FE"
+        self._brake_by_60fe = settings.brake_by_60fe
         self._asked = self._since = 0
         self._done: dict[tuple[int, int, int], int] = {}
         self._started = False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from typing import Final
+from typing import Final, Protocol
 
 import can
 
@@ -34,6 +34,19 @@ def frame(can_id: int, data: bytes) -> can.Message:
     return can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
 
 
+class BusEnd(Protocol):
+    """What is at the other end of a bus: a drive, or several nodes."""
+
+    @property
+    def time_us(self) -> int:
+        """Its own time."""
+        ...
+
+    def on_frame(self, can_id: int, data: bytes) -> None:
+        """Take one frame."""
+        ...
+
+
 class DirectBus(can.BusABC):
     """Bus whose other end is the drive, in the same thread and without a network.
 
@@ -48,14 +61,14 @@ class DirectBus(can.BusABC):
         self._waiting: deque[can.Message] = deque()
         self.lock = threading.RLock()
         self._arrived = threading.Condition(self.lock)
-        self._node: DriveNode | None = None
+        self._node: BusEnd | None = None
         self._open = True
         self._can_protocol = can.CanProtocol.CAN_20
         self.channel_info = "virtual drive in this process"
         super().__init__(channel="direct")
 
-    def attach(self, node: DriveNode) -> None:
-        """Put the drive on the bus."""
+    def attach(self, node: BusEnd) -> None:
+        """Put a drive, or several nodes, on the bus."""
         self._node = node
 
     def deliver(self, can_id: int, data: bytes) -> None:

@@ -162,6 +162,10 @@ class DriveNode:
         """Everything of the gantry that a later run needs to go on."""
         return dict(self.plant.sim.state)
 
+    def wires(self) -> dict[str, bool]:
+        """Level of every wire that leads to an input of the axis, wherever it ends."""
+        return self._signals.wires()
+
     def settle(self) -> None:
         """Let the load come to rest after the master has left."""
         settle(lambda: self.advance(_SETTLE_STEP_US), lambda: self.truth()[1], _SETTLE_STEP_US * 1e-6)

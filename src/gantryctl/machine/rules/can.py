@@ -84,14 +84,6 @@ def truth_is_for_virtual_drives(m: Machine) -> Broken:
     return None
 
 
-@bus_rule("can.interface", "brake.owner")
-def drive_works_the_brake(m: Machine) -> Broken:
-    """There is no digital output of the controller yet."""
-    if m.brake.owner == "controller_output":
-        return "the controller has no output for the brake; the drive or object 60FE must work it"
-    return None
-
-
 @bus_rule("control.scan_period_ms")
 def sync_period_fits_60c2(m: Machine) -> Broken:
     """60C2 takes 1 to 255 steps of a power of ten."""

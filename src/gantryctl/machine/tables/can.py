@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 from gantryctl.machine.tables.fields import Table, choice, number, switch, table, text
 from gantryctl.units import DriveVelocityUnit
 
@@ -19,6 +21,69 @@ class CanInputsTable(Table):
     collision_ok: int = number(-1, -1, 31, "Bit that is 1 while no collision sensor is touched.")
     door_ok: int = number(-1, -1, 31, "Bit that is 1 while the room door is closed.")
     estop_ok_2: int = number(-1, -1, 31, "The same as `estop_ok` for a second channel of the chain.")
+
+    watchdog_closed: int = number(
+        -1, -1, 31, "Bit that is 1 while the contact of the watchdog relay is closed, for its proof."
+    )
+
+
+class CanOutputsTable(Table):
+    """[can.outputs]: bits of object 60FE; -1 = not wired. All are 1 for on, and 0 when the controller is gone."""
+
+    # Bit 0 is the brake of CiA 402, which `[brake] owner = "object_60FE"` works.
+    brake_release: int = number(-1, -1, 31, "Relay that gives the brake its current, so that it opens.")
+    watchdog: int = number(-1, -1, 31, "Retriggerable watchdog relay: toggled while the controller is well.")
+    horn: int = number(-1, -1, 31, "Horn: the load moves, or has moved, without a command.")
+    lamp: int = number(-1, -1, 31, "Warning lamp: power is on, the gantry may move.")
+    in_position: int = number(-1, -1, 31, "The gantry stands at its target, within the window.")
+    at_rest: int = number(-1, -1, 31, "The gantry stands.")
+
+
+class IoInputsTable(Table):
+    """[can.io.inputs]: bits of object 6000 of the I/O node; -1 = not wired there. As in [can.inputs]."""
+
+    estop_ok: int = number(-1, -1, 63, "Emergency-stop chain closed.")
+    enabling_switch: int = number(-1, -1, 63, "Enabling switch held.")
+    mains_ready: int = number(-1, -1, 63, "Mains ready.")
+    brake_open: int = number(-1, -1, 63, "Contact of the brake says open.")
+    limit_minus: int = number(-1, -1, 63, "At the negative limit switch.")
+    limit_plus: int = number(-1, -1, 63, "At the positive limit switch.")
+    collision_ok: int = number(-1, -1, 63, "No collision sensor touched.")
+    door_ok: int = number(-1, -1, 63, "Room door closed, or the motion permit that stands for it.")
+    estop_ok_2: int = number(-1, -1, 63, "Second channel of the emergency-stop chain closed.")
+    watchdog_closed: int = number(-1, -1, 63, "Contact of the watchdog relay closed.")
+
+
+class IoOutputsTable(Table):
+    """[can.io.outputs]: bits of object 6200 of the I/O node; -1 = not wired there. As in [can.outputs]."""
+
+    brake_release: int = number(-1, -1, 63, "Relay that gives the brake its current.")
+    watchdog: int = number(-1, -1, 63, "Watchdog relay.")
+    horn: int = number(-1, -1, 63, "Horn.")
+    lamp: int = number(-1, -1, 63, "Warning lamp.")
+    in_position: int = number(-1, -1, 63, "In position.")
+    at_rest: int = number(-1, -1, 63, "At rest.")
+
+
+class CanIoTable(Table):
+    """[can.io]: node with digital inputs and outputs (CiA 401) on the SYNC of the drive."""
+
+    node: int = number(0, 0, 127, "Node id, 0 = there is none.")
+    inputs: IoInputsTable = table("Bits of object 6000.", IoInputsTable)
+    outputs: IoOutputsTable = table("Bits of object 6200.", IoOutputsTable)
+
+
+class CanLoadEncoderTable(Table):
+    """[can.load_encoder]: encoder on the ring, read by the drive or by a node of its own on the same SYNC."""
+
+    source: Literal["none", "60E4", "node"] = choice(
+        "none", "Second feedback of the drive (60E4:01), or an encoder node (CiA 406); none = not fitted."
+    )
+    node: int = number(0, 0, 127, 'Node id of the encoder; only with source = "node".')
+    # The virtual ring has 2^26 steps.
+    counts_per_turn: int = number(67_108_864, 64, 2**32, "Steps of a gantry turn.", "catalogue")
+    zero_counts: int = number(0, -(2**32), 2**32, "Reading at 0 deg, steps.")
+    inverted: bool = switch(False, "true = its positive direction is the gantry's negative one.")
 
 
 class CanEncoderTable(Table):
@@ -77,6 +142,13 @@ class CanTable(Table):
     rpdo_deadline_ms: float = number(
         50.0, 2.0, 1000.0, "Without a command for this long the drive stops the axis (1400:05)."
     )
+    # A proof shows what the relay really takes.
+    watchdog_ms: float = number(
+        100.0,
+        10.0,
+        1000.0,
+        "Without an edge for this long the watchdog relay opens; only with such an output.",
+    )
     # Reading the answers of the previous SYNC would need no waiting, but feedback would be a period old: 0.024 deg at
     # 6 deg/s and 4 ms (decision 0012).
     answer_ms: float = number(2.0, 0.1, 50.0, "How long a scan waits for the answers to its SYNC.")
@@ -95,7 +167,24 @@ class CanTable(Table):
     )
     # The upper half of 60FD is free for the maker of the drive (CiA 402); bits 0 and 1 are the limit switches.
     inputs: CanInputsTable = table("Bits of object 60FD.", CanInputsTable)
+    outputs: CanOutputsTable = table("Bits of object 60FE.", CanOutputsTable)
     encoder: CanEncoderTable = table("Status of the encoder.", CanEncoderTable)
+    io: CanIoTable = table("Digital inputs and outputs on a node of their own.", CanIoTable)
+    load_encoder: CanLoadEncoderTable = table("Encoder on the ring.", CanLoadEncoderTable)
+
+    def input_place(self, name: str) -> str:
+        """Where an input comes from, for people: an object, a bit, a node; "" for one that is not wired."""
+        node, drive = getattr(self.io.inputs, name), getattr(self.inputs, name)
+        if self.io.node and node >= 0:
+            return f"6000 bit {node} of node {self.io.node}"
+        return f"60FD bit {drive}" if drive >= 0 else ""
+
+    def output_place(self, name: str) -> str:
+        """Where an output goes to, for people; "" for one that is not wired."""
+        node, drive = getattr(self.io.outputs, name), getattr(self.outputs, name)
+        if self.io.node and node >= 0:
+            return f"6200 bit {node} of node {self.io.node}"
+        return f"60FE bit {drive}" if drive >= 0 else ""
 
     @property
     def simulated(self) -> bool:

@@ -17,6 +17,9 @@ SAFETY_INPUTS: Final = (
 
 def input_row(machine: Machine, name: str, facts: DriveFacts | None) -> LedgerRow:
     """Row of one input; `facts` None before the drive was asked, which counts as if it had 60FD."""
+    if machine.can.io.node and getattr(machine.can.io.inputs, name) >= 0:
+        # The set-up proves that the node has 6000 and sends it.
+        return LedgerRow(name, Standing.OBJECT, machine.can.input_place(name))
     bit = getattr(machine.can.inputs, name)
     fact = None if facts is None else facts.objects.get((0x60FD, 0))
     sent = facts is None or (fact is not None and fact.mappable)

@@ -145,6 +145,15 @@ BUS: Final = (
              "电缆、终端电阻、波特率，或某节点破坏帧；随后可能总线关闭。",
              "下次运动前检查总线；运行报告给出次数。"),
     ),
+    # What is wired to the node shows its safe state meanwhile, and may ask for more than this.
+    Definition(
+        Code.CAN_16, _STOP, _QS,
+        Text("Node lost", "{measured} is not heard",
+             "It is switched off, has restarted, or its cable is open.",
+             "Check its supply and cable. Reset with power off, or start again: it is set up again."),
+        Text("节点丢失", "没有收到{measured}的报文", "它已关机、重新启动，或电缆断开。",
+             "检查其电源和电缆。断电后复位或重新启动：它将被重新设置。"),
+    ),
     # Fault catalogue D5: the drive still has its quick stop; DRV-07 sees one that is not obeyed.
     Definition(
         Code.DRV_05, _STOP, _QS,

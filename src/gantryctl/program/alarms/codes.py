@@ -89,6 +89,7 @@ class Code(StrEnum):
     CAN_13 = "CAN-13"
     CAN_14 = "CAN-14"
     CAN_15 = "CAN-15"
+    CAN_16 = "CAN-16"
     LIM_01 = "LIM-01"
     LIM_02 = "LIM-02"
     LIM_03 = "LIM-03"

@@ -132,6 +132,8 @@ class Words(Enum):
 
     # Telegrams of a drive on a bus (CAN-03).
     TELEGRAM_POSITION = "state and position", "状态和位置"
+    IO_NODE = "The node with inputs and outputs", "输入输出节点"
+    LOAD_ENCODER_NODE = "The encoder node on the ring", "齿圈编码器节点"
     TELEGRAM_INPUTS = "speed, inputs or encoder status", "速度、输入或编码器状态"
 
     # States of the drive, in the words of IEC 61800-7-201 (CiA 402).

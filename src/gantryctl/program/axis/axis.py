@@ -24,7 +24,7 @@ from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.power.phases import PowerPhase, Proof
-from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
 from gantryctl.units import deg
@@ -205,7 +205,21 @@ class Axis:
         # A plain tuple: the state table is entered only when one of its inputs has changed.
         if events != self._events or not self._settled:
             self._decide(AxisEvents(*events))
-        return _new(OutputImage, (power.request, vel_cmd, torque, power.brake_open, self.alarms.horn))
+        vel = self.feedback.vel_rad_s
+        at_rest = virtual.at_rest and -REST_RAD_S < vel < REST_RAD_S and self.feedback.speed_known
+        return _new(
+            OutputImage,
+            (
+                power.request,
+                vel_cmd,
+                torque,
+                power.brake_open,
+                self.alarms.horn,
+                power.phase is not _OFF,
+                self.in_position,
+                at_rest,
+            ),
+        )
 
     def _control_again(self) -> None:
         """Run the position loop again, for the set-point of a plan that the program took in this scan."""

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from typing import Final
+
 from gantryctl._core import PositionLaw
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
@@ -9,6 +12,8 @@ from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings, CompensationSettings
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
+
+_TURN: Final = 2.0 * math.pi
 
 # Speed command (motor side), actual angle and following error (gantry side).
 Command = tuple[float, float, float]
@@ -26,7 +31,7 @@ class LoadSide:
     """
 
     __slots__ = (
-        "_alarms", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans", "_watched",
+        "_alarms", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans", "_turn_rad", "_watched",
         "disagreement_rad", "laws", "torque_ff_nm",
     )  # fmt: skip
 
@@ -49,12 +54,13 @@ class LoadSide:
         self._limit = compensation.disagreement_rad
         self._scans = settings.scans(compensation.disagreement_time_s)
         self._count = 0
+        self._turn_rad = 0.0
         self.torque_ff_nm = 0.0
         self.disagreement_rad = 0.0
 
     def scan(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command of this scan; `counts` minus the zero offset."""
-        ring = self._feedback.pos_ring_rad
+        ring = self._feedback.pos_ring_rad + self._turn_rad
         vel, pos, error, self.torque_ff_nm, self.disagreement_rad = self._run(
             self._law, virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, counts, ring
         )
@@ -64,7 +70,7 @@ class LoadSide:
 
     def scan_again(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command for another set-point in the same scan: a law with memory counts no scan twice."""
-        ring = self._feedback.pos_ring_rad
+        ring = self._feedback.pos_ring_rad + self._turn_rad
         vel, pos, error, self.torque_ff_nm, _ = self._run_again(
             self._law, virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, counts, ring
         )
@@ -73,7 +79,15 @@ class LoadSide:
     def resting(self, counts: float) -> float:
         """Return the angle of the load while the axis does not follow."""
         self.torque_ff_nm = 0.0
-        return self.laws.resting_position(self._law, counts)
+        pos = self.laws.resting_position(self._law, counts)
+        # An encoder of one turn on the ring shows -180 deg where the motor shows +180 deg: whole turns are no
+        # disagreement of two encoders, of which the motor's counts the turns.
+        apart = pos - self._feedback.pos_ring_rad
+        if abs(apart) > math.pi and math.isfinite(apart):
+            self._turn_rad = _TURN * round(apart / _TURN)
+        else:
+            self._turn_rad = 0.0
+        return pos
 
     def begin(self) -> None:
         """Restart the laws: the axis follows from the next scan on."""

@@ -83,6 +83,7 @@ class RemoteNode:
         node: its node id.
         master_node: node id of our own heartbeat.
         sdo_timeout_s: for one answer.
+        beside: another node on the same link; either takes the frames of both.
 
     Attributes:
         state: NMT state of the last heartbeat; None before the first.
@@ -92,7 +93,15 @@ class RemoteNode:
         unknown: frames on identifiers without a meaning here.
     """
 
-    def __init__(self, link: BusLink, node: int, master_node: int, sdo_timeout_s: float) -> None:
+    def __init__(
+        self,
+        link: BusLink,
+        node: int,
+        master_node: int,
+        sdo_timeout_s: float,
+        *,
+        beside: RemoteNode | None = None,
+    ) -> None:
         self.link, self.node, self.master_node = link, node, master_node
         self.sdo = SdoClient(link, node, self.dispatch, sdo_timeout_s)
         self.emergencies = EmergencyLog()
@@ -102,11 +111,15 @@ class RemoteNode:
         self.foreign_id = -1
         self.scan = 0
         self._heartbeat_frame = bytes((NmtState.OPERATIONAL,))
-        self._handlers: dict[int, Callable[[bytes], object]] = {
-            _EMCY + node: lambda data: self.emergencies.take(data, self.scan),
-            _HEARTBEAT + node: self._heartbeat,
-            NMT: self._foreign_nmt,
-        }
+        # Nodes on one link share this table, so whoever receives hands every frame to its node; what nobody else may
+        # send is counted by the first of them.
+        self._first: RemoteNode = self if beside is None else beside._first
+        self._handlers: dict[int, Callable[[bytes], object]] = {} if beside is None else beside._handlers
+        self._handlers[_EMCY + node] = lambda data: self.emergencies.take(data, self.scan)
+        self._handlers[_HEARTBEAT + node] = self._heartbeat
+        self._handlers.setdefault(NMT, self._foreign_nmt)
+        # An answer that comes after its request has timed out says nothing.
+        self._handlers[self.sdo.response_id] = lambda _: None
         for can_id in (SYNC, _SDO_REQUEST + node, _HEARTBEAT + master_node):
             self.reserve(can_id)
 
@@ -116,12 +129,12 @@ class RemoteNode:
 
     def reserve(self, can_id: int) -> None:
         """Count frames of an identifier that only this master may send as foreign."""
-        self._handlers[can_id] = partial(self._foreign, can_id)
+        self._handlers[can_id] = partial(self._first._foreign, can_id)
 
     @property
     def identifiers(self) -> frozenset[int]:
-        """Identifiers with a meaning here: of the node's frames, and of those that only this master may send."""
-        return frozenset((*self._handlers, self.sdo.response_id))
+        """Identifiers with a meaning here: of the nodes on this link, and those that only this master may send."""
+        return frozenset(self._handlers)
 
     def dispatch(self, frame: Frame) -> None:
         """Take one frame; nothing on the bus may raise here."""

@@ -8,7 +8,14 @@ from typing import Final, NamedTuple
 from gantryctl.drives.canopen.bus.node import NmtCommand, NodeIdentity, RemoteNode
 from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
 from gantryctl.drives.canopen.cia402 import TURNING, decode_statusword
-from gantryctl.drives.canopen.mapping import OPTIONAL, FixedMapping, Mapping, configure, encoder_signal
+from gantryctl.drives.canopen.mapping import (
+    OPTIONAL,
+    SET_BRAKE,
+    FixedMapping,
+    Mapping,
+    configure,
+    extra_signals,
+)
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.drives.canopen.setup.live_facts import (
@@ -160,13 +167,13 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     wanted = wanted_of(settings, rated_mnm)
     refused = write_parameters(node.sdo, wanted)
     # The brake closes and the speed is 0 before the telegrams fly: the RPDO repeats both from the first scan on.
-    by_60fe, encoder = settings.brake_owner == "object_60FE", encoder_signal(settings)
-    if by_60fe:
-        _close_the_brake(node)
+    mask = settings.output_mask
+    if mask:
+        _outputs_off(node, mask)
     node.sdo.set(0x6040, 0, 0)
     node.sdo.set(0x60FF, 0, 0)
     try:
-        mapping = configure(node.sdo, node.node, by_60fe, encoder)
+        mapping = configure(node.sdo, node.node, mask != 0, extra_signals(settings))
     except FixedMapping as fixed:
         refused |= read_only_of(node.sdo, _TELEGRAMS)
         found = _facts(node, identity, wanted, refused)
@@ -195,11 +202,12 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     )
 
 
-def _close_the_brake(node: RemoteNode) -> None:
+def _outputs_off(node: RemoteNode, mask: int) -> None:
+    """Switch all outputs off; off is a closed brake."""
     # Not every drive has a mask of its outputs (60FE:02).
     if node.sdo.optional(0x60FE, 2) is not None:
-        node.sdo.set(0x60FE, 2, 1)
-    node.sdo.set(0x60FE, 1, 1)
+        node.sdo.set(0x60FE, 2, mask)
+    node.sdo.set(0x60FE, 1, mask & SET_BRAKE)
 
 
 def _refuse_a_running_drive(node: RemoteNode) -> None:

@@ -71,6 +71,7 @@ class DriveAxis:
         self._od, self.plant, self.reference = od, plant, reference
         self.stage = PowerStage(hardware, od, plant, reference)
         self._emergency, self._kind, self._faults = emergency, kind, faults
+        self._output_bits, self._tick_us = hardware.output_bits, round(hardware.tick_s * 1e6)
         self.state = State.SWITCH_ON_DISABLED
         self._after: State | None = None
         self._quick_stop_ticks = 0
@@ -93,7 +94,7 @@ class DriveAxis:
     @property
     def power_ok(self) -> bool:
         """Mains are on and no safe torque off is requested."""
-        return self._faults.powered
+        return self._faults.powered and self.plant.cabinet.watchdog_closed
 
     # --- what comes from outside -------------------------------------------------------------------------------
 
@@ -165,6 +166,7 @@ class DriveAxis:
 
     def tick(self) -> None:
         """Supervision, at most one transition by command, then power stage, brake and plant."""
+        self._work_outputs()
         self._supervise()
         self._obey()
         self._quirk_of_quick_stop()
@@ -174,6 +176,16 @@ class DriveAxis:
         elif event is Event.STOPPED:
             self._off(self._after or State.SWITCH_ON_DISABLED)
         self.stage.apply(self.controlword, coasting=self.state is State.QUICK_STOP)
+
+    def _work_outputs(self) -> None:
+        """Hand the bits of 60FE to what is wired to them; a drive in fault takes its outputs back."""
+        cabinet = self.plant.cabinet
+        if self._output_bits:
+            word = self._od.number(0x60FE, 1) & self._od.number(0x60FE, 2)
+            if self.state is State.FAULT:
+                word = 0
+            cabinet.take({name: bool(word >> bit & 1) for name, bit in self._output_bits})
+        cabinet.advance(self._tick_us)
 
     def _supervise(self) -> None:
         if not self.power_ok:

@@ -4,12 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 from gantryctl import _core
 from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.units import DriveVelocityUnit, r_min_from_rad_s, rad_s_from_r_min
+
+
+class LoadEncoder(NamedTuple):
+    """Encoder on the ring: of the simulated gantry, and the steps of a turn that its bus reading has."""
+
+    step_rad: float
+    noise_rad: float
+    latency_s: float
+    scale: tuple[tuple[float, float, float], ...]
+    """Scale error: waves per turn, amplitude in rad, phase in rad."""
+    counts: int
+    offset: int
+    """Count at 0 rad."""
+    inverted: bool
+    """It counts down where the gantry goes forward."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +57,12 @@ class Hardware:
     brake_close_s: float
     limit_switch_rad: float
     """Both limit switches, at the gantry."""
-    brake_owner: Literal["drive", "object_60FE"] = "drive"
+    brake_owner: Literal["drive", "object_60FE", "controller_output"] = "drive"
+    output_bits: tuple[tuple[str, int], ...] = ()
+    """Outputs of the cabinet that are wired to bits of 60FE, by name."""
+    watchdog_s: float = 0.0
+    """Time after which the watchdog relay opens; 0: none is fitted."""
+    load_encoder: LoadEncoder | None = None
     start_angle_rad: float = 0.0
     encoder_serial: str = "SIM-0001"
     serial_number: int = 1

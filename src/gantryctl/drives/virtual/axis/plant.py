@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from enum import IntEnum
 from typing import Final
 
 from gantryctl import _core
 from gantryctl.drives.faults import Faults
+from gantryctl.drives.virtual.axis.cabinet import Cabinet
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.errors import UsageError
 
@@ -35,6 +37,7 @@ class DrivePlant:
 
     def __init__(self, hardware: Hardware, faults: Faults) -> None:
         self._hardware, self._faults = hardware, faults
+        self.cabinet = Cabinet(hardware.watchdog_s)
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
         # The I2t account of the compiled drive is switched off: the overload belongs to the motor, not to the torque
@@ -70,7 +73,18 @@ class DrivePlant:
             drive.torque_max_nm *= limit
             drive.brake_close_s += slow_s
             plant.brake_torque_nm *= grip
-        return _core.GantrySim(plant, drive, h.tick_s, h.scheme, h.rk4_steps)
+        sim = _core.GantrySim(plant, drive, h.tick_s, h.scheme, h.rk4_steps)
+        if h.load_encoder is not None:
+            sim.fit_load_encoder(*h.load_encoder[:4])
+        return sim
+
+    def ring_counts(self) -> int:
+        """Count of the encoder on the ring, within one turn; 0 without one."""
+        encoder = self._hardware.load_encoder
+        if encoder is None:
+            return 0
+        angle = -self.sim.ring_reading() if encoder.inverted else self.sim.ring_reading()
+        return (round(angle / (2.0 * math.pi) * encoder.counts) + encoder.offset) % encoder.counts
 
     def _apply_levels(self) -> None:
         """Hand the faults that change the compiled gantry to it."""

@@ -9,8 +9,8 @@
 | HOLDING  | zero speed                 | open                        | RUNNING, OFF                       |
 | CLOSING  | zero speed                 | closing                     | OFF (STOPPED is reported)          |
 
-A brake worked by 60FE opens only while there is torque: in OFF it is closed whatever 60FE says. With such a brake
-STARTING and CLOSING are left out.
+A brake worked by 60FE opens only while there is torque: in OFF it is closed whatever 60FE says. With such a brake, and
+with one behind a relay of the controller, STARTING and CLOSING are left out.
 """
 
 from __future__ import annotations
@@ -66,6 +66,7 @@ class PowerStage:
         self._od, self._plant, self._reference = od, plant, reference
         self._tick_us = round(hardware.tick_s * 1e6)
         self._owns_brake = hardware.brake_owner == "drive"
+        self._by_relay = hardware.brake_owner == "controller_output"
         self.phase = Phase.OFF
         self.brake_held_open = False
         """The brake does not close in the OFF that follows: a lie."""
@@ -168,6 +169,8 @@ class PowerStage:
                 assert_never(self.phase)
 
     def _brake_open(self) -> bool:
+        if self._by_relay:
+            return self._plant.cabinet.brake_released
         if self.phase is Phase.OFF:
             return self.brake_held_open
         if not self._owns_brake:

@@ -29,6 +29,12 @@ BRAKE_IS_OPEN: Final = 1 << 19
 COLLISION_OK: Final = 1 << 20
 DOOR_OK: Final = 1 << 21
 ESTOP_OK_2: Final = 1 << 22
+WATCHDOG_CLOSED: Final = 1 << 23
+_BITS: Final = (
+    ("limit_minus", LIMIT_MINUS), ("limit_plus", LIMIT_PLUS), ("estop_ok", ESTOP_OK), ("mains_ready", MAINS_READY),
+    ("enabling_switch", ENABLING_SWITCH), ("brake_open", BRAKE_IS_OPEN), ("collision_ok", COLLISION_OK),
+    ("door_ok", DOOR_OK), ("estop_ok_2", ESTOP_OK_2), ("watchdog_closed", WATCHDOG_CLOSED),
+)  # fmt: skip
 
 
 # On a real drive model 6041 and 6061 follow a write by 10 ms.
@@ -96,6 +102,7 @@ class Signals:
                 ),
                 (0x6079, 0): lambda: _DC_LINK_MV if faults.mains_ready else 0,
                 (0x60FD, 0): self.inputs,
+                (0x60E4, 1): self.ring_position,
                 (0x2101, 1): lambda: clamp_int(1000.0 * plant.overload, 0, 1000),
                 (0x2110, 2): lambda: self._absolute() % scaling.counts_per_turn,
                 (0x2110, 3): lambda: self._absolute() // scaling.counts_per_turn,
@@ -148,23 +155,39 @@ class Signals:
             return self._scaling.velocity(faults.velocity_reading)
         return 0 if self._position_frozen else self._scaling.velocity(self._axis.plant.vel_rad_s)
 
-    def inputs(self) -> int:
-        """Digital inputs 60FD."""
-        faults, switch = self._faults, self._hardware.limit_switch_rad
-        pos_load = self._axis.plant.sim.truth()[0]
+    def wires(self) -> dict[str, bool]:
+        """Level of every wire that leads to an input, wherever it ends: True is 24 V."""
+        faults, switch, plant = self._faults, self._hardware.limit_switch_rad, self._axis.plant
+        pos_load = plant.sim.truth()[0]
         minus_ok = pos_load > -switch if faults.limit_minus_ok is None else faults.limit_minus_ok
         plus_ok = pos_load < switch if faults.limit_plus_ok is None else faults.limit_plus_ok
-        brake_open = self._axis.plant.brake_open if faults.brake_feedback is None else faults.brake_feedback
-        word = 0 if minus_ok else LIMIT_MINUS
-        word |= 0 if plus_ok else LIMIT_PLUS
-        word |= ESTOP_OK | INTERLOCK if faults.estop_ok else 0
-        word |= ENABLING_SWITCH if faults.enabling_switch else 0
-        word |= MAINS_READY if faults.mains_ready else 0
-        # Whether the machine has these is in its file, not in the drive.
-        word |= 0 if faults.collision_ok is False else COLLISION_OK
-        word |= 0 if faults.door_ok is False else DOOR_OK
-        word |= 0 if faults.estop_ok_2 is False else ESTOP_OK_2
-        return word | (BRAKE_IS_OPEN if brake_open else 0)
+        brake_open = plant.brake_open if faults.brake_feedback is None else faults.brake_feedback
+        # Whether the machine has the last four is in its file, not in the drive.
+        return {
+            "limit_minus": not minus_ok,
+            "limit_plus": not plus_ok,
+            "estop_ok": faults.estop_ok,
+            "enabling_switch": faults.enabling_switch,
+            "mains_ready": faults.mains_ready,
+            "brake_open": brake_open,
+            "collision_ok": faults.collision_ok is not False,
+            "door_ok": faults.door_ok is not False,
+            "estop_ok_2": faults.estop_ok_2 is not False,
+            "watchdog_closed": plant.cabinet.watchdog_contact,
+        }
+
+    def inputs(self) -> int:
+        """Digital inputs 60FD."""
+        wires = self.wires()
+        word = INTERLOCK if wires["estop_ok"] else 0
+        for name, bit in _BITS:
+            if wires[name]:
+                word |= bit
+        return word
+
+    def ring_position(self) -> int:
+        """Additional position actual value 60E4:01; 0 without an encoder on the ring."""
+        return wrap_i32(self._axis.plant.ring_counts())
 
     def _position(self) -> int:
         plant = self._axis.plant

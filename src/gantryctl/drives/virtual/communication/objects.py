@@ -162,7 +162,7 @@ def device_tables(hardware: Hardware, kind: Personality) -> tuple[DeviceDescript
     objects = (
         *communication_objects(kind, hardware.serial_number),
         *pdo_objects(kind),
-        *_control_objects(),
+        *(spec for spec in _control_objects() if spec.index != 0x60E4 or hardware.load_encoder is not None),
         *_motion_objects(hardware, kind, scaling),
         *_plate_objects(hardware, kind, scaling),
         *_vendor_objects(hardware),
@@ -217,6 +217,10 @@ def _control_objects() -> tuple[ObjectSpec, ...]:
         var(0x6060, "Modes of operation", I8, RWW, maps=True, volatile=True),
         var(0x6061, "Modes of operation display", I8, RO, maps=True, volatile=True),
         var(0x60FD, "Digital inputs", U32, RO, maps=True, volatile=True),
+        array(
+            "Additional position actual value",
+            Entry(0x60E4, 1, "Encoder on the ring", I32, RO, 0, mappable=True, volatile=True),
+        ),
         array(
             "Digital outputs",
             Entry(0x60FE, 1, "Physical outputs", U32, RWW, 0, mappable=True, volatile=True),

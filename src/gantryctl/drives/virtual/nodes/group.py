@@ -1,0 +1,88 @@
+"""Several virtual nodes on one bus, in the place of one."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
+from gantryctl.drives.virtual.nodes.io_node import IoNode
+
+
+class Neighbour(Protocol):
+    """Node beside the drive."""
+
+    @property
+    def node_id(self) -> int:
+        """1..127."""
+        ...
+
+    def boot(self) -> None:
+        """Power on."""
+        ...
+
+    def advance(self, us: int) -> None:
+        """Advance the node's own time."""
+        ...
+
+    def on_frame(self, can_id: int, data: bytes) -> None:
+        """Take one frame."""
+        ...
+
+
+class Neighbours(NamedTuple):
+    """Nodes beside a drive; None for one that the machine has not."""
+
+    io: IoNode | None
+    encoder: EncoderNode | None
+
+
+class NodeGroup:
+    """Drive and the nodes beside it: every frame reaches all, and time goes on for all.
+
+    Args:
+        drive: first of them: at SYNC the others sample what the drive's plant has become.
+        neighbours: the others.
+    """
+
+    def __init__(self, drive: DriveNode, neighbours: tuple[Neighbour, ...]) -> None:
+        self.drive, self.neighbours = drive, neighbours
+
+    @property
+    def node_ids(self) -> tuple[int, ...]:
+        """Node ids of all."""
+        return (self.drive.node_id, *(node.node_id for node in self.neighbours))
+
+    @property
+    def time_us(self) -> int:
+        """Time of the drive."""
+        return self.drive.time_us
+
+    @property
+    def stepped(self) -> bool:
+        """Time goes on by SYNC only."""
+        return self.drive.stepped
+
+    def boot(self) -> None:
+        """Power on."""
+        self.drive.boot()
+        for node in self.neighbours:
+            node.boot()
+
+    def advance(self, us: int) -> None:
+        """Advance every node's time."""
+        self.drive.advance(us)
+        for node in self.neighbours:
+            node.advance(us)
+
+    def on_frame(self, can_id: int, data: bytes) -> None:
+        """Hand a frame to every node."""
+        self.drive.on_frame(can_id, data)
+        for node in self.neighbours:
+            node.on_frame(can_id, data)
+
+
+def group_of(drive: DriveNode, neighbours: Neighbours) -> DriveNode | NodeGroup:
+    """What is at the other end of the bus: the drive alone, or with the nodes beside it."""
+    beside = tuple(node for node in neighbours if node is not None)
+    return NodeGroup(drive, beside) if beside else drive
