@@ -28,6 +28,11 @@ class Drive(Protocol):
         ...
 
     @property
+    def reports_torque(self) -> bool:
+        """The drive reports its torque; without it `torque_act_nm` is 0."""
+        ...
+
+    @property
     def lost(self) -> bool:
         """The drive must be set up again before it may be enabled: restarted, disconnected, or changed."""
         ...

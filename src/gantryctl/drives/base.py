@@ -44,6 +44,7 @@ class BaseDrive:
 
     refusals: tuple[str, ...] = ()
     torque_preload = True
+    reports_torque = True
     lost = False
 
     @property

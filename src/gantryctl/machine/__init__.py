@@ -23,6 +23,7 @@ from gantryctl.machine.loading import (
     default_machine_path,
     load_machine,
     load_table,
+    load_uncalibrated,
     parse_machine,
     with_values,
 )
@@ -51,6 +52,7 @@ __all__ = [
     "load_calibration",
     "load_machine",
     "load_table",
+    "load_uncalibrated",
     "origins",
     "parse_machine",
     "short_hash",

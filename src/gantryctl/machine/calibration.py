@@ -50,21 +50,27 @@ class Identified(Table):
     Attributes:
         moment_sine_nm, moment_cosine_nm: torque that holds the load, sine and cosine part over the angle.
         inertia_kg_m2: load and motor, at the gantry.
+        motor_inertia_kg_m2: of what turns with the rotor above the load's frequencies, at the motor.
         stiffness_nm_per_rad: load inertia over `windup_per_acc_s2`.
         windup_per_acc_s2: wind-up per acceleration of the load.
         swing_hz: first mode with the motor held, 1/(2 pi sqrt(windup_per_acc)).
-        friction_nm: Coulomb friction, motor and rollers together.
+        friction_nm: Coulomb friction, motor and rollers together, without what grows with the load.
+        friction_load_ratio: part of the transmitted torque that is lost beside it.
         friction_nm_s_per_rad: its growth with speed.
+        dead_time_s: from the scan that computes a command until the torque answers it.
     """
 
     moment_sine_nm: float = Field(ge=-2e5, le=2e5)
     moment_cosine_nm: float = Field(ge=-2e5, le=2e5)
     inertia_kg_m2: float = Field(gt=0.0, le=1e8)
+    motor_inertia_kg_m2: float = Field(gt=0.0, le=1e4)
     stiffness_nm_per_rad: float = Field(ge=1e6, le=1e11)
     windup_per_acc_s2: float = Field(gt=0.0, le=1.0)
     swing_hz: float = Field(ge=0.1, le=100.0)
     friction_nm: float = Field(ge=-2e5, le=2e5)
+    friction_load_ratio: float = Field(ge=-1.0, le=1.0)
     friction_nm_s_per_rad: float = Field(ge=-1e7, le=1e7)
+    dead_time_s: float = Field(ge=0.0, le=0.1)
 
 
 class Maps(Table):
@@ -109,6 +115,20 @@ def load_calibration(path: Path) -> Calibration:
         raise ConfigError(
             [*lines, f"{name}: is no usable calibration: run `gantryctl identify` again"]
         ) from None
+
+
+def calibration_version(path: Path) -> int:
+    """Version of a calibration file, which may be of an earlier version of this program.
+
+    Raises:
+        ConfigError: it is no calibration file.
+    """
+    name = printable(path, 300)
+    origin = parse_toml(read_text(path), name).get("origin")
+    version = origin.get("version") if isinstance(origin, dict) else None
+    if not isinstance(version, int) or version < 1:
+        raise ConfigError([f"{name}: is no calibration file: [origin] version is missing"])
+    return version
 
 
 def calibration_toml(calibration: Calibration) -> str:

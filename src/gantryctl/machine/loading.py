@@ -22,13 +22,22 @@ from gantryctl.machine.tables.model import RULES_LATER, Machine
 TableT = TypeVar("TableT", bound=Table)
 
 
+def load_uncalibrated(path: Path | str) -> Machine:
+    """Read and check a machine file alone: a calibration that cannot be read does not keep anybody from a new one.
+
+    Raises:
+        ConfigError: one line per problem, all of them.
+    """
+    return parse_machine(read_text(Path(path)), str(path))
+
+
 def load_machine(path: Path | str) -> Machine:
     """Read and check a machine file, with the calibration file it names if that exists.
 
     Raises:
         ConfigError: one line per problem, all of them.
     """
-    machine = parse_machine(read_text(Path(path)), str(path))
+    machine = load_uncalibrated(path)
     named = machine.control.compensation.calibration
     beside = Path(path).parent / named
     return machine.calibrated(load_calibration(beside)) if named and beside.exists() else machine

@@ -107,12 +107,14 @@ def open_axis(
     *,
     program: ProgramFactory = GantryProgram,
     commissioning: bool = False,
+    controlled_as: Machine | None = None,
 ) -> OpenAxis:
     """Open the machine as the last run left it, judge it, and put a program on its axis.
 
     Args:
         store: the state directory, locked by the caller; None for a new machine that is forgotten afterwards.
         commissioning: a CAN machine needs no commissioning record, because it is being made.
+        controlled_as: the machine by whose control and profile the axis runs; `machine` itself when not given.
 
     Raises:
         StateError: retained memory or plant cannot be used. DeviceError: a drive on a bus cannot be reached.
@@ -125,7 +127,7 @@ def open_axis(
         fastest = min(machine.speed.setting_max_deg_s, speed_max_deg_s(rows))
         notes = (*notes, *ledger_notes(machine, rows))
         made = build_program(
-            machine,
+            controlled_as or machine,
             found.drive,
             program,
             zero_counts=_zero_counts(found),

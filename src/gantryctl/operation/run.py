@@ -59,6 +59,8 @@ class AxisRun:
             stops: its display has no reader any more.
         brake_test: the brake is to be tested: a failed test of an earlier run does not refuse it.
         commissioning: a CAN machine needs no commissioning record, because it is being made.
+        controlled_as: the machine by whose control and profile the axis runs, for an experiment: other compensations
+            or ramps than `machine`, whose proofs count.
 
     Attributes:
         stop: raised by whoever wants the axis to stop, at any time.
@@ -80,10 +82,13 @@ class AxisRun:
         observer: Callable[[Snapshot], None] | None = None,
         commissioning: bool = False,
         brake_test: bool = False,
+        controlled_as: Machine | None = None,
     ) -> None:
         self.machine, self._store, self._observer = machine, store, observer
         self.stop = Stop.NO
-        self._open = opened = open_axis(machine, store, program=program, commissioning=commissioning)
+        self._open = opened = open_axis(
+            machine, store, program=program, commissioning=commissioning, controlled_as=controlled_as
+        )
         failed = None if brake_test else why_brake_failed(opened.retained)
         reasons = opened.reasons if failed is None else (*opened.reasons, failed)
         self.notes, self.axis, self.operator = opened.notes, opened.program.axis, FixedOperator()
@@ -130,6 +135,10 @@ class AxisRun:
     def take(self) -> float:
         """The angle: an axis of this process is under control, and at rest between two commands."""
         return self.angle_deg
+
+    def observe(self, observer: Callable[[Snapshot], None]) -> None:
+        """Another observer from now on."""
+        self._observer = observer
 
     def snapshot(self) -> Snapshot:
         """State of the axis for a display."""
@@ -199,12 +208,43 @@ class AxisRun:
             CommandRefused: target or speed are not possible; nothing moved, and power was not switched on for it.
             AlarmStop: an alarm ended it; the axis is at rest.
         """
+        return self._motion(**self._move_levels(target_deg, speed_deg_s, override))
+
+    def begin_move(self, target_deg: float, speed_deg_s: float, override: float = 1.0) -> None:
+        """Begin a move and return while it goes on, for an experiment on the way; `follow` scans.
+
+        Raises:
+            CommandRefused: as of `move`.
+        """
+        self._begin(**self._move_levels(target_deg, speed_deg_s, override))
+
+    def follow(self, seconds: float) -> None:
+        """Scan for a time, whatever the axis does.
+
+        Raises:
+            AlarmStop: an alarm has stopped it, or somebody asked it to stop.
+        """
+        self._follow(lambda: self.axis.alarms.first_out is not None, seconds)
+        self._raise_alarm()
+        if self.stop is not Stop.NO:
+            self._follow(lambda: self._at_rest, REST_S)
+            raise AlarmStop("stopped by the operator in the middle of an experiment")
+
+    def halt(self) -> None:
+        """End a motion under way on its own ramp and wait for rest."""
+        self._command(halt=True)
+        self.engine.step()
+        self._command(halt=False)
+        self._follow(lambda: self._at_rest, REST_S)
+        self._raise_alarm()
+
+    def _move_levels(self, target_deg: float, speed_deg_s: float | None, override: float) -> dict[str, Any]:
         wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
         self._check_speed(wanted)
         require(check_target(rad(self.angle_deg), rad(target_deg), self.axis.settings.travel))
         if not 0.0 < override <= 1.0:
             raise UsageError(f"override {override:g}: above 0 and at most 1")
-        return self._motion(move=True, target_rad=rad(target_deg), speed_rad_s=rad(wanted), override=override)
+        return {"move": True, "target_rad": rad(target_deg), "speed_rad_s": rad(wanted), "override": override}
 
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> MotionReport:
         """Make one increment in the incremental mode."""
@@ -327,12 +367,16 @@ class AxisRun:
         self.power_up()
         if self.stop is not Stop.NO:
             return self._not_begun()
-        begin, refusals = self._not_begun(), self.axis.refusal_count
+        begin = self._not_begun()
+        self._begin(**levels)
+        return self._finished(begin)
+
+    def _begin(self, **levels: Any) -> None:
+        refusals = self.axis.refusal_count
         self._command(**levels)
         self.engine.step()
         self._command(move=False, forward=False, reverse=False)
         self._raise_refusal(refusals)
-        return self._finished(begin)
 
     def _finished(self, begin: MotionReport, *, lease: bool = False) -> MotionReport:
         """Wait until the motion has ended one way or the other."""

@@ -8,26 +8,32 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.options import (
-    PATH,
-    choice_option,
-    config_option,
-    json_option,
-    print_json,
-    seed_option,
-    simulated_machine,
-    write_text,
+from gantryctl.cli.engineering.experiment import (
+    TRACKER,
+    bus_experiment,
+    instrument_at,
+    machine_under_test,
+    yes_option,
 )
+from gantryctl.cli.options import PATH, config_option, json_option, print_json, seed_option, write_text
 from gantryctl.cli.text import print_table
 
 if TYPE_CHECKING:
     from gantryctl.engineering.identification import CalibrationFit, Comparison
+    from gantryctl.engineering.identification.measure import MotionRecording
     from gantryctl.machine import Calibration, Machine
+
+_LOAD_ENCODER = "load-encoder"
 
 
 @click.command()
 @config_option
-@choice_option("--instrument", ("tracker", "load-encoder"), "What watches the load.")
+@click.option(
+    "--instrument",
+    default=TRACKER,
+    show_default=True,
+    help="What watches the load: tracker (simulated), load-encoder, tcp:HOST:PORT or serial:DEVICE:BAUD.",
+)
 @click.option(
     "--out",
     "out",
@@ -36,32 +42,64 @@ if TYPE_CHECKING:
 )
 @click.option("--force", is_flag=True, help="Replace a calibration that exists; its version is counted on.")
 @seed_option
+@yes_option
 @json_option
 def identify(
-    config_file: Path | None, instrument: str, out: Path | None, force: bool, seed: int, as_json: bool
+    config_file: Path | None,
+    instrument: str,
+    out: Path | None,
+    force: bool,
+    seed: int,
+    yes: bool,
+    as_json: bool,
 ) -> int:
-    """Measure friction, eccentric moment, inertia, stiffness, gear map and scale of this machine.
+    """Measure friction, eccentric moment, inertia, stiffness, gear map and dead time of this machine.
 
-    Slow turns both ways, fast moves and a creep through the position loop, all compensations off, while an instrument
-    watches the load: 17 minutes of axis time. The controller's compensations live on the file that this writes and on
-    nothing else. On the simulator the identified values stand beside the truth.
+    Slow turns both ways, swings, a creep and an excited speed loop through the position loop, all compensations off,
+    while an instrument watches the load: 20 minutes of axis time. The controller's compensations live on the file that
+    this writes and on nothing else. On a bus only what the drive and the instrument say is used. Where the load is
+    simulated the identified values stand beside the truth.
     """
-    from gantryctl.engineering.identification import LoadInstrument, calibration_of, comparisons, fit, record
+    from gantryctl.engineering.identification import calibration_of, comparisons, fit
     from gantryctl.machine import calibration_toml
 
-    machine = simulated_machine(config_file, "identify")
+    machine = machine_under_test(config_file, "identify", calibrated=False)
     path = out or _usual_place(machine, config_file)
-    # Before 17 minutes of axis time, not after them.
+    # Before 20 minutes of axis time, not after them.
     version = _next_version(path, force)
-    found = fit(machine, record(machine, LoadInstrument(instrument), seed))
+    found = fit(machine, _recorded(machine, instrument, seed, yes, quiet=as_json))
     calibration = calibration_of(machine, found, datetime.date.today().isoformat(), version)
     write_text(path, calibration_toml(calibration))
-    beside = comparisons(machine, calibration)
+    beside = comparisons(machine, calibration) if _is_simulated(machine) else []
     if as_json:
         print_json(_data(path, calibration, found, beside))
     else:
         _show(path, machine, calibration, found, beside)
     return 0
+
+
+def _is_simulated(machine: Machine) -> bool:
+    """The machine file describes the load that was measured."""
+    return not machine.on_bus or machine.can.simulated or bool(machine.can.side_channel)
+
+
+def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet: bool) -> MotionRecording:
+    from gantryctl.engineering.identification import EngineAxis, LoadInstrument, SimulatedAxis, record
+    from gantryctl.engineering.identification.measure import quiet_machine, travel_of
+    from gantryctl.errors import UsageError
+
+    low, high = travel_of(machine)
+    if not machine.on_bus:
+        if instrument not in (TRACKER, _LOAD_ENCODER):
+            raise UsageError(
+                f'--instrument {instrument}: with [drive] kind = "sim" it is {TRACKER} or {_LOAD_ENCODER}'
+            )
+        return record(SimulatedAxis(machine, LoadInstrument(instrument), seed))
+    moves = f"moves for 20 minutes between {low:g} and {high:g} deg, at up to {machine.speed.setting_max_deg_s:g} deg/s"
+    with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
+        watching = instrument_at(instrument, run, seed)
+        progress = None if quiet else lambda what: click.echo(what, err=True)
+        return record(EngineAxis(machine, run, watching, progress))
 
 
 def _usual_place(machine: Machine, config_file: Path | None) -> Path:
@@ -76,17 +114,18 @@ def _usual_place(machine: Machine, config_file: Path | None) -> Path:
 def _next_version(path: Path, force: bool) -> int:
     """1 for a new file, else one more than in the file that is replaced."""
     from gantryctl.errors import ConfigError, UsageError
-    from gantryctl.machine import load_calibration
+    from gantryctl.machine.calibration import calibration_version
 
-    # Before 17 minutes of axis time: a folder that is missing, a file that exists, a file of another kind.
+    # Before 20 minutes of axis time: a folder that is missing, a file that exists, a file of another kind.
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no directory {path.parent}")
     if not path.exists():
         return 1
     if not force:
         raise UsageError(f"{path}: exists already; --force replaces it, --out writes elsewhere")
+    # Of a file of an earlier version, which cannot be loaded any more, the version alone counts.
     try:
-        return load_calibration(path).origin.version + 1
+        return calibration_version(path) + 1
     except ConfigError:
         raise UsageError(
             f"{path}: is no calibration file, so it is not replaced; --out writes elsewhere"
@@ -96,7 +135,7 @@ def _next_version(path: Path, force: bool) -> int:
 def _show(
     path: Path, machine: Machine, calibration: Calibration, found: CalibrationFit, beside: list[Comparison]
 ) -> None:
-    from gantryctl.engineering.identification.text import truth_table
+    from gantryctl.engineering.identification.text import numbers_table, truth_table
 
     swing = calibration.identified.swing_hz
     acc = machine.virtual_axis.acc_deg_s2
@@ -104,8 +143,10 @@ def _show(
         f"{machine.name}: {found.recording.axis_time_s:.0f} s of axis time, watched by "
         f"{calibration.origin.instrument}; the fit leaves {found.residual_deg:.5f} deg (rms)"
     )
-    title = "Identified, beside the truth of the simulator"
-    print_table(truth_table(title, "found", beside, digits=6))
+    if beside:
+        print_table(truth_table("Identified, beside the truth of the simulator", "found", beside, digits=6))
+    else:
+        print_table(numbers_table(calibration))
     click.echo(
         f"\nFirst mode with the motor held: {swing:.2f} Hz. An S-curve whose ramps last one period of it: "
         f"jerk_deg_s3 = {acc * swing:.3g} with the present acc_deg_s2 = {acc:.4g}."
@@ -121,5 +162,8 @@ def _data(
         "calibration": calibration.model_dump(mode="json"),
         "residual_deg": found.residual_deg,
         "axis_time_s": found.recording.axis_time_s,
+        "instrument_delay_s": found.delay_s,
+        "balance": found.balance._asdict(),
+        "speed_loop": found.recording.speed_loop._asdict(),
         "truth": [c._asdict() for c in beside],
     }

@@ -219,6 +219,11 @@ class CanopenDrive:
         """60B2 and 6077 are both mapped: a torque that cannot be read proves nothing."""
         return self.process.torque_offset and self.process.torque_known
 
+    @property
+    def reports_torque(self) -> bool:
+        """6077 is mapped."""
+        return self.process.torque_known
+
     def identity(self) -> DriveIdentity:
         """Name, serial number and resolution."""
         return drive_identity(self.settings, self.opened.identity.text, self.opened.identity.key)

@@ -148,9 +148,9 @@ def _gear(machine: Machine, seed: int) -> Machine:
     gear = random_gear(machine, seed)
     if not machine.control.compensation.needs_calibration:
         return gear
-    from gantryctl.engineering.identification import calibrate
+    from gantryctl.engineering.identification import SimulatedAxis, calibrate
 
-    return gear.calibrated(calibrate(gear, seed=seed))
+    return gear.calibrated(calibrate(SimulatedAxis(gear, seed=seed)))
 
 
 def _true_a(machine: Machine, procedure: Procedure, load_rad: FloatArray) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
 from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, KeyFigures, measure_key_figures
 from gantryctl.engineering.comparison.variants import without_load_encoder
-from gantryctl.engineering.identification import calibrate
+from gantryctl.engineering.identification import SimulatedAxis, calibrate
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, effective_values, with_values
 
@@ -113,7 +113,7 @@ def in_threads(
 def _one(paper: Machine, improved: Machine, seed: int) -> dict[str, KeyFigures]:
     own = random_plant(improved, seed)
     # Each plant is identified anew: compensations know only what was measured (decision 0010).
-    own = own.calibrated(calibrate(own, seed=seed))
+    own = own.calibrated(calibrate(SimulatedAxis(own, seed=seed)))
     rows = {paper.name: measure_key_figures(random_plant(paper, seed), seed)}
     if improved.control.compensation.load_encoder.active:
         rows["without the load encoder"] = measure_key_figures(without_load_encoder(own), seed)

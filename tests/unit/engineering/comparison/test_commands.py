@@ -56,7 +56,7 @@ def test_identify_needs_a_gantry_behind_the_drive() -> None:
     Path("ideal.toml").write_text(text, "utf-8")
     refused = cli("identify", "--config", "ideal.toml")
     assert refused.code == 2
-    assert 'needs [drive] kind = "sim"' in refused.err
+    assert 'use "sim" or "canopen"' in refused.err
 
 
 def test_compare_without_a_calibration_says_what_to_do() -> None:

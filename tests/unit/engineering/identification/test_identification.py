@@ -11,6 +11,7 @@ from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
 from gantryctl.engineering.identification import (
     CalibrationFit,
     LoadInstrument,
+    SimulatedAxis,
     calibrate,
     calibration_of,
     comparisons,
@@ -31,12 +32,14 @@ EVERYTHING_OFF = {
 
 
 def error_percent(machine: Machine, seed: int = 0) -> dict[str, float]:
-    return {c.name: c.error_percent for c in comparisons(machine, calibrate(machine, seed=seed))}
+    return {
+        c.name: c.error_percent for c in comparisons(machine, calibrate(SimulatedAxis(machine, seed=seed)))
+    }
 
 
 @pytest.fixture(scope="module")
 def found() -> CalibrationFit:
-    return fit(improved_machine(), record(improved_machine()))
+    return fit(improved_machine(), record(SimulatedAxis(improved_machine())))
 
 
 def test_without_friction_and_gear_errors_every_number_is_found() -> None:
@@ -55,21 +58,34 @@ def test_without_friction_and_gear_errors_every_number_is_found() -> None:
 
 
 def test_on_the_full_plant_the_numbers_are_right_to_their_worth(found: CalibrationFit) -> None:
-    """Friction of the motor grows with the load (10 %), which looks like more moment; hysteresis looks like more
-    wind-up. Neither is known to the fit, so the errors are systematic and of that size.
+    """What the fit does not know: breakaway and hysteresis, three slopes of the spring, gear error that swings at the
+    ends of a ramp. They leave some 0.5 %; the measures of the issue are 3 % (moment, inertia) and 10 %.
     """
     calibration = calibration_of(improved_machine(), found, "2026-01-01", 1)
     nominal = {c.name: c.error_percent for c in comparisons(improved_machine(), calibration)}
-    assert abs(nominal["eccentric moment, sine"]) < 10.0
-    assert abs(nominal["inertia of load and motor"]) < 5.0
-    assert abs(nominal["stiffness, small loads, base included"]) < 10.0
-    assert abs(nominal["wind-up per acceleration"]) < 20.0
-    assert abs(nominal["Coulomb friction"]) < 20.0
+    assert abs(nominal["eccentric moment, sine"]) < 1.0
+    assert abs(nominal["inertia of load and motor"]) < 1.5
+    # what a speed loop of 50 Hz shows of a rotor behind a spring
+    assert abs(nominal["inertia at the motor"]) < 3.0
+    assert abs(nominal["stiffness, small loads, base included"]) < 5.0
+    assert abs(nominal["wind-up per acceleration"]) < 5.0
+    assert abs(nominal["Coulomb friction, unloaded"]) < 3.0
+    # a tenth of a torque of 20 kN m in the balance of 30
+    assert abs(nominal["friction per load"]) < 10.0
+    assert found.identified.dead_time_s == pytest.approx(0.000515, abs=0.05 * 1e-3)  # 5 % of a cycle
+
+
+def test_friction_that_grows_with_the_load_is_no_moment() -> None:
+    """The same samples without the motor's load-dependent friction: a linear balance says 5 % more moment."""
+    machine = with_values(improved_machine(), {"plant.motor_friction.load_ratio": 0.25})
+    found = calibrate(SimulatedAxis(machine)).identified
+    assert found.moment_sine_nm == pytest.approx(15_990.0, rel=0.015)
+    assert found.friction_load_ratio == pytest.approx(0.25, rel=0.1)
 
 
 def test_the_map_of_another_gear_is_another_map() -> None:
     machine = random_gear(improved_machine(), 5)
-    own, other = calibrate(machine), improved_machine().calibration
+    own, other = calibrate(SimulatedAxis(machine)), improved_machine().calibration
     assert other is not None
     found = {c.name: c for c in comparisons(machine, own)}
     wrong = {c.name: c for c in comparisons(machine, other)}
@@ -81,13 +97,13 @@ def test_the_map_of_another_gear_is_another_map() -> None:
 
 def test_the_eccentric_moment_of_a_tilted_load_has_both_parts() -> None:
     machine = with_values(improved_machine(), {"plant.load.eccentric_angle_deg": 30.0})
-    found = calibrate(machine).identified
+    found = calibrate(SimulatedAxis(machine)).identified
     angle = math.degrees(math.atan2(found.moment_cosine_nm, found.moment_sine_nm))
     assert angle == pytest.approx(-30.0, abs=2.0)
 
 
 def test_the_encoder_on_the_ring_does_as_an_instrument_but_knows_nothing_of_its_own_errors() -> None:
-    found = calibrate(improved_machine(), instrument=LoadInstrument.LOAD_ENCODER)
+    found = calibrate(SimulatedAxis(improved_machine(), LoadInstrument.LOAD_ENCODER))
     by_tracker = improved_machine().calibration
     assert by_tracker is not None
     assert found.maps.scale_rad == ()
@@ -99,7 +115,7 @@ def test_the_encoder_on_the_ring_does_as_an_instrument_but_knows_nothing_of_its_
 
 def test_noise_of_the_tracker_hardly_matters(found: CalibrationFit) -> None:
     """4 urad of noise over 17 000 samples of 40 readings each and some 90 unknowns: far below 0.1 urad."""
-    other = calibrate(improved_machine(), seed=2).maps.gear_rad
+    other = calibrate(SimulatedAxis(improved_machine(), seed=2)).maps.gear_rad
     assert 0.0 < np.max(np.abs(np.subtract(found.maps.gear_rad, other))) < 1e-7
 
 
@@ -141,10 +157,10 @@ def test_changing_the_plant_leaves_every_number_of_the_controller() -> None:
 def test_a_rigid_machine_has_no_windup_to_identify() -> None:
     rigid = with_values(improved_machine(), {"plant.switches.rigid": True})
     with pytest.raises(UsageError, match="rigid machine"):
-        calibrate(rigid)
+        calibrate(SimulatedAxis(rigid))
 
 
 def test_a_short_travel_is_refused() -> None:
     short = with_values(improved_machine(), {"axis.pos_min_deg": -80.0, "axis.pos_max_deg": 80.0})
     with pytest.raises(UsageError, match="half a turn"):
-        record(short)
+        record(SimulatedAxis(short))

@@ -12,7 +12,7 @@ from gantryctl.engineering.analysis.models.sampled import Input
 from gantryctl.errors import UsageError
 
 # Above this the torque accelerates the rotor alone, and grows with frequency at constant speed amplitude.
-_ROLL_OFF_HZ = 5.0
+ROLL_OFF_HZ = 5.0
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,18 @@ class Excitation:
 
 
 def multisine(
-    where: Input, low_hz: float, high_hz: float, count: int, scan_s: float, period_s: float = 16.0
+    where: Input,
+    low_hz: float,
+    high_hz: float,
+    count: int,
+    scan_s: float,
+    period_s: float = 16.0,
+    roll_off_hz: float = ROLL_OFF_HZ,
 ) -> Excitation:
     """All frequencies at once: `count` lines from low to high in about equal ratios, small crest factor (Schroeder).
 
-    Above 5 Hz the speed amplitude falls as 1/f, so that the torque to accelerate the rotor stays about constant; an
-    amplitude of 1 is then 1 rad/s (or 1 N m) in each of the low lines.
+    Above `roll_off_hz` the speed amplitude falls as 1/f, so that the torque to accelerate the rotor stays about
+    constant; an amplitude of 1 is then 1 rad/s (or 1 N m) in each of the low lines.
 
     Raises:
         UsageError: frequencies that the scan cannot carry or that do not fit into the period.
@@ -68,7 +74,7 @@ def multisine(
     wanted = np.geomspace(low_hz, high_hz, count) * period_s
     # Whole cycles in the period: no line leaks into another.
     lines = np.unique(np.round(wanted).astype(int))
-    roll_off = _ROLL_OFF_HZ if where is Input.SPEED else math.inf
+    roll_off = roll_off_hz if where is Input.SPEED else math.inf
     weights = 1.0 / np.maximum(1.0, lines / period_s / roll_off)
     power = weights**2 / np.sum(weights**2)
     # Schroeder's phases (IEEE Trans. Inf. Theory, 1970) keep the crest factor of the sum small.

@@ -8,7 +8,7 @@ friction holds, a small signal sees springs, where the axis turns it sees them s
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,37 @@ _CALM_S: Final = 3.0
 _FIRST_SHARE: Final = 0.02
 _MOST_GROWTH: Final = 10.0
 _TRIALS: Final = 4
-_COLUMNS: Final = ("vel_cmd_rad_s", "vel_law_rad_s", "vel_act_rad_s", "torque_act_nm")
+RECORD_COLUMNS: Final = ("vel_cmd_rad_s", "vel_law_rad_s", "vel_act_rad_s", "torque_act_nm", "pos_err_rad")
 
 Record = dict[str, FloatArray]
+"""Rows of a run, one value a scan, motor side: `RECORD_COLUMNS`."""
+
+
+class ExcitedAxis(Protocol):
+    """An axis in its position loop to whose command a signal can be added."""
+
+    @property
+    def scan_s(self) -> float:
+        """Scan period."""
+        ...
+
+    @property
+    def torque_limit_nm(self) -> float:
+        """Motor torque that stops a measurement."""
+        ...
+
+    @property
+    def step_rad(self) -> float:
+        """One step of the motor encoder."""
+        ...
+
+    def run(self, excitation: Excitation | None, scans: int) -> Record:
+        """Run so many scans with the signal added, from the start of its period.
+
+        Raises:
+            AlarmStop: the axis was stopped.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -57,6 +85,8 @@ class FrequencyResponse(NamedTuple):
         hz: frequencies.
         plant: motor speed per motor torque, rad/s per N m.
         speed_loop: motor speed per speed command. position_open: position loop cut at the speed command (L).
+        position: motor angle per speed command, s, by the encoder alone: a drive may filter the speed that it reports.
+        torque: motor torque per speed command, N m s/rad.
         torque_nm: amplitude of the motor torque. scatter: what the neighbouring frequencies carry, relative to the
         line:
             noise, gear error and the harmonics of friction.
@@ -66,6 +96,8 @@ class FrequencyResponse(NamedTuple):
     plant: ComplexArray
     speed_loop: ComplexArray
     position_open: ComplexArray
+    position: ComplexArray
+    torque: ComplexArray
     torque_nm: FloatArray
     scatter: FloatArray
 
@@ -90,6 +122,16 @@ class Probe:
         self._zero_counts = drive.read().pos_act_counts - law.ratio * angle_rad / law.rad_per_count
         self._plan = hold(angle_rad)
         self._scan = 0
+
+    @property
+    def torque_limit_nm(self) -> float:
+        """Motor torque that stops a measurement."""
+        return self.limits.torque_nm
+
+    @property
+    def step_rad(self) -> float:
+        """One step of the motor encoder."""
+        return self.law.rad_per_count
 
     def enable(self) -> None:
         """Switch on, open the brake, hold the present angle until the axis is calm.
@@ -127,18 +169,19 @@ class Probe:
         signal = [0.0] if excitation is None else excitation.period(self.scan_s).tolist()
         to_torque = excitation is not None and excitation.where is Input.TORQUE
         read, write, law, sample = self.drive.read, self.drive.write, self.law.scan, self._plan.sample
+        ratio = self.law.ratio
         rows = []
         for k in range(scans):
             feedback = read()
             ref_pos, ref_vel, _ = sample((self._scan + k) * self.scan_s)
-            wanted, angle, _ = law(ref_pos, ref_vel, feedback.pos_act_counts - self._zero_counts)
+            wanted, angle, error = law(ref_pos, ref_vel, feedback.pos_act_counts - self._zero_counts)
             self._check(feedback.state, feedback.torque_act_nm, angle)
             added = signal[k % len(signal)]
             command = wanted if to_torque else wanted + added
             write(OutputImage(DriveRequest.ENABLE, command, added if to_torque else 0.0, True))
-            rows.append((command, wanted, feedback.vel_act_rad_s, feedback.torque_act_nm))
+            rows.append((command, wanted, feedback.vel_act_rad_s, feedback.torque_act_nm, ratio * error))
         self._scan += scans
-        return dict(zip(_COLUMNS, np.array(rows).T, strict=True))
+        return dict(zip(RECORD_COLUMNS, np.array(rows).T, strict=True))
 
     def _angle(self, counts: float) -> float:
         return (counts - self._zero_counts) * self.law.rad_per_count / self.law.ratio
@@ -163,7 +206,7 @@ class Probe:
         )
 
 
-def fit_amplitude(probe: Probe, excitation: Excitation, torque_nm: float) -> Excitation:
+def fit_amplitude(probe: ExcitedAxis, excitation: Excitation, torque_nm: float) -> Excitation:
     """Fit the amplitude of a signal, so that the motor torque swings by +-`torque_nm`.
 
     Begins with a fiftieth of what moves an inertia that is not there and grows at most tenfold a trial, so the torque
@@ -172,21 +215,22 @@ def fit_amplitude(probe: Probe, excitation: Excitation, torque_nm: float) -> Exc
     Raises:
         UsageError: the torque asked for is not below the probe's limit.
     """
-    if not 0.0 < torque_nm < probe.limits.torque_nm:
+    if not 0.0 < torque_nm < probe.torque_limit_nm:
         raise UsageError(
             f"a test torque of {torque_nm:g} N m: must be above 0 and below the limit of "
-            f"{probe.limits.torque_nm:g} N m that stops the measurement"
+            f"{probe.torque_limit_nm:g} N m that stops the measurement"
         )
     scans = round(excitation.period_s / probe.scan_s)
-    at_rest = probe.run(None, scans)["torque_act_nm"]
-    quiet = float(np.ptp(at_rest)) / 2.0
     crest = float(np.max(np.abs(replace(excitation, amplitude=1.0).period(probe.scan_s))))
     trial = replace(excitation, amplitude=_FIRST_SHARE / crest)
     for _ in range(_TRIALS):
-        swing = float(np.ptp(probe.run(trial, scans)["torque_act_nm"])) / 2.0
-        # What the standing axis does by itself is not the answer to the signal.
-        share = max(swing - quiet, 0.1 * swing, 1e-9)
-        growth = min(torque_nm / share, _MOST_GROWTH)
+        torque = probe.run(trial, scans)["torque_act_nm"]
+        # What the axis does by itself, gear and ripple, is not the answer to the signal: only its lines count.
+        spectrum = np.zeros(scans // 2 + 1, dtype=np.complex128)
+        lines = list(excitation.lines)
+        spectrum[lines] = np.fft.rfft(torque)[lines]
+        swing = float(np.ptp(np.fft.irfft(spectrum, scans))) / 2.0
+        growth = min(torque_nm / max(swing, 1e-9), _MOST_GROWTH)
         trial = replace(trial, amplitude=trial.amplitude * growth)
         if abs(growth - 1.0) < 0.1:
             break
@@ -194,7 +238,7 @@ def fit_amplitude(probe: Probe, excitation: Excitation, torque_nm: float) -> Exc
 
 
 def measure(
-    probe: Probe, excitation: Excitation, settle_periods: int = 2, periods: int = 4
+    probe: ExcitedAxis, excitation: Excitation, settle_periods: int = 2, periods: int = 4
 ) -> FrequencyResponse:
     """Run the signal until it is periodic, then evaluate whole periods with a Hann window.
 
@@ -218,12 +262,14 @@ def measure(
     bins = np.array(excitation.lines) * periods
     at = {name: spectrum[bins] for name, spectrum in spectra.items()}
     # rounding to counts repeats with the signal: its power lies on the multiples of 1/period, evenly
-    rounding = probe.law.rad_per_count / probe.scan_s / np.sqrt(6.0) / np.sqrt(scans / 2.0)
+    rounding = probe.step_rad / probe.scan_s / np.sqrt(6.0) / np.sqrt(scans / 2.0)
     return FrequencyResponse(
         hz=excitation.hz,
         plant=at["vel_act_rad_s"] / at["torque_act_nm"],
         speed_loop=at["vel_act_rad_s"] / at["vel_cmd_rad_s"],
         position_open=-at["vel_law_rad_s"] / at["vel_cmd_rad_s"],
+        position=-at["pos_err_rad"] / at["vel_cmd_rad_s"],
+        torque=at["torque_act_nm"] / at["vel_cmd_rad_s"],
         torque_nm=np.abs(at["torque_act_nm"]),
         scatter=np.maximum.reduce(
             [

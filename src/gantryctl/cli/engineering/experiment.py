@@ -1,0 +1,103 @@
+"""What experiments on a machine have in common: which machine, who agrees, which instrument."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from gantryctl.cli.options import confirm, stop_signals
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.instruments import Instrument
+    from gantryctl.machine import Machine
+    from gantryctl.operation.run import AxisRun
+
+TRACKER = "tracker"
+
+yes_option = click.option("--yes", is_flag=True, help="On a real machine: move without asking.")
+
+
+def machine_under_test(config_file: Path | None, what: str, *, calibrated: bool = True) -> Machine:
+    """A machine with something to measure: simulated in this process, or with a drive on a bus.
+
+    Args:
+        calibrated: with the calibration file that it names; without, it may be missing or of another version.
+
+    Raises:
+        UsageError: its drive is ideal. ConfigError: its file, or a quick stop that motor or reducer cannot give.
+    """
+    from gantryctl.engineering.stops import check_quick_stop
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import default_machine_path, load_machine, load_uncalibrated
+
+    machine = (load_machine if calibrated else load_uncalibrated)(config_file or default_machine_path())
+    if machine.drive.kind == "ideal":
+        raise UsageError(
+            f'{what} needs a drive with an axis behind it, {machine.name} has [drive] kind = "ideal": use "sim" or '
+            '"canopen"'
+        )
+    if machine.on_bus:
+        check_quick_stop(machine)
+    return machine
+
+
+@contextmanager
+def bus_experiment(
+    machine: Machine,
+    moves: str,
+    *,
+    yes: bool,
+    controlled_as: Machine | None = None,
+    needs_torque: bool = True,
+) -> Iterator[AxisRun]:
+    """A machine on a bus under power, after somebody has agreed; Ctrl-C stops it.
+
+    Args:
+        moves: what will move, for the question.
+    """
+    from gantryctl.engineering.analysis.measured.on_engine import experiment
+    from gantryctl.operation.client import Stop
+
+    def agree(run: AxisRun) -> None:
+        if run.must_ask and not yes:
+            click.echo(f"{machine.name}: {moves}; now at {run.angle_deg:+.2f} deg", err=True)
+            confirm("Begin?", "nothing moved")
+
+    opened = experiment(machine, controlled_as=controlled_as, agree=agree, needs_torque=needs_torque)
+    with opened as run:
+
+        def stop() -> None:
+            run.stop = Stop(min(run.stop + 1, Stop.QUICK))
+
+        with stop_signals(stop):
+            yield run
+
+
+def instrument_at(place: str, run: AxisRun, seed: int) -> Instrument:
+    """What watches the load: `tracker`, simulated, or the address of an instrument.
+
+    Raises:
+        UsageError: there is no simulated load that a simulated tracker could watch.
+        InstrumentError: the instrument does not answer.
+    """
+    from gantryctl.engineering.instruments import LinePort, SimulatedTracker, TrackerErrors, parse_address
+    from gantryctl.errors import UsageError
+    from gantryctl.units import deg
+
+    if place != TRACKER:
+        port = LinePort(parse_address(place))
+        port.identify()
+        return port
+    truth = run.drive.truth_source
+    if truth is None:
+        raise UsageError(
+            f"{run.machine.name}: no load is simulated that a simulated tracker could watch · --instrument "
+            "tcp:HOST:PORT or serial:DEVICE:BAUD, see docs/reference/instrument-port.md"
+        )
+    accuracy = run.machine.accuracy
+    errors = TrackerErrors(radius_m=accuracy.chord_radius_m, noise_um=max(accuracy.tracker_noise_um, 0.1))
+    return SimulatedTracker(lambda _: deg(truth.truth()[0]), seed, errors)

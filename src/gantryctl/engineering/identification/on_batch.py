@@ -1,0 +1,100 @@
+"""The simulated axis under test, in the compiled loop."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.analysis.measured.probe import Probe, ProbeLimits
+from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop, measured_speed_loop
+from gantryctl.engineering.batch import ClosedLoop
+from gantryctl.engineering.identification.measure import TURN_DEG_S, quiet_machine
+from gantryctl.engineering.identification.samples import MoveLog
+from gantryctl.machine import Machine
+from gantryctl.motion import MotionLimits, SetPoint, plan_move
+from gantryctl.units import deg, rad
+from gantryctl.wiring.program import motion_limits, position_law
+from gantryctl.wiring.simulator import fit_load_encoder, gantry_sim, sim_drive
+
+_SETTLE_S: Final = 3.0
+_BLOCK_S: Final = 0.040
+_TORQUE_LIMIT_SHARE: Final = 0.5
+
+
+class LoadInstrument(Enum):
+    """Instruments at the load of a simulated axis."""
+
+    # A laser tracker sampling along: inertial, with the noise of [accuracy].
+    TRACKER = "tracker"
+    # The encoder on the ring: blind to the rocking of the base, and with scale errors of its own.
+    LOAD_ENCODER = "load-encoder"
+
+
+class SimulatedAxis:
+    """The axis of a simulated machine, standing at 0 deg in the beginning.
+
+    Args:
+        seed: of the instrument's noise.
+    """
+
+    def __init__(
+        self, machine: Machine, instrument: LoadInstrument = LoadInstrument.TRACKER, seed: int = 0
+    ) -> None:
+        self.machine, self._quiet = machine, quiet_machine(machine)
+        sim = gantry_sim(machine)
+        self._by_ring = instrument is LoadInstrument.LOAD_ENCODER
+        if self._by_ring:
+            fit_load_encoder(machine, sim)
+        self.instrument = instrument.value
+        self.sees_space = not self._by_ring
+        self.has_ring = machine.plant.load_encoder.fitted or self._by_ring
+        self.encoder_serial = machine.plant.encoder.serial
+        self.time_s = 0.0
+        self._loop = ClosedLoop.standing_at(sim, position_law(machine), 0.0)
+        # A reading is latency_us old: at constant speed it lags by speed times age.
+        self._latency_s = machine.control.compensation.latency_us * 1e-6
+        self._sigma_rad = machine.accuracy.tracker_noise_um * 1e-6 / machine.accuracy.chord_radius_m
+        self._rng = np.random.default_rng(seed)
+        self._pos_rad = 0.0
+
+    def go(self, to_deg: float, vel_deg_s: float) -> MoveLog:
+        """Move and settle."""
+        limits: MotionLimits = motion_limits(self._quiet)._replace(vel_rad_s=rad(vel_deg_s))
+        plan = plan_move(SetPoint(self._pos_rad, 0.0, 0.0), rad(to_deg), limits)
+        self._pos_rad = rad(to_deg)
+        self.time_s += plan.duration + _SETTLE_S
+        log = self._loop.run(plan, plan.duration + _SETTLE_S)
+        ring, vel = log["pos_ring_rad"], log["vel_ref_rad_s"]
+        seen = log["pos_load_rad"] + self._rng.normal(0.0, self._sigma_rad, len(log))
+        return MoveLog(
+            period_s=log.period_s,
+            act_rad=log["pos_act_rad"] + self._latency_s * vel,
+            load_rad=ring if self._by_ring else seen,
+            ring_rad=ring,
+            vel_rad_s=vel,
+            acc_rad_s2=log["acc_ref_rad_s2"],
+            torque_nm=log["torque_act_nm"],
+            block=max(1, round(_BLOCK_S / log.period_s)),
+        )
+
+    def speed_loop(self, torque_nm: float) -> SpeedLoop:
+        """Excite the same drive, standing where the axis stands, while it turns slowly."""
+        machine = self.machine
+        limits = ProbeLimits(
+            torque_nm=_TORQUE_LIMIT_SHARE * machine.motor.torque_rated_nm,
+            pos_min_rad=rad(machine.axis.pos_min_deg),
+            pos_max_rad=rad(machine.axis.pos_max_deg),
+            motion=motion_limits(self._quiet),
+        )
+        probe = Probe(
+            sim_drive(machine, deg(self._pos_rad)),
+            position_law(machine),
+            machine.control.scan_period_ms * 1e-3,
+            limits,
+            self._pos_rad,
+        )
+        probe.enable()
+        probe.turn(rad(TURN_DEG_S))
+        return measured_speed_loop(probe, torque_nm)
