@@ -97,7 +97,7 @@ def test_friction_is_a_spring_to_a_small_signal(measurements):
 def test_a_larger_signal_makes_it_slide_at_low_frequencies(measurements):
     larger = measurements[1]
     low = larger.measured.hz < 1.5
-    assert np.median(np.abs(larger.measured.plant / larger.model.plant)[low]) > 1.25
+    assert np.median(np.abs(larger.measured.plant / larger.model.plant)[low]) > 1.3
     assert set(larger.off) >= set(larger.measured.hz[low & (larger.trusted > 0.0)])
     assert "0.25..1." in measured_sentence(larger)
 

@@ -30,6 +30,8 @@ _CALM_S: Final = 3.0
 _FIRST_SHARE: Final = 0.02
 _MOST_GROWTH: Final = 10.0
 _TRIALS: Final = 4
+# Of the torque asked for: an axis that swings more than this by itself is not quiet.
+_QUIET_SHARE: Final = 0.1
 RECORD_COLUMNS: Final = ("vel_cmd_rad_s", "vel_law_rad_s", "vel_act_rad_s", "torque_act_nm", "pos_err_rad")
 
 Record = dict[str, FloatArray]
@@ -221,15 +223,21 @@ def fit_amplitude(probe: ExcitedAxis, excitation: Excitation, torque_nm: float) 
             f"{probe.torque_limit_nm:g} N m that stops the measurement"
         )
     scans = round(excitation.period_s / probe.scan_s)
+    quiet = float(np.ptp(probe.run(None, scans)["torque_act_nm"])) / 2.0
     crest = float(np.max(np.abs(replace(excitation, amplitude=1.0).period(probe.scan_s))))
     trial = replace(excitation, amplitude=_FIRST_SHARE / crest)
     for _ in range(_TRIALS):
         torque = probe.run(trial, scans)["torque_act_nm"]
-        # What the axis does by itself, gear and ripple, is not the answer to the signal: only its lines count.
-        spectrum = np.zeros(scans // 2 + 1, dtype=np.complex128)
-        lines = list(excitation.lines)
-        spectrum[lines] = np.fft.rfft(torque)[lines]
-        swing = float(np.ptp(np.fft.irfft(spectrum, scans))) / 2.0
+        if quiet > _QUIET_SHARE * torque_nm:
+            # An axis that turns swings by itself, with gear and ripple: only the lines of the signal are its answer.
+            spectrum = np.zeros(scans // 2 + 1, dtype=np.complex128)
+            lines = list(excitation.lines)
+            spectrum[lines] = np.fft.rfft(torque)[lines]
+            swing = float(np.ptp(np.fft.irfft(spectrum, scans))) / 2.0
+        else:
+            # One that stands answers with the harmonics of its friction as well.
+            whole = float(np.ptp(torque)) / 2.0
+            swing = max(whole - quiet, 0.1 * whole)
         growth = min(torque_nm / max(swing, 1e-9), _MOST_GROWTH)
         trial = replace(trial, amplitude=trial.amplitude * growth)
         if abs(growth - 1.0) < 0.1:
