@@ -141,7 +141,7 @@ class EngineAxis:
     def _speed(self, vel_deg_s: float) -> tuple[float, float]:
         """Speed setting and override: below the smallest setting only the override goes."""
         lowest = self.machine.speed.setting_min_deg_s
-        return max(vel_deg_s, lowest), min(1.0, vel_deg_s / lowest)
+        return min(max(vel_deg_s, lowest), self._run.speed_max_deg_s), min(1.0, vel_deg_s / lowest)
 
     def _log(self, trace: Trace) -> MoveLog:
         time_s, act, period_s = trace["time_s"], trace["pos_act_rad"], self._run.engine.period_s
