@@ -9,15 +9,17 @@ from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import replace
 from typing import Final
 
+from gantryctl.commissioning.pictures import MotionSample
+from gantryctl.commissioning.results import Context
 from gantryctl.drives.canopen.bus.node import LOST
 from gantryctl.drives.canopen.cia402 import ENERGISED, FOLLOWS_COMMAND
 from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.engineering.report.meter import Meter
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
 from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, OutputImage
 from gantryctl.machine import Machine
 from gantryctl.operation.opening import keep_machine, open_machine
 from gantryctl.operation.proofs import bus_reasons
-from gantryctl.operation.store import StateStore
 from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
 from gantryctl.units import deg, rad
 
@@ -42,10 +44,12 @@ class OpenLoopAxis:
     Args:
         feedback: what the drive showed when it was opened.
         leash_deg: way from there at which the axis is switched off.
+        meter: is told of the time that passes.
         following: the gantry must follow the speed command, as a drive of proven sign and scale does.
 
     Attributes:
         retained: the controller's memory, kept at the end; a step may change it.
+        samples: what was commanded and seen, reading by reading.
     """
 
     def __init__(
@@ -55,17 +59,21 @@ class OpenLoopAxis:
         feedback: DriveFeedback,
         leash_deg: float,
         retained: Retained,
+        meter: Meter,
         *,
         following: bool = True,
     ) -> None:
         self.retained = retained
+        self._meter = meter
+        self.samples: list[MotionSample] = []
+        self._ref_deg_s, self._sample_s = 0.0, 0.0
         self.drive, self.period_s = drive, drive.settings.period_s
         self.ratio = machine.axis.ratio
         self._leash_deg = leash_deg
         self._deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
         self._clock = RealClock(self.period_s) if machine.paced_by_clock else VirtualClock()
         self._deadline = 0
-        self.feedback, self.start_counts = feedback, feedback.pos_act_counts
+        self._feedback, self.start_counts = feedback, feedback.pos_act_counts
         self._following = following
         self._band_deg_s = machine.monitors.velocity_deviation_deg_s
         self._band_scans = max(1, round(1e-3 * machine.monitors.velocity_deviation_time_ms / self.period_s))
@@ -73,6 +81,22 @@ class OpenLoopAxis:
         self._way_deg = self._begun_deg = 0.0
         self._off_scans = self._stuck_scans = 0
         self._passed_s = self.period_s
+
+    @property
+    def feedback(self) -> DriveFeedback:
+        """What the drive showed last."""
+        return self._feedback
+
+    @feedback.setter
+    def feedback(self, seen: DriveFeedback) -> None:
+        # Every reading is kept for the picture, whoever has taken it: scan, silence, break-off.
+        self._feedback = seen
+        link = self.drive.link
+        self._sample_s = self._sample_s + self.period_s if link.stepped else link.now_s()
+        # In silence the position alone is asked for, by SDO: speed and torque are those of the last telegram.
+        shown = not self.drive.silent_process_data
+        speed, torque = (self.speed_deg_s, seen.torque_act_nm) if shown else (math.nan, math.nan)
+        self.samples.append(MotionSample(self._sample_s, self._ref_deg_s, speed, self.angle_deg, torque))
 
     @property
     def angle_deg(self) -> float:
@@ -96,7 +120,7 @@ class OpenLoopAxis:
         Raises:
             AlarmStop: the leash is at its end, the gantry does not follow, or something is wrong with the connection.
         """
-        before = self.feedback.state
+        before, self._ref_deg_s = self.feedback.state, speed_deg_s
         self.drive.write(OutputImage(request, self.motor_rad_s(speed_deg_s), torque_nm, brake))
         self.wait()
         self.feedback = self.drive.read()
@@ -118,6 +142,7 @@ class OpenLoopAxis:
         self._deadline = self._clock.wait_for(before + 1).deadline
         # The gantry goes on while scans are missed.
         self._passed_s = (self._deadline - before) * self.period_s
+        self._meter.advance(self._passed_s)
 
     def _judge_bit_12(self) -> None:
         """A drive that is off, or stops by itself, follows no command: a bit that is always 1 says nothing."""
@@ -170,6 +195,7 @@ class OpenLoopAxis:
         """Command torque off and brake, look at the drive, and say what it has confirmed."""
         drive, still_s = self.drive, 0.0
         drive.silent_process_data = drive.silent_heartbeat = False
+        self._ref_deg_s = 0.0
         drive.write(SAFE_OUTPUT)
         if drive.lost:
             # A drive that has left OPERATIONAL takes commands, and shows itself, only after it was started.
@@ -255,17 +281,23 @@ def state_name(state: DriveState) -> str:
 
 @contextmanager
 def open_loop_axis(
-    machine: Machine, store: StateStore, leash_deg: float, *, following: bool = True
+    c: Context, leash_deg: float, part: str = "", *, following: bool = True
 ) -> Iterator[OpenLoopAxis]:
     """Open the drive, and leave it off, braked and with its rest position retained.
+
+    Args:
+        part: of the step, for the title of its picture; where the gantry does not move there is no picture.
 
     Raises:
         CommandRefused: its parameters forbid enabling.
     """
+    machine, store = c.machine, c.store
     opened = open_machine(machine, store)
     drive = opened.drive
     assert isinstance(drive, CanopenDrive)
-    axis = OpenLoopAxis(machine, drive, opened.feedback, leash_deg, opened.retained, following=following)
+    axis = OpenLoopAxis(
+        machine, drive, opened.feedback, leash_deg, opened.retained, c.watch.meter, following=following
+    )
     try:
         for reason in bus_reasons(machine, store, drive, commissioning=True):
             raise CommandRefused(reason.text)
@@ -275,3 +307,10 @@ def open_loop_axis(
         drive.close()
         counts = int(drive.read().pos_act_counts) % opened.scale.range_counts
         keep_machine(machine, store, drive, replace(axis.retained, rest_position_counts=counts))
+        if part:
+            c.watch.draw(part, _from_zero(axis.samples))
+
+
+def _from_zero(samples: list[MotionSample]) -> list[MotionSample]:
+    begun_s = samples[0].time_s if samples else 0.0
+    return [sample._replace(time_s=sample.time_s - begun_s) for sample in samples]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from gantryctl.commissioning.drawing import picture_svg
 from gantryctl.commissioning.results import (
     Figure,
     Outcome,
@@ -15,12 +16,12 @@ from gantryctl.commissioning.results import (
     load_progress,
     store_progress,
 )
-from gantryctl.commissioning.run import STEPS, complete
+from gantryctl.commissioning.run import STEPS, Step, complete
 from gantryctl.engineering.report.page import render_page, signed
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.machine.tables.fields import UNITS
-from gantryctl.operation.ledger import LedgerRow
+from gantryctl.operation.ledger import LedgerRow, Standing
 from gantryctl.units import name_ending
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "commissioning.html.j2"
@@ -55,17 +56,66 @@ def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | No
         "progress": progress,
         "before": before,
         "ledger": ledger,
+        "lacking": sum(row.standing is Standing.LACKING for row in ledger),
+        "accepted": [row for row in ledger if row.standing is Standing.ACCEPTED],
         "badge": "COMPLETE" if done else "NOT COMPLETE",
         "badge_class": "pass" if done else "fail" if counts[Outcome.FAILED.value] else "none",
+        "verdict": _verdict(progress, done),
         "tiles": [
             (str(counts[name]), f"step{'s' if counts[name] != 1 else ''} {name}", f"of {len(STEPS)}")
             for name in (*(outcome.value for outcome in Outcome), _NOT_DONE)
         ],
-        "rows": [
-            (step.title, result, result and _STYLES[result.outcome], _figures(result, before))
+        "steps": [
+            _StepView(
+                step,
+                result,
+                _STYLES[result.outcome] if result else None,
+                _figures(result, before),
+                _drawn(result),
+            )
             for step, result in zip(STEPS, results, strict=True)
         ],
     }
+
+
+class _StepView(NamedTuple):
+    """A step for the page; `result` is None where it was not done."""
+
+    step: Step
+    result: StepResult | None
+    style: str | None
+    figures: list[_FigureRow]
+    pictures: list[tuple[str, str]]
+
+
+def _verdict(progress: Progress, done: bool) -> str:
+    """What the commissioning has shown, in a sentence."""
+    required = [step for step in STEPS if step.required]
+    if not done:
+        found = progress.results
+        failed = [s.title for s in STEPS if s.key in found and found[s.key].outcome is Outcome.FAILED]
+        left = [s.title for s in required if s.key not in found]
+        why = [
+            f"{word}: {', '.join(names)}" for word, names in (("failed", failed), ("not done", left)) if names
+        ]
+        return f"The machine may not move. {'; '.join(why)}.".replace(". f", ". F").replace(". n", ". N")
+    last = max(progress.results.values(), key=lambda result: result.at)
+    people = ", ".join(dict.fromkeys(result.by for result in progress.results.values() if result.by))
+    first = min(result.at for result in progress.results.values())
+    return (
+        f"All {len(required)} required steps are passed or cannot be tested here; the machine may move in this "
+        f"configuration with this drive. Done from {first} to {last.at} by {people or 'nobody named'}."
+    )
+
+
+def _drawn(result: StepResult | None) -> list[tuple[str, str]]:
+    """Title and SVG of every picture of a step."""
+    if result is None:
+        return []
+    return [
+        (picture.title, picture_svg(picture, f"{result.key}-{k}"))
+        for k, picture in enumerate(result.pictures)
+    ]
 
 
 class _FigureRow(NamedTuple):
@@ -100,7 +150,11 @@ def _row(name: str, figure: Figure, old: Figure | None) -> _FigureRow:
 
 
 def _number(value: float | None) -> str:
-    return "not measured" if value is None else signed(f"{value:.5g}")
+    if value is None:
+        return "not measured"
+    text = f"{value:.5g}"
+    # Nobody reads 1.3e-05 deg beside 0.0033.
+    return signed(f"{value:.6f}" if "e-" in text else text)
 
 
 def _limit(figure: Figure) -> str:

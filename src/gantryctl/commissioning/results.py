@@ -9,13 +9,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from pathlib import Path
+from typing import TypeAlias
 
 from pydantic import TypeAdapter
 
+from gantryctl.commissioning.pictures import Picture
+from gantryctl.commissioning.watch import StepWatch
 from gantryctl.drives.od.verdicts import ParameterRow
+from gantryctl.engineering.instruments import Instrument
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine
+from gantryctl.operation.run import AxisRun
 from gantryctl.operation.store import StateStore
 
 
@@ -56,6 +61,14 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class StepTable:
+    """A table of words that a step leaves for the report."""
+
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
 class StepResult:
     """Result of one step.
 
@@ -64,6 +77,8 @@ class StepResult:
         figures: by name, with the unit at its end; a passed step has none outside of its limits.
         to_do: what a person has to do, "" for nothing.
         seconds: how long it took.
+        by: user of the computer who ran it.
+        pictures: of what moved. table: what was written or read, for the report.
     """
 
     key: str
@@ -73,6 +88,9 @@ class StepResult:
     to_do: str = ""
     seconds: float = 0.0
     at: str = ""
+    by: str = ""
+    pictures: tuple[Picture, ...] = ()
+    table: StepTable | None = None
 
     def number(self, name: str) -> float:
         """The value of a figure that was measured."""
@@ -93,9 +111,9 @@ class Progress:
 
     @property
     def hash(self) -> str:
-        """Hash over everything but dates and durations: two equal commissionings have the same."""
+        """Hash over everything but persons, dates and durations: two equal commissionings have the same."""
         # Dates and durations differ between two commissionings that showed the same.
-        plain = {k: {**asdict(r), "seconds": 0, "at": ""} for k, r in self.results.items()}
+        plain = {k: {**asdict(r), "seconds": 0, "at": "", "by": ""} for k, r in self.results.items()}
         text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -125,6 +143,9 @@ def store_progress(path: Path, progress: Progress) -> None:
     write_whole(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
 
 
+InstrumentMaker: TypeAlias = Callable[[AxisRun], Instrument]
+
+
 @dataclass(frozen=True)
 class Context:
     """Commissioning in progress.
@@ -134,6 +155,8 @@ class Context:
         results: of the steps before.
         as_found: parameters of the drive before this commissioning wrote any.
         say: a line for the person who watches.
+        watch: progress and pictures of this step.
+        instrument: makes the instrument at the load, once the axis is open; None without one.
     """
 
     machine: Machine
@@ -142,6 +165,8 @@ class Context:
     results: Mapping[str, StepResult]
     as_found: tuple[ParameterRow, ...]
     say: Callable[[str], None]
+    watch: StepWatch
+    instrument: InstrumentMaker | None
 
 
 def passed(key: str, proof: str, **figures: float | Figure) -> StepResult:

@@ -8,19 +8,23 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from gantryctl.commissioning import steps_bus, steps_motion, steps_power
+from gantryctl.commissioning import step_accuracy, steps_bus, steps_motion, steps_power
 from gantryctl.commissioning.results import (
     Context,
+    InstrumentMaker,
     Outcome,
     Progress,
     StepResult,
     load_progress,
     store_progress,
 )
+from gantryctl.commissioning.watch import StepWatch
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow
+from gantryctl.engineering.accuracy.procedure.on_batch import run_time_s
+from gantryctl.engineering.report.meter import Meter
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation.bus_log import freeze
@@ -48,6 +52,8 @@ class Step:
 
     Attributes:
         moves: what could move, and how far; "" when nothing can.
+        reach_deg: how far at most; who has agreed to it need not be asked for less.
+        lasts_s: time of the axis that it takes, about, for the progress.
         required: without it there is no commissioning record.
     """
 
@@ -56,10 +62,24 @@ class Step:
     does: str
     moves: str
     run: Callable[[Context], StepResult]
+    reach_deg: float = 0.0
+    lasts_s: Callable[[Machine], float] = lambda machine: 1.0
     required: bool = True
 
 
+def _travel_s(machine: Machine) -> float:
+    """The slow turn: to one end, to the other, and to the middle."""
+    travel_deg = machine.axis.pos_max_deg - machine.axis.pos_min_deg
+    return 2.0 * travel_deg / min(steps_motion.TURN_SPEED, machine.speed.setting_max_deg_s)
+
+
+def _chords_s(machine: Machine) -> float:
+    """The chord test: every move and dwell."""
+    return run_time_s(machine, step_accuracy.ORDER.made())
+
+
 # What moves nothing comes first, what turns the whole travel last: each step rests on those before it.
+# The times are those of the reference gantry with the virtual drive, measured.
 STEPS: Final = (
     Step("identity", "Identity", "reads who the drive is and pins it", "", steps_bus.identity),
     Step("encoder", "Absolute reference", "checks the zero offset and the wrap margins before any limit is trusted", "",
@@ -68,27 +88,29 @@ STEPS: Final = (
          steps_bus.defaults),
     Step("parameters", "Parameters", "writes the parameters, reads them back, keeps a backup", "",
          steps_bus.parameters),
-    Step("pdo", "Process data", "compares telegrams with SDO reads, counts what is missed", "", steps_bus.process_data),
+    Step("pdo", "Process data", "compares telegrams with SDO reads, counts what is missed", "", steps_bus.process_data,
+         lasts_s=lambda machine: 2.0),
     Step("sync", "SYNC and dead time", "measures answers to SYNC and scans from command to statusword", "",
-         steps_bus.sync),
+         steps_bus.sync, lasts_s=lambda machine: 2.1),
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
-         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.silence),
+         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.silence, 0.05,
+         lambda machine: 3.0),
     Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than 0.02 deg",
-         steps_power.brake),
+         steps_power.brake, 0.02, lambda machine: 6.0),
     Step("sign", "Sign and scale", "a brief speed pulse with the position loop open, torque and speed limits lowered",
-         "at most 0.05 deg", steps_power.sign),
+         "at most 0.05 deg", steps_power.sign, 0.05, lambda machine: 4.0),
     Step("velocity", "Velocity step", "a step to creep speed, position loop open", "at most 1 deg",
-         steps_power.velocity),
+         steps_power.velocity, 1.0, lambda machine: 7.0),
     Step("loop", "Position loop", "closes the position loop: 1 deg forward and back at the lowest speed",
-         "1 deg and back", steps_motion.loop),
+         "1 deg and back", steps_motion.loop, 1.0, lambda machine: 10.0),
     Step("stops", "Stops", "jog release, quick stop, silence: the angle measured against the computed one",
-         "about 10 deg forward and back", steps_motion.stops),
+         "about 10 deg forward and back", steps_motion.stops, 10.0, lambda machine: 30.0),
     Step("turn", "Slow turn", "one turn each way: eccentric moment and friction", "the whole travel",
-         steps_motion.slow_turn),
+         steps_motion.slow_turn, 360.0, _travel_s),
     Step("bands", "Bands", "proposes in-position and following-error bands from what was measured", "",
          steps_motion.bands),
-    Step("accuracy", "Accuracy", "the chord test by an instrument", "the whole travel", steps_motion.accuracy,
-         required=False),
+    Step("accuracy", "Accuracy", "the chord test by an instrument at the load", "the whole travel",
+         step_accuracy.accuracy, 360.0, _chords_s, required=False),
 )  # fmt: skip
 
 
@@ -108,7 +130,9 @@ class Commissioning:
         store: locked by the caller.
         folder: for files and the report.
         say: a line for the person who watches.
-        confirm: asked before a step that moves; False leaves it out.
+        confirm: asked before a step that moves further than was agreed to before; False leaves it out.
+        instrument: makes the instrument at the load for the chord test; None without one.
+        now_s: clock of the person who watches.
     """
 
     def __init__(
@@ -118,13 +142,16 @@ class Commissioning:
         folder: Path,
         say: Callable[[str], None],
         confirm: Callable[[Step], bool],
+        instrument: InstrumentMaker | None = None,
+        now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         if not machine.on_bus:
             raise UsageError(
                 f'{machine.name}: [drive] kind = "{machine.drive.kind}"; a CAN machine is commissioned'
             )
         self.machine, self.store, self.folder = machine, store, folder
-        self._say, self._confirm = say, confirm
+        self._say, self._confirm, self._instrument, self._now_s = say, confirm, instrument, now_s
+        self._agreed_deg = 0.0
         self._path = store.directory / "commissioning.json"
         kept = load_progress(self._path)
         # A change of [axis], [control], [motor], [encoder], [brake], [drive] or [can] begins anew.
@@ -185,11 +212,21 @@ class Commissioning:
 
     def do(self, step: Step) -> StepResult | None:
         """Run one step; None when the person declined it."""
-        if step.moves and not self._confirm(step):
-            return None
-        begun = time.monotonic()
+        if step.reach_deg > self._agreed_deg:
+            if not self._confirm(step):
+                return None
+            self._agreed_deg = step.reach_deg
+        begun_s = self._now_s()
+        watch = StepWatch(Meter(self._say, step.lasts_s(self.machine), self._now_s))
         context = Context(
-            self.machine, self.store, self.folder, self.progress.results, self._as_found, self._say
+            self.machine,
+            self.store,
+            self.folder,
+            self.progress.results,
+            self._as_found,
+            self._say,
+            watch,
+            self._instrument,
         )
         try:
             result = step.run(context)
@@ -200,7 +237,13 @@ class Commissioning:
             )
         if result.outcome is Outcome.FAILED:
             freeze(self.store.traces, f"step-{step.key}")
-        result = replace(result, seconds=time.monotonic() - begun, at=now_text())
+        result = replace(
+            result,
+            seconds=self._now_s() - begun_s,
+            at=now_text(),
+            by=operator_name(),
+            pictures=tuple(watch.pictures),
+        )
         self.progress = replace(self.progress, results={**self.progress.results, step.key: result})
         store_progress(self._path, self.progress)
         return result

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Final
 
 from gantryctl.commissioning.open_loop_axis import open_loop_axis
-from gantryctl.commissioning.results import Context, Figure, StepResult, failed, judged, passed
+from gantryctl.commissioning.results import Context, Figure, StepResult, StepTable, failed, judged, passed
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
@@ -69,7 +70,7 @@ def defaults(c: Context) -> StepResult:
 def parameters(c: Context) -> StepResult:
     """Write the parameters, read them back, keep a backup."""
     try:
-        with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+        with open_loop_axis(c, _LEASH_DEG) as axis:
             kept = backup(axis.drive.node, None)
             rows = axis.drive.opened.rows
     except CommandRefused as refused:
@@ -79,14 +80,17 @@ def parameters(c: Context) -> StepResult:
     # A sparse drive may lack optional objects; the proof names them.
     lacking = [row.place for row in rows if row.verdict is ParameterVerdict.ABSENT]
     without = f"; this drive has no {', '.join(lacking)}" if lacking else ""
-    return passed(
+    done = passed(
         "parameters", f"{len(rows)} parameters read back as written, backup in {file.name}{without}"
     )
+    heads = ("object", "parameter", "wanted", "read back", "verdict")
+    table = StepTable(heads, tuple((r.place, r.name, r.want, r.have, r.verdict.value) for r in rows))
+    return replace(done, table=table)
 
 
 def process_data(c: Context) -> StepResult:
     """Compare telegrams with SDO reads, and count missed and late ones."""
-    with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+    with open_loop_axis(c, _LEASH_DEG) as axis:
         axis.run(_WATCH_S, DriveRequest.DISABLE)
         counters, drive = axis.drive.health(), axis.drive
         pdo = drive.process.statusword, drive.process.counts
@@ -114,7 +118,7 @@ def process_data(c: Context) -> StepResult:
 
 def sync(c: Context) -> StepResult:
     """Measure the time from SYNC to its answers, and the scans from controlword to statusword."""
-    with open_loop_axis(c.machine, c.store, _LEASH_DEG) as axis:
+    with open_loop_axis(c, _LEASH_DEG) as axis:
         axis.run(_WATCH_S, DriveRequest.DISABLE)
         answers = sorted(axis.drive.process.answer_times_s)
         dead = 0

@@ -1,4 +1,4 @@
-"""Steps with the position loop closed (loop, stops, slow turn), then bands from data and the accuracy test."""
+"""Steps with the position loop closed (loop, stops, slow turn), then bands from data."""
 
 from __future__ import annotations
 
@@ -10,13 +10,11 @@ from typing import Final
 import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
+from gantryctl.commissioning.pictures import POINTS, MotionSample, Panel, Picture, line
 from gantryctl.commissioning.quick_stop import computed_way_deg, measure_quick_stop, permitted_way_deg
-from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
+from gantryctl.commissioning.results import Context, Figure, StepResult, failed, judged, passed
 from gantryctl.commissioning.silence import Silence, Way, fall_silent, watched_ways
 from gantryctl.commissioning.steps_power import reset
-from gantryctl.engineering.accuracy.procedure.on_engine import run_on_engine
-from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
-from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine.derived import rigid_stop
@@ -35,16 +33,18 @@ _LEASH_SPARE_DEG: Final = 0.3
 # The load swings on by up to so much after a stop (power/sequence.py).
 _SWING_DEG_S: Final = 0.53
 _TOO_LONG: Final = "605A, 6085, torque limit, [virtual_axis] quick_dec_deg_s2; nothing faster before"
-_TURN_SPEED: Final = 3.0
+TURN_SPEED: Final = 3.0
 _MARGIN_DEG: Final = 2.0
 # Over less than this a sine and a constant cannot be told apart well.
 _WHOLE_DEG: Final = 300.0
 
 
 @contextmanager
-def _recorded_run(c: Context) -> Iterator[tuple[AxisRun, MemoryRecorder]]:
-    """A run and its recorder, powered down at its end."""
-    run = AxisRun(c.machine, c.store, recorder=MemoryRecorder, commissioning=True)
+def _recorded_run(c: Context, part: str) -> Iterator[tuple[AxisRun, MemoryRecorder]]:
+    """A run and its recorder, powered down at its end; `part` is the title of its picture."""
+    run = AxisRun(
+        c.machine, c.store, recorder=MemoryRecorder, commissioning=True, observer=c.watch.meter.observer()
+    )
     recorder = run.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     alarm = None
@@ -57,12 +57,24 @@ def _recorded_run(c: Context) -> Iterator[tuple[AxisRun, MemoryRecorder]]:
         raise
     finally:
         run.close("commissioning", alarm)
+        c.watch.draw(part, _samples(recorder.trace()))
 
 
-def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool = False) -> tuple[Trace, bool]:
+def _samples(trace: Trace) -> list[MotionSample]:
+    if not len(trace):
+        return []
+    way = trace["pos_act_rad"] - trace["pos_act_rad"][0]
+    columns = (*(np.degrees(trace[name]) for name in ("vel_ref_rad_s", "vel_act_rad_s")), np.degrees(way))
+    rows = np.column_stack((trace["time_s"], *columns, trace["torque_act_nm"]))
+    return [MotionSample(*row) for row in rows[:: max(1, len(rows) // (4 * POINTS))].tolist()]
+
+
+def _move(
+    c: Context, part: str, targets: tuple[float, ...], speed_deg_s: float, by: bool = False
+) -> tuple[Trace, bool]:
     """Power up, move to every target, power down; the trace, and whether every move was done."""
     done = True
-    with _recorded_run(c) as (run, recorder):
+    with _recorded_run(c, part) as (run, recorder):
         start = run.angle_deg
         for target in targets:
             done = run.move(start + target if by else target, speed_deg_s).done and done
@@ -72,7 +84,7 @@ def _move(c: Context, targets: tuple[float, ...], speed_deg_s: float, by: bool =
 def loop(c: Context) -> StepResult:
     """Move a degree there and back with the position loop closed."""
     speed = c.machine.speed.setting_min_deg_s
-    trace, done = _move(c, (_SMALL_DEG, 0.0), speed, by=True)
+    trace, done = _move(c, "1 deg and back", (_SMALL_DEG, 0.0), speed, by=True)
     error = deg(float(np.max(np.abs(trace["pos_err_rad"]))))
     band = (
         c.machine.monitors.following_error_base_deg + c.machine.monitors.following_error_per_speed_s * speed
@@ -129,10 +141,10 @@ def _add(
 
 
 @contextmanager
-def _at_speed(c: Context, speed: float, way_deg: float) -> Iterator[OpenLoopAxis]:
+def _at_speed(c: Context, what: str, speed: float, way_deg: float) -> Iterator[OpenLoopAxis]:
     """The axis at a speed, with the position loop open, on a leash that ends with the permitted stop."""
     leash = speed * speed / (2.0 * _STOP_ACC) + _CRUISE_S * abs(speed) + way_deg + _LEASH_SPARE_DEG
-    with open_loop_axis(c.machine, c.store, leash) as axis:
+    with open_loop_axis(c, leash, f"{what} from {speed:+g} deg/s") as axis:
         axis.enable()
         axis.ramp_to(speed, _STOP_ACC)
         axis.run(_CRUISE_S, speed_deg_s=speed)
@@ -142,7 +154,7 @@ def _at_speed(c: Context, speed: float, way_deg: float) -> Iterator[OpenLoopAxis
 def _quick_stop(c: Context, speed: float, decs: list[float]) -> tuple[str, float, float]:
     """Name, measured and computed way of a quick stop; its deceleration is added to `decs`."""
     dec = c.machine.virtual_axis.quick_dec_deg_s2
-    with _at_speed(c, speed, permitted_way_deg(speed, dec)) as axis:
+    with _at_speed(c, "quick stop", speed, permitted_way_deg(speed, dec)) as axis:
         seen = measure_quick_stop(axis, speed, dec)
     if math.isfinite(seen.dec_deg_s2):
         decs.append(seen.dec_deg_s2)
@@ -156,7 +168,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
         AlarmStop: the drive did not stop, or not within the permitted way: it was broken off.
     """
     dec = c.machine.virtual_axis.quick_dec_deg_s2
-    with _at_speed(c, speed, c.machine.axis.stopping_angle_max_deg) as axis:
+    with _at_speed(c, "silence", speed, c.machine.axis.stopping_angle_max_deg) as axis:
         # The way that acts first counts.
         delay_s = min((way.limit_s(c.machine) for way in watched_ways(axis)), default=0.0)
         permitted = permitted_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
@@ -178,7 +190,7 @@ def _unbraked_way_deg(c: Context) -> float:
 
 def _jog_release(c: Context, speed: float) -> float:
     """Measure a jog release: from the end of constant speed to rest."""
-    with _recorded_run(c) as (run, recorder):
+    with _recorded_run(c, f"jog release from {speed:g} deg/s") as (run, recorder):
         run.jog(run.angle_deg < 0.0, speed, 3.0)
     trace = recorder.trace()
     vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
@@ -190,8 +202,9 @@ def _jog_release(c: Context, speed: float) -> float:
 def slow_turn(c: Context) -> StepResult:
     """Fit friction and eccentric moment to the torque over the angle, both ways."""
     low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
-    speed = min(_TURN_SPEED, c.machine.speed.setting_max_deg_s)
-    trace, _ = _move(c, (low, high, low, 0.0), speed)
+    speed = min(TURN_SPEED, c.machine.speed.setting_max_deg_s)
+    # Forward from the middle to the end and from the other end to the middle: both ways are whole.
+    trace, _ = _move(c, "the whole travel", (high, low, 0.0), speed)
     ratio = c.machine.axis.ratio
     vel = trace["vel_ref_rad_s"]
     # Constant speed only: inertia has no part in it.
@@ -219,14 +232,20 @@ def slow_turn(c: Context) -> StepResult:
             f"eccentric moment {moment / 1e3:.2f} kN m (sine {sine / 1e3:+.2f}, cosine {cosine / 1e3:+.2f}), friction "
             f"{friction / 1e3:.2f} kN m at {speed:g} deg/s, remainder {rest / 1e3:.2f} kN m rms, at the gantry"
         )
+    order = np.argsort(angle)
+    both = [(way, order[direction[order] == sign]) for way, sign in (("forward", 1.0), ("back", -1.0))]
+    degrees = np.degrees(angle)
+    lines = [line(way, degrees[chosen], torque[chosen] / 1e3) for way, chosen in both]
+    fitted = model @ np.array((friction, sine, cosine, constant)) / 1e3
+    lines += [line(f"{way}, fitted", degrees[chosen], fitted[chosen]) for way, chosen in both]
+    panel = Panel("angle, deg", "torque at the gantry, kN m", tuple(lines))
+    c.watch.pictures.append(Picture("torque over the angle", (panel,)))
     return passed("turn", proof, **figures)
 
 
 # Bands are proposed at twice what was measured, and refused below one and a half.
 _RESERVE: Final = 2.0
 _LEAST: Final = 1.5
-# The paper's table 1.
-_CRITERION_DEG: Final = 0.1
 
 
 def bands(c: Context) -> StepResult:
@@ -252,19 +271,3 @@ def bands(c: Context) -> StepResult:
         following_error_deg=Figure(seen, high=limit / _LEAST),
         in_position_proposed_deg=window, following_error_proposed_deg=following,
     )  # fmt: skip
-
-
-def accuracy(c: Context) -> StepResult:
-    """Run the chord test where the truth is known; a real machine needs the operator's instrument."""
-    if not c.machine.plant_is_local:
-        proof = "needs an instrument at the load"
-        to_do = "gantryctl accuracy report --measured FILE, with the readings of a tracker"
-        return StepResult("accuracy", Outcome.NOT_TESTABLE, proof, to_do=to_do)
-    procedure = chord_procedure("A")
-    readings = run_on_engine(c.machine, procedure)
-    table = evaluate(procedure, readings.load_rad[0], c.machine.accuracy.chord_radius_m)
-    a = float(accuracy_a(table.errors_deg))
-    proof = f"chord test A over the bus: A = {a:.4f} deg (limit {_CRITERION_DEG:g} deg), true load angle"
-    return judged(
-        True, "accuracy", proof, "gear, bearings, calibration", a_deg=Figure(a, high=_CRITERION_DEG)
-    )

@@ -38,7 +38,7 @@ def silence(c: Context) -> StepResult:
     figures: dict[str, Figure] = {}
     lacking, times_s = [], []
     for way in Way:
-        with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+        with open_loop_axis(c, _STAND_DEG, f"{way} silent") as axis:
             if way not in watched_ways(axis):
                 lacking.append(f"{way.place} ({way})")
                 continue
@@ -60,7 +60,7 @@ def silence(c: Context) -> StepResult:
         times_s.append(seen.stopped_s)
     if not times_s:
         return failed("silence", f"this drive has no {', '.join(lacking)}", "a watchdog by hardware")
-    with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+    with open_loop_axis(c, _STAND_DEG) as axis:
         # Some drives answer SDO in PRE-OPERATIONAL only.
         axis.drive.node.enter_pre_operational()
         key, marker = axis.drive.opened.identity.key, axis.drive.leave_restart_marker()
@@ -101,7 +101,7 @@ def brake(c: Context) -> StepResult:
     reason = untestable(c.machine)
     if reason:
         return StepResult("brake", Outcome.NOT_TESTABLE, str(reason), to_do="use the drive's own brake test")
-    with open_loop_axis(c.machine, c.store, _STAND_DEG) as axis:
+    with open_loop_axis(c, _STAND_DEG, "torque against the closed brake") as axis:
         if not axis.drive.torque_preload:
             return StepResult(
                 "brake", Outcome.NOT_TESTABLE, str(untestable(c.machine, torque_preload=False)),
@@ -137,7 +137,7 @@ def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
 
 def sign(c: Context) -> StepResult:
     """Command a half-sine pulse of speed: position and speed must show the commanded way."""
-    with open_loop_axis(c.machine, c.store, _LEASH_DEG, following=False) as axis:
+    with open_loop_axis(c, _LEASH_DEG, "speed pulse", following=False) as axis:
         _lower_limits(c, axis)
         axis.enable()
         begun = axis.angle_deg
@@ -180,7 +180,7 @@ def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
 def velocity(c: Context) -> StepResult:
     """Turn at creep speed and measure it."""
     speed = c.machine.speed.creep_deg_s
-    with open_loop_axis(c.machine, c.store, 2.0 * _STEP_S * speed) as axis:
+    with open_loop_axis(c, 2.0 * _STEP_S * speed, "creep speed") as axis:
         axis.enable()
         axis.ramp_to(speed, c.machine.virtual_axis.acc_deg_s2)
         axis.run(1.0, speed_deg_s=speed)

@@ -57,5 +57,8 @@ def test_figures_come_back_from_the_file(tmp_path: Path) -> None:
 def test_the_report_has_the_limit_beside_the_figure(tmp_path: Path) -> None:
     result = passed("sync", "seen", answer_p99_ms=Figure(2.5, high=3.0), dead_scans=2.0)
     page = write_report(replace(PROGRESS, results={"sync": result}), (), tmp_path).read_text(encoding="utf-8")
-    assert '<td>answer p99</td><td class="pass">2.5</td><td>ms</td><td>at most 3</td>' in page
+    assert (
+        '<td>answer p99</td><td class="pass">2.5</td><td>ms</td><td>at most 3</td><td class="pass">within</td>'
+        in page
+    )
     assert '<td>dead scans</td><td class="">2</td>' in page

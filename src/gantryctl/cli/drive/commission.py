@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.engineering.at_the_load import SIMULATED, instrument_options, open_instrument
 from gantryctl.cli.options import bus_log_option, config_option, directory, out_option, proven_machine
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ DEFAULT_OUT = Path("commissioning_report")
 @click.option("--only", metavar="STEP", help="This step only, even if it has passed.")
 @click.option("--again", is_flag=True, help="From the start, though an earlier run has got further.")
 @click.option("--yes", is_flag=True, help="Do not ask before steps that move.")
+@instrument_options(default=None)
 @out_option
 @click.pass_context
 def commission(
@@ -36,6 +38,8 @@ def commission(
     only: str | None,
     again: bool,
     yes: bool,
+    place: str | None,
+    uncertainty_deg: float | None,
     out: Path | None,
 ) -> int:
     """Commission a CAN machine step by step: what a step does, what could move and how far, its proof and result.
@@ -62,7 +66,16 @@ def commission(
         from gantryctl.commissioning import Commissioning
 
         # A virtual gantry hurts no one, so its steps are not asked for.
-        work = Commissioning(machine, store, folder, click.echo, lambda step: yes or with_sim or _ask(step))
+        # The gantry of this process is watched by a simulated tracker where no other instrument is named.
+        place = place or (SIMULATED if with_sim else None)
+        work = Commissioning(
+            machine,
+            store,
+            folder,
+            click.echo,
+            lambda step: yes or with_sim or _ask(step),
+            None if place is None else lambda run: open_instrument(run, place, uncertainty_deg, seed=0),
+        )
         return _run(work, only, again, folder)
 
 
@@ -142,7 +155,11 @@ def _announce() -> None:
 
 
 def _ask(step: Step) -> bool:
-    return click.confirm(f"{step.title}: could move: {step.moves}. Is everybody away from the gantry?")
+    """Ask before a step that reaches further than those before it; a yes holds for what reaches no further."""
+    return click.confirm(
+        f"{step.title}: could move: {step.moves}. Is everybody away from the gantry, now and in the steps that move by "
+        f"{step.reach_deg:g} deg at most?"
+    )
 
 
 def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> int:
@@ -167,10 +184,11 @@ def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> in
         if result.outcome is Outcome.FAILED:
             ended_badly = True
             break
+    if work.complete:
+        # Before the report, whose ledger reads it.
+        click.echo(f"record: {work.record()}")
     page = write_report(work.progress, work.ledger, folder)
     click.echo(f"report: {page.resolve()} ({work.progress.hash[:16]})")
-    if work.complete:
-        click.echo(f"record: {work.record()}")
     return int(ended_badly)
 
 

@@ -245,10 +245,11 @@ def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | 
     The load side is reported beside it. Exit code 1 when a run fails.
     """
     from gantryctl.engineering.accuracy.report.data import speed_data
-    from gantryctl.engineering.accuracy.report.figures import speed_errors, svg
+    from gantryctl.engineering.accuracy.report.figures import speed_errors
     from gantryctl.engineering.accuracy.report.text import speed_lines
     from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
+    from gantryctl.engineering.report.svg import svg
 
     # Figure 5 comes from the compiled loop, which needs a plant to turn.
     machine = simulated_machine(config_file, "speed-test")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.engineering.accuracy_end import finish, stamp
+from gantryctl.cli.engineering.at_the_load import BY_HAND, SIMULATED, instrument_options, open_instrument
 from gantryctl.cli.options import (
-    FINITE,
     config_option,
     confirm,
     directory,
@@ -24,12 +23,9 @@ from gantryctl.cli.options import (
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession
-    from gantryctl.engineering.instruments import Instrument
     from gantryctl.machine import Machine
     from gantryctl.operation.client import AxisClient
-    from gantryctl.operation.run import AxisRun
 
-_BY_HAND, _SIMULATED = "hand", "simulated"
 # What `accuracy run` writes is of the simulator: a folder of its own.
 DEFAULT_OUT = Path("accuracy_measured")
 
@@ -39,16 +35,7 @@ DEFAULT_OUT = Path("accuracy_measured")
 @click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
-@click.option(
-    "--instrument",
-    "place",
-    default=_BY_HAND,
-    show_default=True,
-    help="tcp:HOST:PORT, serial:DEVICE:BAUD, hand (a person types the readings), or simulated.",
-)
-@click.option(
-    "--uncertainty-deg", type=FINITE, help="Standard uncertainty of a reading by hand (k = 1), deg."
-)
+@instrument_options(default=BY_HAND)
 @click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")
 @click.option("--yes", is_flag=True, help="Do not ask before a real gantry moves.")
 @seed_option
@@ -64,7 +51,8 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
     from gantryctl.cli.axis.move import guarded
     from gantryctl.engineering.accuracy.attended.run import AttendedTest
     from gantryctl.engineering.accuracy.attended.session import session_path, store_session
-    from gantryctl.engineering.accuracy.procedure.on_batch import check_travel
+    from gantryctl.engineering.accuracy.procedure.on_batch import check_travel, run_time_s
+    from gantryctl.engineering.report.meter import Meter
     from gantryctl.operation.run import AxisRun
     from gantryctl.operation.store import StateStore
 
@@ -79,11 +67,12 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
         path = session_path(store)
         session = _session(path, machine, given)
         check_travel(machine, session.procedure)
-        run = AxisRun(machine, store)
+        meter = Meter(say, run_time_s(machine, session.procedure, session.next_stop), time.monotonic)
+        run = AxisRun(machine, store, observer=meter.observer())
 
         def action(axis: AxisClient) -> ChordSession:
             # Before anything moves: an instrument that does not answer is put right first.
-            instrument = _instrument(run, place, given["uncertainty_deg"], given["seed"])
+            instrument = open_instrument(run, place, given["uncertainty_deg"], given["seed"])
             test = replace(session, instruments=(*session.instruments, instrument.name))
             ask = axis.must_ask and not given["yes"]
             if ask or not as_json:
@@ -116,62 +105,6 @@ def _session(path: Path, machine: Machine, given: dict[str, Any]) -> ChordSessio
     return kept or new_session(machine, order)
 
 
-def _instrument(run: AxisRun, place: str, uncertainty_deg: float | None, seed: int) -> Instrument:
-    from gantryctl.engineering.accuracy.attended.report import simulated_tracker
-    from gantryctl.engineering.instruments import ByHand, LinePort, parse_address
-    from gantryctl.errors import UsageError
-    from gantryctl.operation.state import operator_name
-
-    if place == _SIMULATED:
-        return simulated_tracker(run.machine, run.drive.truth_source, seed)
-    if place == _BY_HAND:
-        if uncertainty_deg is None:
-            raise UsageError(
-                "--uncertainty-deg is missing: the standard uncertainty of a reading by hand, deg"
-            )
-        return ByHand(operator_name(), uncertainty_deg, Typed().number)
-    port = LinePort(parse_address(place))
-    port.identify()
-    return port
-
-
-class Typed:
-    """Numbers that a person types."""
-
-    def __init__(self) -> None:
-        self._text = ""
-
-    def number(self) -> float:
-        """The next one.
-
-        Raises:
-            InstrumentError: it is none, or nobody types any more.
-        """
-        from gantryctl.errors import InstrumentError
-
-        click.echo("reading, deg: ", nl=False, err=True)
-        line = self._line()
-        if not line:
-            raise InstrumentError("no reading: the input has ended")
-        try:
-            return float(line.strip().replace(",", "."))
-        except ValueError:
-            raise InstrumentError(f"{line.strip()[:40]!r} is no angle in deg") from None
-
-    def _line(self) -> str:
-        while "\n" not in self._text:
-            try:
-                # Not through the buffer of sys.stdin: its lock would hold up the end of the process while this waits.
-                more = os.read(sys.stdin.fileno(), 4096).decode(errors="replace")
-            except (OSError, ValueError):  # a standard input without a file, as under a test
-                more = sys.stdin.readline()
-            if not more:
-                break
-            self._text += more
-        line, end, self._text = self._text.partition("\n")
-        return line + end
-
-
 def _announce(machine: Machine, session: ChordSession) -> str:
     procedure = session.procedure
     low, high = procedure.travel_deg
@@ -186,5 +119,5 @@ def _finish(machine: Machine, session: ChordSession, place: str, folder: Path, a
     from gantryctl.engineering.accuracy.attended.report import session_report
     from gantryctl.engineering.report.origin import Origin
 
-    origin = Origin.SIMULATED if place == _SIMULATED else Origin.MEASURED
+    origin = Origin.SIMULATED if place == SIMULATED else Origin.MEASURED
     return finish(session_report(machine, session, origin, *stamp()), folder, as_json)

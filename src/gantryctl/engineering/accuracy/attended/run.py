@@ -15,9 +15,7 @@ from gantryctl.engineering.accuracy.attended.session import (
     measured_stops,
     store_session,
 )
-from gantryctl.engineering.accuracy.procedure.on_batch import legs_of
 from gantryctl.engineering.instruments import Instrument, Reading
-from gantryctl.engineering.report.text import duration
 from gantryctl.errors import DeviceError, InstrumentError
 from gantryctl.operation.client import Ending, Stop
 from gantryctl.operation.run import AxisRun
@@ -56,8 +54,6 @@ class AttendedTest:
         self._run, self._path, self._instrument, self._say = run, path, instrument, say
         self._stops = session.procedure.stops
         self._measured = frozenset(measured_stops(session.procedure))
-        # The first leg is a rest of the simulator's.
-        self._legs_s = [leg.duration_s for leg in legs_of(run.machine, session.procedure)[1:]]
 
     def go_on(self) -> ChordSession:
         """Visit what is left; returns early where the operator has stopped the axis.
@@ -113,8 +109,7 @@ class AttendedTest:
     def _visit(self, index: int) -> bool:
         """Move to a stop and let it settle; False where the operator has stopped the axis."""
         target = self._stops[index].target_deg
-        left = duration(sum(self._legs_s[index:]))
-        self._say(f"stop {index + 1} of {len(self._stops)}: {target:+.1f} deg, {left} left")
+        self._say(f"stop {index + 1} of {len(self._stops)}: {target:+.1f} deg")
         report = self._run.move(target)
         if report.ending is Ending.STOPPED:
             return False

@@ -94,6 +94,12 @@ def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None 
     return legs
 
 
+def run_time_s(machine: Machine, procedure: Procedure, first: int = 0) -> float:
+    """Time of the axis from stop `first` to the end: moves and dwells."""
+    # The first leg is the rest before the run.
+    return sum(leg.duration_s for leg in legs_of(machine, procedure)[1 + first :])
+
+
 def run_procedure(
     machines: Sequence[Machine],
     procedure: Procedure,

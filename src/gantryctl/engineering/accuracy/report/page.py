@@ -24,6 +24,7 @@ from gantryctl.engineering.accuracy.table_csv import format_error_table
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 from gantryctl.engineering.accuracy.verdict import Conformity
 from gantryctl.engineering.report.page import render_page, signed
+from gantryctl.engineering.report.svg import svg
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "accuracy.html.j2"
 SWITCH_NAMES: Final = {
@@ -225,22 +226,22 @@ def _paper_printed(table: ErrorTable) -> str:
 def _figures(report: AccuracyReport) -> dict[str, str]:
     """The SVGs by name; figures without data are left out."""
     made = {
-        "errors": figures.svg(figures.chord_errors(report.table, report.beside), "errors"),
-        "bands": figures.svg(figures.bands(report.table, report.beside), "bands"),
+        "errors": svg(figures.chord_errors(report.table, report.beside), "errors"),
+        "bands": svg(figures.bands(report.table, report.beside), "bands"),
     }
     with_curves = [run for run in report.speed if run.curves is not None]
     if with_curves:
         fastest = max(with_curves, key=lambda run: run.speed_deg_s)
-        made["speed"] = figures.svg(figures.speed_test(fastest), "speed")
+        made["speed"] = svg(figures.speed_test(fastest), "speed")
         made["speed_title"] = (
             f"{fastest.speed_deg_s:g}°/s {fastest.direction.value}, {fastest.travel_deg[0]:.1f}° to "
             f"{fastest.travel_deg[1]:.1f}°"
         )
     if len(with_curves) > 1:
-        made["speed_all"] = figures.svg(figures.speed_errors(with_curves), "speed_all")
+        made["speed_all"] = svg(figures.speed_errors(with_curves), "speed_all")
     if report.ensemble is not None:
         fitted = report.statistics.a_deg if report.phases_fitted else None
-        made["ensemble"] = figures.svg(figures.ensemble(report.ensemble, fitted), "ensemble")
+        made["ensemble"] = svg(figures.ensemble(report.ensemble, fitted), "ensemble")
     return made
 
 

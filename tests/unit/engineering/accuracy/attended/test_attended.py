@@ -185,12 +185,10 @@ def test_the_operator_stops_it_and_it_goes_on(tmp_path: Path) -> None:
     with opened(MACHINE, tmp_path, Level(), said=said) as test:
         assert test.go_on().complete
     # Back over the base, so that 2 deg is reached from the same side; then what was left.
-    assert [line.partition(",")[0] for line in said] == [
+    assert said == [
         "stop 1 of 3: +0.0 deg", "stop 2 of 3: +2.0 deg", "reads +2 deg again: has the instrument moved?",
         "stop 3 of 3: +0.0 deg",
     ]  # fmt: skip
-    # 2 deg at 0.393 deg/s2 take 4.5 s, with the dwell 4.8 s.
-    assert [line.partition(", ")[2] for line in said] == ["10 s left", "10 s left", "", "5 s left"]
 
 
 def test_an_instrument_that_was_moved_is_found(tmp_path: Path) -> None:

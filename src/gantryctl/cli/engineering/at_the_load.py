@@ -1,0 +1,102 @@
+"""The instrument at the load that a command line names: behind a port, read by a person, or simulated."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Final
+
+import click
+
+from gantryctl.cli.options import FINITE, Option
+
+if TYPE_CHECKING:
+    from gantryctl.engineering.instruments import Instrument
+    from gantryctl.operation.run import AxisRun
+
+BY_HAND: Final = "hand"
+SIMULATED: Final = "simulated"
+
+
+def instrument_options(default: str | None) -> Option:
+    """The options that name the instrument at the load."""
+
+    def add(command: Callable[..., Any]) -> Callable[..., Any]:
+        told = click.option(
+            "--uncertainty-deg", type=FINITE, help="Standard uncertainty of a reading by hand (k = 1), deg."
+        )
+        named = click.option(
+            "--instrument",
+            "place",
+            default=default,
+            show_default=True,
+            help="At the load: tcp:HOST:PORT, serial:DEVICE:BAUD, hand (a person types the readings), or simulated.",
+        )
+        return named(told(command))
+
+    return add
+
+
+def open_instrument(run: AxisRun, place: str, uncertainty_deg: float | None, seed: int) -> Instrument:
+    """The instrument that was named; one behind a port has answered.
+
+    Args:
+        seed: of a simulated one.
+
+    Raises:
+        UsageError: the name is none, or it lacks its uncertainty. InstrumentError: nobody answers.
+    """
+    from gantryctl.engineering.accuracy.attended.report import simulated_tracker
+    from gantryctl.engineering.instruments import ByHand, LinePort, parse_address
+    from gantryctl.errors import UsageError
+    from gantryctl.operation.state import operator_name
+
+    if place == SIMULATED:
+        return simulated_tracker(run.machine, run.drive.truth_source, seed)
+    if place == BY_HAND:
+        if uncertainty_deg is None:
+            raise UsageError(
+                "--uncertainty-deg is missing: the standard uncertainty of a reading by hand, deg"
+            )
+        return ByHand(operator_name(), uncertainty_deg, Typed().number)
+    port = LinePort(parse_address(place))
+    port.identify()
+    return port
+
+
+class Typed:
+    """Numbers that a person types."""
+
+    def __init__(self) -> None:
+        self._text = ""
+
+    def number(self) -> float:
+        """The next one.
+
+        Raises:
+            InstrumentError: it is none, or nobody types any more.
+        """
+        from gantryctl.errors import InstrumentError
+
+        click.echo("reading, deg: ", nl=False, err=True)
+        line = self._line()
+        if not line:
+            raise InstrumentError("no reading: the input has ended")
+        try:
+            return float(line.strip().replace(",", "."))
+        except ValueError:
+            raise InstrumentError(f"{line.strip()[:40]!r} is no angle in deg") from None
+
+    def _line(self) -> str:
+        while "\n" not in self._text:
+            try:
+                # Not through the buffer of sys.stdin: its lock would hold up the end of the process while this waits.
+                more = os.read(sys.stdin.fileno(), 4096).decode(errors="replace")
+            except (OSError, ValueError):  # a standard input without a file, as under a test
+                more = sys.stdin.readline()
+            if not more:
+                break
+            self._text += more
+        line, end, self._text = self._text.partition("\n")
+        return line + end

@@ -1,0 +1,96 @@
+"""The chord test as a step: attended, by an instrument at the load, on the machine as it is commissioned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Final
+
+from gantryctl.commissioning.pictures import Panel, Picture, line
+from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, judged
+from gantryctl.engineering.accuracy.attended.report import session_report
+from gantryctl.engineering.accuracy.attended.run import AttendedTest
+from gantryctl.engineering.accuracy.attended.session import (
+    ChordOrder,
+    ChordSession,
+    new_session,
+    session_path,
+    session_to_go_on_with,
+    store_session,
+)
+from gantryctl.engineering.accuracy.procedure.procedures import Chord
+from gantryctl.engineering.accuracy.report.page import write_report
+from gantryctl.engineering.accuracy.report.report import AccuracyReport
+from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
+from gantryctl.engineering.accuracy.verdict import Conformity
+from gantryctl.engineering.report.origin import Origin
+from gantryctl.errors import AlarmStop
+from gantryctl.operation.run import AxisRun
+from gantryctl.operation.store import now_text
+
+ORDER: Final = ChordOrder("A", 1, Chord.BASE)
+
+
+def accuracy(c: Context) -> StepResult:
+    """Run the chord test by the instrument at the load; what was read on an earlier day is kept."""
+    if c.instrument is None:
+        proof = "no instrument at the load"
+        to_do = "gantryctl commission --only accuracy --instrument ADDRESS, or gantryctl accuracy measure"
+        return StepResult("accuracy", Outcome.NOT_TESTABLE, proof, to_do=to_do)
+    path = session_path(c.store)
+    session = session_to_go_on_with(path, c.machine, ORDER) or new_session(c.machine, ORDER)
+    run = AxisRun(c.machine, c.store, commissioning=True, observer=c.watch.meter.observer())
+    alarm = None
+    try:
+        instrument = c.instrument(run)
+        session = replace(session, instruments=(*session.instruments, instrument.name))
+        session = AttendedTest(run, session, path, instrument, lambda text: c.say(f"  {text}")).go_on()
+        run.power_down()
+    except AlarmStop as stopped:
+        alarm = stopped
+        raise
+    finally:
+        run.close("commissioning", alarm)
+    if not session.complete:
+        return judged(False, "accuracy", f"stopped after {session.text}", "the same step goes on")
+    folder = c.folder / "accuracy"
+    folder.mkdir(exist_ok=True)
+    store_session(folder / "readings.json", session)
+    return _judged(c, session)
+
+
+def _judged(c: Context, session: ChordSession) -> StepResult:
+    # A virtual drive in this process is watched by a simulated tracker; of any other the instrument's name tells.
+    origin = Origin.SIMULATED if c.machine.plant_is_local else Origin.MEASURED
+    report = session_report(c.machine, session, origin, version("gantryctl"), now_text())
+    page = write_report(report, c.folder / "accuracy")
+    c.watch.pictures.append(_picture(report))
+    known, model, limit = report.uncertainty, report.simulated, report.limit_deg
+    assert known is not None
+    assert model is not None
+    a_deg, chord_deg = report.a_as_measured_deg, report.statistics.largest_deg
+    return judged(
+        report.verdict.conformity is Conformity.PASS,
+        "accuracy",
+        f"chord test A by {report.source}, {origin}: {report.verdict.text}; report in {page.parent.name}/{page.name}",
+        "gear, bearings, calibration; a better instrument where the limit lies within its uncertainty",
+        a_deg=Figure(a_deg, high=limit),
+        a_expanded_uncertainty_deg=COVERAGE_K * known.a_deg,
+        largest_chord_error_deg=Figure(chord_deg, high=limit),
+        chord_expanded_uncertainty_deg=COVERAGE_K * known.largest_chord_deg,
+    )
+
+
+def _picture(report: AccuracyReport) -> Picture:
+    """Chord errors of every base, measured and of the model."""
+    panels = []
+    for base in report.measured.bases_deg:
+        lines = [
+            line(
+                f"{name}, {way.value}", table.displacements_deg, 1e3 * table.select([base], way).mean(axis=0)
+            )
+            for name, table in ((report.origin.value, report.measured), report.beside)
+            for way in table.directions
+        ]
+        panels.append(Panel(f"displacement from {base:g} deg, deg", "chord error, 0.001 deg", tuple(lines)))
+    return Picture("chord errors", tuple(panels))

@@ -1,0 +1,54 @@
+"""Progress of something that takes its time, with the time that is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from gantryctl.engineering.report.text import duration
+from gantryctl.operation.client import Snapshot
+
+# What takes less shows no progress.
+FIRST_S: Final = 2.0
+# Later on, so many lines for what is left.
+_LINES: Final = 15.0
+# What takes longer than was expected is nearly done, and never done.
+_MOST: Final = 0.98
+
+
+class Meter:
+    """Tells how far a run of the axis has got.
+
+    Args:
+        say: a line for the person who watches.
+        expected_s: time of the axis that it takes, about; in virtual time the person waits less.
+        now_s: the clock of the person.
+    """
+
+    def __init__(self, say: Callable[[str], None], expected_s: float, now_s: Callable[[], float]) -> None:
+        self._say, self._expected_s, self._now_s = say, expected_s, now_s
+        self._begun_s = now_s()
+        self._next_s = self._begun_s + FIRST_S
+        self._axis_s = 0.0
+
+    def advance(self, axis_s: float) -> None:
+        """So much time of the axis has passed."""
+        self._axis_s += axis_s
+        now_s = self._now_s()
+        if now_s < self._next_s:
+            return
+        part = min(self._axis_s / self._expected_s, _MOST) if self._axis_s < self._expected_s else _MOST
+        left_s = max(1.0, (now_s - self._begun_s) * (1.0 - part) / max(part, 1e-6))
+        self._next_s = now_s + max(FIRST_S, left_s / _LINES)
+        self._say(f"  {100.0 * part:.0f} %, about {duration(left_s)} left")
+
+    def observer(self) -> Callable[[Snapshot], None]:
+        """An observer of a run of the axis."""
+        before_s = 0.0
+
+        def observe(seen: Snapshot) -> None:
+            nonlocal before_s
+            self.advance(seen.time_s - before_s)
+            before_s = seen.time_s
+
+        return observe
