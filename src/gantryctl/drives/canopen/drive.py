@@ -233,7 +233,8 @@ class CanopenDrive:
     def read(self) -> DriveFeedback:
         """State at this scan's SYNC; the same until the next `write`."""
         if self._due and not self._closed:
-            self._exchange(self.settings.answer_s)
+            # On a bus that is down nobody answers: a stepped drive would be waited for a second in each scan.
+            self._exchange(0.0 if self.link.down else self.settings.answer_s)
             self._last = self._feedback()
         return self._last
 

@@ -1,0 +1,153 @@
+"""Controller and drive over SocketCAN of a real kernel; run inside `support/vcan.sh`.
+
+The drive is stepped: its time goes on by SYNC, so that what is judged does not depend on how fast this computer is.
+"""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gantryctl.drives.canopen.bus.link import ECHOING, BusLink, open_bus
+from gantryctl.trace.frames.files import read_frames
+from gantryctl.trace.reader import read_trace
+from support.controller_death import judge, kill_in_motion
+from vcan.rig import VcanBus, dumped, ended, ip, netem
+
+pytestmark = pytest.mark.can
+# The tests without a drive come first: there is nobody else on the bus then.
+SYNC = 0x080
+
+
+@pytest.fixture(scope="module")
+def bus(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VcanBus]:
+    made = VcanBus(tmp_path_factory.mktemp("bus"), stepped=True)
+    yield made
+    made.end()
+
+
+@pytest.fixture
+def link() -> Iterator[BusLink]:
+    made = BusLink(open_bus("socketcan", "vcan0"), echoes="socketcan" in ECHOING)
+    yield made
+    made.close()
+
+
+def test_our_own_frames_come_back_and_are_dropped(link: BusLink) -> None:
+    for k in range(100):
+        link.send(SYNC, b"")
+        link.send(0x202, k.to_bytes(8, "little"))
+    assert link.unseen == 100
+    assert link.receive(0.1) is None
+    assert link.unseen == 0
+
+
+def test_a_bus_that_swallows_frames_gives_no_sync_back(link: BusLink) -> None:
+    with netem("loss", "100%"):
+        for _ in range(5):
+            link.send(SYNC, b"")
+        assert link.receive(0.1) is None
+        assert (link.unseen, link.refused) == (5, 0)  # what CAN-01 sees
+    link.send(SYNC, b"")
+    assert link.receive(0.1) is None
+    assert link.unseen == 0
+
+
+def test_a_full_queue_refuses_frames_and_the_link_is_down_until_it_takes_them(link: BusLink) -> None:
+    # Nothing leaves for ten seconds, and three frames may wait: the fourth is ENOBUFS.
+    with netem("delay", "10s", "limit", "3"):
+        for _ in range(6):
+            link.send(SYNC, b"")
+        assert link.refused == 3
+        assert link.down
+    link.send(SYNC, b"")
+    assert not link.down
+
+
+def test_candump_reads_what_an_echo_test_sends(link: BusLink, tmp_path: Path) -> None:
+    with dumped(tmp_path / "dump.log"):
+        link.send(0x602, bytes(range(8)))
+    (line,) = (tmp_path / "dump.log").read_text().splitlines()
+    assert line.endswith("vcan0 602#0001020304050607")
+
+
+
+def test_a_move_arrives_and_its_log_is_what_candump_has_seen(bus: VcanBus, tmp_path: Path) -> None:
+    log, foreign = tmp_path / "move.log", tmp_path / "candump.log"
+    with dumped(foreign):
+        code, out, err = ended(bus.start("move", "3", "--json", "--bus-log", str(log)))
+    assert code == 0, err
+    assert out["summary"]["end_deg"] == pytest.approx(3.0, abs=0.005)  # the in-position window
+    ours, theirs = list(read_frames(log)), list(read_frames(foreign))
+    # Each frame once, sent or received: none of our own is taken for another's when the kernel gives it back.
+    assert Counter((f.can_id, f.data) for f in ours) == Counter((f.can_id, f.data) for f in theirs)
+    for sent in (True, False):
+        identifiers = {f.can_id for f in ours if f.sent is sent}
+        assert [f[1:3] for f in ours if f.sent is sent] == [f[1:3] for f in theirs if f.can_id in identifiers]
+    # Seconds since 1970 by both clocks: candump has the kernel's time of each frame.
+    assert abs(ours[0].time_s - theirs[0].time_s) < 0.5
+    text = subprocess.run(["log2asc", "-I", str(log), "vcan0"], capture_output=True, text=True, check=True).stdout
+    told = Counter(word for line in text.splitlines() for word in line.split() if word in ("Rx", "Tx"))
+    assert told == {"Tx": sum(f.sent for f in ours), "Rx": sum(not f.sent for f in ours)}
+
+
+def test_a_second_ctrl_c_is_the_quick_stop_of_the_drive(bus: VcanBus, tmp_path: Path) -> None:
+    controller = bus.start("move", "-60", "--json", "--out", str(tmp_path))
+    bus.wait_for_speed(2.5, controller)
+    controller.send_signal(signal.SIGINT)
+    time.sleep(0.05)
+    controller.send_signal(signal.SIGINT)
+    code, out, err = ended(controller)
+    assert code == 4, err
+    assert out["alarms"][0].startswith("INT-06"), out["alarms"]
+    trace = read_trace(next(tmp_path.glob("*.parquet")))
+    vel, time_s = np.abs(np.degrees(trace["vel_act_rad_s"])), trace["time_s"]
+    # The last time that the axis has 80 % and 30 % of its highest speed: both on the ramp of object 6085.
+    levels = 0.8 * vel.max(), 0.3 * vel.max()
+    at_s = [time_s[np.flatnonzero(vel >= level)[-1]] for level in levels]
+    dec_deg_s2 = (levels[0] - levels[1]) / (at_s[1] - at_s[0])
+    # A scan of 10 ms on a ramp of 0.2 s.
+    assert dec_deg_s2 == pytest.approx(bus.machine.virtual_axis.quick_dec_deg_s2, rel=0.1)
+    assert bus.ask("status")["brake_open"] is False
+    bus.reset()
+
+
+def test_an_interface_that_goes_down_is_an_alarm_and_comes_back(bus: VcanBus) -> None:
+    controller = bus.start("move", "60", "--json", "--no-trace")
+    bus.wait_for_speed(2.0, controller)
+    ip("ip", "link", "set", "vcan0", "down")
+    try:
+        # No telegram any more: the drive stops by its own deadline.
+        ask = bus.clock_after(0)
+        while abs(bus.speed_deg_s()) > 0.05:
+            assert ask("truth")["time_s"] < 100.0
+        bus.ask("advance", s=2.0)  # and closes its brake
+        code, out, err = ended(controller)
+    finally:
+        ip("ip", "link", "set", "vcan0", "up")
+    assert code == 4, err
+    assert out["alarms"][0].startswith("CAN-08"), out["alarms"]
+    # The controller has missed the stop: what it says of the angle is in doubt until somebody has compared it.
+    bus.reset()
+    bus.set_zero()
+
+
+def test_the_drive_stops_by_itself_when_the_controller_is_killed(bus: VcanBus, tmp_path: Path) -> None:
+    log = tmp_path / "killed.log"
+    controller = bus.start("move", "-60", "--json", "--no-trace", "--bus-log", str(log))
+    bus.wait_for_speed(3.0, controller)
+    judge(kill_in_motion(bus.clock_after(1), bus.machine, controller.pid))
+    controller.communicate()
+    # The log is there up to a second before the kill; its last line may be cut.
+    *whole, _ = log.read_text().splitlines()
+    assert sum(" 080#" in line for line in whole) > 50
+    refused = bus.run("move", "0", "--json")
+    assert refused.code == 4, refused.err
+    assert refused.err.startswith("error: ENC-10"), refused.err  # it moved while nobody looked
