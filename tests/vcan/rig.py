@@ -53,15 +53,27 @@ class VcanBus:
         stepped: time of the drive goes on by SYNC and by `ask("advance")`: what this computer does does not enter.
     """
 
-    def __init__(self, folder: Path, *, stepped: bool, period_ms: float = 10.0, commissioned: bool = True) -> None:
+    def __init__(
+        self, folder: Path, *, stepped: bool, period_ms: float = 10.0, commissioned: bool = True
+    ) -> None:
         self.folder = folder
         self.config = machine_file(folder, stepped=stepped, period_ms=period_ms, commissioned=commissioned)
         self.machine = load_machine(self.config)
         self.environment = {**os.environ, STATE_VARIABLE: str(folder / "state")}
         socket = str(folder / "drive.sock")
-        options = ["--can", "socketcan", "--channel", "vcan0", "--config", str(self.config), "--control", socket]
+        options = [
+            "--can",
+            "socketcan",
+            "--channel",
+            "vcan0",
+            "--config",
+            str(self.config),
+            "--control",
+            socket,
+        ]
         self.drive = subprocess.Popen(
-            [*COMMAND, "drive", "sim", *options, *(["--stepped"] if stepped else [])], stdout=subprocess.DEVNULL
+            [*COMMAND, "drive", "sim", *options, *(["--stepped"] if stepped else [])],
+            stdout=subprocess.DEVNULL,
         )
         self._client = self._channel(Path(socket))
         self.ask = self._client.ask
@@ -147,7 +159,9 @@ def dumped(path: Path) -> Iterator[None]:
         try:
             yield
         finally:
-            time.sleep(0.2)
+            size = -1
+            while size != (size := path.stat().st_size):  # candump is as slow as everything here
+                time.sleep(0.5)
             dump.terminate()
             dump.wait()
 

@@ -73,7 +73,7 @@ COMMANDS: Final = {
     "retain": Entry("axis.state", "retain", "The controller's retained memory: show."),
     "config": Entry("config", "config", "Machine files: init, check, show, schema, diff."),
     "trace": Entry("trace", "trace", "Recordings: show, plot, export."),
-    "can": Entry("drive.can", "can", "The CAN bus: who is on it."),
+    "can": Entry("drive.can", "can", "The CAN bus: who is on it, what was said on it."),
     "drive": Entry("drive.drive", "drive", "Drives on a bus: sim, status, objects, backup and restore."),
     "commission": Entry(
         "drive.commission", "commission", "Commission a CAN machine, step by step, each with its proof."

@@ -141,10 +141,10 @@ def retained_rows(retained: Retained) -> list[tuple[str, str]]:
 
 
 def reset_machine(machine: Machine) -> str:
-    """Acknowledge the alarm of the last stop or a small motion while off; what was done, in words.
+    """Acknowledge the alarm of the last stop or a small motion while off, and reset a drive's fault; in words.
 
     Raises:
-        CommandRefused: the position is not valid; a reset cannot make it so.
+        CommandRefused: the position is not valid; a reset cannot make it so. DeviceError: the drive stays in fault.
     """
     # It never enables and never moves; power then needs a new rising edge (states of the axis).
     who, when = operator_name(), now_text()
@@ -172,10 +172,25 @@ def reset_machine(machine: Machine) -> str:
         if retained.brake_failed:
             done.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
             retained = replace(retained, brake_failed="", last_result=f"reset of {Code.BRK_08} by {who}")
+        if opened.feedback.state is DriveState.FAULT:
+            done.append(_reset_drive(machine))
         if not done:
             return "nothing to reset"
         keep_machine(machine, store, opened.drive, retained)
     return "; ".join(done)
+
+
+def _reset_drive(machine: Machine) -> str:
+    """Reset the fault of a drive on a bus."""
+    from gantryctl.wiring.canopen import reset_drive_fault  # only a machine on a bus loads the bus
+
+    state = reset_drive_fault(machine)
+    if state is DriveState.FAULT:
+        raise DeviceError(
+            "the drive stays in fault: its cause is still there · `gantryctl drive status` shows it; remove it, then "
+            "reset again"
+        )
+    return f"the fault of the drive is reset, the drive is in {state.name.lower().replace('_', ' ')}"
 
 
 def reset_simulation(machine: Machine, angle_deg: float) -> str:

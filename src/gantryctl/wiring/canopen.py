@@ -22,6 +22,7 @@ from gantryctl.drives.canopen.setup.opening import checksum_of, facts_as_set_up,
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow
 from gantryctl.errors import DeviceError
+from gantryctl.image import DriveState
 from gantryctl.machine import Machine
 from gantryctl.machine.tables.fields import Table
 from gantryctl.ports import Drive
@@ -179,6 +180,22 @@ def read_only_drive(machine: Machine) -> Drive:
     link = can_link(machine)
     try:
         return ReadOnlyDrive(link, canopen_settings(machine))
+    finally:
+        link.close()
+
+
+def reset_drive_fault(machine: Machine) -> DriveState:
+    """Reset the fault of a drive that nobody runs; its state afterwards.
+
+    Raises:
+        DeviceError: the drive cannot be reached.
+    """
+    from gantryctl.drives.canopen.bus.node import RemoteNode
+    from gantryctl.drives.canopen.setup.fault_reset import reset_fault
+
+    link, settings = can_link(machine), canopen_settings(machine)
+    try:
+        return reset_fault(RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s))
     finally:
         link.close()
 

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.cli.drive.can import KINDS
+from gantryctl.drives.canopen.decoding.decoder import Kind
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import configs_folder, load_machine, with_values
@@ -75,6 +77,48 @@ def test_a_drive_fault_freezes_the_frames_around_it(tmp_path: Path) -> None:
     (emergency,) = [f for f in frames if f.can_id == 0x082 and f.data[:2] == b"\x10\x23"]
     assert told[0][1] == pytest.approx(emergency.time_s, abs=0.02)
     assert frames[-1].time_s - frames[0].time_s <= BEFORE_S + AFTER_S
-    # The stop is in it: the drive says that it is switched off.
-    after = [f for f in frames if f.time_s > emergency.time_s]
-    assert len(after) > 100
+    # The stop is in it.
+    assert len([f for f in frames if f.time_s > emergency.time_s]) > 100
+    # And in words, with the alarm as the zero of time, though the set-up may be older than what is left of the frames.
+    answer = cli("can", "log", "--last", "--json")
+    assert answer.code == 0
+    assert answer.json["file"] == str(frozen)
+    assert answer.json["alarms"][0] == {"code": told[0][0], "time_s": 0.0}
+    before = [f for f in answer.json["frames"] if f["kind"] == "tpdo" and f["time_s"] < -0.1]
+    assert {each["object"] for f in before[-10:] for each in f["objects"]} >= {
+        "6041:00",
+        "6064:00",
+        "606C:00",
+    }
+    shown = cli("can", "log", "--kind", "emcy", "--from", -0.1, "--to", 0.1).out
+    assert "EMCY 2310: overcurrent at the output" in shown
+
+
+def test_filters_and_the_end_of_a_damaged_log(tmp_path: Path) -> None:
+    log = tmp_path / "scan.log"
+    assert cli("drive", "status", "--config", CONFIG, "--bus-log", log).code == 0
+    whole = cli("can", "log", log).out.splitlines()
+    assert len(whole) > 10
+    assert (
+        len(cli("can", "log", log, "--kind", "heartbeat").out.splitlines()) == 2
+    )  # the name, and the boot-up
+    assert len(cli("can", "log", log, "--node", 3).out.splitlines()) == 1
+    log.write_text(log.read_text() + "(0.5) can0 182#1", encoding="utf-8")
+    log.write_text(log.read_text() + "\nthis is no frame\n", encoding="utf-8")
+    damaged = cli("can", "log", log)
+    assert damaged.code == 3
+    assert f"{log}: no whole log, damaged after" in damaged.err
+    assert damaged.out.splitlines()[: len(whole)] == whole  # what stands before the damage is shown
+
+
+@pytest.mark.parametrize(
+    "arguments", [("nowhere.log",), ("--last", "x.log"), ("--from", 2, "--to", 1), ("x.pcap",)]
+)
+def test_a_question_that_cannot_be_answered_is_one_line(arguments: tuple[object, ...]) -> None:
+    answer = cli("can", "log", *arguments)
+    assert answer.code == 2
+    assert answer.err.count("\n") == 1
+
+
+def test_the_kinds_of_the_help_are_those_of_the_decoder() -> None:
+    assert tuple(kind.value for kind in Kind) == KINDS

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from gantryctl.drives.canopen.bus.link import BusLink
 from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.errors import DeviceError
-from gantryctl.image import DriveFeedback
+from gantryctl.image import DriveFeedback, DriveState
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.operation.opening import open_axis
+from gantryctl.operation.state import read_retained, reset_machine
+from gantryctl.wiring import virtual
 
 pytestmark = pytest.mark.can
 
@@ -39,3 +44,32 @@ def test_a_drive_that_stops_answering_while_it_is_opened_leaves_its_bus(
         open_axis(with_values(machine, {"can.interface": "simulated"}), None)
     assert len(closed) == 1
     closed[0].link.close()
+
+
+@pytest.fixture
+def faulty(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every virtual drive of this process is in fault when it is opened, as one that has outlived its controller."""
+    sound = virtual.virtual_node
+
+    def virtual_node(*given: Any, **more: Any) -> tuple[BusLink, DriveNode]:
+        link, node = sound(*given, **more)
+        node.axis.fault(0x8250, report=True, ramp=True)
+        node.advance(2_000_000)  # us: at rest, brake closed
+        return link, node
+
+    monkeypatch.setattr(virtual, "virtual_node", virtual_node)
+
+
+@pytest.mark.usefixtures("faulty")
+def test_a_reset_on_the_command_line_resets_the_fault_of_the_drive_and_never_enables_it() -> None:
+    machine = load_machine(configs_folder() / "hust_can.toml")
+    assert reset_machine(machine) == "the fault of the drive is reset, the drive is in switch on disabled"
+
+
+@pytest.mark.usefixtures("faulty")
+def test_a_fault_that_stays_is_not_acknowledged(monkeypatch: pytest.MonkeyPatch) -> None:
+    machine = load_machine(configs_folder() / "hust_can.toml")
+    monkeypatch.setattr("gantryctl.wiring.canopen.reset_drive_fault", lambda _: DriveState.FAULT)
+    with pytest.raises(DeviceError, match="the drive stays in fault"):
+        reset_machine(machine)
+    assert read_retained(machine) is None

@@ -1,16 +1,30 @@
-"""`gantryctl can scan`: who is on the bus."""
+"""`gantryctl can`: who is on the bus, and what was said on it."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
-from gantryctl.cli.options import PATH, bus_log_option, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import (
+    FINITE,
+    PATH,
+    bus_log_option,
+    config_option,
+    json_option,
+    machine_of,
+    print_json,
+)
 
 if TYPE_CHECKING:
+    from gantryctl.drives.canopen.decoding.decoder import DecodedFrame
     from gantryctl.drives.canopen.setup.survey import Found
+
+# Stand here so that the help imports nothing of the bus; `drives.canopen.decoding` has the same.
+KINDS: Final = ("nmt", "sync", "emcy", "tpdo", "rpdo", "sdo", "heartbeat", "other")
 
 
 @click.group()
@@ -116,4 +130,118 @@ def _data(node: Found, promised: tuple[int | None, int | None] | None) -> dict[s
         "state": None if node.state is None else node.state.name,
         "eds": _match(node, promised),
         "remarks": list(node.remarks),
+    }
+
+
+@can.command()
+@click.argument("file", type=PATH, required=False)
+@click.option("--last", is_flag=True, help="The newest frames around an alarm; so too without FILE.")
+@config_option
+@click.option(
+    "--eds",
+    "eds_file",
+    type=PATH,
+    help="EDS or DCF of the drive: objects of telegrams that the log does not tell.",
+)
+@click.option(
+    "--node", "nodes", type=click.IntRange(1, 127), multiple=True, help="Only this node; may be repeated."
+)
+@click.option(
+    "--kind", "kinds", type=click.Choice(KINDS), multiple=True, help="Only these frames; may be repeated."
+)
+@click.option("--from", "start_s", type=FINITE, help="From this time on, s.")
+@click.option("--to", "end_s", type=FINITE, help="Up to this time, s.")
+@json_option
+def log(
+    file: Path | None,
+    last: bool,
+    config_file: Path | None,
+    eds_file: Path | None,
+    nodes: tuple[int, ...],
+    kinds: tuple[str, ...],
+    start_s: float | None,
+    end_s: float | None,
+    as_json: bool,
+) -> int:
+    """Show the frames of FILE in words: what each is, the objects in it, their names and units.
+
+    FILE is a log of this or another program: .log (candump), .asc, .blf, .trc, .csv, also with .gz. Without it, the
+    newest frames around an alarm. Times count from the alarm, in another log from its first frame. What the telegrams
+    hold and in which units is learnt from the log; --config and --eds tell what a log does not.
+    """
+    from gantryctl.errors import UsageError
+    from gantryctl.operation.bus_log import last_frozen
+    from gantryctl.trace.frames.files import read_alarms
+
+    if last and file is not None:
+        raise UsageError(f"--last and {file}: give one of them")
+    start, end = (-math.inf if start_s is None else start_s), (math.inf if end_s is None else end_s)
+    if not start <= end:
+        raise UsageError(f"--from {start:g} s --to {end:g} s: the end must not be before the start")
+    path = last_frozen() if file is None else file
+    alarms = read_alarms(path)
+    shown = (
+        (time_s, each)
+        for time_s, each in _decoded(path, alarms, config_file, eds_file)
+        if start <= time_s <= end
+        and (not nodes or each.node in nodes)
+        and (not kinds or each.kind.value in kinds)
+    )
+    if as_json:
+        zero_s = alarms[0][1] if alarms else 0.0
+        print_json(
+            {
+                "file": str(path),
+                "alarms": [{"code": code, "time_s": round(at_s - zero_s, 6)} for code, at_s in alarms],
+                "frames": [_frame_data(time_s, each) for time_s, each in shown],
+            }
+        )
+        return 0
+    click.echo(str(path))
+    for code, at_s in alarms:
+        click.echo(f"{at_s - alarms[0][1]:+12.4f}  {code}")
+    for time_s, each in shown:
+        way = "sent" if each.frame.sent else "got"
+        who = "" if each.node is None else f"node {each.node}"
+        click.echo(
+            f"{time_s:+12.4f}  {way:<4}  {each.frame.can_id:03X}  {each.frame.data.hex(' '):<23}  "
+            f"{each.kind.value:<9}  {who:<8}  {each}".rstrip()
+        )
+    return 0
+
+
+def _decoded(
+    path: Path, alarms: list[tuple[str, float]], config_file: Path | None, eds_file: Path | None
+) -> Iterator[tuple[float, DecodedFrame]]:
+    """Frames of a log in words, each with its time from the first alarm, else from the first frame."""
+    from gantryctl.drives.canopen.decoding.decoder import FrameDecoder
+    from gantryctl.drives.od.reading import read_eds
+    from gantryctl.trace.frames.files import read_frames
+    from gantryctl.wiring.canopen import canopen_settings
+
+    settings = None if config_file is None else canopen_settings(machine_of(config_file))
+    values: dict[tuple[int, int], int] = {}
+    for entry in read_eds(eds_file).entries() if eds_file is not None else ():
+        value = entry.default if entry.value is None else entry.value
+        if isinstance(value, int):
+            values[entry.index, entry.sub] = value
+    decoder, zero_s = FrameDecoder(settings, values), alarms[0][1] if alarms else None
+    for frame in read_frames(path):
+        zero_s = frame.time_s if zero_s is None else zero_s
+        yield frame.time_s - zero_s, decoder.decode(frame)
+
+
+def _frame_data(time_s: float, decoded: DecodedFrame) -> dict[str, Any]:
+    return {
+        "time_s": round(time_s, 6),
+        "sent": decoded.frame.sent,
+        "can_id": decoded.frame.can_id,
+        "data": decoded.frame.data.hex(),
+        "kind": decoded.kind.value,
+        "node": decoded.node,
+        "text": decoded.text,
+        "objects": [
+            {"object": each.place, "name": each.name, "value": each.value, "text": each.text}
+            for each in decoded.objects
+        ],
     }

@@ -118,6 +118,7 @@ class BusLink:
         self._counters, self._accepted = counters, set[int]()
         self._sent_bits = self._received_bits = self._sent_frames = self._received = 0
         self._begun = counters.read() if counters is not None else Counted(0, 0)
+        self._at_close: Traffic | None = None
         self.refused = self.queue_full = self.ignored = self.unseen = 0
         self.bus_offs = self.passives = 0
         self._bus_off = self._passive = False
@@ -150,7 +151,9 @@ class BusLink:
 
     @property
     def traffic(self) -> Traffic:
-        """Count what was on the bus, frames that were filtered out included."""
+        """Count what was on the bus while it was open, frames that were filtered out included."""
+        if self._at_close is not None:
+            return self._at_close
         if self._counters is not None:
             # An interface that has gone shows by sending and receiving.
             with suppress(OSError):
@@ -276,6 +279,7 @@ class BusLink:
     def close(self) -> None:
         """Leave the bus."""
         if self._open:
+            self._at_close = self.traffic
             self._open = False
             self._bus.shutdown()
             if self._counters is not None:
