@@ -222,6 +222,22 @@ def _texts(rows: tuple[LedgerRow, ...]) -> str:
     return "; ".join(f"{row.what} ({row.detail})" if row.detail else row.what for row in rows)
 
 
+def ledger_shown(machine: Machine, directory: Path) -> tuple[str, ...]:
+    """What `status` shows of the ledger of a machine with a real drive; () for any other.
+
+    Raises:
+        StateError: a file is damaged.
+    """
+    if not must_be_proven(machine):
+        return ()
+    rows = read_ledger(machine, directory)
+    return tuple(
+        row.text
+        for row in rows
+        if row.standing in (Standing.ACCEPTED, Standing.LACKING) or row.speed_max_deg_s is not None
+    )
+
+
 def ledger_notes(machine: Machine, rows: tuple[LedgerRow, ...]) -> tuple[str, ...]:
     """What persons have accepted, and what limits the speed: for the journal and for whoever opens the machine."""
     accepted = must_be_proven(machine)

@@ -19,6 +19,7 @@ from gantryctl.operation.home_reference import (
     why_not_referenced,
 )
 from gantryctl.operation.opening import keep_machine, leave_bus, new_machine, read_only
+from gantryctl.operation.proofs import ledger_shown
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Code
 from gantryctl.runtime import AlarmEntry, Retained
@@ -63,6 +64,8 @@ class MachineStatus:
     travelled_deg: float
     brake_test: str
     directory: str
+    ledger: tuple[str, ...] = ()
+    """What persons have accepted, what is lacking, and what limits the speed."""
     notes: tuple[str, ...] = ()
 
 
@@ -108,6 +111,7 @@ def machine_status(machine: Machine) -> MachineStatus:
         travelled_deg=deg(retained.travelled_rad),
         brake_test=brake_words(machine, retained, datetime.now(UTC)),
         directory=str(store.directory),
+        ledger=ledger_shown(machine, store.directory),
         notes=notes,
     )
 

@@ -465,6 +465,10 @@ def test_the_command_keeps_it_and_config_show_shows_it(
     refused = cli("commission", "accept", "--lack", "limit_plus", *who, "--config", file)
     assert refused.code == 2
     assert "there is nothing to accept" in refused.err
+    monkeypatch.setattr(canopen_wiring, "can_link", lambda machine: virtual_node(VIRTUAL)[0])
+    shown = cli("status", "--config", file).out
+    assert "ledger            estop_ok: accepted by A. Person (the chain cuts STO;" in shown, shown
+    assert "ledger            keeps_brake: lacking" in shown
     assert "# Safety ledger" not in cli("config", "show", "--no-derived").out
     assert json.loads(json.dumps(rows)) == rows
 

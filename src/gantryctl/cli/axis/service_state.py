@@ -6,6 +6,7 @@ import click
 
 from gantryctl.cli.axis.service_axis import SHOWN_FRAMES, Tags, brake_due, directory_of, held_codes
 from gantryctl.machine import Machine
+from gantryctl.operation.proofs import ledger_shown
 from gantryctl.operation.state import MachineStatus
 from gantryctl.runtime import AlarmEntry, Retained, RetainedMemory
 from gantryctl.service.clients.link import ServiceLink
@@ -31,6 +32,7 @@ def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
         travelled_deg=deg(kept.travelled_rad),
         brake_test=_brake_words(machine, tags),
         directory=str(directory_of(machine)),
+        ledger=ledger_shown(machine, directory_of(machine)),
     )
     return status, tags
 

@@ -59,6 +59,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
         ("travelled", f"{found.travelled_deg:.1f} deg"),
         ("brake test", found.brake_test),
         ("state kept in", found.directory),
+        *(("ledger", row) for row in found.ledger),
         *(("note", note) for note in found.notes),
     ]
     for name, value in rows:

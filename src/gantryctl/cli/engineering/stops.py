@@ -55,7 +55,7 @@ def _find(machine: Machine, as_json: bool) -> int:
 def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
     from gantryctl.engineering.stops import StopClass, stop_table
     from gantryctl.engineering.stops.data import stops_data
-    from gantryctl.engineering.stops.text import stops_note, stops_text
+    from gantryctl.engineering.stops.text import stops_note, stops_text, watch_lines
 
     rows = stop_table(machine, speeds or None)
     if as_json:
@@ -63,6 +63,8 @@ def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
     else:
         print_table(stops_text(rows))
         click.echo(stops_note(machine))
+        for line in watch_lines(machine, rows):
+            click.echo(line)
     # Only the quick stop has a permitted angle; the other classes are shown.
     quick = [row.angle_with_reaction_deg for row in rows if row.stop.stop_class is StopClass.QUICK]
     return int(max(quick) > machine.axis.stopping_angle_max_deg)

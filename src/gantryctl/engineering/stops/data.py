@@ -7,6 +7,7 @@ from typing import Any
 
 from gantryctl.engineering.report.data import plain
 from gantryctl.engineering.stops.run import StopRow
+from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.machine import Machine
 
 
@@ -23,4 +24,5 @@ def stops_data(machine: Machine, rows: Sequence[StopRow]) -> dict[str, Any]:
             }
             for row in rows
         ],
+        "silent_controller": [row._asdict() for row in watch_rows(machine, rows)],
     }

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from gantryctl.engineering.stops.run import StopClass, worst_stop
+from gantryctl.engineering.stops.run import StopClass, StopRow, worst_stop
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import silent_speed_max_deg_s
 
 # The drive looks at its deadline once a tick, and its ramp begins with the next one.
 _TICKS: Final = 2.0
@@ -50,3 +53,44 @@ def silent_stop(machine: Machine, speed_deg_s: float, drive_tick_s: float) -> Si
     speed = abs(speed_deg_s)
     stop = worst_stop(machine, StopClass.QUICK, speed)
     return SilentStop(deadline_s, tick_s, speed * (deadline_s + tick_s), stop.angle_deg)
+
+
+class WatchRow(NamedTuple):
+    """Stop of a silent controller's axis by one of the two watches that a drive may have.
+
+    Attributes:
+        watch: object of the drive; delay_ms: until it acts.
+        angle_deg: way from the last telegram to rest from `speed_deg_s`, on the full plant.
+        speed_max_deg_s: highest speed within the permitted angle with this watch alone (rigid body, to the tenth
+            below); None where every setting is.
+    """
+
+    watch: str
+    delay_ms: float
+    speed_deg_s: float
+    angle_deg: float
+    speed_max_deg_s: float | None
+
+
+def watch_rows(machine: Machine, stops: Iterable[StopRow]) -> tuple[WatchRow, ...]:
+    """Both watches at the speeds of a table of stops; () for a machine without a bus."""
+    if not machine.on_bus:
+        return ()
+    watches = {"1400:05": machine.can.rpdo_deadline_ms, "1016": machine.can.heartbeat_timeout_ms}
+    quick = [row.stop for row in stops if row.stop.stop_class is StopClass.QUICK]
+    return tuple(
+        WatchRow(
+            watch,
+            delay_ms,
+            stop.speed_deg_s,
+            stop.angle_deg + stop.speed_deg_s * delay_ms * 1e-3,
+            _ceiling_deg_s(machine, delay_ms),
+        )
+        for watch, delay_ms in watches.items()
+        for stop in quick
+    )
+
+
+def _ceiling_deg_s(machine: Machine, delay_ms: float) -> float | None:
+    fastest = silent_speed_max_deg_s(machine, delay_ms)
+    return None if fastest >= machine.speed.setting_max_deg_s else math.floor(10.0 * fastest) / 10.0

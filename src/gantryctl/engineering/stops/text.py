@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.engineering.stops.run import StopRow
+from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
 
@@ -35,6 +36,18 @@ def _row(row: StopRow) -> dict[str, str]:
         "load swing\ndeg/s": f"{stop.load_swing_deg_s:.2f}",
         "": "inspect afterwards" if row.inspect else "",
     }
+
+
+def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
+    """The stops of a silent controller's axis, a line for each watch of the drive and speed."""
+    lines = []
+    for row in watch_rows(machine, rows):
+        line = f"controller silent, seen by {row.watch} after {row.delay_ms:g} ms: {row.angle_deg:.2f} deg"
+        line += f" from {row.speed_deg_s:.1f} deg/s"
+        if row.speed_max_deg_s is not None and row.speed_deg_s > row.speed_max_deg_s:
+            line += f": a drive with this watch alone is held to {row.speed_max_deg_s:.1f} deg/s"
+        lines.append(line)
+    return lines
 
 
 def stops_note(machine: Machine) -> str:

@@ -14,6 +14,8 @@ from gantryctl.engineering.stops import (
 )
 from gantryctl.engineering.stops.limits import hardest_quick_stop
 from gantryctl.engineering.stops.run import within_ratings
+from gantryctl.engineering.stops.silence import watch_rows
+from gantryctl.engineering.stops.text import watch_lines
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine, default_machine, with_values
 from gantryctl.machine.rules.reaction import REACTION_S
@@ -37,6 +39,24 @@ def test_other_speeds_may_be_asked_for() -> None:
     rows = stop_table(MACHINE, (1.0,))
     assert {row.stop.speed_deg_s for row in rows} == {1.0}
     assert len(rows) == len(StopClass)
+
+
+def test_a_silent_controller_costs_the_delay_of_the_watch_that_sees_it() -> None:
+    """50 ms are 0.30 deg of 6 deg/s, 150 ms 0.90 deg: 4.23 deg, and v^2 / 10.8 + 0.15 v = 4 ends at 5.81 deg/s."""
+    machine = with_values(MACHINE, {"drive.kind": "canopen", "control.scan_period_ms": 4.0})
+    table = stop_table(machine, (6.0,))
+    (quick,) = [row.stop for row in table if row.stop.stop_class is StopClass.QUICK]
+    deadline, heartbeat = watch_rows(machine, table)
+    assert (deadline.watch, heartbeat.watch) == ("1400:05", "1016")
+    assert deadline.angle_deg - quick.angle_deg == pytest.approx(0.30)
+    assert heartbeat.angle_deg - quick.angle_deg == pytest.approx(0.90)
+    assert (deadline.speed_max_deg_s, heartbeat.speed_max_deg_s) == (None, 5.8)
+    assert (
+        "4.23 deg from 6.0 deg/s: a drive with this watch alone is held to 5.8 deg/s"
+        in watch_lines(machine, table)[1]
+    )
+    # A simulated drive has no bus and no watch.
+    assert watch_rows(MACHINE, table) == ()
 
 
 @pytest.mark.parametrize("speed", [0.6, 3.0, 6.0])
