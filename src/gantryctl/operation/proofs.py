@@ -17,6 +17,7 @@ from gantryctl.operation.ledger.acceptance import ledger_path, load_acceptances,
 from gantryctl.operation.ledger.judging import impossible, lacks, ledger, speed_max_deg_s, unproven
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
 from gantryctl.operation.ledger.rows import LedgerRow, Proofs, Standing
+from gantryctl.operation.ledger.silence import SILENCE_STEP
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Code
@@ -137,9 +138,11 @@ def bus_reasons(
         return found
     record = load_record(record_path(store.directory, machine))
     proof = load_silent_master_proof(silent_master_proof_path(store.directory, machine))
+    # A relay outside of the drive does not change with a boot-up of the drive.
+    watches = any(row.proof == SILENCE_STEP for row in rows)
     why = (
         why_not_commissioned(machine, record, health.drive_key, rows),
-        why_silence_not_proven(proof, health),
+        why_silence_not_proven(proof, health) if watches else None,
     )
     return tuple(
         Reason(code, {"why": words}, ClearedBy.COMMISSIONING)

@@ -207,7 +207,7 @@ _SILENT = changed(FACTS, o1016_1=None, o1400_5=None)
     ("facts", "what", "words"),
     [
         (_SILENT, "stops_without_controller", "no 1400:05, no 1016:01"),
-        (_SILENT, "stops_without_commands", "only a watchdog outside of it"),
+        (_SILENT, "stops_without_commands", "only a watchdog relay outside of it"),
         (FACTS, "stops_without_controller", "commission --only silence"),
         (changed(FACTS, o6085=None), "ramps_quick_stop", "commission --only ramp"),
         (FACTS, "keeps_brake", "commission --only silence"),
@@ -294,15 +294,27 @@ def test_a_deadline_alone_stops_the_axis_of_a_dead_controller() -> None:
 
 
 def test_a_watchdog_stops_the_axis_of_a_drive_that_watches_nothing() -> None:
-    row = row_of("stops_without_controller", _SILENT)
+    """A contact in the emergency-stop chain: 80 ms at 6 deg/s are 0.48 deg, then torque off and brake.
+
+    It closes in 150 ms, in which the check moment (1.08 deg/s2) drives: 0.91 deg to 6.16 deg/s, and from there at
+    8.80 deg/s2: 2.16 deg. 3.55 deg in all.
+    """
+    what = "stops_without_controller"
+    row = row_of(what, _SILENT)
     assert (row.standing, row.proof, row.acceptable) == (Standing.LACKING, "", False)
-    proven = Proofs(frozenset({"silence", "sign", "watchdog"}), measured={"silent_stop_s": 0.08})
-    row = row_of("stops_without_controller", _SILENT, proofs=proven)
-    assert (row.standing, row.by) == (Standing.MADE_UP, "step watchdog")
-    assert "80 ms" in row.detail  # 6 x 0.08 + 3.33 = 3.81 deg
-    assert "3.81 deg" in row.detail
-    failed = Proofs(frozenset({"silence", "sign"}), frozenset({"watchdog"}))
-    assert "step watchdog has failed" in row_of("stops_without_controller", _SILENT, proofs=failed).detail
+    fitted = with_values(REAL, {"can.io.node": 9, "can.io.outputs.watchdog": 3})
+    row = row_of(what, _SILENT, fitted, Proofs())
+    assert (row.standing, row.proof, row.acceptable) == (Standing.LACKING, "watchdog", False)
+    assert "the watchdog relay at 6200 bit 3 of node 9 is to be proven; 100 ms" in row.detail
+    proven = Proofs(frozenset({"sign", "watchdog"}), measured={"silent_stop_s": 0.08})
+    row = row_of(what, _SILENT, fitted, proven)
+    assert (row.standing, row.by) == (
+        Standing.MADE_UP, "the watchdog relay at 6200 bit 3 of node 9, step watchdog",
+    )  # fmt: skip
+    assert "80 ms, then torque off and brake: 3.55 deg from 6 deg/s" in row.detail
+    assert row_of("keeps_brake", _SILENT, fitted, proven).by == "step watchdog"
+    failed = Proofs(frozenset({"sign"}), frozenset({"watchdog"}))
+    assert "step watchdog has failed" in row_of(what, _SILENT, fitted, failed).detail
 
 
 def test_a_failed_silence_is_lacking() -> None:

@@ -13,7 +13,7 @@ from gantryctl.machine.rules.reaction import (
     silent_speed_max_deg_s,
 )
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM, LedgerRow, Question, Standing
-from gantryctl.operation.ledger.silence import SILENCE_STEP
+from gantryctl.operation.ledger.silence import watch_step
 from gantryctl.units import DEG_S_PER_R_MIN
 
 TORQUE: Final = "limits_torque"
@@ -104,13 +104,14 @@ def brake_row(q: Question) -> LedgerRow:
             BRAKE, Standing.LACKING, "", "no 60FE: nobody commands the brake; another [brake] owner does"
         )
     if owner == "controller_output":
-        return LedgerRow(BRAKE, Standing.OBJECT, "output of the controller")
+        return LedgerRow(BRAKE, Standing.OBJECT, q.machine.can.output_place("brake_release"))
     # No object says that a drive works a brake: it closes it when it is made to fault, or it does not.
     why = q.why_not("605C:00", "605E:00")
     order = f"{why}: the torque may go before the brake has closed" if why else ""
-    if SILENCE_STEP in q.proofs.failed:
-        return LedgerRow(BRAKE, Standing.LACKING, "", f"step {SILENCE_STEP} has failed", SILENCE_STEP)
-    if SILENCE_STEP not in q.proofs.passed:
+    step = watch_step(q)
+    if step in q.proofs.failed:
+        return LedgerRow(BRAKE, Standing.LACKING, "", f"step {step} has failed", step)
+    if step not in q.proofs.passed:
         detail = "the drive works the brake, which is to be proven" + (f"; {order}" if order else "")
-        return LedgerRow(BRAKE, Standing.LACKING, "", detail, SILENCE_STEP)
-    return LedgerRow(BRAKE, Standing.PROVEN, f"step {SILENCE_STEP}", order, SILENCE_STEP)
+        return LedgerRow(BRAKE, Standing.LACKING, "", detail, step)
+    return LedgerRow(BRAKE, Standing.PROVEN, f"step {step}", order, step)

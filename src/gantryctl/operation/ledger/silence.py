@@ -38,7 +38,7 @@ def silence_rows(q: Question) -> tuple[LedgerRow, LedgerRow]:
 
 def _row(q: Question, what: str, by: str, delay_ms: float, cost: str = "") -> LedgerRow:
     """Row of a watch in the drive; `cost` where it makes up for the one that is meant for this."""
-    angle, fastest = _way(q, delay_ms)
+    angle, fastest = _way(q, delay_ms, _reaction(q))
     detail = "; ".join(part for part in (cost, angle) if part)
     if SILENCE_STEP in q.proofs.failed:
         return LedgerRow(what, Standing.LACKING, "", f"step {SILENCE_STEP} has failed", SILENCE_STEP)
@@ -50,11 +50,15 @@ def _row(q: Question, what: str, by: str, delay_ms: float, cost: str = "") -> Le
     return LedgerRow(what, standing, f"{by}, step {SILENCE_STEP}", detail, SILENCE_STEP, False, fastest)
 
 
-def _way(q: Question, delay_ms: float) -> tuple[str, float | None]:
+def _reaction(q: Question) -> tuple[bool, ...]:
+    """Ways in which the drive stops by itself, True for torque off and brake."""
+    # Lost communication is a fault: with 605E = 2 it ramps, with 0 it does not, and without 605E nobody knows.
+    return _RAMP if q.has("605E:00") else _BRAKE if q.value("605E:00") == 0 else (*_RAMP, *_BRAKE)
+
+
+def _way(q: Question, delay_ms: float, ways: tuple[bool, ...]) -> tuple[str, float | None]:
     """Delay and way in words, and the highest speed where the way is too long."""
     m, dec = q.machine, ramp_deg_s2(q)
-    # Lost communication is a fault: with 605E = 2 it ramps, with 0 it does not, and without 605E nobody knows.
-    ways = _RAMP if q.has("605E:00") else _BRAKE if q.value("605E:00") == 0 else (*_RAMP, *_BRAKE)
     angle = max(silent_angle_deg(m, delay_ms, brake=brake, dec_deg_s2=dec) for brake in ways)
     how = " or ".join("torque off and brake" if brake else "its ramp" for brake in ways)
     text = f"{delay_ms:g} ms, then {how}: {angle:.2f} deg from {m.speed.setting_max_deg_s:g} deg/s"
@@ -77,15 +81,25 @@ def _by_watchdog(q: Question, what: str) -> LedgerRow:
     missing = (
         f"{q.why_not(_DEADLINE, _HEARTBEAT)}: the drive goes on at its last speed when its controller is gone"
     )
-    if WATCHDOG_STEP in q.proofs.failed:
-        return LedgerRow(
-            what, Standing.LACKING, "", f"{missing}; step {WATCHDOG_STEP} has failed", WATCHDOG_STEP
-        )
-    delay_s = q.proofs.measured.get(SILENT_STOP_S)
-    if WATCHDOG_STEP not in q.proofs.passed or delay_s is None:
-        to_do = "only a watchdog outside of it makes up for that"
+    can, proofs = q.machine.can, q.proofs
+    place = can.output_place("watchdog")
+    if not place:
+        to_do = "only a watchdog relay outside of it makes up for that ([can.io.outputs] watchdog)"
         return LedgerRow(what, Standing.LACKING, "", f"{missing}; {to_do}")
-    angle, fastest = _way(q, 1e3 * delay_s)
-    return LedgerRow(
-        what, Standing.MADE_UP, f"step {WATCHDOG_STEP}", f"{missing}; {angle}", WATCHDOG_STEP, False, fastest
-    )
+    if WATCHDOG_STEP in proofs.failed:
+        detail = f"{missing}; step {WATCHDOG_STEP} has failed"
+        return LedgerRow(what, Standing.LACKING, "", detail, WATCHDOG_STEP)
+    proven = WATCHDOG_STEP in proofs.passed
+    # The relay is a contact in the chain of the emergency stop: it takes the torque off, and the brake falls.
+    shown_s = proofs.measured.get(SILENT_STOP_S) if proven else None
+    way, fastest = _way(q, can.watchdog_ms if shown_s is None else 1e3 * shown_s, _BRAKE)
+    if not proven:
+        detail = f"{missing}; the watchdog relay at {place} is to be proven; {way}"
+        return LedgerRow(what, Standing.LACKING, "", detail, WATCHDOG_STEP, False, fastest)
+    by = f"the watchdog relay at {place}, step {WATCHDOG_STEP}"
+    return LedgerRow(what, Standing.MADE_UP, by, f"{missing}; {way}", WATCHDOG_STEP, False, fastest)
+
+
+def watch_step(q: Question) -> str:
+    """Step that shows what the axis of a silent controller does: of the drive's own watch, or of a relay."""
+    return SILENCE_STEP if q.has(_DEADLINE) or q.has(_HEARTBEAT) else WATCHDOG_STEP
