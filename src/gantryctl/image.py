@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import IntEnum, IntFlag
+from types import MappingProxyType
 from typing import NamedTuple
 
 
@@ -164,6 +166,8 @@ class DriveIdentity(NamedTuple):
     """Fine counts per motor turn (2048 lines x 2048 for the simulated drive)."""
     turns: int
     """Multiturn range in motor turns; the absolute reading wraps after `turns` turns."""
+    error_texts: Mapping[int, str] = MappingProxyType({})
+    """The maker's words for error codes of its own."""
 
 
 class LinkHealth(NamedTuple):

@@ -85,7 +85,8 @@ class Feedback:
 
     __slots__ = (
         "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
-        "_counts_per_rad", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_errors_max",
+        "_counts_per_rad", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_error_texts",
+        "_errors_max",
         "_frozen_scans", "_frozen_speed", "_inputs_age", "_jump_base", "_jump_per_speed", "_late_age",
         "_late_scan", "_look", "_old", "_old_scans", "_period_s", "_ratio", "_speed_age", "_spread", "_stands_from",
         "_step", "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact", "brake_open", "counts",
@@ -97,6 +98,7 @@ class Feedback:
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
         law, monitors, period_s = settings.law, settings.monitors, settings.period_s
         self._alarms = alarms
+        self._error_texts = settings.error_texts
         self._period_s = period_s
         self._ratio = law.ratio
         self._counts_per_rad = law.counts_per_turn * law.ratio / (2.0 * math.pi)
@@ -149,6 +151,11 @@ class Feedback:
         self.counts: float = math.nan
         self.vel_rad_s = self.torque_nm = self.overload = self.pos_ring_rad = 0.0
         self.brake_open = self.torque_limited = self.warning = False
+
+    @property
+    def error_words(self) -> Words | Said:
+        """What the error code of the drive means."""
+        return drive_error_words(self.error_code, self._error_texts)
 
     @property
     def position_valid(self) -> bool:
@@ -271,7 +278,7 @@ class Feedback:
     def _complaints(self, link: LinkFlag) -> None:
         """Raise what does not doubt the connection itself: SYNC, emergency messages."""
         if link & LinkFlag.EMERGENCY:
-            self._alarms.raise_(Code.DRV_12, measured=drive_error_words(self.error_code))
+            self._alarms.raise_(Code.DRV_12, measured=self.error_words)
         if link & LinkFlag.EMERGENCY_FLOOD:
             self._alarms.raise_(Code.CAN_09)
         if link & LinkFlag.SYNC_JITTER:

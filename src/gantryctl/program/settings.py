@@ -7,6 +7,7 @@ says motor. Times stay seconds here; `AxisSettings.scans` turns them into scans 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
@@ -257,6 +258,8 @@ class AxisSettings:
     monitors: MonitorSettings = field(default_factory=MonitorSettings)
     thermal: ThermalSettings = field(default_factory=ThermalSettings)
     compensation: CompensationSettings | None = None
+    error_texts: Mapping[int, str] = field(default_factory=dict)
+    """The maker's words for error codes of the drive, by code."""
 
     def scans(self, time_s: float, least: int = 2) -> int:
         """Whole scans that `time_s` lasts, rounded up, never fewer than `least`.

@@ -21,6 +21,7 @@ from gantryctl.drives.canopen.settings import (
 from gantryctl.drives.canopen.setup.opening import checksum_of, facts_as_set_up, parameter_rows
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow
+from gantryctl.drives.profiles import load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
@@ -34,7 +35,11 @@ _STEPPED_ANSWER_S: Final = 1.0
 
 
 def canopen_settings(machine: Machine) -> CanopenSettings:
-    """Settings of the master; reads nothing of [plant]."""
+    """Settings of the master; reads nothing of [plant].
+
+    Raises:
+        UsageError, ConfigError: [can] profile names none.
+    """
     c, motor, ratio = machine.can, machine.motor, machine.axis.ratio
     answer_s = c.answer_ms * 1e-3
     if c.simulated:
@@ -48,7 +53,7 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         master_node=c.master_node,
         increments_per_turn=c.increments_per_turn,
         turns=machine.encoder.turns,
-        velocity_unit=c.velocity_unit,
+        velocity_unit=None if c.velocity_unit == "profile" else c.velocity_unit,
         torque_rated_nm=motor.torque_rated_nm,
         torque_reference=c.torque_reference,
         torque_max_nm=motor.torque_max_nm,
@@ -71,6 +76,7 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         io=_io_node(machine),
         load_encoder=_load_encoder(machine),
         watchdog_s=c.watchdog_ms * 1e-3,
+        profile=load_profile(c.profile) if c.profile else None,
     )
 
 
@@ -216,6 +222,12 @@ def set_up_facts(machine: Machine, facts: DriveFacts) -> DriveFacts:
 def parameters_of(machine: Machine, facts: DriveFacts) -> Mapping[str, ParameterRow]:
     """Parameters of a drive against those of the machine, by index and sub-index (`1016:01`)."""
     return {row.place: row for row in parameter_rows(canopen_settings(machine), facts)}
+
+
+def contradictions(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:
+    """Where a drive or the machine file say something else than the profile of the drive, with both values."""
+    settings = canopen_settings(machine).of_drive(facts)
+    return () if settings.profile is None else settings.profile.contradictions(facts, settings.speed_unit)
 
 
 def parameter_checksum(machine: Machine, facts: DriveFacts) -> str:

@@ -65,7 +65,13 @@ def build_program(
         from gantryctl.wiring.simulator import delivered_zero_counts
 
         zero_counts = float(delivered_zero_counts(machine))
-    settings = axis_settings(machine, holding_torque_nm, drive.torque_preload, speed_max_deg_s)
+    settings = axis_settings(
+        machine,
+        holding_torque_nm,
+        drive.torque_preload,
+        speed_max_deg_s,
+        drive.identity().error_texts if machine.on_bus else {},
+    )
     return program(Axis(settings, zero_counts, keep_plans=keep_plans))
 
 

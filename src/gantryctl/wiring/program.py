@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Final
 
 from gantryctl import _core
@@ -38,6 +40,7 @@ def axis_settings(
     holding_torque_nm: float = 0.0,
     torque_preload: bool = True,
     speed_max_deg_s: float = math.inf,
+    error_texts: Mapping[int, str] = MappingProxyType({}),
 ) -> AxisSettings:
     """Settings of one axis.
 
@@ -46,6 +49,7 @@ def axis_settings(
             release of the brake.
         torque_preload: the drive takes a torque beside the speed.
         speed_max_deg_s: highest speed setting where it is below that of the machine file.
+        error_texts: the maker's words for error codes of the drive.
     """
     encoder = machine.encoder
     return AxisSettings(
@@ -69,6 +73,7 @@ def axis_settings(
             winding_max_c=machine.monitors.motor_temp_max_c,
         ),
         compensation=compensation_settings(machine),
+        error_texts=error_texts,
     )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from gantryctl.drives.od.object_table import ObjectTable, read_objects_of
 from gantryctl.drives.od.velocity_units import unit_of_word
-from gantryctl.drives.profiles import profile_of_table
+from gantryctl.drives.profiles.dictionary import profile_of_table
 from gantryctl.drives.virtual.axis.hardware import Hardware
 from gantryctl.drives.virtual.loop import DirectBus
 from gantryctl.drives.virtual.node import DriveNode
@@ -17,7 +17,7 @@ from gantryctl.drives.virtual.nodes.group import Neighbours, group_of
 from gantryctl.drives.virtual.personality import PLAIN_MODES, Personality, personality
 from gantryctl.drives.virtual.side_channel.control import ControlClient, RemotePlant
 from gantryctl.machine import Machine, configs_folder
-from gantryctl.units import DriveVelocityUnit, rad, rad_s_from_r_min
+from gantryctl.units import rad, rad_s_from_r_min
 from gantryctl.wiring.bus_log import link_log
 from gantryctl.wiring.simulator import drive_params, plant_params
 from gantryctl.wiring.virtual_nodes import load_encoder, virtual_neighbours, watchdog_s, wired
@@ -72,7 +72,7 @@ def drive_kind(machine: Machine, quirks: Sequence[str] = ()) -> Personality:
     if not at and not named.lower().endswith(TABLE_ENDINGS):
         return personality((*named.split("+"), *quirks))
     table = read_objects_of(Path(file) if file else shipped_objects(), drive)
-    return as_in_table(personality(quirks), table, machine.can.increments_per_turn, machine.can.velocity_unit)
+    return as_in_table(personality(quirks), table, machine)
 
 
 def shipped_objects() -> Path:
@@ -80,15 +80,12 @@ def shipped_objects() -> Path:
     return configs_folder() / "drives" / "objects.csv"
 
 
-def as_in_table(
-    kind: Personality, table: ObjectTable, counts_per_turn: int, unit: DriveVelocityUnit
-) -> Personality:
+def as_in_table(kind: Personality, table: ObjectTable, machine: Machine) -> Personality:
     """Drive with the dictionary of a real model, and with its profile where there is one.
 
     Args:
-        kind: its quirks.
-        counts_per_turn: increments of 6064 in one motor turn, as the maker's tool has set them.
-        unit: of 60FF where neither 60A9 nor a profile says it.
+        kind: its quirks, and its unit of speed where neither 60A9 nor a profile says it.
+        machine: increments of a turn, and what 1000 of a torque means, as the maker's tool has set them.
     """
     entry = table.entries.get((0x60A9, 0))
     word = entry.default if entry is not None else None
@@ -98,8 +95,9 @@ def as_in_table(
         name=table.drive if kind.name == "plain" else f"{table.drive}+{kind.name}",
         summary=f"objects of {table.drive}",
         table=table,
-        counts_per_turn=counts_per_turn,
-        velocity_unit=said or unit,
+        counts_per_turn=machine.can.increments_per_turn,
+        torque_reference=machine.can.torque_reference,
+        velocity_unit=said or kind.velocity_unit,
     )
     profile = profile_of_table(table)
     if profile is None:
@@ -109,7 +107,7 @@ def as_in_table(
         made,
         defaults=(*kind.defaults, plate),
         modes=(0, *(mode for mode in profile.modes if mode in PLAIN_MODES)),
-        velocity_unit=said or profile.units.velocity or unit,
+        velocity_unit=said or profile.units.velocity or kind.velocity_unit,
         ramp_unit=profile.units.ramp,
         ramp_size=profile.units.ramp_size,
         rated_torque_per_nm=profile.units.rated_torque_per_nm,

@@ -35,7 +35,7 @@ _INPUTS_OPEN: Final = dict.fromkeys(
     ("estop_ok", "enabling_switch", "mains_ready", "brake_open", "limit_minus", "limit_plus"), NAME
 )
 EXPECTED: Final[dict[str, dict[str, str]]] = {
-    # 1016, 605A, 6085, 6080; no 1400:05, 6072, 608F. 60A9 is r/min, and so is the machine file.
+    # 1016, 605A, 6085, 6080; no 1400:05, 6072, 608F. 60A9 takes the unit of the profile.
     "maxon EPOS4 0x1018": {**_SILENT, "limits_torque": NEVER, "knows_counts": STEP},
     # By its profile it has no CSV. 1016; no 605A, 6072, 6077, 60FD, 6080; 60C2 stays at 1 ms.
     "maxon EPOS2 50/5": {
@@ -85,8 +85,13 @@ EXPECTED: Final[dict[str, dict[str, str]]] = {
 }  # fmt: skip
 # Drives that no limit of torque entered and no acceptance makes usable.
 REFUSED: Final = {"maxon EPOS2 50/5", "Faulhaber MCDC 73-A", "e35 example"}
+_BY_PROFILE: Final = {"can.velocity_unit": "profile"}
 _CHANGES: Final[dict[str, dict[str, object]]] = {
-    "maxon EPOS4 0x1018": {"can.velocity_unit": "r/min"},
+    "maxon EPOS4 0x1018": {**_BY_PROFILE},
+    "maxon EPOS2 50/5": {**_BY_PROFILE},
+    "Ingenia EVE-NET 1.8.1": {**_BY_PROFILE},
+    "Trinamic TMCM-1617 fw1.06": {**_BY_PROFILE},
+    "Faulhaber MCDC 73-A": {**_BY_PROFILE},
     "Yiyou servo v1.4": {"can.torque_reference": 385.0 / 257.0},
 }
 

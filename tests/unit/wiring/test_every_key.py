@@ -23,6 +23,7 @@ from gantryctl.drives.canopen.settings import (
     LoadEncoderSettings,
     OutputBits,
 )
+from gantryctl.drives.profiles import load_profile
 from gantryctl.machine import Machine, default_machine, field_specs
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.wiring import compensation
@@ -290,6 +291,7 @@ ROWS: dict[str, Row] = {
     "can.node": {"bus.node": 1.0},
     "can.master_node": {"bus.master_node": 1.0},
     "can.increments_per_turn": {"bus.increments_per_turn": 1.0, "program.law.counts_per_turn": 1.0},
+    "can.profile": {"bus.profile": lambda _: load_profile("maxon_epos4")},
     "can.velocity_unit": {"bus.velocity_unit": lambda _: "0.1 r/min"},
     "can.torque_reference": {"bus.torque_reference": 1.0},
     "can.inverted": {"bus.inverted": 1.0},
@@ -493,6 +495,7 @@ CHANGED: dict[str, Any] = {
     "can.interface": "simulated",
     "can.load_encoder.source": "60E4",
     "can.velocity_unit": "0.1 r/min",
+    "can.profile": "maxon_epos4",
     "monitors.door_reaction": "quick_stop",
     "plant.integration.scheme": "rk4",
     "plant.load.eccentric_angle_deg": 3.0,

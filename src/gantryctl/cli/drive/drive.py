@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.drive.drive_sim import sim
+from gantryctl.cli.drive.field import field
 from gantryctl.cli.drive.profiles import profiles
 from gantryctl.cli.options import (
     PATH,
@@ -35,6 +36,7 @@ def drive() -> None:
 
 
 drive.add_command(sim)
+drive.add_command(field)
 drive.add_command(profiles)
 
 

@@ -84,9 +84,8 @@ def _kind(given: dict[str, Any]) -> Personality:
     if given["table_file"] is None:
         return kind
     # What the maker's tool sets, and no dictionary tells, is in the machine file.
-    can = machine_of(given["config_file"]).can
-    table = read_objects_of(given["table_file"], given["model"])
-    return as_in_table(kind, table, can.increments_per_turn, can.velocity_unit)
+    machine = machine_of(given["config_file"])
+    return as_in_table(kind, read_objects_of(given["table_file"], given["model"]), machine)
 
 
 def _list() -> None:

@@ -226,7 +226,7 @@ class CanopenDrive:
 
     def identity(self) -> DriveIdentity:
         """Name, serial number and resolution."""
-        return drive_identity(self.settings, self.opened.identity.text, self.opened.identity.key)
+        return drive_identity(self.opened.settings, self.opened.identity.text, self.opened.identity.key)
 
     # --- the scan ----------------------------------------------------------------------------------------------
 

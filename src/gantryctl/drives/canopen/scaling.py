@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
 
 _TWO_PI: Final = 2.0 * math.pi
 _I32: Final = (1 << 31) - 1
@@ -22,11 +21,10 @@ class BusUnits:
     """
 
     def __init__(self, settings: CanopenSettings, torque_rated_nm: float) -> None:
-        per_rad_s = VELOCITY_UNITS[settings.velocity_unit].per_rad_s(settings.increments_per_turn)
+        per_rad_s = settings.speed_per_rad_s
         sign = -1.0 if settings.inverted else 1.0
         self.sign = -1 if settings.inverted else 1
-        self.velocity_size = per_rad_s
-        """Units of 60FF per rad/s, without the sign."""
+        self._ramp_size = settings.ramp_per_rad_s2
         # CiA 402: per mille of the rated torque. Some drives mean 0.1 % of standstill torque or of rated current
         # instead.
         self.torque_unit_nm = torque_rated_nm * settings.torque_reference / 1000.0
@@ -42,9 +40,9 @@ class BusUnits:
         """60B2."""
         return _whole(nm / self.nm_per_unit, _I16)
 
-    def unsigned_velocity(self, rad_s: float) -> int:
+    def ramp(self, rad_s2: float) -> int:
         """6085: at least 1."""
-        return max(1, _whole(abs(rad_s) * self.velocity_size, (1 << 32) - 1))
+        return max(1, _whole(abs(rad_s2) * self._ramp_size, (1 << 32) - 1))
 
 
 def _whole(value: float, limit: int) -> int:

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, NamedTuple
 
+from gantryctl.drives.od.facts import DriveFacts
+from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+from gantryctl.drives.profiles import DriveProfile, profile_of
+from gantryctl.errors import DeviceError
 from gantryctl.image import DriveIdentity
 from gantryctl.units import DriveVelocityUnit
 
@@ -92,7 +96,8 @@ class CanopenSettings:
     """Of 6064, per motor turn."""
     turns: int
     """Multiturn range in motor turns."""
-    velocity_unit: DriveVelocityUnit
+    velocity_unit: DriveVelocityUnit | None
+    """Of 60FF; None: that of the profile."""
     torque_rated_nm: float
     """For drives without 6076."""
     torque_reference: float
@@ -122,6 +127,8 @@ class CanopenSettings:
     load_encoder: LoadEncoderSettings | None = None
     watchdog_s: float = 0.1
     """Time after which the watchdog relay opens, where one is wired."""
+    profile: DriveProfile | None = None
+    """What is known of the drive model; None: `of_drive` looks for one."""
 
     @property
     def brake_by_60fe(self) -> bool:
@@ -132,6 +139,57 @@ class CanopenSettings:
     def output_mask(self) -> int:
         """Bits of 60FE in use; bit 0 is the brake of CiA 402."""
         return self.outputs.mask | (self.brake_owner == "object_60FE")
+
+    def of_drive(self, facts: DriveFacts) -> CanopenSettings:
+        """The settings with the profile of this drive, unless the machine file names one.
+
+        Args:
+            facts: identity, and objects by which models are told apart.
+        """
+        return self if self.profile is not None else replace(self, profile=profile_of(facts))
+
+    @property
+    def speed_unit(self) -> DriveVelocityUnit:
+        """Unit of 60FF.
+
+        Raises:
+            DeviceError: neither the machine file nor a profile says it.
+        """
+        unit = self.velocity_unit or (self.profile.units.velocity if self.profile is not None else None)
+        if unit is None:
+            who = (
+                "no profile fits this drive"
+                if self.profile is None
+                else f"profile {self.profile.name} has none"
+            )
+            raise DeviceError(
+                f'the unit of 60FF is not known: [can] velocity_unit = "profile", and {who} · give the unit of the '
+                "drive's manual there, or a profile as [can] profile (`gantryctl drive profiles`)"
+            )
+        return unit
+
+    @property
+    def speed_per_rad_s(self) -> float:
+        """Units of 60FF in one rad/s."""
+        return VELOCITY_UNITS[self.speed_unit].per_rad_s(self.increments_per_turn)
+
+    @property
+    def ramp_per_rad_s2(self) -> float:
+        """Units of 6085 in one rad/s2."""
+        if self.profile is None:
+            return self.speed_per_rad_s
+        ramp, size = self.profile.units.ramp or self.speed_unit, self.profile.units.ramp_size
+        return VELOCITY_UNITS[ramp].per_rad_s(self.increments_per_turn) / size
+
+    @property
+    def rated_torque_per_nm(self) -> float:
+        """Units of 6076 in one N m."""
+        return 1000.0 if self.profile is None else self.profile.units.rated_torque_per_nm
+
+    @property
+    def sets_speed_unit(self) -> bool:
+        """The controller writes the unit to 60A9."""
+        return self.profile is not None and self.profile.units.velocity_by_60A9
 
     @property
     def heartbeat_scans(self) -> int:
@@ -149,4 +207,5 @@ def drive_identity(settings: CanopenSettings, name: str, key: str) -> DriveIdent
     # CiA 402 has no object for the serial number of an encoder: that of the drive stands for it. And 6064 has 32 bits:
     # whatever the encoder counts beyond them is not on the bus.
     turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
-    return DriveIdentity(name, f"CAN-{key}", settings.increments_per_turn, turns)
+    texts = {} if settings.profile is None else settings.profile.texts_by_code
+    return DriveIdentity(name, f"CAN-{key}", settings.increments_per_turn, turns, texts)

@@ -78,6 +78,7 @@ STANDARD: Final[dict[tuple[int, int], Standard]] = {
     (0x608F, 2): Standard("Motor revolutions", _U32, _RW),
     (0x6091, 1): Standard("Motor revolutions", _U32, _RW),
     (0x6091, 2): Standard("Shaft revolutions", _U32, _RW),
+    (0x60A9, 0): Standard("SI unit velocity", _U32, _RW),
     (0x60B1, 0): Standard("Velocity offset", _I32, _RW),
     (0x60B2, 0): Standard("Torque offset", _I16, _RW),
     (0x60C2, 1): Standard("Interpolation time period value", _U8, _RW),

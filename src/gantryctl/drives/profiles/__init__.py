@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from gantryctl.drives.profiles.choice import (
     load_profile,
+    places_of_maker,
     profile_names,
     profile_of,
-    profile_of_table,
-    profiles_fitting,
 )
 from gantryctl.drives.profiles.profile import DangerousDefault, DriveProfile, Gain, Tried
 
@@ -17,8 +16,7 @@ __all__ = [
     "Gain",
     "Tried",
     "load_profile",
+    "places_of_maker",
     "profile_names",
     "profile_of",
-    "profile_of_table",
-    "profiles_fitting",
 ]

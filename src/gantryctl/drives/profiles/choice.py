@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from gantryctl.drives.od.facts import DriveFacts
-from gantryctl.drives.od.object_table import ObjectTable, facts_of_table
-from gantryctl.drives.profiles.profile import DriveProfile, read_profile
+from gantryctl.drives.profiles.profile import DriveProfile, key_of, read_profile
 from gantryctl.errors import UsageError
 from gantryctl.machine import configs_folder
 
@@ -40,18 +39,13 @@ def load_profile(name: str) -> DriveProfile:
     return found
 
 
-def profile_of_table(table: ObjectTable) -> DriveProfile | None:
-    """The profile of a dictionary: by the name of a shipped table, else as of a drive."""
-    named = [profile for profile in _shipped().values() if profile.table == table.drive]
-    return named[0] if named else profile_of(facts_of_table(table))
-
-
-def profiles_fitting(facts: DriveFacts) -> tuple[DriveProfile, ...]:
-    """Every shipped profile that a drive fits."""
-    return tuple(profile for profile in _shipped().values() if profile.match.fits(facts))
-
-
 def profile_of(facts: DriveFacts) -> DriveProfile | None:
     """The profile of a drive by object 1018 and what it has; None where none fits, or several do."""
-    found = profiles_fitting(facts)
+    found = [profile for profile in _shipped().values() if profile.match.fits(facts)]
     return found[0] if len(found) == 1 else None
+
+
+def places_of_maker(vendor: int) -> tuple[tuple[int, int], ...]:
+    """Objects by which the models of a maker are told apart."""
+    matches = [profile.match for profile in _shipped().values() if profile.match.vendor == vendor]
+    return tuple({key_of(place): None for match in matches for place in (*match.has, *match.lacks)})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -179,27 +180,28 @@ class DriveProfile(_Part):
     error_texts: dict[ErrorCode, Words] = Field(default_factory=dict)
     """The maker's own error codes (EMCY, 603F)."""
 
-    def error_text(self, code: int) -> str:
-        """The maker's words for an error code; "" where the profile has none."""
-        return self.error_texts.get(f"{code:04X}", "")
+    @property
+    def texts_by_code(self) -> Mapping[int, str]:
+        """The maker's words by error code."""
+        return {int(code, 16): text for code, text in self.error_texts.items()}
 
-    def contradictions(self, facts: DriveFacts, increments_per_turn: int) -> tuple[str, ...]:
-        """Where a drive says of itself something else than its profile and the machine file, with both values."""
+    def contradictions(self, facts: DriveFacts, unit: DriveVelocityUnit) -> tuple[str, ...]:
+        """Where drive or machine file say something else than the profile, with both values.
+
+        Args:
+            unit: of 60FF, of the machine file.
+        """
         said = []
-        unit = self.units.velocity
-        word, wanted = facts.value(0x60A9), None if unit is None else VELOCITY_UNITS[unit].si_unit
-        settable = self.units.velocity_by_60A9 and facts.writable(0x60A9)
-        if word is not None and wanted is not None and word != wanted and not settable:
-            said.append(
-                f"60A9:00 SI unit velocity: the drive has {word:08X}h, the profile {self.name} says {wanted:08X}h "
-                f"({unit})"
-            )
-        counts, turns = facts.value(0x608F, 1), facts.value(0x608F, 2)
-        if counts and turns and counts != increments_per_turn * turns:
-            said.append(
-                f"608F Position encoder resolution: the drive has {counts} increments in {turns} turns, "
-                f"[can] increments_per_turn is {increments_per_turn}"
-            )
+        if facts.vendor != self.match.vendor:
+            said.append(f"1018:01 = {facts.vendor:X}h, profile {self.name} is for {self.match.vendor:X}h")
+        own = self.units.velocity
+        word, wanted = facts.value(0x60A9), None if own is None else VELOCITY_UNITS[own].si_unit
+        if own is None or self.units.velocity_by_60A9:
+            return tuple(said)
+        if word is not None and wanted is not None and word != wanted:
+            said.append(f"60A9 = {word:X}h, profile {self.name} says {wanted:X}h ({own})")
+        elif unit != own:
+            said.append(f'[can] velocity_unit = "{unit}", profile {self.name} says "{own}"')
         return tuple(said)
 
 

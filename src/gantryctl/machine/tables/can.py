@@ -117,8 +117,16 @@ class CanTable(Table):
     eds: str = text("", 200, "EDS of the drive, for `gantryctl can scan` and `drive objects`.")
     # 19 bits, what drives with such an encoder make of a turn; 6064 has 32 bits, so 8192 turns fit.
     increments_per_turn: int = number(524_288, 64, 2**24, "Increments of 6064 per motor turn.", "catalogue")
-    velocity_unit: DriveVelocityUnit = choice(
-        "inc/s", "Unit of 60FF, 606C and, per second, of 6085.", "catalogue"
+    velocity_unit: Literal[DriveVelocityUnit, "profile"] = choice(
+        "inc/s",
+        "Unit of 60FF, 606C and, where the profile says nothing else, of 6085 per second; "
+        '"profile": that of the profile.',
+        "catalogue",
+    )
+    profile: str = text(
+        "",
+        200,
+        "Profile of the drive: a name of `gantryctl drive profiles`, or FILE.toml; empty = chosen by 1018.",
     )
     torque_reference: float = number(
         1.0, 0.1, 10.0, "What 1000 in 6072, 6077 and 60B2 means, as part of the rated torque.", "catalogue"

@@ -81,6 +81,10 @@ def counts_row(q: Question) -> LedgerRow:
 
 def unit_row(q: Question) -> LedgerRow:
     """Unit of 60FF."""
+    from gantryctl.wiring.canopen import contradictions  # only a machine on a bus loads the bus
+
+    if said := contradictions(q.machine, q.facts):
+        return LedgerRow(UNITS, Standing.LACKING, "", f"{'; '.join(said)}: one of them is wrong")
     if q.verdict("60A9:00") is ParameterVerdict.DIFFERS:
         unit = q.machine.can.velocity_unit
         detail = (

@@ -472,11 +472,11 @@ class Said(NamedTuple):
         return self.words.english.format(**self.values)
 
 
-def drive_error_words(code: int) -> Words | Said:
-    """Words for an error code of a drive: its name by CiA 402, or the number."""
+def drive_error_words(code: int, texts: Mapping[int, str]) -> Words | Said:
+    """Words for an error code of a drive: the maker's where it has some, its name by CiA 402, or the number."""
     if not code:
         return Words.DRIVE_ERROR_UNKNOWN
-    name = Words.__members__.get(f"ERROR_{code:04X}")
+    name = texts.get(code) or Words.__members__.get(f"ERROR_{code:04X}")
     if name is None:
         return Words.DRIVE_ERROR(error=code, word=f"{code:04X}")
     return Words.DRIVE_ERROR_NAMED(error=code, word=f"{code:04X}", name=name)

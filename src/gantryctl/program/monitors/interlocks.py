@@ -7,7 +7,7 @@ from typing import Final
 from gantryctl.image import DigitalInputs
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog
-from gantryctl.program.alarms.words import Words, drive_error_words
+from gantryctl.program.alarms.words import Words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.settings import AxisSettings
 
@@ -74,7 +74,7 @@ class Interlocks:
 
     def _fault(self) -> None:
         code = self._feedback.error_code
-        error = drive_error_words(code)
+        error = self._feedback.error_words
         active = self._alarms.active
         if Code.DRV_01 not in active:
             # A code that the drive has withdrawn adds nothing to the alarm that it made.

@@ -36,8 +36,8 @@ def test_a_turn_a_second_and_the_rated_torque(unit: DriveVelocityUnit, inverted:
     assert units.velocity(math.tau) == sign * round(TURN[unit])
     assert units.rad_s_per_unit * TURN[unit] == pytest.approx(sign * math.tau, rel=1e-12)
     # 6085 has no sign: 5.4 deg/s2 are what they are whichever way the motor turns.
-    assert units.unsigned_velocity(math.tau) == round(TURN[unit])
-    assert units.unsigned_velocity(-math.tau) == round(TURN[unit])
+    assert units.ramp(math.tau) == round(TURN[unit])
+    assert units.ramp(-math.tau) == round(TURN[unit])
     # Per mille of the rated torque: 25 N m of 250.
     assert units.torque(25.0) == sign * 100
     assert units.nm_per_unit * 100 == pytest.approx(sign * 25.0, rel=1e-12)

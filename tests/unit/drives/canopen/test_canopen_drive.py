@@ -66,7 +66,7 @@ def test_a_drive_without_csv_is_never_enabled() -> None:
 
 def test_wrong_units_are_refused_by_name() -> None:
     bench = Bench("rpm").open()
-    assert [line[:7] for line in bench.drive.refusals] == ["608F:01", "60A9:00"]
+    assert [line[:7] for line in bench.drive.refusals] == ["60A9:00", "608F:01"]
 
 
 def test_a_parameter_that_does_not_take_is_refused() -> None:

@@ -13,17 +13,18 @@ from gantryctl.drives.profiles.profile import key_of
 from gantryctl.drives.virtual.communication.objects import device_tables
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.errors import ConfigError, UsageError
+from gantryctl.machine import configs_folder, load_machine
 from gantryctl.wiring.virtual import as_in_table, shipped_objects
 from unit.drives.virtual.bench import hardware
 
 TABLES = read_object_tables(shipped_objects())
 PROFILES = [load_profile(name) for name in profile_names()]
-COUNTS = 524_288
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
 
 
 def facts(table: ObjectTable) -> DriveFacts:
     """As a drive in software with this table tells them."""
-    device = device_tables(hardware(), as_in_table(Personality(), table, COUNTS, "inc/s"))[1]
+    device = device_tables(hardware(), as_in_table(Personality(), table, MACHINE))[1]
     # `info` is that of the virtual drive; object 1018 is the model's.
     plate = replace(device.info, vendor_number=None, product_number=None, revision_number=None)
     return facts_of(replace(device, info=plate))
@@ -66,34 +67,31 @@ def test_a_stranger_has_no_profile() -> None:
         load_profile("nonsense")
 
 
-def test_a_drive_that_contradicts_its_profile_is_refused_with_both_values() -> None:
-    elmo = load_profile("elmo_gold")
-    found = facts(TABLES["Elmo Gold (DCF)"])
-    assert elmo.contradictions(found, COUNTS) == ()
-    assert (
-        "524288 increments in 1 turns, [can] increments_per_turn is 65536"
-        in elmo.contradictions(found, 65536)[0]
+def test_what_contradicts_a_profile_is_told_with_both_values() -> None:
+    ingenia, elmo, example = (load_profile(n) for n in ("ingenia_everest", "elmo_gold", "e35"))
+    found = facts(TABLES["Ingenia EVE-NET 1.8.1"])
+    assert ingenia.contradictions(found, "mrev/s") == ()
+    assert ingenia.contradictions(found, "inc/s") == (
+        '[can] velocity_unit = "inc/s", profile ingenia_everest says "mrev/s"',
     )
-    example = load_profile("e35").model_copy(
-        update={
-            "units": load_profile("e35").units.model_copy(
-                update={"velocity_by_60A9": False, "velocity": "r/min"}
-            )
-        }
+    assert elmo.contradictions(found, "inc/s") == ("1018:01 = 29Ch, profile elmo_gold is for 9Ah",)
+    # A drive with a fixed 60A9 is believed before its profile.
+    units = example.units.model_copy(update={"velocity_by_60A9": False, "velocity": "r/min"})
+    fixed = example.model_copy(update={"units": units})
+    assert fixed.contradictions(facts(TABLES["e35 example"]), "r/min") == (
+        "60A9 = B50300h, profile e35 says B44700h (r/min)",
     )
-    said = example.contradictions(facts(TABLES["e35 example"]), COUNTS)
-    assert len(said) == 1
-    assert "the drive has 00B50300h, the profile e35 says 00B44700h (r/min)" in said[0]
 
 
 def test_a_unit_that_the_controller_sets_is_no_contradiction() -> None:
     epos4 = load_profile("maxon_epos4")
-    assert epos4.contradictions(facts(TABLES["maxon EPOS4 0x1018"]), COUNTS) == ()
+    assert epos4.contradictions(facts(TABLES["maxon EPOS4 0x1018"]), "0.1 r/min") == ()
 
 
 def test_the_words_of_the_maker_for_an_error_code() -> None:
-    assert load_profile("kollmorgen_akd").error_text(0x3110) == "F523 DC bus overvoltage, by hardware"
-    assert load_profile("kollmorgen_akd").error_text(0x8130) == ""
+    texts = load_profile("kollmorgen_akd").texts_by_code
+    assert texts[0x3110] == "F523 DC bus overvoltage, by hardware"
+    assert 0x8130 not in texts
 
 
 GOOD = """

@@ -15,6 +15,7 @@ from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.wiring.virtual import as_in_table, drive_kind, shipped_objects
 from unit.drives.virtual.bench import hardware
 
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
 TABLES = read_object_tables(shipped_objects())
 NODE_ID = 2
 
@@ -22,7 +23,7 @@ NODE_ID = 2
 @cache
 def drive(name: str) -> DriveNode:
     table = next(t for n, t in TABLES.items() if n.startswith(name))
-    return booted(as_in_table(Personality(), table, 1 << 19, "inc/s"))
+    return booted(as_in_table(Personality(), table, MACHINE))
 
 
 def booted(kind: Personality) -> DriveNode:
@@ -104,8 +105,7 @@ def test_motor_data_are_entered_whatever_the_default_is() -> None:
 
 def test_the_unit_of_speed_follows_60a9() -> None:
     """EPOS4 comes with r/min; written to 0.001 r/min, the same speed is a thousand times the number."""
-    node = booted(drive_kind(with_values(load_machine(configs_folder() / "hust_can.toml"),
-                                         {"can.virtual_drive": "maxon EPOS4@"})))  # fmt: skip
+    node = booted(drive_kind(with_values(MACHINE, {"can.virtual_drive": "maxon EPOS4@"})))
     coarse = node.scaling.velocity(100.0)
     assert refusal(node, 0x60A9, 0, 0xFDB44700) is None
     assert node.scaling.velocity(100.0) == pytest.approx(1000 * coarse, rel=1e-3)  # 955 r/min, rounded
@@ -116,7 +116,7 @@ def test_the_unit_of_speed_follows_60a9() -> None:
 
 def test_an_eds_becomes_a_drive_with_nothing_beside_it() -> None:
     table = read_objects_of(Path("tests/data/eds/minimal.eds"))
-    node = booted(as_in_table(Personality(), table, 1 << 19, "inc/s"))
+    node = booted(as_in_table(Personality(), table, MACHINE))
     assert set(node.od.visible.objects) == {index for index, _ in table.entries}
 
 
@@ -126,7 +126,7 @@ def test_an_object_with_less_room_than_the_behaviour_fills_gives_its_low_bits() 
     narrow = replace(
         table, entries={**table.entries, (0x60FD, 0): replace(inputs, data_type=DataType.UNSIGNED8)}
     )
-    node = booted(as_in_table(Personality(), narrow, 1 << 19, "inc/s"))
+    node = booted(as_in_table(Personality(), narrow, MACHINE))
     assert node.od.upload(0x60FD, 0) == bytes((node.od.readers[0x60FD, 0]() & 0xFF,))
 
 

@@ -38,6 +38,7 @@ from gantryctl.drives.canopen.setup.parameter_check import (
 )
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow, ParameterVerdict
+from gantryctl.drives.profiles import places_of_maker
 from gantryctl.errors import DeviceError
 
 # 6061 may follow a write to 6060 later: by 10 ms on a real drive model.
@@ -96,6 +97,8 @@ class NodeSetup(NamedTuple):
     """Number that an earlier run left in the drive; gone after a boot-up."""
     facts: DriveFacts
     """What the drive has, as the set-up has left it."""
+    settings: CanopenSettings
+    """With the profile of the drive."""
 
 
 class UnusableDrive(DeviceError):
@@ -110,38 +113,44 @@ class UnusableDrive(DeviceError):
 _TELEGRAMS: Final = ((0x1400, 1), (0x1400, 2), (0x1600, 0), (0x1800, 1), (0x1800, 2), (0x1A00, 0))
 
 
-def wanted_of(settings: CanopenSettings, rated_mnm: int | None) -> tuple[WantedParameter, ...]:
-    """Parameters of a drive; `rated_mnm` is its object 6076, None or 0 where it does not say."""
-    rated_nm = rated_torque_nm(settings, rated_mnm)
+def wanted_of(settings: CanopenSettings, rated: int | None) -> tuple[WantedParameter, ...]:
+    """Parameters of a drive; `rated` is its object 6076, None or 0 where it does not say."""
+    rated_nm = rated_torque_nm(settings, rated)
     return wanted_parameters(settings, BusUnits(settings, rated_nm), rated_nm)
 
 
-def rated_torque_nm(settings: CanopenSettings, rated_mnm: int | None) -> float:
+def rated_torque_nm(settings: CanopenSettings, rated: int | None) -> float:
     """Rated torque: 6076 where the drive has it, else of the machine file."""
-    return rated_mnm / 1000.0 if rated_mnm else settings.torque_rated_nm
+    return rated / settings.rated_torque_per_nm if rated else settings.torque_rated_nm
 
 
 def parameter_rows(settings: CanopenSettings, facts: DriveFacts) -> tuple[ParameterRow, ...]:
     """Parameters of a drive against what they must be."""
-    return compare_parameters(facts, wanted_of(settings, facts.value(0x6076)))
+    return compare_parameters(facts, wanted_of(settings.of_drive(facts), facts.value(0x6076)))
 
 
 def facts_as_set_up(settings: CanopenSettings, facts: DriveFacts) -> DriveFacts:
     """A drive as `open_node` would leave it."""
-    return as_set_up(facts, wanted_of(settings, facts.value(0x6076)))
+    return as_set_up(facts, wanted_of(settings.of_drive(facts), facts.value(0x6076)))
 
 
 def checksum_of(settings: CanopenSettings, facts: DriveFacts) -> str:
     """Checksum of the values that decide what the drive does."""
-    return parameter_checksum(facts, wanted_of(settings, facts.value(0x6076)))
+    return parameter_checksum(facts, wanted_of(settings.of_drive(facts), facts.value(0x6076)))
 
 
 def facts_as_found(node: RemoteNode, settings: CanopenSettings) -> tuple[NodeIdentity, DriveFacts]:
     """Identity and facts of a drive as they are; nothing is written."""
     node.drain()
     identity = node.identity()
+    settings = _profiled(node, identity, settings)
     wanted = wanted_of(settings, node.sdo.optional(0x6076))
     return identity, _facts(node, identity, wanted)
+
+
+def _profiled(node: RemoteNode, identity: NodeIdentity, settings: CanopenSettings) -> CanopenSettings:
+    """The settings with the profile of the drive that answers."""
+    return settings.of_drive(read_facts(node.sdo, identity, places_of_maker(identity.vendor)))
 
 
 def _facts(
@@ -150,7 +159,8 @@ def _facts(
     wanted: tuple[WantedParameter, ...],
     refused: frozenset[tuple[int, int]] = frozenset(),
 ) -> DriveFacts:
-    return read_facts(node.sdo, identity, (*ASKED, *set_value_places(wanted)), refused)
+    asked = (*ASKED, *set_value_places(wanted), *places_of_maker(identity.vendor))
+    return read_facts(node.sdo, identity, asked, refused)
 
 
 def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
@@ -163,8 +173,9 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     identity = node.identity()
     _refuse_a_running_drive(node)
     node.enter_pre_operational()
-    rated_mnm = node.sdo.optional(0x6076)
-    wanted = wanted_of(settings, rated_mnm)
+    settings = _profiled(node, identity, settings)
+    rated = node.sdo.optional(0x6076)
+    wanted = wanted_of(settings, rated)
     refused = write_parameters(node.sdo, wanted)
     # The brake closes and the speed is 0 before the telegrams fly: the RPDO repeats both from the first scan on.
     mask = settings.output_mask
@@ -191,7 +202,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     kept = tuple(p for p, row in zip(wanted, rows, strict=True) if row.verdict is ParameterVerdict.OK)
     return NodeSetup(
         identity=identity,
-        units=BusUnits(settings, rated_torque_nm(settings, rated_mnm)),
+        units=BusUnits(settings, rated_torque_nm(settings, rated)),
         rows=rows,
         refusals=(*refusals(rows), *wrong_mode),
         mapping=mapping,
@@ -199,6 +210,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
         kept=kept,
         restart_marker=marker,
         facts=facts,
+        settings=settings,
     )
 
 

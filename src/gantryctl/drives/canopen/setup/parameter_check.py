@@ -47,12 +47,14 @@ def wanted_parameters(
     watched = s.master_node << 16 | round(s.heartbeat_timeout_s * 1e3)
     torque = round(1000.0 * s.torque_max_nm / (rated_nm * s.torque_reference))
     ceiling = round(r_min_from_rad_s(s.speed_ceiling_rad_s))
-    quick = units.unsigned_velocity(s.quick_dec_rad_s2)
+    quick = units.ramp(s.quick_dec_rad_s2)
     # docs/reference/canopen.md gives the reason for each. 6007 = 1 with 605E = 2, not 6007 = 3: with 605A = 6 a quick
     # stop by lost communication would hold the load on a servo whose controller is gone; a fault ramps down, closes
     # the brake and takes the torque off (decision 0012). Of nine real object dictionaries none has both 1016 and
     # 1400:05, and five have no 6072: what a drive lacks is judged by the ledger.
     return (
+        # First: in some drives ramps and limits count in it.
+        *_velocity_unit(s),
         WantedParameter(0x1005, 0, SYNC_ID, "identifier of SYNC", mask=_MASK_ID),
         WantedParameter(0x1006, 0, period_us, "SYNC period, us"),
         WantedParameter(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
@@ -79,15 +81,14 @@ def wanted_parameters(
         WantedParameter(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
         WantedParameter(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
         WantedParameter(0x608F, 2, 1, "the same, per motor turn", writable=False),
-        *_velocity_unit(s),
     )
 
 
 def _velocity_unit(settings: CanopenSettings) -> tuple[WantedParameter, ...]:
-    word = VELOCITY_UNITS[settings.velocity_unit].si_unit
+    word = VELOCITY_UNITS[settings.speed_unit].si_unit
     if word is None:
         return ()
-    return (WantedParameter(0x60A9, 0, word, "[can] velocity_unit", writable=False),)
+    return (WantedParameter(0x60A9, 0, word, "[can] velocity_unit", writable=settings.sets_speed_unit),)
 
 
 def _quick_stop_option(settings: CanopenSettings) -> WantedParameter:
@@ -219,7 +220,7 @@ def _equal(wanted: WantedParameter, have: int) -> bool:
 def compare(wanted: WantedParameter, have: int | None) -> ParameterRow:
     """Compare one parameter; `have` is None where the drive has no value."""
     known = STANDARD.get((wanted.obj, wanted.sub))
-    name = known.name if known is not None else "SI unit velocity"
+    name = known.name if known is not None else ""
     if have is None:
         verdict = ParameterVerdict.ABSENT
     else:

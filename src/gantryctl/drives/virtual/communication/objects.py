@@ -183,7 +183,26 @@ def device_tables(hardware: Hardware, kind: Personality) -> tuple[DeviceDescript
         description=kind.summary,
         created_by="gantryctl drive sim --write-eds",
     )
-    return described(full, info), described(visible, info)
+    return described(full, info), described(visible, _plate_of(visible, info, kind))
+
+
+def _plate_of(visible: tuple[ObjectSpec, ...], info: DeviceInfo, kind: Personality) -> DeviceInfo:
+    """Name plate of the model: what its object 1018 says."""
+    plate = next((spec.entries for spec in visible if spec.index == 0x1018), None)
+    if kind.table is None or plate is None:
+        return info
+    vendor, product, revision = (
+        entry.default if entry is not None and isinstance(entry.default, int) else None
+        for entry in map(plate.get, (1, 2, 3))
+    )
+    return replace(
+        info,
+        vendor_name="",
+        vendor_number=vendor,
+        product_name=kind.name,
+        product_number=product,
+        revision_number=revision,
+    )
 
 
 def _with_defaults(spec: ObjectSpec, given: dict[tuple[int, int], int]) -> ObjectSpec:

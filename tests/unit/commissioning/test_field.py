@@ -1,0 +1,125 @@
+"""Drives as they are sold: which of the nine in the delivered table can be commissioned, and why the others cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+import pytest
+
+from gantryctl.commissioning import Commissioning
+from gantryctl.commissioning.field import FieldDrive, commission_field_drive, field_machine
+from gantryctl.commissioning.results import Outcome
+from gantryctl.drives.od.object_table import ObjectTable, read_object_tables
+from gantryctl.errors import CommandRefused, DeviceError
+from gantryctl.machine import configs_folder, load_machine, with_values
+from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
+from gantryctl.operation.store import StateStore
+from gantryctl.program.alarms.words import drive_error_words
+from gantryctl.wiring.canopen import canopen_drive
+from gantryctl.wiring.engine import build_program
+from gantryctl.wiring.virtual import shipped_objects
+from support.command_line import cli
+
+pytestmark = pytest.mark.can
+
+BASE = load_machine(configs_folder() / "hust_can.toml")
+TABLES = read_object_tables(shipped_objects())
+# By hand from the table: no mode 9 in 6060 or 6502; neither 1016 nor 1400:05.
+REFUSED: Final = {
+    "maxon EPOS2 50/5": {"runs_csv"},
+    "Faulhaber MCDC 73-A": {
+        "runs_csv", "maps_telegrams", "stops_without_commands", "stops_without_controller",
+    },
+    "e35 example": {"stops_without_commands", "stops_without_controller"},
+}  # fmt: skip
+USABLE: Final = set(TABLES) - set(REFUSED)
+
+
+def commissioned(table: ObjectTable, **how: bool) -> FieldDrive:
+    return commission_field_drive(BASE, table, "", lambda line: None, **how)
+
+
+def rows_of(lines: tuple[str, ...]) -> set[str]:
+    return {line.partition(":")[0] for line in lines}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_drive_that_cannot_be_run_is_refused_before_any_step(name: str) -> None:
+    found = commissioned(TABLES[name])
+    assert rows_of(found.refused) == REFUSED[name]
+    assert (found.commissioned, found.steps) == (False, ())
+
+
+# The coarsest unit of speed, 0.005 deg/s at the gantry; a unit that is written to 60A9, and 6076 in uN m.
+@pytest.mark.parametrize("name", ["Trinamic TMCM-1617 fw1.06", "maxon EPOS4 0x1018"])
+def test_a_drive_of_the_field_passes_what_needs_no_whole_turn(name: str) -> None:
+    found = commissioned(TABLES[name], whole=False)
+    assert found.refused == ()
+    outcomes = dict(found.steps)
+    assert outcomes.pop("brake") is Outcome.NOT_TESTABLE  # these drives own it
+    assert set(outcomes.values()) == {Outcome.PASSED}
+    assert {"silence", "sign", "velocity", "loop", "stops"} <= set(outcomes)
+
+
+def test_a_drive_that_contradicts_its_profile_is_refused_with_both_values(tmp_path: Path) -> None:
+    """The drive counts in r/min and has no 60A9: only its profile says that the machine file is wrong."""
+    machine = with_values(
+        field_machine(BASE, TABLES["Trinamic TMCM-1617 fw1.06"], ""), {"can.velocity_unit": "inc/s"}
+    )
+    with StateStore(machine, tmp_path) as store:
+        work = Commissioning(machine, store, tmp_path, lambda line: None, lambda step: True)
+        with pytest.raises(
+            CommandRefused, match=r'velocity_unit = "inc/s", profile trinamic_tmcm_1617 says "r/min"'
+        ):
+            work.start(again=False)
+
+
+def test_without_a_profile_the_machine_file_has_to_name_the_unit() -> None:
+    machine = with_values(BASE, {"can.velocity_unit": "profile", "can.encoder.index": 0})
+    with pytest.raises(
+        DeviceError, match=r'\[can\] velocity_unit = "profile", and no profile fits this drive'
+    ):
+        canopen_drive(machine)
+
+
+@pytest.mark.parametrize("name", sorted(USABLE))
+def test_a_machine_file_for_each_usable_drive(name: str) -> None:
+    """The set-up alone: nothing is refused, and what is not proven is for steps or for a person."""
+    drive = canopen_drive(field_machine(BASE, TABLES[name], ""))
+    try:
+        assert drive.refusals == ()
+        assert drive.opened.settings.profile is not None
+        assert drive.opened.settings.profile.table == name
+    finally:
+        drive.close()
+
+
+def test_an_alarm_gives_the_words_of_the_maker() -> None:
+    machine = field_machine(BASE, TABLES["maxon EPOS4 0x1018"], "")
+    drive = canopen_drive(machine)
+    try:
+        texts = build_program(machine, drive).axis.settings.error_texts
+    finally:
+        drive.close()
+    assert "position sensor: index missing" in str(drive_error_words(0x7382, texts))
+    # A code of CiA 402 has its own words in both languages; one that nobody knows is a number.
+    assert "heartbeat" in str(drive_error_words(0x8130, texts))
+    assert str(drive_error_words(0x7399, texts)) == "error 29593 (hexadecimal 7399)"
+
+
+def test_the_command_tells_the_reason_and_the_count() -> None:
+    told = cli("drive", "field", "--drive", "e35", "--least", 1)
+    assert told.code == 1
+    assert "no 1400:05, no 1016:01: the drive goes on at its last speed" in told.out
+    assert told.out.rstrip().endswith("0 of 1 drives can be commissioned")
+
+
+@pytest.mark.slow
+def test_six_of_nine_drives_of_the_field_can_be_commissioned() -> None:
+    found = [commissioned(table) for table in TABLES.values()]
+    assert {drive.drive for drive in found if drive.commissioned} == USABLE
+    # Nothing that keeps people safe is left to a name but limits that no object takes, and inputs without 60FD.
+    for drive in found:
+        if drive.commissioned:
+            assert {row.what for row in drive.to_accept} <= {"limits_torque", *SAFETY_INPUTS}
