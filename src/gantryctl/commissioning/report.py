@@ -16,7 +16,7 @@ from gantryctl.commissioning.results import (
     load_progress,
     store_progress,
 )
-from gantryctl.commissioning.run import STEPS, Step, complete
+from gantryctl.commissioning.run import Step, complete, steps_for
 from gantryctl.engineering.report.page import render_page, signed
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
@@ -48,10 +48,11 @@ def write_report(progress: Progress, ledger: Sequence[LedgerRow], folder: Path) 
 
 
 def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | None) -> dict[str, Any]:
-    results = [progress.results.get(step.key) for step in STEPS]
+    steps = steps_for(ledger)
+    results = [progress.results.get(step.key) for step in steps]
     # Steps that were never run are shown as well: a report without them would look complete.
     counts = Counter(_NOT_DONE if result is None else result.outcome.value for result in results)
-    done = complete(progress.results)
+    done = complete(progress.results, steps)
     return {
         "progress": progress,
         "before": before,
@@ -60,9 +61,9 @@ def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | No
         "accepted": [row for row in ledger if row.standing is Standing.ACCEPTED],
         "badge": "COMPLETE" if done else "NOT COMPLETE",
         "badge_class": "pass" if done else "fail" if counts[Outcome.FAILED.value] else "none",
-        "verdict": _verdict(progress, done),
+        "verdict": _verdict(progress, done, steps),
         "tiles": [
-            (str(counts[name]), f"step{'s' if counts[name] != 1 else ''} {name}", f"of {len(STEPS)}")
+            (str(counts[name]), f"step{'s' if counts[name] != 1 else ''} {name}", f"of {len(steps)}")
             for name in (*(outcome.value for outcome in Outcome), _NOT_DONE)
         ],
         "steps": [
@@ -73,7 +74,7 @@ def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | No
                 _figures(result, before),
                 _drawn(result),
             )
-            for step, result in zip(STEPS, results, strict=True)
+            for step, result in zip(steps, results, strict=True)
         ],
     }
 
@@ -88,12 +89,12 @@ class _StepView(NamedTuple):
     pictures: list[tuple[str, str]]
 
 
-def _verdict(progress: Progress, done: bool) -> str:
+def _verdict(progress: Progress, done: bool, steps: Sequence[Step]) -> str:
     """What the commissioning has shown, in a sentence."""
-    required = [step for step in STEPS if step.required]
+    required = [step for step in steps if step.required]
     if not done:
         found = progress.results
-        failed = [s.title for s in STEPS if s.key in found and found[s.key].outcome is Outcome.FAILED]
+        failed = [s.title for s in steps if s.key in found and found[s.key].outcome is Outcome.FAILED]
         left = [s.title for s in required if s.key not in found]
         why = [
             f"{word}: {', '.join(names)}" for word, names in (("failed", failed), ("not done", left)) if names

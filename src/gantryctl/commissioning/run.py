@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
-from gantryctl.commissioning import step_accuracy, steps_bus, steps_motion, steps_power
+from gantryctl.commissioning import (
+    step_accuracy,
+    steps_bus,
+    steps_lacks,
+    steps_motion,
+    steps_power,
+    steps_sign,
+)
 from gantryctl.commissioning.results import (
     Context,
     InstrumentMaker,
@@ -32,6 +39,7 @@ from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
 from gantryctl.operation.ledger.acceptance import proven_hash
 from gantryctl.operation.ledger.judging import unproven
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
+from gantryctl.operation.ledger.limits import RAMP, TORQUE
 from gantryctl.operation.ledger.rows import MEASURED
 from gantryctl.operation.opening import leave_bus, open_machine
 from gantryctl.operation.proofs import (
@@ -55,6 +63,7 @@ class Step:
         reach_deg: how far at most; who has agreed to it need not be asked for less.
         lasts_s: time of the axis that it takes, about, for the progress.
         required: without it there is no commissioning record.
+        makes_up: key of the ledger row that the step is for; a drive that has an object for it needs no such step.
     """
 
     key: str
@@ -65,6 +74,7 @@ class Step:
     reach_deg: float = 0.0
     lasts_s: Callable[[Machine], float] = lambda machine: 1.0
     required: bool = True
+    makes_up: str = ""
 
 
 def _travel_s(machine: Machine) -> float:
@@ -97,10 +107,14 @@ STEPS: Final = (
          lambda machine: 3.0),
     Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than 0.02 deg",
          steps_power.brake, 0.02, lambda machine: 6.0),
+    Step("torque", "Torque limit", "pushes against the closed brake: the limit of the drive maker's tool",
+         "less than 0.02 deg", steps_lacks.torque, 0.02, lambda machine: 4.0, makes_up=TORQUE),
     Step("sign", "Sign and scale", "a brief speed pulse with the position loop open, torque and speed limits lowered",
-         "at most 0.05 deg", steps_power.sign, 0.05, lambda machine: 4.0),
+         "at most 0.05 deg", steps_sign.sign, 0.05, lambda machine: 4.0),
     Step("velocity", "Velocity step", "a step to creep speed, position loop open", "at most 1 deg",
          steps_power.velocity, 1.0, lambda machine: 7.0),
+    Step("ramp", "Quick-stop ramp", "measures the drive's own ramp, from 0.3 deg/s upwards",
+         "about 7 deg forward and back", steps_lacks.ramp, 7.0, lambda machine: 20.0, makes_up=RAMP),
     Step("loop", "Position loop", "closes the position loop: 1 deg forward and back at the lowest speed",
          "1 deg and back", steps_motion.loop, 1.0, lambda machine: 10.0),
     Step("stops", "Stops", "jog release, quick stop, silence: the angle measured against the computed one",
@@ -114,11 +128,17 @@ STEPS: Final = (
 )  # fmt: skip
 
 
-def complete(results: Mapping[str, StepResult]) -> bool:
+def steps_for(rows: Iterable[LedgerRow]) -> tuple[Step, ...]:
+    """The steps of a drive with this ledger."""
+    has = {row.what for row in rows if row.standing is Standing.OBJECT}
+    return tuple(step for step in STEPS if not step.makes_up or step.makes_up not in has)
+
+
+def complete(results: Mapping[str, StepResult], steps: Iterable[Step]) -> bool:
     """True when every required step has passed, or cannot be tested on this machine."""
     return all(
         step.key in results and results[step.key].outcome is not Outcome.FAILED
-        for step in STEPS
+        for step in steps
         if step.required
     )
 
@@ -160,6 +180,11 @@ class Commissioning:
         self.resumed = bool(self.progress.results)
         self._as_found: tuple[ParameterRow, ...] = ()
 
+    @property
+    def steps(self) -> tuple[Step, ...]:
+        """The steps that this drive needs."""
+        return steps_for(self.ledger)
+
     def left(self, only: str | None = None) -> tuple[Step, ...]:
         """Steps that are left.
 
@@ -167,12 +192,12 @@ class Commissioning:
             UsageError: there is no such step.
         """
         if only is not None:
-            found = tuple(step for step in STEPS if step.key == only)
+            found = tuple(step for step in self.steps if step.key == only)
             if not found:
-                raise UsageError(f"--only {only}: the steps are {', '.join(step.key for step in STEPS)}")
+                raise UsageError(f"--only {only}: the steps are {', '.join(step.key for step in self.steps)}")
             return found
         done = {key for key, result in self.progress.results.items() if result.outcome is not Outcome.FAILED}
-        return tuple(step for step in STEPS if step.key not in done)
+        return tuple(step for step in self.steps if step.key not in done)
 
     def start(self, again: bool) -> None:
         """Set the drive up, pin it, and say its ledger; another drive or firmware than before begins from the start.
@@ -271,7 +296,7 @@ class Commissioning:
     @property
     def complete(self) -> bool:
         """True when the record can be written."""
-        return complete(self.progress.results) and not unproven(self.ledger)
+        return complete(self.progress.results, self.steps) and not unproven(self.ledger)
 
     def record(self) -> Path:
         """Write the commissioning record: from now on the machine may move."""

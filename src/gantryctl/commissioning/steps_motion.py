@@ -11,14 +11,19 @@ import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.pictures import POINTS, MotionSample, Panel, Picture, line
-from gantryctl.commissioning.quick_stop import computed_way_deg, measure_quick_stop, permitted_way_deg
-from gantryctl.commissioning.results import Context, Figure, StepResult, failed, judged, passed
-from gantryctl.commissioning.silence import Silence, Way, fall_silent, watched_ways
+from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
 from gantryctl.commissioning.steps_power import reset
+from gantryctl.commissioning.stopping.quick_stop import (
+    computed_way_deg,
+    measure_quick_stop,
+    permitted_way_deg,
+)
+from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, watched_ways
 from gantryctl.errors import AlarmStop
 from gantryctl.image import DriveState
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.reaction import REACTION_S
+from gantryctl.operation.ledger.rows import RAMP_DEG_S2
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.trace.table import Trace
@@ -125,7 +130,7 @@ def stops(c: Context) -> StepResult:
     computed = rigid_stop(speed, virtual.jog_release_dec_deg_s2, virtual.jog_release_jerk_deg_s3)[0]
     _add(c, figures, "jog release", speed, _jog_release(c, speed), computed)
     longest = max(figure.value or 0.0 for key, figure in figures.items() if "measured" in key)
-    figures["quick_stop_dec_deg_s2"] = Figure(min(decs, default=math.nan))
+    figures["slowest_ramp_deg_s2"] = Figure(min(decs, default=math.nan))
     proof = f"{len(figures) // 2} stops, largest {longest:.3f} deg"
     return judged(True, "stops", proof, _TOO_LONG, **figures)
 
@@ -151,9 +156,18 @@ def _at_speed(c: Context, what: str, speed: float, way_deg: float) -> Iterator[O
         yield axis
 
 
+def _ramp_deg_s2(c: Context) -> float:
+    """Quick-stop deceleration: that which the drive was given, or its own as it was measured."""
+    own = c.results.get("ramp")
+    measured = own is not None and own.outcome is Outcome.PASSED
+    return (
+        own.number(RAMP_DEG_S2) if own is not None and measured else c.machine.virtual_axis.quick_dec_deg_s2
+    )
+
+
 def _quick_stop(c: Context, speed: float, decs: list[float]) -> tuple[str, float, float]:
     """Name, measured and computed way of a quick stop; its deceleration is added to `decs`."""
-    dec = c.machine.virtual_axis.quick_dec_deg_s2
+    dec = _ramp_deg_s2(c)
     with _at_speed(c, "quick stop", speed, permitted_way_deg(speed, dec)) as axis:
         seen = measure_quick_stop(axis, speed, dec)
     if math.isfinite(seen.dec_deg_s2):
@@ -167,7 +181,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
     Raises:
         AlarmStop: the drive did not stop, or not within the permitted way: it was broken off.
     """
-    dec = c.machine.virtual_axis.quick_dec_deg_s2
+    dec = _ramp_deg_s2(c)
     with _at_speed(c, "silence", speed, c.machine.axis.stopping_angle_max_deg) as axis:
         # The way that acts first counts.
         delay_s = min((way.limit_s(c.machine) for way in watched_ways(axis)), default=0.0)

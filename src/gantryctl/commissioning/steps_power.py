@@ -10,27 +10,28 @@ import numpy as np
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
-from gantryctl.commissioning.silence import Silence, SilentDrive, Way, fall_silent, seen_by_s, watched_ways
+from gantryctl.commissioning.stopping.silence import (
+    Silence,
+    SilentDrive,
+    Way,
+    fall_silent,
+    seen_by_s,
+    watched_ways,
+)
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.operation.brake_policy import after_test
 from gantryctl.operation.proofs import silent_master_proof_path, store_silent_master_proof
 from gantryctl.program import BrakeTestOutcome, BrakeTestResult
 from gantryctl.program.power.brake_test import BrakeTest
-from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
+from gantryctl.units import deg, rad
 from gantryctl.wiring.program import untestable
 
 _STAND_DEG: Final = 0.1
 # What the step announces: the gantry may sag by less than this when the brake closes.
 _SAG_DEG: Final = 0.05
-# Less than the leash of 0.05 deg, whichever way the motor turns.
-_PULSE_DEG: Final = 0.03
-_PULSE_S: Final = 1.5
-_LEASH_DEG: Final = 0.05
-_SIGN_TOLERANCE: Final = 0.2
 _STEP_S: Final = 4.0
 _STEP_TOLERANCE: Final = 0.02
-_TORQUE_PART: Final = 0.5
 
 
 def silence(c: Context) -> StepResult:
@@ -137,48 +138,6 @@ def _test_brake(c: Context, axis: OpenLoopAxis) -> BrakeTestResult:
     axis.run(0.3, torque_nm=torque - seen.torque_act_nm, brake=False)
     axis.run(0.2, DriveRequest.DISABLE, brake=False)
     return test.result
-
-
-def sign(c: Context) -> StepResult:
-    """Command a half-sine pulse of speed: position and speed must show the commanded way."""
-    with open_loop_axis(c, _LEASH_DEG, "speed pulse", following=False) as axis:
-        _lower_limits(c, axis)
-        axis.enable()
-        begun = axis.angle_deg
-        n = round(_PULSE_S / axis.period_s)
-        # A half sine has no jump of speed: its mean is 2/pi of its peak.
-        peak = _PULSE_DEG / _PULSE_S * math.pi / 2.0
-        way_by_speed = 0.0
-        for k in range(n):
-            axis.scan(DriveRequest.ENABLE, peak * math.sin(math.pi * (k + 0.5) / n))
-            way_by_speed += axis.speed_deg_s * axis.period_s
-        for _ in range(round(0.5 / axis.period_s)):
-            axis.scan(DriveRequest.ENABLE)
-            way_by_speed += axis.speed_deg_s * axis.period_s
-        way = axis.angle_deg - begun
-        axis.disable()
-    ratio, ratio_speed = way / _PULSE_DEG, way_by_speed / _PULSE_DEG
-    low, high = 1.0 - _SIGN_TOLERANCE, 1.0 + _SIGN_TOLERANCE
-    proof = f"{_PULSE_DEG:g} deg commanded: {way:+.4f} deg by position, {way_by_speed:+.4f} deg by speed (motor side)"
-    to_do = "[can] inverted, increments_per_turn, velocity_unit, or [axis] ratios"
-    return judged(
-        True, "sign", proof, to_do,
-        ratio_position=Figure(ratio, low, high), ratio_speed=Figure(ratio_speed, low, high),
-    )  # fmt: skip
-
-
-def _lower_limits(c: Context, axis: OpenLoopAxis) -> None:
-    """Lower 6072 and 6080 for the test move only, and read them back; the next start writes the full ones again."""
-    sdo = axis.drive.node.sdo
-    torque = round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference)
-    speed = max(1, math.ceil(0.2 * axis.ratio / DEG_S_PER_R_MIN))
-    # 6072 max torque, 6080 max motor speed: the drive itself holds the test move within limits.
-    for index, value in ((0x6072, torque), (0x6080, speed)):
-        if sdo.optional(index) is None:
-            continue
-        sdo.set(index, 0, value)
-        if abs(sdo.number(index) - value) > 1:
-            raise DeviceError(f"{index:04X} does not take {value}: the test move wants it lowered")
 
 
 def velocity(c: Context) -> StepResult:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.commissioning import STEPS, Commissioning, write_report
+from gantryctl.commissioning import Commissioning, write_report
 from gantryctl.commissioning.pictures import POINTS, MotionSample, line, motion_picture
 from gantryctl.commissioning.results import load_progress, store_progress
 from gantryctl.engineering.report.meter import FIRST_S, Meter
@@ -83,7 +83,7 @@ def test_every_moving_step_is_drawn_and_shows_its_progress(
     with StateStore(MACHINE, tmp_path) as store:
         work = Commissioning(MACHINE, store, tmp_path, said.append, lambda step: True, now_s=clock)
         work.start(again=False)
-        for step in STEPS:
+        for step in work.steps:
             if step.key in ("turn", "bands", "accuracy"):
                 continue
             begun_s, first = clock.now_s, len(said)

@@ -150,7 +150,8 @@ def _announce() -> None:
     from gantryctl.commissioning import STEPS
 
     for number, step in enumerate(STEPS, start=1):
-        click.echo(f"{number:2}. {step.title}: {step.does}")
+        only = " (only a drive that lacks the object)" if step.makes_up else ""
+        click.echo(f"{number:2}. {step.title}: {step.does}{only}")
         click.echo(f"    {step.key}; could move: {step.moves or 'nothing'}")
 
 

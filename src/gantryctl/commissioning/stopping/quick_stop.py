@@ -28,10 +28,12 @@ class QuickStop(NamedTuple):
     Attributes:
         way_deg: from the command to rest, motor side, without a sign.
         dec_deg_s2: deceleration of the ramp; NaN where it is too short for the scans to show it.
+        uncertainty_deg_s2: of the deceleration, by one scan in the time of the ramp.
     """
 
     way_deg: float
     dec_deg_s2: float
+    uncertainty_deg_s2: float
 
 
 def permitted_way_deg(speed_deg_s: float, dec_deg_s2: float, delay_s: float = 0.0) -> float:
@@ -75,7 +77,9 @@ def measure_quick_stop(axis: OpenLoopAxis, speed_deg_s: float, dec_deg_s2: float
                 "obeyed"
             )
         speeds.append(now)
-    return QuickStop(abs(axis.angle_deg - begun), _deceleration(speeds, speed, axis.period_s))
+    dec = _deceleration(speeds, speed, axis.period_s)
+    ramp_s = (_FITTED[0] - _FITTED[1]) * speed / dec
+    return QuickStop(abs(axis.angle_deg - begun), dec, dec * axis.period_s / ramp_s)
 
 
 def _deceleration(speeds: list[float], speed: float, period_s: float) -> float:

@@ -1,0 +1,128 @@
+"""The step sign: a brief pulse with the position loop open, limits lowered, and whether they act."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
+from gantryctl.commissioning.results import Context, Figure, StepResult, judged
+from gantryctl.drives.canopen.bus.sdo import SdoError
+from gantryctl.errors import DeviceError
+from gantryctl.image import DriveRequest
+from gantryctl.units import DEG_S_PER_R_MIN
+
+# Less than the leash of 0.05 deg, whichever way the motor turns.
+_PULSE_DEG: Final = 0.03
+_PULSE_S: Final = 1.5
+_LEASH_DEG: Final = 0.05
+# Some times the pulse: a drive without 6080 that runs away is off before it has reached the leash of the angle.
+_LEASH_DEG_S: Final = 0.2
+_TOLERANCE: Final = 0.2
+_REST_S: Final = 0.5
+# Of the rated torque: above what holds the load, below what a drive gives that heeds no limit.
+_TORQUE_PART: Final = 0.5
+_TORQUE_LIMIT: Final = 0x6072
+_SPEED_CEILING: Final = 0x6080
+# The push asks for a speed that grows until the speed loop is at the limit, whatever its gain; 6080 leaves room for it.
+_PUSH_DEG_S2: Final = 30.0
+_CEILING_DEG_S: Final = 0.6
+_PUSH_DEG: Final = 0.02
+_PUSH_S: Final = 0.5
+_HELD_S: Final = 0.04
+# Rounding of 6072 and 6077, ripple of the current loop.
+_REACHED: Final = 0.9
+_PASSED: Final = 1.15
+
+
+def sign(c: Context) -> StepResult:
+    """Command a half-sine pulse of speed: position and speed must show the commanded way, then the lowered 6072 act."""
+    figures: dict[str, Figure] = {}
+    with open_loop_axis(c, _LEASH_DEG, "speed pulse", following=False) as axis:
+        lowered = _lower_limits(c, axis)
+        axis.enable()
+        way, way_by_speed = _pulse(axis)
+        for name, seen in (("ratio_position", way), ("ratio_speed", way_by_speed)):
+            figures[name] = Figure(seen / _PULSE_DEG, 1.0 - _TOLERANCE, 1.0 + _TOLERANCE)
+        ways = f"{way:+.4f} deg by position, {way_by_speed:+.4f} deg by speed (motor side)"
+        proof = f"{_PULSE_DEG:g} deg commanded: {ways}"
+        # Only a drive that turns the right way is pushed harder.
+        if all(figure.within for figure in figures.values()):
+            proof += _push(axis, lowered, figures)
+        axis.disable()
+    if missing := [f"{index:04X}" for index in (_TORQUE_LIMIT, _SPEED_CEILING) if index not in lowered]:
+        proof += f"; no {', '.join(missing)} in this drive: torque off at {_LEASH_DEG:g} deg or {_LEASH_DEG_S:g} deg/s"
+    to_do = "[can] inverted, increments_per_turn, velocity_unit, or [axis] ratios; 6072 where the torque is not limited"
+    return judged(True, "sign", proof, to_do, **figures)
+
+
+def _pulse(axis: OpenLoopAxis) -> tuple[float, float]:
+    """Way by position and by speed of one pulse, deg."""
+    begun, way_by_speed = axis.angle_deg, 0.0
+    n = round(_PULSE_S / axis.period_s)
+    # A half sine has no jump of speed: its mean is 2/pi of its peak.
+    peak = _PULSE_DEG / _PULSE_S * math.pi / 2.0
+    for k in range(n + round(_REST_S / axis.period_s)):
+        axis.scan(DriveRequest.ENABLE, peak * math.sin(math.pi * (k + 0.5) / n) if k < n else 0.0)
+        way_by_speed += axis.speed_deg_s * axis.period_s
+        _hold_back(axis, peak)
+    return axis.angle_deg - begun, way_by_speed
+
+
+def _hold_back(axis: OpenLoopAxis, wanted_deg_s: float) -> None:
+    if not abs(axis.speed_deg_s) <= _LEASH_DEG_S:
+        axis.stop_for(
+            f"{axis.speed_deg_s:+.2f} deg/s by the drive, at most {wanted_deg_s:.3f} deg/s are commanded"
+        )
+
+
+def _push(axis: OpenLoopAxis, lowered: dict[int, int], figures: dict[str, Figure]) -> str:
+    """Ask for more torque than the lowered 6072 allows, until it is held or 0.02 deg are over; in words.
+
+    Raises:
+        AlarmStop: the drive gives more; torque off and brake were commanded then.
+    """
+    if _TORQUE_LIMIT not in lowered or not axis.drive.process.torque_known:
+        return "; the torque limit is not shown"
+    limit = lowered[_TORQUE_LIMIT] * axis.drive.opened.units.torque_unit_nm
+    begun, most, held = axis.angle_deg, 0.0, 0
+    for k in range(round(_PUSH_S / axis.period_s)):
+        # Back over the way of the pulse.
+        axis.scan(DriveRequest.ENABLE, -_PUSH_DEG_S2 * (k + 1) * axis.period_s)
+        given = abs(axis.feedback.torque_act_nm)
+        most = max(most, given)
+        if not given <= _PASSED * limit:
+            axis.stop_for(f"6072 lowered to {limit:.0f} N m is not heeded: {given:.0f} N m given")
+        held = held + 1 if given >= _REACHED * limit else 0
+        if held * axis.period_s >= _HELD_S or not abs(axis.angle_deg - begun) <= _PUSH_DEG:
+            break
+    axis.run(_REST_S)
+    figures["torque_most_nm"] = Figure(most, _REACHED * limit, _PASSED * limit)
+    return f"; 6072 lowered to {limit:.0f} N m, {most:.0f} N m given"
+
+
+def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
+    """Lower 6072 and 6080 for the test move only, and read them back; the next start writes the full ones again.
+
+    Returns:
+        Values by index of those that the drive takes.
+    """
+    sdo = axis.drive.node.sdo
+    wanted = {
+        _TORQUE_LIMIT: round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference),
+        _SPEED_CEILING: max(1, math.ceil(_CEILING_DEG_S * axis.ratio / DEG_S_PER_R_MIN)),
+    }
+    lowered = {}
+    for index, value in wanted.items():
+        if sdo.optional(index) is None:
+            continue
+        try:
+            sdo.set(index, 0, value)
+        except SdoError as refused:
+            if refused.silent:
+                raise
+            continue
+        lowered[index] = sdo.number(index)
+        if abs(lowered[index] - value) > 1:
+            raise DeviceError(f"{index:04X} does not take {value}: the test move wants it lowered")
+    return lowered
