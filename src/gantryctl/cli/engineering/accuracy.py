@@ -9,6 +9,7 @@ import click
 
 from gantryctl.cli.engineering.accuracy_end import finish, stamp
 from gantryctl.cli.engineering.measure import measure
+from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.options import (
     FINITE,
     PATH,
@@ -238,23 +239,33 @@ def _shipped(table: Path) -> Path:
     "--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1."
 )
 @out_option
+@yes_option
 @json_option
-def speed_test(config_file: Path | None, speeds: tuple[float, ...], out: Path | None, as_json: bool) -> int:
+def speed_test(
+    config_file: Path | None, speeds: tuple[float, ...], out: Path | None, yes: bool, as_json: bool
+) -> int:
     """Reach each speed both ways; judge |speed error| <= 0.01 deg/s on the motor side over the whole move.
 
-    The load side is reported beside it. Exit code 1 when a run fails.
+    The load side is reported beside it. On a bus the axis moves, by what the drive reports at every SYNC (606C), and
+    the load side is not measured. Exit code 1 when a run fails.
     """
     from gantryctl.engineering.accuracy.report.data import speed_data
     from gantryctl.engineering.accuracy.report.figures import speed_errors
     from gantryctl.engineering.accuracy.report.text import speed_lines
-    from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN
+    from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN, speed_test_on
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
     from gantryctl.engineering.report.svg import svg
 
-    # Figure 5 comes from the compiled loop, which needs a plant to turn.
-    machine = simulated_machine(config_file, "speed-test")
+    machine = machine_under_test(config_file, "speed-test")
     file = directory(out) / "speed_test.svg" if out is not None else None
-    runs = run_speeds(machine, speeds or PAPER_SPEEDS_R_MIN)
+    wanted = speeds or PAPER_SPEEDS_R_MIN
+    if machine.on_bus:
+        moves = f"moves both ways through the travel at {', '.join(f'{r:g}' for r in wanted)} r/min"
+        with bus_experiment(machine, moves, yes=yes, needs_torque=False) as run:
+            runs = speed_test_on(run, wanted)
+    else:
+        # From the compiled loop, in a second.
+        runs = run_speeds(machine, wanted)
     if file is not None:
         # Vectors, like the figures of the report.
         write_text(file, svg(speed_errors(runs), "speed"))

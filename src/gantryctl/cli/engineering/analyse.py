@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.options import (
     FINITE,
     choice_option,
@@ -17,7 +18,6 @@ from gantryctl.cli.options import (
     number_option,
     out_option,
     print_json,
-    simulated_machine,
     write_json,
 )
 from gantryctl.cli.text import paragraph, print_table
@@ -47,7 +47,7 @@ DEFAULT_OUT = Path("analysis")
     "--robust", "with_robust", is_flag=True, help="Worst case over stiffness, damping and inertias."
 )
 @click.option(
-    "--measure", "with_measured", is_flag=True, help="Measure frequency responses on the simulated axis."
+    "--measure", "with_measured", is_flag=True, help="Measure frequency responses on the axis, simulated or on a bus."
 )
 @number_option(("--at", "angle_deg"), 75.0, "Where to measure, deg.")
 @click.option(
@@ -55,6 +55,7 @@ DEFAULT_OUT = Path("analysis")
 )
 @click.option("--plot", is_flag=True, help=f"Write pictures to --out (default: {DEFAULT_OUT}/).")
 @out_option
+@yes_option
 @json_option
 def analyse(
     config_file: Path | None,
@@ -66,6 +67,7 @@ def analyse(
     torque_nm: float | None,
     plot: bool,
     out: Path | None,
+    yes: bool,
     as_json: bool,
 ) -> int:
     """Linear analysis of the loop as configured, sampled and delayed as it runs.
@@ -82,7 +84,7 @@ def analyse(
     kind = PlantKind(plant) if plant else PlantKind.RIGID if machine.plant.switches.rigid else PlantKind.FULL
     result = study(machine, kind, Friction(friction))
     robust = robust_report(machine) if with_robust else None
-    measured = _measured(config_file, angle_deg, torque_nm) if with_measured else []
+    measured = _measured(config_file, angle_deg, torque_nm, yes) if with_measured else []
     folder = directory(out or DEFAULT_OUT) if plot or out is not None else None
     files = _plot(result, robust is not None, measured, folder) if plot and folder is not None else []
     data = _data(result, robust, measured) if as_json or folder is not None else {}
@@ -97,11 +99,19 @@ def analyse(
     return 0 if result.stable else 1
 
 
-def _measured(config_file: Path | None, angle_deg: float, torque_nm: float | None) -> list[MeasuredResponse]:
-    from gantryctl.engineering.analysis.measured.response import conditions, measure_simulated, starts_at_deg
+def _measured(
+    config_file: Path | None, angle_deg: float, torque_nm: float | None, yes: bool
+) -> list[MeasuredResponse]:
+    from gantryctl.engineering.analysis.measured.response import (
+        conditions,
+        measure_on,
+        measure_simulated,
+        starts_at_deg,
+    )
+    from gantryctl.engineering.identification.measure import quiet_machine
     from gantryctl.errors import UsageError
 
-    machine = simulated_machine(config_file, "--measure")
+    machine = machine_under_test(config_file, "--measure")
     if not machine.axis.pos_min_deg < angle_deg < machine.axis.pos_max_deg:
         raise UsageError(
             f"--at {angle_deg:g}: must lie within travel, "
@@ -109,9 +119,16 @@ def _measured(config_file: Path | None, angle_deg: float, torque_nm: float | Non
         )
     chosen = conditions(machine, angle_deg, torque_nm)
     # Every condition is checked before the first one is measured, which takes a minute.
-    for how in chosen:
-        starts_at_deg(machine, how)
-    return [measure_simulated(machine, how) for how in chosen]
+    starts = [starts_at_deg(machine, how) for how in chosen]
+    if not machine.on_bus:
+        return [measure_simulated(machine, how) for how in chosen]
+    largest_nm = max(how.torque_nm for how in chosen)
+    moves = (
+        f"moves to {min(starts):.1f} deg, stands and turns slowly to {2.0 * angle_deg - min(starts):.1f} deg for 8 "
+        f"minutes, with a test signal of +-{largest_nm:.1f} N m on its speed command"
+    )
+    with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
+        return [measure_on(machine, run, how) for how in chosen]
 
 
 def _plot(study: Study, with_damping: bool, measured: list[MeasuredResponse], folder: Path) -> list[Path]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from gantryctl.engineering.batch import ClosedLoop, Log
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
+from gantryctl.operation.run import AxisRun
+from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import DEG_S_PER_R_MIN, rad
 from gantryctl.wiring.compensation import compensation
 from gantryctl.wiring.program import motion_limits, position_law, ramps_deg
@@ -42,6 +44,40 @@ def speed_test(machine: Machine, speeds_r_min: Sequence[float] = PAPER_SPEEDS_R_
     return runs
 
 
+def speed_test_on(run: AxisRun, speeds_r_min: Sequence[float] = PAPER_SPEEDS_R_MIN) -> list[SpeedRun]:
+    """The same on a machine under power, from what its drive reports at every scan; nothing measures the load.
+
+    Args:
+        run: under power, with a `MemoryRecorder`.
+
+    Raises:
+        UsageError: as of `speed_test`. CommandRefused: a speed that the machine may not have.
+        AlarmStop: an alarm stopped the axis.
+    """
+    machine, recorder = run.machine, run.engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
+    # Before anything moves: every speed must fit into the travel.
+    ways = [(speed, *_move(machine, speed)) for speed in (r * DEG_S_PER_R_MIN for r in speeds_r_min)]
+    runs = []
+    for speed, low, high in ways:
+        run.move(low)
+        run.follow(SETTLE_S)
+        for move in ((low, high), (high, low)):
+            recorder.forget()
+            run.follow(REST_S)
+            run.move(move[1], speed)
+            run.follow(SETTLE_S)
+            trace = recorder.trace()
+            speeds = _Speeds(
+                run.engine.period_s,
+                np.degrees(trace["vel_ref_rad_s"]),
+                np.degrees(trace["vel_act_rad_s"]),
+                None,
+            )
+            runs.append(_evaluate(machine, speeds, move, speed))
+    return runs
+
+
 def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: float) -> SpeedRun:
     """One move between two angles from standing still, with at most `speed_deg_s`."""
     limits = motion_limits(machine, speed_deg_s)
@@ -51,7 +87,7 @@ def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: flo
     )
     before = loop.run(hold(rad(from_deg)), REST_S)
     log = loop.run(plan, plan.duration + machine.control.scan_period_ms * 1e-3 + SETTLE_S)
-    return _evaluate(machine, before, log, (from_deg, to_deg), speed_deg_s)
+    return _evaluate(machine, _of_logs(machine, before, log), (from_deg, to_deg), speed_deg_s)
 
 
 def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
@@ -76,32 +112,46 @@ def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
     return middle - 0.5 * way, middle + 0.5 * way
 
 
-def _evaluate(
-    machine: Machine, before: Log, log: Log, move: tuple[float, float], speed_deg_s: float
-) -> SpeedRun:
-    ratio = machine.axis.ratio
-    direction = Direction.CCW if move[1] >= move[0] else Direction.CW
+class _Speeds(NamedTuple):
+    """One move, a row a scan, at the gantry; the load's speed is None where nothing measures it."""
 
+    period_s: float
+    ref_deg_s: FloatArray
+    motor_deg_s: FloatArray
+    load_deg_s: FloatArray | None
+
+
+def _of_logs(machine: Machine, before: Log, log: Log) -> _Speeds:
     def whole(column: str) -> FloatArray:
         return np.degrees(np.concatenate((before[column], log[column])))
 
-    ref, load, motor = whole("vel_ref_rad_s"), whole("vel_load_rad_s"), whole("vel_motor_rad_s") / ratio
+    motor = whole("vel_motor_rad_s") / machine.axis.ratio
+    return _Speeds(log.period_s, whole("vel_ref_rad_s"), motor, whole("vel_load_rad_s"))
+
+
+def _evaluate(
+    machine: Machine, speeds: _Speeds, move: tuple[float, float], speed_deg_s: float
+) -> SpeedRun:
+    direction = Direction.CCW if move[1] >= move[0] else Direction.CW
+    period_s, ref, motor, load = speeds
     cruise = np.abs(ref) >= speed_deg_s * (1.0 - 1e-9)
     # A travel too short for the set speed leaves no cruise: then the top of the profile counts.
     at_speed = cruise if np.any(cruise) else np.abs(ref) >= np.max(np.abs(ref)) * (1.0 - 1e-3)
     # Only the figure is thinned; the largest errors come from every scan.
     thin = slice(None, None, max(1, len(ref) // _CURVE_POINTS))
-    time_s = np.arange(len(ref), dtype=np.float64) * log.period_s
+    time_s = np.arange(len(ref), dtype=np.float64) * period_s
+    # Where the load is not measured, a motor that sticks is all that can be seen.
+    moving = motor if load is None else load
     return SpeedRun(
         speed_deg_s=speed_deg_s,
         direction=direction,
         travel_deg=move,
         reached_deg_s=abs(float(np.mean(motor[at_speed]))),
         motor_error_deg_s=float(np.max(np.abs(motor - ref))),
-        load_error_deg_s=float(np.max(np.abs(load - ref))),
-        stick_slip=bool(np.any(direction.sign * load[cruise] < _STICK_PART * speed_deg_s)),
+        load_error_deg_s=None if load is None else float(np.max(np.abs(load - ref))),
+        stick_slip=bool(np.any(direction.sign * moving[cruise] < _STICK_PART * speed_deg_s)),
         # Compensations move the motor off the set-point on purpose, for the load's sake: from 0.0065 to 0.018
         # deg/s with those of hust_improved.toml (docs/explanation/compensation.md).
         motor_judged=not machine.control.compensation.moves_motor,
-        curves=SpeedCurves(time_s[thin], ref[thin], motor[thin], load[thin]),
+        curves=SpeedCurves(time_s[thin], ref[thin], motor[thin], None if load is None else load[thin]),
     )

@@ -85,7 +85,8 @@ def speed_test(run: SpeedRun) -> Figure:
     assert curves is not None
     figure = _figure(3.6)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.15])
-    sides = ((curves.load_deg_s, ORANGE, "load side"), (curves.motor_deg_s, BLUE, "motor side"))
+    both = ((curves.load_deg_s, ORANGE, "load side"), (curves.motor_deg_s, BLUE, "motor side"))
+    sides = [(values, colour, name) for values, colour, name in both if values is not None]
     for values, colour, name in sides:
         top.plot(*_thinned(curves.time_s, values), color=colour, label=name)
     top.plot(*_thinned(curves.time_s, curves.ref_deg_s), color=INK, lw=0.9, ls=(0, (5, 3)), label="reference")
@@ -113,9 +114,10 @@ def speed_errors(runs: Sequence[SpeedRun]) -> Figure:
         assert run.curves is not None
         ax = grid[ways.index(run.direction), speeds.index(run.speed_deg_s)]
         curves = run.curves
-        ax.plot(
-            *_thinned(curves.time_s, curves.load_error_deg_s, 600), color=ORANGE, lw=0.7, label="load side"
-        )
+        if curves.load_error_deg_s is not None:
+            ax.plot(
+                *_thinned(curves.time_s, curves.load_error_deg_s, 600), color=ORANGE, lw=0.7, label="load side"
+            )
         ax.plot(
             *_thinned(curves.time_s, curves.motor_error_deg_s, 600), color=BLUE, lw=0.7, label="motor side"
         )

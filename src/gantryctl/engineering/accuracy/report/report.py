@@ -35,12 +35,16 @@ SPEED_ERROR_LIMIT_DEG_S = 0.01
 
 @dataclass(frozen=True, eq=False)
 class SpeedCurves:
-    """Figure 5: one move, sampled. All arrays have the same length; speeds at the gantry."""
+    """Figure 5: one move, sampled. All arrays have the same length; speeds at the gantry.
+
+    Attributes:
+        load_deg_s: None where nothing measures it.
+    """
 
     time_s: FloatArray
     ref_deg_s: FloatArray
     motor_deg_s: FloatArray
-    load_deg_s: FloatArray
+    load_deg_s: FloatArray | None
 
     @property
     def motor_error_deg_s(self) -> FloatArray:
@@ -48,9 +52,9 @@ class SpeedCurves:
         return self.motor_deg_s - self.ref_deg_s
 
     @property
-    def load_error_deg_s(self) -> FloatArray:
-        """Load-side speed minus reference."""
-        return self.load_deg_s - self.ref_deg_s
+    def load_error_deg_s(self) -> FloatArray | None:
+        """Load-side speed minus reference; None where nothing measures it."""
+        return None if self.load_deg_s is None else self.load_deg_s - self.ref_deg_s
 
 
 @dataclass(frozen=True, eq=False)

@@ -118,10 +118,12 @@ class EngineProbe:
     def _record(self) -> Record:
         trace, ratio = self._recorder.trace(), self._ratio
         law: FloatArray = ratio * trace["vel_cmd_rad_s"]
+        # The mean over a scan, as the simulated drive reports it: a drive on a bus may average 606C as it likes.
+        moved: FloatArray = ratio * np.diff(trace["pos_act_rad"]) / self.scan_s
         values = (
             law + trace["vel_added_rad_s"],
             law,
-            ratio * trace["vel_act_rad_s"],
+            np.concatenate([moved[:1], moved]),
             trace["torque_act_nm"],
             ratio * trace["pos_err_rad"],
         )

@@ -1,7 +1,7 @@
-"""The simulated axis measured in three conditions, and the linear model of the same ratios beside it.
+"""An axis measured in three conditions, and the linear model of the same ratios beside it.
 
 Standing with a torque below breakaway (friction is a spring), standing with more (it begins to slide), and turning
-slowly (it slides). On a real axis `probe.Probe` runs the same way on its drive port.
+slowly (it slides). The simulated axis runs under `probe.Probe`, a machine on a bus under the scan engine.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.analysis.measured.excitation import multisine
+from gantryctl.engineering.analysis.measured.excitation import Excitation, multisine
+from gantryctl.engineering.analysis.measured.on_engine import EngineProbe
 from gantryctl.engineering.analysis.measured.probe import (
     FrequencyResponse,
     Probe,
@@ -26,6 +27,7 @@ from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind,
 from gantryctl.engineering.analysis.models.sampled import Input, SampledLoop, loop_settings
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
+from gantryctl.operation.run import AxisRun
 from gantryctl.units import rad
 from gantryctl.wiring.program import motion_limits, position_law
 from gantryctl.wiring.simulator import sim_drive
@@ -37,6 +39,7 @@ LINES: Final = 70
 TORQUE_LIMIT_SHARE: Final = 0.5
 # Trials, settling and measuring take at most so long: ten periods of 16 s.
 _LONGEST_S: Final = 160.0
+_CALM_S: Final = 3.0
 # A tenth of scatter is 0.8 dB, well below the 3 dB that count as another plant.
 _SCATTER_TRUSTED: Final = 0.1
 _OFF_DB: Final = 3.0
@@ -127,11 +130,14 @@ class MeasuredResponse:
 def model_ratios(machine: Machine, friction: Friction, angle_deg: float, hz: FloatArray) -> Ratios:
     """Ratios of the linear model at these frequencies, sampled as the drive reports them."""
     plant = mechanics(machine, _kind(machine), friction, angle_rad=rad(angle_deg))
-    reply = SampledLoop(plant, loop_settings(machine)).injected(Input.SPEED, 2.0 * math.pi * hz)
+    settings = loop_settings(machine)
+    reply = SampledLoop(plant, settings).injected(Input.SPEED, 2.0 * math.pi * hz)
+    # On a bus a command acts at the next SYNC.
+    late = np.exp(-2j * np.pi * hz * settings.scan_s) if machine.on_bus else 1.0
     return Ratios(
         plant=reply["vel_act_rad_s"] / reply["torque_act_nm"],
-        speed_loop=reply["vel_act_rad_s"] / reply["vel_cmd_rad_s"],
-        position_open=-reply["vel_law_rad_s"] / reply["vel_cmd_rad_s"],
+        speed_loop=late * reply["vel_act_rad_s"] / reply["vel_cmd_rad_s"],
+        position_open=-late * reply["vel_law_rad_s"] / reply["vel_cmd_rad_s"],
     )
 
 
@@ -159,8 +165,7 @@ def measure_simulated(machine: Machine, condition: Condition) -> MeasuredRespons
         UsageError: the way that turning takes does not fit into the travel.
         AlarmStop: torque or travel beyond the limits.
     """
-    scan_s = machine.control.scan_period_ms * 1e-3
-    signal = multisine(Input.SPEED, LOW_HZ, min(HIGH_HZ, 0.2 / scan_s), LINES, scan_s)
+    signal = _signal(machine)
     probe = simulated_probe(machine, starts_at_deg(machine, condition))
     probe.enable()
     if condition.vel_deg_s:
@@ -168,6 +173,36 @@ def measure_simulated(machine: Machine, condition: Condition) -> MeasuredRespons
     return MeasuredResponse(
         machine, condition, measure(probe, fit_amplitude(probe, signal, condition.torque_nm))
     )
+
+
+def measure_on(machine: Machine, run: AxisRun, condition: Condition) -> MeasuredResponse:
+    """Measure a machine under power in one condition, through its drive.
+
+    Args:
+        run: of `experiment`.
+
+    Raises:
+        UsageError: the way that turning takes does not fit into the travel.
+        AlarmStop: torque beyond the limit, or an alarm; the axis was stopped.
+    """
+    start_deg = starts_at_deg(machine, condition)
+    run.move(start_deg)
+    turning_s = 0.0
+    if condition.vel_deg_s:
+        lowest = machine.speed.setting_min_deg_s
+        end_deg = min(start_deg + condition.vel_deg_s * _LONGEST_S, machine.axis.pos_max_deg)
+        run.begin_move(end_deg, max(condition.vel_deg_s, lowest), min(1.0, condition.vel_deg_s / lowest))
+        turning_s = condition.vel_deg_s / machine.virtual_axis.acc_deg_s2
+    run.follow(turning_s + _CALM_S)
+    probe = EngineProbe(run, TORQUE_LIMIT_SHARE * machine.motor.torque_rated_nm)
+    measured = measure(probe, fit_amplitude(probe, _signal(machine), condition.torque_nm))
+    run.halt()
+    return MeasuredResponse(machine, condition, measured)
+
+
+def _signal(machine: Machine) -> Excitation:
+    scan_s = machine.control.scan_period_ms * 1e-3
+    return multisine(Input.SPEED, LOW_HZ, min(HIGH_HZ, 0.2 / scan_s), LINES, scan_s)
 
 
 def starts_at_deg(machine: Machine, condition: Condition) -> float:
