@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.engineering.accuracy_end import finish, stamp
-from gantryctl.cli.engineering.measure import measure
 from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
+from gantryctl.cli.engineering.measure import measure
 from gantryctl.cli.options import (
     FINITE,
     PATH,

@@ -47,7 +47,10 @@ DEFAULT_OUT = Path("analysis")
     "--robust", "with_robust", is_flag=True, help="Worst case over stiffness, damping and inertias."
 )
 @click.option(
-    "--measure", "with_measured", is_flag=True, help="Measure frequency responses on the axis, simulated or on a bus."
+    "--measure",
+    "with_measured",
+    is_flag=True,
+    help="Measure frequency responses on the axis, simulated or on a bus.",
 )
 @number_option(("--at", "angle_deg"), 75.0, "Where to measure, deg.")
 @click.option(

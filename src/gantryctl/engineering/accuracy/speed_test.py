@@ -129,9 +129,7 @@ def _of_logs(machine: Machine, before: Log, log: Log) -> _Speeds:
     return _Speeds(log.period_s, whole("vel_ref_rad_s"), motor, whole("vel_load_rad_s"))
 
 
-def _evaluate(
-    machine: Machine, speeds: _Speeds, move: tuple[float, float], speed_deg_s: float
-) -> SpeedRun:
+def _evaluate(machine: Machine, speeds: _Speeds, move: tuple[float, float], speed_deg_s: float) -> SpeedRun:
     direction = Direction.CCW if move[1] >= move[0] else Direction.CW
     period_s, ref, motor, load = speeds
     cruise = np.abs(ref) >= speed_deg_s * (1.0 - 1e-9)

@@ -116,7 +116,10 @@ def speed_errors(runs: Sequence[SpeedRun]) -> Figure:
         curves = run.curves
         if curves.load_error_deg_s is not None:
             ax.plot(
-                *_thinned(curves.time_s, curves.load_error_deg_s, 600), color=ORANGE, lw=0.7, label="load side"
+                *_thinned(curves.time_s, curves.load_error_deg_s, 600),
+                color=ORANGE,
+                lw=0.7,
+                label="load side",
             )
         ax.plot(
             *_thinned(curves.time_s, curves.motor_error_deg_s, 600), color=BLUE, lw=0.7, label="motor side"
