@@ -95,6 +95,8 @@ class LinkFlag(IntFlag):
     """The node with digital inputs and outputs is not heard: its inputs show their safe state."""
     LOAD_ENCODER_LOST = 2097152
     """The encoder node on the ring is not heard."""
+    NEVER_FOLLOWED = 4194304
+    """The drive is enabled, and the bit for "follows the command" has not come since (bit 12 of 6041)."""
 
 
 class DigitalInputs(NamedTuple):

@@ -217,7 +217,7 @@ RULES: Final[dict[type, Rules]] = {
         clock="_drift _step _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
         "_change_any _change_per_torque "
-        "_counts_per_rad _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
+        "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
         "_jump_per_speed _old_scans _period_s _ratio",
         special={
             "_late_scan": _since("_late_scan"),

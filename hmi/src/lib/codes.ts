@@ -183,6 +183,7 @@ export const WORDS: Record<string, string> = {
   ERROR_8250: "缺少控制器的指令",
   ERROR_8611: "驱动器内跟随误差",
   NOT_FOLLOWING: "已使能但不跟随速度指令（6041 第 12 位为 0）",
+  NEVER_FOLLOWED: "已使能，但未表示跟随速度指令（6041 第 12 位）；没有该位的驱动器需要 [can] follows_bit = false，此时只能由速度发现驱动器忽略指令，不早于 {limit:.0f} ms（`gantryctl status` 的 drive_follows_command）",
   LOCAL_CONTROL: "不听从总线（6041 第 9 位为 0）",
   DRIVE_ERROR_UNKNOWN: "没有错误代码",
   SCAN_LATE: "扫描迟到 {late_ms:.1f} ms（限值 {limit_ms:.4g} ms）",

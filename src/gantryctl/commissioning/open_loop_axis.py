@@ -16,8 +16,9 @@ from gantryctl.drives.canopen.cia402 import ENERGISED, FOLLOWS_COMMAND
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.engineering.report.meter import Meter
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError
-from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, OutputImage
+from gantryctl.image import SAFE_OUTPUT, DriveFeedback, DriveRequest, DriveState, LinkFlag, OutputImage
 from gantryctl.machine import Machine
+from gantryctl.operation.ledger.inputs import without_following_bit
 from gantryctl.operation.opening import keep_machine, open_machine
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.runtime import RealClock, Retained, VirtualClock, keeps_time
@@ -75,6 +76,7 @@ class OpenLoopAxis:
         self._deadline = 0
         self._feedback, self.start_counts = feedback, feedback.pos_act_counts
         self._following = following
+        self._without_bit = without_following_bit(machine)
         self._band_deg_s = machine.monitors.velocity_deviation_deg_s
         self._band_scans = max(1, round(1e-3 * machine.monitors.velocity_deviation_time_ms / self.period_s))
         self._commanded: deque[float] = deque(maxlen=_SHOWN_SCANS)
@@ -126,7 +128,8 @@ class OpenLoopAxis:
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
             self.stop_for(f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed")
-        if self.feedback.link:
+        # `enable` tells more about a bit that never comes.
+        if self.feedback.link & ~LinkFlag.NEVER_FOLLOWED:
             self.stop_for(f"the connection to the drive is disturbed: {self.feedback.link!r}")
         self._judge_bit_12()
         self._judge_following(speed_deg_s, request is ENABLE and before is self.feedback.state is _ENABLED)
@@ -246,7 +249,8 @@ class OpenLoopAxis:
         # The drive itself may say Operation enabled: then only bit 12 is missing.
         lacks_bit = self.drive.settings.follows_bit and not status & FOLLOWS_COMMAND
         hint = (
-            " · bit 12 of 6041 is 0: [can] follows_bit = false where the drive has no such bit"
+            " · bit 12 of 6041 is 0: [can] follows_bit = false where the drive has no such bit; one that ignores the "
+            f"command is then {self._without_bit}"
             if lacks_bit
             else ""
         )

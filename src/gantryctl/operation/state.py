@@ -34,6 +34,9 @@ _UNITS: Final = {
     "_counts": (1.0, ""),
 }
 
+_AROUND_ZERO: Final = (
+    ' · where 6064 runs from minus half the range to plus half: [can] position_range = "around 0"'
+)
 # The witness stands in journal lines, in reports and in `retain show`: one line.
 _WITNESS_LENGTH: Final = 200
 # A master that is not us has enabled the drive: its position is nothing to set a zero by.
@@ -299,7 +302,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
             raise CommandRefused(
                 f"{Code.CFG_ENC_01} · with this zero the encoder's range wraps {margin:.1f} deg from the travel, "
                 f"[encoder] wrap_margin_min_deg = {machine.encoder.wrap_margin_min_deg:g} · turn the encoder on its "
-                "shaft, or mount it with its range centred"
+                "shaft, or mount it with its range centred" + _AROUND_ZERO * machine.on_bus
             )
         keep_machine(machine, store, opened.drive, retained)
     return f"zero set by {retained.zero_set_by}: the gantry stands at {angle_deg:g} deg ({retained.zero_witness})"

@@ -40,8 +40,9 @@ _LINK_CODES: Final[tuple[tuple[LinkFlag, Code, Words | None], ...]] = (
     (LinkFlag.WRONG_LENGTH, Code.CAN_04, None),
     (LinkFlag.SYNC_UNSEEN, Code.CAN_01, None),
 )
-_LINK_WARNINGS: Final = (
-    LinkFlag.SYNC_JITTER
+_COMPLAINTS: Final = (
+    LinkFlag.NEVER_FOLLOWED
+    | LinkFlag.SYNC_JITTER
     | LinkFlag.EMERGENCY_FLOOD
     | LinkFlag.EMERGENCY
     | LinkFlag.QUEUE_FULL
@@ -85,7 +86,7 @@ class Feedback:
 
     __slots__ = (
         "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
-        "_counts_per_rad", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_error_texts",
+        "_counts_per_rad", "_deviation_ms", "_drift", "_drift_keep", "_drift_max", "_error_scans", "_error_texts",
         "_errors_max",
         "_frozen_scans", "_frozen_speed", "_inputs_age", "_jump_base", "_jump_per_speed", "_late_age",
         "_late_scan", "_look", "_old", "_old_scans", "_period_s", "_ratio", "_speed_age", "_spread", "_stands_from",
@@ -114,6 +115,7 @@ class Feedback:
         self._drift_max = monitors.encoder_drift_max_rad * self._counts_per_rad
         self._drift_keep = max(0.0, 1.0 - period_s / _DRIFT_TIME_S)
         self._vel_max = monitors.speed_reading_max_rad_s
+        self._deviation_ms = 1e3 * monitors.velocity_deviation_time_s
         self._change_base = monitors.speed_change_base_rad_s
         self._change_any = monitors.speed_change_max_rad_s2 * period_s
         self._change_per_torque = monitors.speed_change_per_torque * period_s
@@ -272,20 +274,24 @@ class Feedback:
             self._alarms.raise_(Code.CAN_12, measured=foreign_words(foreign_id))
         if link & LinkFlag.LATE and not link & _LOST:
             self._late(age)
-        if link & _LINK_WARNINGS:
+        if link & _COMPLAINTS:
             self._complaints(link)
 
     def _complaints(self, link: LinkFlag) -> None:
         """Raise what does not doubt the connection itself: SYNC, emergency messages."""
+        if link & LinkFlag.NEVER_FOLLOWED:
+            words = Words.NEVER_FOLLOWED(limit=self._deviation_ms)
+            # As DRV-03: a drive that is not known to follow is not asked for a ramp.
+            self._alarms.raise_(Code.DRV_05, Reaction.TORQUE_OFF, measured=words)
         if link & LinkFlag.EMERGENCY:
             self._alarms.raise_(Code.DRV_12, measured=self.error_words)
         if link & LinkFlag.EMERGENCY_FLOOD:
             self._alarms.raise_(Code.CAN_09)
         if link & LinkFlag.SYNC_JITTER:
             self._alarms.raise_(Code.CAN_02)
-        for flag, words in _BUS_WARNINGS:
+        for flag, disturbed in _BUS_WARNINGS:
             if link & flag and not link & LinkFlag.BUS_DOWN:
-                self._alarms.raise_(Code.CAN_15, measured=words)
+                self._alarms.raise_(Code.CAN_15, measured=disturbed)
 
     def _late(self, age: int) -> None:
         """Raise CAN-03 for a telegram that is missing for too long; a state that is too old is not known."""

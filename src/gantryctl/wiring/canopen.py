@@ -59,6 +59,7 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         torque_max_nm=motor.torque_max_nm,
         quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2) * ratio,
         speed_ceiling_rad_s=rad(machine.speed.drive_ceiling_deg_s) * ratio,
+        position_around_zero=c.position_range == "around 0",
         inverted=c.inverted,
         brake_owner=machine.brake.owner,
         brake_close_s=machine.brake.close_time_ms * 1e-3,

@@ -53,6 +53,8 @@ _CLOSE_S: Final = 3.0
 # A controlword acts at the next SYNC and shows at the one after (decision 0012); one scan more is granted.
 _OBEYED_SCANS: Final = 3
 _CHANGED: Final = LATCHED | LinkFlag.WRONG_MODE | LinkFlag.STALE_TARGET | LinkFlag.WRONG_LENGTH
+# A drive may show Operation enabled while its brake still opens. Less than power_up_time_ms, whose alarm tells less.
+_FOLLOWS_WITHIN_S: Final = 1.0
 # Scans without any answer to SYNC after which a stop is asked for by SDO as well.
 _SILENT_SCANS: Final = 2
 _REST_RAD_S: Final = 0.02
@@ -382,14 +384,18 @@ class CanopenDrive:
             flags |= self._supervision.flags(self.scan, decode_statusword(status), status, self._request)
         elif self.process.age or self.process.inputs_age:
             flags |= LinkFlag.LATE
-        return flags | LinkFlag.IGNORES_COMMAND if self.commanded and self._ignores_command() else flags
+        return flags | self._ignores_command() if self.commanded and self._enabling > _OBEYED_SCANS else flags
 
-    def _ignores_command(self) -> bool:
-        """Enabled for long enough, yet bit 12 (CSV: drive follows the command value) is 0 again."""
+    def _ignores_command(self) -> LinkFlag:
+        """Enabled for long enough, yet bit 12 (CSV: drive follows the command value) is 0 again, or still."""
         status = self.process.statusword
-        late = self._enabling > _OBEYED_SCANS and self._followed and self.settings.follows_bit
         enabled = decode_statusword(status) is DriveState.OPERATION_ENABLED
-        return late and enabled and not status & FOLLOWS_COMMAND
+        if not (enabled and self.settings.follows_bit) or status & FOLLOWS_COMMAND:
+            return LinkFlag.NONE
+        if self._followed:
+            return LinkFlag.IGNORES_COMMAND
+        never = self._enabling * self.settings.period_s > _FOLLOWS_WITHIN_S
+        return LinkFlag.NEVER_FOLLOWED if never else LinkFlag.NONE
 
     def health(self) -> LinkHealth:
         """Counters of the telegrams, heartbeat age and emergency messages of this moment."""

@@ -24,23 +24,28 @@ _CARRIED_S: Final = 0.030
 SPAN_32: Final = 1 << 32
 
 
+# Jumps that differ by less than this part of the range, or are smaller, lie too near to what an axis may turn through
+# between two readings: the first of them counts.
+_APART: Final = 8
+
+
 class Unwrap:
     """Turn a wrapping position into a continuous one.
 
-    The first reading is put into `0..range - 1`, which is all that an absolute encoder knows. From then on the
-    smallest step that explains the next reading counts: over the 32-bit wrap, over the multiturn wrap, or over both.
+    The first reading is put into `0..range - 1`, where 0 is the end of the range: that is all that an absolute encoder
+    knows. From then on the smallest step that explains the next reading counts: without a wrap, over the 32-bit wrap,
+    or over the multiturn wrap.
 
     Args:
         range_counts: multiturn range in the unit of 6064; what does not fit 32 bits is wrapped there.
+        around_zero: 6064 runs from minus half the range to plus half, not from 0.
     """
 
-    def __init__(self, range_counts: int) -> None:
+    def __init__(self, range_counts: int, around_zero: bool = False) -> None:
         span = min(range_counts, SPAN_32)
-        self._range = span
-        jumps = {a * SPAN_32 + b * span for a in (-1, 0, 1) for b in (-1, 0, 1)} - {0}
-        self._jumps = tuple(sorted(jumps, key=abs))
-        self._nearest = self._jumps[0] if jumps else SPAN_32
-        self._half = abs(self._nearest) // 2
+        self._range, self._low = span, -(span // 2) if around_zero else 0
+        self._jumps = _jumps(span, around_zero)
+        self._half = min(map(abs, self._jumps)) // 2
         self._raw: int | None = None
         self._counts = 0
 
@@ -48,13 +53,29 @@ class Unwrap:
         """Continuous position of a reading."""
         last, self._raw = self._raw, raw
         if last is None:
-            self._counts = raw % self._range
+            self._counts = (raw - self._low) % self._range
         else:
             step = raw - last
             if not -self._half <= step <= self._half:
                 step = min((step + jump for jump in (0, *self._jumps)), key=abs)
             self._counts += step
         return self._counts
+
+
+def _jumps(span: int, around_zero: bool) -> tuple[int, ...]:
+    """Steps of 6064 that are no motion."""
+    # A range beyond 2^31 from 0 on wraps twice in 32 bits with a sign: in its middle, and by the rest at its end.
+    at_the_end = SPAN_32 - span if span > SPAN_32 // 2 and not around_zero else span
+    found: list[int] = []
+    for jump in (at_the_end, SPAN_32) if around_zero else (SPAN_32, at_the_end):
+        if all(abs(jump - other) * _APART > span for other in (0, *found)):
+            found.append(jump)
+    return tuple(sign * jump for jump in found for sign in (1, -1))
+
+
+def unwrap_of(settings: CanopenSettings) -> Unwrap:
+    """Unwrapping of a drive's 6064."""
+    return Unwrap(settings.increments_per_turn * settings.turns, settings.position_around_zero)
 
 
 class ProcessImage:
@@ -98,10 +119,7 @@ class ProcessImage:
         self._others = self.watches[1:] or self.watches
         self._encoder, self._encoder_bits = m.encoder_signal(settings), settings.encoder
         self._fields = tuple(_fields(pdo) for pdo in mapping.tpdos)
-        turns = min(settings.turns, (1 << 32) // settings.increments_per_turn)
-        self._unwrap: Unwrap = (
-            Unwrap(settings.increments_per_turn * turns) if before is None else before._unwrap
-        )
+        self._unwrap: Unwrap = unwrap_of(settings) if before is None else before._unwrap
         mapped = mapping.signals
         self.torque_offset = m.TORQUE_OFFSET in mapped
         self.torque_known = m.TORQUE in mapped

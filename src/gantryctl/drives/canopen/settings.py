@@ -105,6 +105,8 @@ class CanopenSettings:
     torque_max_nm: float
     quick_dec_rad_s2: float
     speed_ceiling_rad_s: float
+    position_around_zero: bool = False
+    """6064 runs from minus half the multiturn range to plus half, not from 0."""
     inverted: bool = False
     """The motor's positive direction is the gantry's negative one."""
     brake_owner: BrakeOwner = "drive"

@@ -49,6 +49,8 @@ class Personality:
 
     # Increments of 6064 per motor turn; 2^19 x 4096 turns fill the positive half of 32 bit.
     counts_per_turn: int = 1 << 19
+    # 6064 runs from minus half the multiturn range to plus half, not from 0.
+    position_around_zero: bool = False
     # Unit of 60FF, 606C, 60B1 and 607F; of accelerations that per second.
     velocity_unit: DriveVelocityUnit = "inc/s"
     # Unit of 6083 to 6085 per second, None: that of 60FF; and how many of it make one.
@@ -162,6 +164,7 @@ PERSONALITIES: Final = {
            counts_per_turn=1 << 16),
         _p("centre-wrap", "2^20 increments per turn: 6064 wraps in the middle of the multiturn range",
            counts_per_turn=1 << 20),
+        _p("around-zero", "6064 runs from minus half the multiturn range to plus half", position_around_zero=True),
         _p("fine-counts", "2^22 increments per turn: 6064 wraps within the multiturn range",
            counts_per_turn=1 << 22),
         _p("standstill-torque", "torques in 0.1 % of 1.2 x rated torque", torque_reference=1.2),

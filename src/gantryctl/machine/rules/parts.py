@@ -99,10 +99,10 @@ def counts_are_a_power_of_two(m: Machine) -> Broken:
     return _power_of_two(m.encoder.counts_per_turn)
 
 
-@rule("encoder.turns")
+@rule("encoder.turns", "drive.kind")
 def turns_are_a_power_of_two(m: Machine) -> Broken:
-    """The number of turns told apart is a power of two."""
-    return _power_of_two(m.encoder.turns)
+    """The number of turns told apart is a power of two; a drive on a bus may count them otherwise."""
+    return None if m.on_bus else _power_of_two(m.encoder.turns)
 
 
 @rule("encoder.turns", *RATIO, "axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")

@@ -117,6 +117,13 @@ class CanTable(Table):
     eds: str = text("", 200, "EDS of the drive, for `gantryctl can scan` and `drive objects`.")
     # 19 bits, what drives with such an encoder make of a turn; 6064 has 32 bits, so 8192 turns fit.
     increments_per_turn: int = number(524_288, 64, 2**24, "Increments of 6064 per motor turn.", "catalogue")
+    # Without a sign most absolute encoders count; a drive whose position was set to 0 somewhere shows both signs.
+    position_range: Literal["from 0", "around 0"] = choice(
+        "from 0",
+        'Where 6064 of the encoder wraps: "from 0" = it runs from 0 to the multiturn range, "around 0" = from minus '
+        "half the range to plus half.",
+        "catalogue",
+    )
     velocity_unit: Literal[DriveVelocityUnit, "profile"] = choice(
         "inc/s",
         "Unit of 60FF, 606C and, where the profile says nothing else, of 6085 per second; "

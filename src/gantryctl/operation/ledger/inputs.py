@@ -33,11 +33,16 @@ def following_row(machine: Machine) -> LedgerRow:
     """Whether the drive says that it follows the command."""
     if machine.can.follows_bit:
         return LedgerRow("drive_follows_command", Standing.OBJECT, "6041 bit 12")
+    cost = without_following_bit(machine)
+    return LedgerRow("drive_follows_command", Standing.MADE_UP, "velocity_deviation_deg_s", cost)
+
+
+def without_following_bit(machine: Machine) -> str:
+    """Cost of a drive that does not say that it follows the command."""
     monitors = machine.monitors
     # A drive that ignores the command and drives the axis away shows it by its speed.
     seen_ms = (
         monitors.velocity_deviation_time_ms
         + 1e3 * monitors.velocity_deviation_deg_s / driven_acc_deg_s2(machine)
     )
-    cost = f"seen after {seen_ms:.0f} ms instead of {machine.control.scan_period_ms:g} ms"
-    return LedgerRow("drive_follows_command", Standing.MADE_UP, "velocity_deviation_deg_s", cost)
+    return f"seen after {seen_ms:.0f} ms instead of {machine.control.scan_period_ms:g} ms"

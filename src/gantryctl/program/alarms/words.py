@@ -93,6 +93,13 @@ class Words(Enum):
         "it is enabled and does not follow the speed command (bit 12 of 6041 is 0)",
         "已使能但不跟随速度指令（6041 第 12 位为 0）",
     )
+    NEVER_FOLLOWED = (
+        "it is enabled and has not said that it follows the speed command (bit 12 of 6041); a drive without this bit "
+        "needs [can] follows_bit = false, and one that ignores the command is then seen by its speed only, not before "
+        "{limit:.0f} ms (drive_follows_command in `gantryctl status`)",
+        "已使能，但未表示跟随速度指令（6041 第 12 位）；没有该位的驱动器需要 [can] follows_bit = false，"
+        "此时只能由速度发现驱动器忽略指令，不早于 {limit} ms（`gantryctl status` 的 drive_follows_command）",
+    )
     LOCAL_CONTROL = "it does not obey the bus (bit 9 of 6041 is 0)", "不听从总线（6041 第 9 位为 0）"
     DRIVE_ERROR_UNKNOWN = "without an error code", "没有错误代码"
 

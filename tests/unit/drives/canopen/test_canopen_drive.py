@@ -7,6 +7,7 @@ import math
 import can
 import pytest
 
+from bus.bus_rig import BusRig, bus_machine
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
@@ -55,6 +56,30 @@ def test_an_inverted_motor_turns_the_right_way(sign: int) -> None:
     bench.drive.close()
 
 
+@pytest.mark.parametrize("turns", [4096, 3000])
+def test_a_position_around_0_goes_on_to_the_negative_and_over_a_restart(turns: int) -> None:
+    """6064 is 0 in the middle of the range, where the gantry stands; the range need not be a power of two."""
+    changes = (
+        ("can.position_range", "around 0"),
+        ("encoder.turns", turns),
+        ("plant.encoder.mounting_turns", turns // 2),
+    )
+    bench = Bench("around-zero", changes=changes).open().enable()
+    assert abs(bench.virtual.od.value(0x6064, 0)) < 1000
+    begin, begin_deg = bench.drive.read().pos_act_counts, bench.load_deg
+    bench.ramp_to(-0.6)
+    counts, moved_deg = bench.drive.read().pos_act_counts, bench.load_deg - begin_deg
+    per_deg = bench.machine.can.increments_per_turn * bench.ratio / 360.0
+    assert bench.virtual.od.value(0x6064, 0) < 0
+    # The load hangs behind the motor by the wind-up of the transmission.
+    assert (counts - begin) / per_deg == pytest.approx(moved_deg, abs=0.02)
+    bench.drive.close()
+    moved_deg = bench.load_deg - begin_deg
+    again = Bench("around-zero", angle_deg=bench.load_deg, changes=changes).open()
+    assert (again.drive.read().pos_act_counts - begin) / per_deg == pytest.approx(moved_deg, abs=0.05)
+    again.drive.close()
+
+
 # --- refusing -----------------------------------------------------------------------------------------------------
 
 
@@ -80,6 +105,62 @@ def test_a_parameter_that_does_not_take_is_refused() -> None:
     bench.open()
     assert any(line.startswith("6007:00") and "have 0" in line for line in bench.drive.refusals)
     bench.drive.close()
+
+
+def test_a_write_that_the_drive_refuses_is_told_with_its_abort_code() -> None:
+    bench = Bench("dangerous-defaults")
+
+    def refuse(_value: int) -> None:
+        raise SdoAbort(Abort.STATE)
+
+    bench.virtual.od.checks[0x6007, 0] = refuse
+    bench.open()
+    line = next(line for line in bench.drive.refusals if line.startswith("6007:00"))
+    assert "writing it: not possible in the drive's present state (abort code 08000022)" in line
+    bench.drive.close()
+
+
+@pytest.mark.parametrize("rated_mnm", [0, 1, 107, 52, 330, 1_000_000])
+def test_a_rated_torque_that_cannot_be_is_refused_with_both_values(rated_mnm: int) -> None:
+    """Factory defaults, and units that are wrong by a factor of 1000."""
+    bench = Bench()
+    motor_nm = bench.machine.motor.torque_rated_nm
+    bench.virtual.od.readers[0x6076, 0] = lambda: rated_mnm
+    bench.open()
+    (line,) = bench.drive.refusals
+    assert line.startswith("6076:00")
+    assert f"have {rated_mnm} " in line
+    assert f"[motor] torque_rated_nm = {motor_nm:g}" in line
+    # Nothing is scaled by it: the torque limit has the size of the machine file's motor.
+    assert bench.virtual.od.number(0x6072) == round(1000 * bench.machine.motor.torque_max_nm / motor_nm)
+    assert bench.run(0.4).state is DriveState.SWITCH_ON_DISABLED
+    bench.drive.close()
+
+
+@pytest.mark.parametrize("share", [1.2, 1.4])
+def test_a_rated_torque_of_another_catalogue_scales_the_torques(share: float) -> None:
+    bench = Bench()
+    motor_nm = bench.machine.motor.torque_rated_nm
+    bench.virtual.od.readers[0x6076, 0] = lambda: round(1e3 * share * motor_nm)
+    bench.open()
+    assert bench.drive.refusals == ()
+    limit = 1000 * bench.machine.motor.torque_max_nm / (share * motor_nm)
+    assert bench.virtual.od.number(0x6072) == pytest.approx(limit, abs=1.0)
+    bench.drive.close()
+
+
+def test_a_drive_that_never_says_that_it_follows_is_told_with_the_key() -> None:
+    """DRV-05 before the time of the power-up is over, which would only say where the drive is stuck (DRV-03)."""
+    rig = BusRig(bus_machine())
+    rig.inject("status_clear", value=0x1000)
+    rig.command(power=True)
+    rig.run(3.0)
+    assert rig.stops[0] == "DRV-05", rig.told
+    assert "[can] follows_bit = false" in rig.first_told
+    # [monitors] velocity_deviation_time_ms: the ledger adds the time in which the speed grows.
+    assert "not before 20 ms" in rig.first_told
+    assert all(not tick.brake_open for tick in rig.ticks[-500:])
+    rig.engine.close()
 
 
 def test_a_drive_that_runs_already_is_left_alone() -> None:

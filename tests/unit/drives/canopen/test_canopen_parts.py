@@ -108,7 +108,43 @@ def test_unwrapping_follows_any_way_over_either_wrap(
         assert unwrap(read(true)) == true
 
 
+# Whole numbers of turns that are no power of two, up to the last before 2^32.
+RANGES = [
+    3 * (1 << 29),
+    4096 * 10_000,
+    3000 * 1_000_000,
+    1144 * 4096 * 360,
+    4294 * 1_000_000,
+    (1 << 32) - 4096,
+    1 << 32,
+]
+COUNTED = {
+    "on and on": lambda value, _: as_i32(value),
+    "from 0": lambda value, span: as_i32(value % span),
+    "around 0": lambda value, span: (value + span // 2) % span - span // 2,
+}
+
+
+@given(
+    st.sampled_from(RANGES),
+    st.sampled_from(sorted(COUNTED)),
+    st.lists(st.floats(-1.0, 1.0), min_size=1, max_size=60),
+)
+def test_any_range_of_any_drive_is_followed_near_raw_0(span: int, counted: str, steps: list[float]) -> None:
+    """A drive that shows 0 where it starts, and goes to -5; steps as long as a fast motor makes in a late scan."""
+    around = counted == "around 0"
+    unwrap, true = Unwrap(span, around), 0
+    # Where the range begins at 0 the axis stands in its middle; an axis keeps away from the ends of the range.
+    middle = 0 if around else span // 2
+    start = unwrap(COUNTED[counted](middle, span))
+    assert start == span // 2
+    for step in (-5.0 / span, *steps):
+        true = max(-span // 3, min(span // 3, true + round(step * span / 20)))
+        assert unwrap(COUNTED[counted](middle + true, span)) == start + true
+
+
 def test_the_first_reading_lies_within_the_range() -> None:
+    assert Unwrap(4096 * 10_000, around_zero=True)(-5) == 4096 * 5_000 - 5
     assert Unwrap(1 << 31)(-5) == (1 << 31) - 5
     assert Unwrap(1 << 34)(-5) == (1 << 32) - 5  # what does not fit 32 bits is wrapped there
 

@@ -29,11 +29,14 @@ from gantryctl.drives.canopen.setup.parameter_check import (
     CSV,
     WantedParameter,
     as_set_up,
+    compare,
     compare_parameters,
     parameter_checksum,
+    rated_torque,
     refusals,
     set_value_places,
     wanted_parameters,
+    with_abort_codes,
     write_parameters,
 )
 from gantryctl.drives.od.facts import DriveFacts
@@ -114,14 +117,17 @@ _TELEGRAMS: Final = ((0x1400, 1), (0x1400, 2), (0x1600, 0), (0x1800, 1), (0x1800
 
 
 def wanted_of(settings: CanopenSettings, rated: int | None) -> tuple[WantedParameter, ...]:
-    """Parameters of a drive; `rated` is its object 6076, None or 0 where it does not say."""
+    """Parameters of a drive; `rated` is its object 6076, None where it does not say."""
     rated_nm = rated_torque_nm(settings, rated)
     return wanted_parameters(settings, BusUnits(settings, rated_nm), rated_nm)
 
 
 def rated_torque_nm(settings: CanopenSettings, rated: int | None) -> float:
-    """Rated torque: 6076 where the drive has it, else of the machine file."""
-    return rated / settings.rated_torque_per_nm if rated else settings.torque_rated_nm
+    """Rated torque: 6076 where the drive has it and it can be, else of the machine file."""
+    # The parameter check refuses one that cannot be; until then nothing is scaled by it.
+    if rated is None or compare(rated_torque(settings), rated).verdict is not ParameterVerdict.OK:
+        return settings.torque_rated_nm
+    return rated / settings.rated_torque_per_nm
 
 
 def parameter_rows(settings: CanopenSettings, facts: DriveFacts) -> tuple[ParameterRow, ...]:
@@ -176,7 +182,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     settings = _profiled(node, identity, settings)
     rated = node.sdo.optional(0x6076)
     wanted = wanted_of(settings, rated)
-    refused = write_parameters(node.sdo, wanted)
+    refused, codes = write_parameters(node.sdo, wanted)
     # The brake closes and the speed is 0 before the telegrams fly: the RPDO repeats both from the first scan on.
     mask = settings.output_mask
     if mask:
@@ -195,7 +201,7 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
         text = f"node {node.node}: 6060 does not take {CSV}: it has no mode CSV"
         raise UnusableDrive(text, without_csv(found))
     facts = with_mapped(found, ((s.obj, s.sub) for s in OPTIONAL if s in mapping.refused))
-    rows = compare_parameters(facts, wanted)
+    rows = with_abort_codes(compare_parameters(facts, wanted), codes)
     # Some drives answer SDO in PRE-OPERATIONAL only.
     marker = read_restart_marker(node.sdo)
     node.nmt(NmtCommand.START)

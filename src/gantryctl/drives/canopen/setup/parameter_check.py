@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError, abort_text
 from gantryctl.drives.canopen.scaling import BusUnits
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.drives.od.facts import DriveFacts, ObjectFact
@@ -78,6 +78,7 @@ def wanted_parameters(
         WantedParameter(0x6085, 0, quick, "quick-stop deceleration: some drives come with 360 000 deg/s2"),
         WantedParameter(0x6080, 0, ceiling, "speed ceiling in the drive, r/min", tolerance=1),
         WantedParameter(0x6072, 0, torque, "torque limit, per mille", tolerance=1),
+        rated_torque(s),
         WantedParameter(0x6502, 0, CSV_BIT, "the drive must have mode 9 (CSV)", writable=False, mask=CSV_BIT),
         WantedParameter(0x608F, 1, s.increments_per_turn, "[can] increments_per_turn", writable=False),
         WantedParameter(0x608F, 2, 1, "the same, per motor turn", writable=False),
@@ -89,6 +90,19 @@ def _velocity_unit(settings: CanopenSettings) -> tuple[WantedParameter, ...]:
     if word is None:
         return ()
     return (WantedParameter(0x60A9, 0, word, "[can] velocity_unit", writable=settings.sets_speed_unit),)
+
+
+def rated_torque(settings: CanopenSettings) -> WantedParameter:
+    """6076, which scales every torque of the drive; entered with the motor, in the maker's tool."""
+    # Drives are delivered with 0 or 1, and a wrong unit is a factor of 1000. Catalogues round, and some makers give
+    # the torque at the rated current, not at the rated speed: half as much again is still the same motor.
+    per_nm = settings.rated_torque_per_nm
+    rated = round(per_nm * settings.torque_rated_nm)
+    meaning = (
+        f"[motor] torque_rated_nm = {settings.torque_rated_nm:g}, {per_nm:g} to 1 N m, and half of it more or less: it "
+        "scales torque limit and torque reading · enter the motor with the drive maker's tool"
+    )
+    return WantedParameter(_RATED, 0, rated, meaning, writable=False, tolerance=rated // 2)
 
 
 def _quick_stop_option(settings: CanopenSettings) -> WantedParameter:
@@ -166,13 +180,19 @@ def as_set_up(facts: DriveFacts, wanted: Iterable[WantedParameter]) -> DriveFact
             continue
         if parameter.writable and fact.takes(parameter.value):
             objects[place] = replace(fact, default=_written(parameter, fact))
-        elif not parameter.writable and fact.writable and parameter.obj in _OF_THE_MOTOR:
+        elif (
+            not parameter.writable
+            and (fact.writable or parameter.obj == _RATED)
+            and parameter.obj in _OF_THE_MOTOR
+        ):
             objects[place] = replace(fact, default=None)
     return replace(facts, objects=objects)
 
 
-# Encoder increments and motor revolutions: commissioned with the motor by the maker's tool.
-_OF_THE_MOTOR: Final = frozenset({0x608F})
+_RATED: Final = 0x6076
+# Encoder increments and motor revolutions, rated torque: commissioned with the motor by the maker's tool. The rated
+# torque of an EDS is a default, also where it cannot be written over the bus.
+_OF_THE_MOTOR: Final = frozenset({0x608F, _RATED})
 
 
 def _written(parameter: WantedParameter, fact: ObjectFact) -> int:
@@ -184,9 +204,11 @@ def _written(parameter: WantedParameter, fact: ObjectFact) -> int:
 _TAKES_NONE: Final = (0x0601_0002, 0x0601_0000, 0x0609_0030, 0x0609_0031, 0x0609_0032)
 
 
-def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> frozenset[tuple[int, int]]:
-    """Write what differs; return the objects for which the drive takes no value."""
-    refused_by_drive = set()
+def write_parameters(
+    sdo: SdoClient, wanted: Iterable[WantedParameter]
+) -> tuple[frozenset[tuple[int, int]], dict[str, int]]:
+    """Write what differs; return the objects for which the drive takes no value, and every abort code by place."""
+    refused_by_drive, codes = set(), {}
     for parameter in wanted:
         if not parameter.writable:
             continue
@@ -198,12 +220,24 @@ def write_parameters(sdo: SdoClient, wanted: Iterable[WantedParameter]) -> froze
         except DeviceError as refused:
             if isinstance(refused, SdoError) and refused.silent:
                 raise
+            if isinstance(refused, SdoError):
+                codes[_place(parameter)] = refused.code
             # What a drive takes, but not now, it must take: it differs, and is refused. An object of another type than
             # the standard gives it takes no value either: nobody knows what it means.
             if isinstance(refused, SdoError) and refused.code not in _TAKES_NONE:
                 continue
             refused_by_drive.add((parameter.obj, parameter.sub))
-    return frozenset(refused_by_drive)
+    return frozenset(refused_by_drive), codes
+
+
+def with_abort_codes(rows: Iterable[ParameterRow], codes: Mapping[str, int]) -> tuple[ParameterRow, ...]:
+    """Rows that say why the drive did not take a value."""
+    return tuple(
+        row._replace(meaning=f"{row.meaning} · writing it: {abort_text(codes[row.place])}")
+        if row.place in codes and row.verdict is not ParameterVerdict.OK
+        else row
+        for row in rows
+    )
 
 
 def refusals(rows: Iterable[ParameterRow]) -> tuple[str, ...]:
@@ -225,9 +259,14 @@ def compare(wanted: WantedParameter, have: int | None) -> ParameterRow:
         verdict = ParameterVerdict.ABSENT
     else:
         verdict = ParameterVerdict.OK if _equal(wanted, have) else ParameterVerdict.DIFFERS
-    place = f"{wanted.obj:04X}:{wanted.sub:02X}"
     seen = "nothing" if have is None else _shown(wanted.obj, have)
-    return ParameterRow(place, name, _shown(wanted.obj, wanted.value), seen, verdict, wanted.meaning, have)
+    return ParameterRow(
+        _place(wanted), name, _shown(wanted.obj, wanted.value), seen, verdict, wanted.meaning, have
+    )
+
+
+def _place(parameter: WantedParameter) -> str:
+    return f"{parameter.obj:04X}:{parameter.sub:02X}"
 
 
 def _shown(index: int, value: int) -> str:

@@ -6,7 +6,7 @@ from gantryctl.drives.base import BaseDrive
 from gantryctl.drives.canopen.bus.link import BusLink
 from gantryctl.drives.canopen.bus.node import RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
-from gantryctl.drives.canopen.process_image import Unwrap
+from gantryctl.drives.canopen.process_image import unwrap_of
 from gantryctl.drives.canopen.settings import CanopenSettings, drive_identity
 from gantryctl.drives.canopen.setup.opening import facts_as_found, parameter_rows
 from gantryctl.errors import DeviceError
@@ -34,8 +34,7 @@ class ReadOnlyDrive(BaseDrive):
         self._identity = drive_identity(settings, self.who.text, self.who.key)
         # Only what a question about a standing machine needs: speed, torque and inputs would be from another moment.
         raw = node.sdo.number(0x6064)
-        span = self._identity.counts_per_turn * self._identity.turns
-        counts = Unwrap(span)(-raw if settings.inverted else raw)
+        counts = unwrap_of(settings)(-raw if settings.inverted else raw)
         state = decode_statusword(node.sdo.number(0x6041))
         error = node.sdo.optional(0x603F) or 0
         self.mode = node.sdo.optional(0x6061)

@@ -84,6 +84,7 @@ class Signals:
     ) -> None:
         self._hardware, self._axis, self._scaling = hardware, axis, scaling
         self._kind, self._faults = kind, faults
+        self._middle = scaling.counts_per_turn * hardware.turns // 2 if kind.position_around_zero else 0
         self._frozen: int | None = None
         self._now_us = 0
         self._lagging = (Lagging(1000 * kind.lag_ms), Lagging(1000 * kind.lag_ms)) if kind.lag_ms else None
@@ -192,7 +193,9 @@ class Signals:
     def _position(self) -> int:
         plant = self._axis.plant
         return wrap_i32(
-            self._scaling.increments(plant.counts - plant.wrap_counts) + self._faults.position_offset
+            self._scaling.increments(plant.counts - plant.wrap_counts)
+            - self._middle
+            + self._faults.position_offset
         )
 
     def _absolute(self) -> int:
