@@ -12,6 +12,7 @@ from bus.io_machines import IO, ON_DRIVE, io_machine
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.errors import DeviceError
+from gantryctl.machine.rules.reaction import silent_angle_deg
 from gantryctl.program import PowerPhase
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_bus
@@ -174,6 +175,34 @@ def test_a_controller_that_dies_leaves_a_braked_axis(where: str) -> None:
     assert abs(rig.ticks[-1].vel_deg_s) < 0.02
     # 1400:05 after 50 ms, then the ramp; a brake on the node closes 150 ms after the last heartbeat and helps.
     assert rig.way_deg(begun - 1) < 4.0
+    rig.engine.close()
+
+
+@pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-2", "INV-6")
+@pytest.mark.parametrize("place", ["can.io.outputs.watchdog", "can.outputs.watchdog"])
+def test_a_watchdog_relay_stops_the_axis_of_a_dead_controller(place: str) -> None:
+    """A drive without 1016 and 1400:05 goes on at its last speed; the relay ends it within the computed way."""
+    machine = io_machine(changes={place: 20, "can.virtual_drive": "unwatched"})
+    rig = BusRig(machine, 60.0).power_up().cruise(6.0)
+    begun = len(rig.ticks)
+    for _ in range(5000):
+        rig.drive.link.pause(0.001)
+    assert abs(rig.ticks[-1].vel_deg_s) < 0.02
+    assert not rig.ticks[-1].brake_open
+    assert rig.way_deg(begun - 1) < silent_angle_deg(machine, machine.can.watchdog_ms, brake=True)
+    rig.engine.close()
+
+
+@pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-1", "INV-2", "INV-6")
+def test_without_the_relay_such_a_drive_goes_on() -> None:
+    """The test above can fail. The brake on the node closes against the drive, which does not care."""
+    machine = io_machine(changes={"can.virtual_drive": "unwatched"})
+    rig = BusRig(machine, 60.0).power_up().cruise(3.0)
+    begun = len(rig.ticks)
+    for _ in range(5000):
+        rig.drive.link.pause(0.001)
+    assert rig.ticks[-1].state is State.ENABLED
+    assert rig.ticks[-1].torque_nm > 100.0 or rig.way_deg(begun - 1) > 4.0
     rig.engine.close()
 
 

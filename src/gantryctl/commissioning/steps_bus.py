@@ -7,7 +7,16 @@ from dataclasses import replace
 from typing import Final
 
 from gantryctl.commissioning.open_loop_axis import open_loop_axis
-from gantryctl.commissioning.results import Context, Figure, StepResult, StepTable, failed, judged, passed
+from gantryctl.commissioning.results import (
+    Context,
+    Figure,
+    Outcome,
+    StepResult,
+    StepTable,
+    failed,
+    judged,
+    passed,
+)
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
@@ -139,3 +148,25 @@ def sync(c: Context) -> StepResult:
         answer_p50_ms=p50, answer_p99_ms=Figure(p99, high=_ANSWER_PART * period_ms),
         dead_scans=Figure(float(dead), high=_DEAD_SCANS),
     )  # fmt: skip
+
+
+def nodes(c: Context) -> StepResult:
+    """Compare the telegrams of the nodes beside the drive with SDO reads, and count missed ones."""
+    if not c.machine.can.io.node and c.machine.can.load_encoder.source != "node":
+        return StepResult("nodes", Outcome.NOT_TESTABLE, "no node beside the drive")
+    figures: dict[str, Figure] = {}
+    lines, apart = [], []
+    with open_loop_axis(c, _LEASH_DEG) as axis:
+        axis.run(_WATCH_S, DriveRequest.DISABLE)
+        for node in axis.drive.beside.nodes:
+            watch, identity, number = node.watch, node.identity, node.remote.node
+            # Opened above, or this step would have ended there.
+            assert identity is not None
+            apart += [f"node {number}: {line}" for line in node.compare()]
+            missed = watch.missed / max(1, watch.received + watch.missed)
+            figures[f"node_{number}_missed_ratio"] = Figure(missed, high=_MISSED_MAX)
+            lines.append(f"node {number}: {identity.text}, {100.0 * missed:.2f} % missed")
+    proof = "; ".join((*lines, *apart))
+    ok = not apart and all(figure.within for figure in figures.values())
+    to_do = "look for another node with the same id; reset the node to its maker's parameters, then go on"
+    return judged(ok, "nodes", proof, to_do, **figures)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     import can
 
     from gantryctl.drives.virtual.loop import DriveLoop
+    from gantryctl.drives.virtual.node import DriveNode
     from gantryctl.drives.virtual.personality import Personality
 
 
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 @click.option(
     "--drive", "model", default="", help="Which drive of a table with several: how its name begins."
 )
+@click.option("--with-io", is_flag=True, help="The I/O node of [can.io] too, wired to the axis.")
+@click.option("--with-encoder", is_flag=True, help="The encoder node of [can.load_encoder] too, on the ring.")
 @click.option("--stepped", is_flag=True, help="Virtual time: each SYNC steps the drive by the SYNC period.")
 @click.option("--angle", type=FINITE, default=0.0, help="Gantry angle at the start, deg.")
 @click.option("--control", type=PATH, help="Unix socket of the side channel: faults in, truth out.")
@@ -114,36 +117,51 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
     from gantryctl.drives.virtual.communication.parameters import ParameterStore
     from gantryctl.drives.virtual.loop import DriveLoop, FrameSender
     from gantryctl.drives.virtual.node import DriveNode
+    from gantryctl.drives.virtual.nodes.group import group_of
     from gantryctl.drives.virtual.side_channel.control import ControlServer
     from gantryctl.drives.virtual.side_channel.requests import Requests
+    from gantryctl.errors import UsageError
     from gantryctl.units import rad
     from gantryctl.wiring.virtual import drive_hardware
+    from gantryctl.wiring.virtual_nodes import virtual_neighbours
 
-    hardware = drive_hardware(machine_of(given["config_file"]), rad(given["angle"]))
+    machine = machine_of(given["config_file"])
+    if given["with_io"] and not machine.can.io.node:
+        raise UsageError("--with-io: [can.io] node is 0, the machine has no such node")
+    if given["with_encoder"] and machine.can.load_encoder.source != "node":
+        raise UsageError('--with-encoder: [can.load_encoder] source is not "node"')
+    hardware = drive_hardware(machine, rad(given["angle"]))
     link = FrameSender(bus)
     store = ParameterStore(given["store"])
     node = DriveNode(hardware, given["node_id"], link.send, kind=kind, store=store, stepped=given["stepped"])
-    loop = DriveLoop(node, link)
+    beside = virtual_neighbours(
+        machine, node, link.send, io=given["with_io"], encoder=given["with_encoder"]
+    )  # fmt: skip
+    loop = DriveLoop(group_of(node, beside), link)
     stop, path = threading.Event(), given["control"]
-    control = nullcontext() if path is None else ControlServer(path, Requests(node).answer, loop.lock)
+    control = nullcontext() if path is None else ControlServer(path, Requests(node, beside).answer, loop.lock)
     with stop_signals(stop.set), control:
-        _run(loop, stop, interface, given)
+        _run(loop, node, stop, interface, given)
 
 
-def _run(loop: DriveLoop, stop: threading.Event, interface: str, given: dict[str, Any]) -> None:
+def _run(
+    loop: DriveLoop, node: DriveNode, stop: threading.Event, interface: str, given: dict[str, Any]
+) -> None:
     from contextlib import nullcontext
 
+    from gantryctl.drives.virtual.nodes.group import NodeGroup
     from gantryctl.runtime import keeps_time
 
-    node = loop.node
     how = "stepped by SYNC" if node.stepped else "in real time"
     where = interface if given["channel"] is None else f"{interface} {given['channel']}"
     click.echo(f"virtual drive: node {node.node_id} on {where}, {how}, personality {node.kind.name}")
+    if isinstance(loop.node, NodeGroup):
+        click.echo(f"beside it: node {', '.join(map(str, loop.node.node_ids[1:]))}")
     if given["control"] is not None:
         click.echo(f"side channel: {given['control']}")
     # The side channel answers in a thread of its own: the lock keeps the node whole.
     with loop.lock:
-        node.boot()
+        loop.node.boot()
     # Stepped, every SYNC is a period: the clock of the computer has no part in it.
     with nullcontext() if node.stepped else keeps_time():
         loop.run(stop)

@@ -9,7 +9,6 @@ from typing import Final, Protocol
 
 import can
 
-from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.errors import DeviceError
 
 # In real time the drive's clock goes on between frames too: it wakes at least that often.
@@ -40,6 +39,19 @@ class BusEnd(Protocol):
     @property
     def time_us(self) -> int:
         """Its own time."""
+        ...
+
+    @property
+    def stepped(self) -> bool:
+        """Time goes on by SYNC only."""
+        ...
+
+    def boot(self) -> None:
+        """Power on."""
+        ...
+
+    def advance(self, us: int) -> None:
+        """Advance its own time."""
         ...
 
     def on_frame(self, can_id: int, data: bytes) -> None:
@@ -134,11 +146,11 @@ class DriveLoop:
     """Run a node on a bus in real time, or stepped by SYNC.
 
     Args:
-        node: the drive; its `send` is that of the link.
+        node: the drive, or several nodes; their `send` is that of the link.
         link: the bus.
     """
 
-    def __init__(self, node: DriveNode, link: FrameSender) -> None:
+    def __init__(self, node: BusEnd, link: FrameSender) -> None:
         self.node, self.link = node, link
         self.lock = threading.RLock()
         """Held while the node works, and by the side channel."""

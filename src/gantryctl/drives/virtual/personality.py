@@ -31,6 +31,8 @@ class Personality:
     # Objects the bus does not see; the drive behaves by their defaults.
     absent: tuple[int, ...] = ()
     not_mappable: tuple[int, ...] = ()
+    # RPDOs have no event timer (1400:05), and so no deadline.
+    no_deadline: bool = False
     # The EDS declares the mapping objects as ARRAY.
     array_mapping: bool = False
     # The EDS gives no default for 6502.
@@ -156,6 +158,8 @@ PERSONALITIES: Final = {
         _p("array-mapping", "EDS with mapping objects as ARRAY, no default of 6502", array_mapping=True,
            no_mode_default=True),
         _p("odd-identity", "1000h byte-swapped, with a product code", device_type=0x9201_3412),
+        _p("unwatched", "no 1016, no 1400:05: the last speed goes on when the controller is gone", no_deadline=True,
+           absent=(0x1016,)),
         _p("no-1005", "1005, 1006 and 1007 absent", sync_cob_id=None, absent=(0x1005, 0x1006, 0x1007)),
         _p("odd-1005", "1005 is 80000080h", sync_cob_id=0x8000_0080),
         _p("dangerous-defaults", "6007 = 0, 605E = 0, 6085 = 360 000 deg/s2", quick_dec_deg_s2=360_000.0,

@@ -61,6 +61,7 @@ class BusNode:
         mapping: its telegrams, one from it, at most one to it.
         objects: what is written, and read back, before it is started.
         in_time: whether the scan still waits for telegrams.
+        noise: by which an object may differ between two reads at standstill.
 
     Attributes:
         watch: its telegram.
@@ -76,8 +77,9 @@ class BusNode:
         mapping: Mapping,
         objects: Iterable[NodeObject],
         in_time: Callable[[], bool],
+        noise: int = 0,
     ) -> None:
-        self.remote, self._settings, self._what = remote, settings, what
+        self.remote, self._settings, self._what, self._noise = remote, settings, what, noise
         self._mapping, self._objects, self._in_time = mapping, tuple(objects), in_time
         self._old_scans = max(3, int(_BRIDGED_S / settings.period_s + 1e-9))
         self._timeout: int | None = None
@@ -165,6 +167,25 @@ class BusNode:
         """
         if self.watch.data is None:
             raise DeviceError(f"{self._who} does not answer SYNC with its process data: is it OPERATIONAL?")
+
+    def compare(self) -> list[str]:
+        """What the last telegram says otherwise than SDO, a line for each object: a wrong mapping agrees with itself.
+
+        Raises:
+            DeviceError: there is no telegram, or an object cannot be read.
+        """
+        self.check_answer()
+        sent, at, lines = self.watch.data or b"", 0, []
+        for signal in self._mapping.tpdos[0].signals:
+            size = signal.bits // 8
+            told = int.from_bytes(sent[at : at + size], "little")
+            asked = int.from_bytes(self.remote.sdo.read(signal.obj, signal.sub), "little")
+            at += size
+            if abs(told - asked) > self._noise:
+                lines.append(
+                    f"{signal.obj:04X}:{signal.sub:02X} is {asked:X}h by SDO and {told:X}h in its telegram"
+                )
+        return lines
 
     # --- the scan ------------------------------------------------------------------------------------------------
 

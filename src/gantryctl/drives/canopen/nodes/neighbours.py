@@ -135,14 +135,30 @@ class Neighbours:
             return None
         return self.inputs.brake_contact()
 
+    def watchdog_contact(self) -> bool | None:
+        """Contact of the watchdog relay in this scan; None where it is not wired."""
+        return self.inputs.watchdog_contact()
+
     def ask_brake_contact(self) -> bool | None:
         """Level of the brake contact by SDO, where telegrams may be missing; None where it is not wired.
 
         Raises:
             DeviceError: it cannot be read.
         """
-        io, bit = self.io, self._settings.inputs.brake_open
-        at_node = None if io is None else io.settings.inputs.brake_open
+        return self._ask("brake_open")
+
+    def ask_watchdog_contact(self) -> bool | None:
+        """Contact of the watchdog relay by SDO; None where it is not wired.
+
+        Raises:
+            DeviceError: it cannot be read.
+        """
+        return self._ask("watchdog_closed")
+
+    def _ask(self, name: str) -> bool | None:
+        io = self.io
+        bit: int | None = getattr(self._settings.inputs, name)
+        at_node: int | None = None if io is None else getattr(io.settings.inputs, name)
         if io is not None and at_node is not None:
             group = io.node.remote.sdo.read(0x6000, at_node // 8 + 1)
             return bool(group[0] >> at_node % 8 & 1)

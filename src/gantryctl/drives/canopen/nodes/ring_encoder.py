@@ -16,6 +16,8 @@ from gantryctl.errors import DeviceError
 _POSITION: Final = Signal(0x6004, 0, 32, False)
 _ALARMS: Final = Signal(0x6503, 0, 16, False)
 _TURN: Final = 2.0 * math.pi
+# A standing gantry: 0.01 deg between a telegram and an SDO read some milliseconds later.
+_NOISE: Final = 36_000
 
 
 class RingAngle:
@@ -77,7 +79,9 @@ class RingEncoder:
         self._settings, self._encoder = settings, encoder
         mapping = Mapping((), (Pdo(0, (_POSITION, _ALARMS)),))
         objects = communication_objects(settings, watches_controller=False)
-        self.node = BusNode(remote, settings, "encoder", mapping, objects, in_time)
+        self.node = BusNode(
+            remote, settings, "encoder", mapping, objects, in_time, encoder.counts_per_turn // _NOISE
+        )
         self._begin(SPAN_32)
 
     def _begin(self, range_counts: int) -> None:

@@ -11,9 +11,9 @@ _US: Final = 1e6
 class Cabinet:
     """Relays and lamps behind outputs of the controller, wherever those outputs are.
 
-    The brake relay gives the brake its current: released while `brake_release` is on and the emergency-stop chain is
-    closed. The watchdog relay closes at an edge of `watchdog` and opens when none comes for its time; its contact lies
-    in the safe-torque-off circuit of the drive.
+    The brake relay gives the brake its current: released while `brake_release` is on. The watchdog relay closes at an
+    edge of `watchdog` and opens when none comes for its time; its contacts lie in the safe-torque-off circuit of the
+    drive and in the supply of the brake.
 
     Args:
         watchdog_s: time after which the watchdog relay opens; 0: none is fitted.
@@ -25,6 +25,8 @@ class Cabinet:
     def __init__(self, watchdog_s: float = 0.0) -> None:
         self._hold_us = round(watchdog_s * _US)
         self._left_us = 0
+        self.welded = False
+        """The contact of the watchdog relay stays closed, whatever its coil does."""
         self.levels: dict[str, bool] = {}
 
     def take(self, outputs: Mapping[str, bool]) -> None:
@@ -41,14 +43,14 @@ class Cabinet:
     @property
     def watchdog_closed(self) -> bool:
         """The contact of the watchdog relay is closed; True where none is fitted."""
-        return self._left_us > 0 or not self._hold_us
+        return self._left_us > 0 or self.welded or not self._hold_us
 
     @property
     def watchdog_contact(self) -> bool:
         """What the contact of a watchdog relay shows; False where none is fitted."""
-        return self._left_us > 0
+        return self._left_us > 0 or self.welded
 
     @property
     def brake_released(self) -> bool:
         """The brake relay has current."""
-        return self.levels.get("brake_release", False)
+        return self.levels.get("brake_release", False) and self.watchdog_closed

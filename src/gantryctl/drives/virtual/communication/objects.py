@@ -32,6 +32,7 @@ ERRORS: Final = 8
 # Bits 31 and 30 of a PDO identifier (CiA 301).
 PDO_INVALID: Final = 0x8000_0000
 NO_RTR: Final = 0x4000_0000
+_EVENT_TIMER: Final = 5
 
 U8, U16, U32 = DataType.UNSIGNED8, DataType.UNSIGNED16, DataType.UNSIGNED32
 I8, I16, I32 = DataType.INTEGER8, DataType.INTEGER16, DataType.INTEGER32
@@ -217,6 +218,8 @@ def _as_seen(spec: ObjectSpec, kind: Personality) -> ObjectSpec:
     entries = spec.entries
     if spec.index in kind.not_mappable:
         entries = {sub: replace(entry, mappable=False) for sub, entry in entries.items()}
+    if spec.index in range(0x1400, 0x1400 + PDOS) and kind.no_deadline:
+        entries = {sub: entry for sub, entry in entries.items() if sub != _EVENT_TIMER}
     if spec.index == 0x6502 and kind.no_mode_default:
         entries = {0: replace(entries[0], default=None)}
     return replace(spec, entries=entries)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Final, NamedTuple, Protocol
 
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
 from gantryctl.drives.virtual.nodes.io_node import IoNode
+from gantryctl.errors import UsageError
 
 
 class Neighbour(Protocol):
@@ -33,8 +34,31 @@ class Neighbour(Protocol):
 class Neighbours(NamedTuple):
     """Nodes beside a drive; None for one that the machine has not."""
 
-    io: IoNode | None
-    encoder: EncoderNode | None
+    io: IoNode | None = None
+    encoder: EncoderNode | None = None
+
+
+SLAVE_FAULTS: Final = ("silent", "heartbeat_deaf", "mapping_ignored")
+IO_FAULTS: Final = (*SLAVE_FAULTS, "inputs_stuck", "outputs_dead", "error_values_ignored")
+ENCODER_FAULTS: Final = (*SLAVE_FAULTS, "frozen", "alarm", "jump")
+_JUMP_MAX: Final = 1 << 32
+
+
+def spoil(node: IoNode | EncoderNode, fault: str, value: object) -> None:
+    """Set a standing fault of a node beside the drive; False, or 0 for a jump, ends it.
+
+    Raises:
+        UsageError: it has no such fault, or the value cannot be.
+    """
+    known = IO_FAULTS if isinstance(node, IoNode) else ENCODER_FAULTS
+    if fault not in known:
+        raise UsageError(f"node {node.node_id} has no fault '{fault}'; it has: {', '.join(known)}")
+    if fault == "jump":
+        if not isinstance(value, int) or isinstance(value, bool) or abs(value) > _JUMP_MAX:
+            raise UsageError(f"a jump is a whole number of steps up to {_JUMP_MAX}, got {value!r}")
+    elif not isinstance(value, bool):
+        raise UsageError(f"fault '{fault}' is true or false, got {value!r}")
+    setattr(node.slave if fault in SLAVE_FAULTS else node, fault, value)
 
 
 class NodeGroup:

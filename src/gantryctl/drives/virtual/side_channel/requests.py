@@ -8,6 +8,7 @@
 | inject  | fault, value; for_s                           | a standing fault; back to sound after for_s             |
 | inject  | fault "tpdo", tpdo, kind; amount, count       | drop, delay, duplicate, swap or length                  |
 | inject  | fault "frame", can_id, kind; amount, count    | the same for another frame, from or to the drive        |
+| node    | node, fault, value                            | a standing fault of a node beside the drive             |
 | event   | event and its fields                          | something that happens once, see `EVENTS`               |
 | clear   | fault (all when not given)                    |                                                         |
 | read    | index; sub                                    | value as the behaviour has it                           |
@@ -27,6 +28,7 @@ from gantryctl.drives.faults import Faults, default_of, frame_fault, names, set_
 from gantryctl.drives.virtual.communication.abort import SdoAbort
 from gantryctl.drives.virtual.communication.nmt import NmtState
 from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.group import Neighbours, spoil
 from gantryctl.errors import UsageError
 
 Answer = dict[str, Any]
@@ -39,15 +41,18 @@ class Requests:
 
     Args:
         node: the drive.
+        neighbours: the nodes beside it.
     """
 
-    def __init__(self, node: DriveNode) -> None:
+    def __init__(self, node: DriveNode, neighbours: Neighbours | None = None) -> None:
         self._node = node
+        self._beside = {each.node_id: each for each in neighbours or () if each is not None}
         self._commands: dict[str, Callable[[Mapping[str, Any]], Answer]] = {
             "hello": self._hello,
             "truth": self._truth,
             "status": self._status,
             "inject": self._inject,
+            "node": self._spoil,
             "event": self._event,
             "clear": self._clear,
             "read": self._read,
@@ -131,6 +136,15 @@ class Requests:
         else:
             set_fault(node.faults, name, request.get("value", True))
             self._end(for_s, lambda: set_fault(node.faults, name, default_of(name)))
+        return {}
+
+    def _spoil(self, request: Mapping[str, Any]) -> Answer:
+        number = _whole(request, "node", 0, 1, 127)
+        node = self._beside.get(number)
+        if node is None:
+            beside = ", ".join(map(str, self._beside)) or "none"
+            raise UsageError(f"node {number} is not beside the drive; there are: {beside}")
+        spoil(node, str(request.get("fault")), request.get("value", True))
         return {}
 
     def _end(self, for_s: float | None, action: Callable[[], object]) -> None:

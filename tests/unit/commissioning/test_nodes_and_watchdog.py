@@ -1,0 +1,153 @@
+"""Steps of what is wired beside the drive: a relay that hangs, a node that sends something else, pass no step."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gantryctl.commissioning import Commissioning, Outcome, StepResult
+from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.group import Neighbours
+from gantryctl.machine import configs_folder, load_machine, with_values
+from gantryctl.operation.ledger.rows import Standing
+from gantryctl.operation.store import StateStore
+from gantryctl.wiring import virtual as virtual_wiring
+
+pytestmark = pytest.mark.can
+
+MACHINE = load_machine(configs_folder() / "hust_can.toml")
+ON_DRIVE: dict[str, object] = {"can.outputs.watchdog": 20, "can.inputs.watchdog_closed": 23}
+ON_NODE: dict[str, object] = {
+    "can.io.node": 3,
+    "can.io.outputs.watchdog": 5,
+    "can.io.inputs.watchdog_closed": 7,
+}
+UNWATCHED = {"can.virtual_drive": "unwatched"}
+Spoil = Callable[[DriveNode, Neighbours], object]
+
+
+def do(
+    key: str,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    changes: dict[str, object],
+    spoil: Spoil | None = None,
+) -> tuple[StepResult, float, Commissioning]:
+    """Run one step; its result, and how far the true gantry has turned, deg."""
+    made, far = virtual_wiring.virtual_bus, [0.0]
+    machine = with_values(MACHINE, changes)
+
+    def bus(*args: object, **named: object) -> object:
+        link, drive, neighbours = made(*args, **named)
+        if spoil is not None:
+            spoil(drive, neighbours)
+        begun = drive.truth()[0]
+
+        def look() -> None:
+            far[0] = max(far[0], abs(math.degrees(drive.truth()[0] - begun)))
+
+        drive.plant.watch = look
+        return link, drive, neighbours
+
+    monkeypatch.setattr(virtual_wiring, "virtual_bus", bus)
+    with StateStore(machine, folder) as store:
+        work = Commissioning(machine, store, folder, lambda line: None, lambda step: True)
+        work.start(again=False)
+        result = work.do(work.left(key)[0])
+    assert result is not None
+    return result, far[0], work
+
+
+@pytest.mark.parametrize("where", [ON_DRIVE, ON_NODE], ids=["60FE", "6200"])
+def test_a_watchdog_relay_makes_up_for_a_drive_that_watches_nothing(
+    where: dict[str, object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, way_deg, work = do("watchdog", tmp_path, monkeypatch, UNWATCHED | where)
+    assert result.outcome is Outcome.PASSED, result
+    # The relay opens 100 ms after the last edge, which is a quarter of that old at the most; then four scans and 10 ms.
+    assert 0.070 < result.number("silent_stop_s") < 0.130
+    assert way_deg < 0.05
+    rows = {row.what: row for row in work.ledger}
+    for what in ("stops_without_commands", "stops_without_controller"):
+        assert rows[what].standing is Standing.MADE_UP, rows[what]
+        assert "torque off and brake" in rows[what].detail
+
+
+def test_without_the_relay_such_a_drive_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(Exception, match="stops_without_controller"):
+        do("watchdog", tmp_path, monkeypatch, UNWATCHED)
+
+
+def hangs(drive: DriveNode, _: Neighbours) -> None:
+    drive.plant.cabinet.welded = True
+
+
+def slow(drive: DriveNode, _: Neighbours) -> None:
+    drive.plant.cabinet._hold_us = 400_000
+
+
+@pytest.mark.parametrize("liar", [hangs, slow])
+@pytest.mark.parametrize("where", [ON_DRIVE, ON_NODE], ids=["60FE", "6200"])
+def test_a_relay_that_does_not_open_in_time_passes_nothing(
+    where: dict[str, object], liar: Spoil, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, way_deg, work = do("watchdog", tmp_path, monkeypatch, UNWATCHED | where, liar)
+    assert result.outcome is Outcome.FAILED, result
+    assert way_deg < 0.05
+    assert {row.standing for row in work.ledger if row.what == "stops_without_controller"} == {
+        Standing.LACKING
+    }
+
+
+def test_a_relay_that_hangs_behind_a_drive_that_stops_by_itself_is_seen_by_its_contact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result, _, _ = do("watchdog", tmp_path, monkeypatch, ON_NODE, hangs)
+    assert result.outcome is Outcome.FAILED
+    assert "contact still shows closed" in result.proof
+    result, _, _ = do("watchdog", tmp_path, monkeypatch, ON_NODE | {"can.io.inputs.watchdog_closed": -1})
+    assert "perhaps by the drive's own watch" in result.proof
+    assert result.outcome is Outcome.FAILED
+
+
+def test_an_output_that_is_not_toggled_opens_the_relay(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drive cannot be enabled: a level that stands is no sign of life."""
+
+    def dead(_: DriveNode, neighbours: Neighbours) -> None:
+        assert neighbours.io is not None
+        neighbours.io.outputs_dead = True
+
+    result, _, _ = do("watchdog", tmp_path, monkeypatch, UNWATCHED | ON_NODE, dead)
+    assert result.outcome is Outcome.FAILED
+    assert "operation enabled was wanted" in result.proof
+
+
+RING: dict[str, object] = {"can.load_encoder.source": "node", "can.load_encoder.node": 4}
+
+
+def test_nodes_say_by_sdo_what_they_send(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result, way_deg, _ = do("nodes", tmp_path, monkeypatch, ON_NODE | RING)
+    assert result.outcome is Outcome.PASSED, result
+    assert "node 3" in result.proof
+    assert "node 4" in result.proof
+    assert way_deg < 0.001
+
+
+def test_a_node_that_sends_something_else_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def swapped(_: DriveNode, neighbours: Neighbours) -> None:
+        """Its telegram carries the inputs upside down."""
+        assert neighbours.io is not None
+        slave = neighbours.io.slave
+        out = slave._out
+        slave._out = lambda can_id, data: out(
+            can_id, bytes(~b & 0xFF for b in data) if can_id == 0x183 else data
+        )
+
+    result, _, _ = do("nodes", tmp_path, monkeypatch, ON_NODE | RING, swapped)
+    assert result.outcome is Outcome.FAILED
+    assert "6000:01 is" in result.proof
