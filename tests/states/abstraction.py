@@ -370,8 +370,8 @@ RULES: Final[dict[type, Rules]] = {
     ),
     StopRecord: Rules(
         same="finished",
-        clock="_angle_known _brake_scan _rest_pos_rad _rest_scan _slow_scan _switching_on _torque_scan _was_open "
-        "_was_torque alarm",
+        clock="_angle_known _brake_scan _rest_pos_rad _slow_scan _switching_on _torque_scan _torque_unseen _turned "
+        "_turning_rad_s _was_open _was_torque alarm",
         fixed="_period_s",
     ),
     Power: Rules(same="_enable _on", shown="error status", fixed="axis", unread=_BLOCK),

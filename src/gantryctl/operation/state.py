@@ -79,7 +79,9 @@ def machine_status(machine: Machine) -> MachineStatus:
             with read_only(machine, store) as found:
                 retained, reading, state = found.retained, found.reading, found.feedback.state
             held, angle_deg, notes = why_not_referenced(reading), reading.angle_deg, found.notes
-            condition = "power off, brake closed" if held is None else "may not move"
+            # Of a drive on a bus the state is read, and nothing of its brake.
+            off = "power off, brake closed" if machine.plant_is_local else "power off"
+            condition = off if held is None else "may not move"
             if state in _MOVABLE:
                 condition = (
                     f"the drive is in {state.name.lower().replace('_', ' ')}: another controller runs it"

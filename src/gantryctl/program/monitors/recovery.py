@@ -28,7 +28,7 @@ class StopRecord:
     """Follows one stop from its alarm to rest and writes `alarm.steps`."""
 
     __slots__ = (
-        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_rest_scan", "_slow_scan", "_switching_on",
+        "_angle_known", "_brake_scan", "_period_s", "_rest_pos_rad", "_slow_scan", "_switching_on",
         "_torque_scan", "_torque_unseen", "_turned", "_turning_rad_s", "_was_open", "_was_torque", "alarm", "finished",
     )  # fmt: skip
 
@@ -40,7 +40,7 @@ class StopRecord:
         # A drive that owns its brake gives torque before it shows Operation enabled.
         self._switching_on = power.phase is PowerPhase.ENABLING and feedback.state is DriveState.SWITCHED_ON
         self._was_torque = feedback.energised or power.phase in TORQUE_ON or self._switching_on
-        self._brake_scan = self._torque_scan = self._slow_scan = self._rest_scan = -1
+        self._brake_scan = self._torque_scan = self._slow_scan = -1
         self._rest_pos_rad = alarm.pos_rad
         self._angle_known = True
         self._torque_unseen = self._turned = False
