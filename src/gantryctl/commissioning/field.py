@@ -16,12 +16,15 @@ from gantryctl.drives.profiles.dictionary import profile_of_table
 from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.machine import Machine, with_values
 from gantryctl.operation.ledger import LedgerRow, Standing
+from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
 from gantryctl.operation.ledger.judging import impossible, lacks, unproven
 from gantryctl.operation.store import StateStore
 
 _PER_MILLE: Final = 1000.0
 _TORQUE_LIMIT: Final = (0x6072, 0)
 _SPEED_UNIT: Final = (0x60A9, 0)
+_DRIVE_INPUTS: Final = (0x60FD, 0)
+_IO_NODE: Final = 3
 
 
 class FieldDrive(NamedTuple):
@@ -63,6 +66,7 @@ def field_machine(base: Machine, table: ObjectTable, source: str) -> Machine:
         "brake.owner": "drive",
         **_unit(table),
         **_torque(base, table),
+        **_inputs(table),
     }
     return with_values(base, changes)
 
@@ -85,6 +89,14 @@ def _torque(base: Machine, table: ObjectTable) -> dict[str, object]:
     if entry.high is None or entry.high >= _PER_MILLE * share:
         return {}
     return {"can.torque_reference": _PER_MILLE * share / entry.high}
+
+
+def _inputs(table: ObjectTable) -> dict[str, object]:
+    """An I/O node for the inputs of a drive without 60FD."""
+    if not table.lacks(*_DRIVE_INPUTS):
+        return {}
+    wired = {f"can.io.inputs.{name}": bit for bit, name in enumerate(SAFETY_INPUTS)}
+    return {"can.io.node": _IO_NODE, **wired, **{f"can.inputs.{name}": -1 for name in SAFETY_INPUTS}}
 
 
 def commission_field_drive(

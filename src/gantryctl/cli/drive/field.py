@@ -53,6 +53,9 @@ def field(
     count = sum(drive.commissioned for drive in found)
     if as_json:
         print_json({"commissioned": count, "drives": [_data(drive) for drive in found]})
+    elif short:
+        passed = sum(not drive.refused for drive in found)
+        click.echo(f"\n{passed} of {len(found)} drives pass the steps that need no whole turn")
     else:
         click.echo(f"\n{count} of {len(found)} drives can be commissioned")
     return int(count < least)
