@@ -139,6 +139,8 @@ def _check_speed(axis: AxisClient, speed: float) -> None:
     from gantryctl.units import rad
     from gantryctl.wiring.program import speed_settings
 
+    # By the machine file without a word to the service, then by what its ledger leaves of that.
+    require(check_setting(rad(speed), speed_settings(axis.machine)))
     require(check_setting(rad(speed), speed_settings(axis.machine, axis.speed_max_deg_s)))
 
 
