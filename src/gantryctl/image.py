@@ -172,6 +172,17 @@ class DriveIdentity(NamedTuple):
     """The maker's words for error codes of its own."""
 
 
+class NodeHealth(NamedTuple):
+    """Node beside the drive on its bus; ages in scans."""
+
+    node: int
+    key: str
+    """Vendor, product and serial number."""
+    received: int
+    missed: int
+    longest_age_scans: int
+
+
 class LinkHealth(NamedTuple):
     """State of the connection to a drive on a bus; ages in scans, one figure per telegram (TPDO) of the drive."""
 
@@ -206,6 +217,12 @@ class LinkHealth(NamedTuple):
     emergencies: int = 0
     messages: tuple[str, ...] = ()
     """The last emergency messages of the drive, in words."""
+    nodes: tuple[NodeHealth, ...] = ()
+
+    @property
+    def node_keys(self) -> tuple[str, ...]:
+        """The nodes beside the drive, each with its id, vendor, product and serial number."""
+        return tuple(f"{node.node} {node.key}" for node in self.nodes)
 
     def lines(self) -> tuple[str, ...]:
         """For people: a row per telegram, totals, and the complaints of the drive."""
@@ -219,6 +236,11 @@ class LinkHealth(NamedTuple):
             for n, (got, missed, late, twice, length, other, age) in enumerate(
                 zip(*columns, strict=True), start=1
             )
+        ]
+        rows += [
+            f"node {node.node}: {node.received} of {self.scans} in time or late, {node.missed} missed, "
+            f"oldest {node.longest_age_scans} scans"
+            for node in self.nodes
         ]
         rest = (
             f"emergency messages {self.emergencies}, telegrams refused by the bus {self.refused}, "

@@ -12,6 +12,7 @@ from bus.io_machines import IO, ON_DRIVE, io_machine
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.errors import DeviceError
+from gantryctl.machine import configs_folder, load_machine
 from gantryctl.machine.rules.reaction import silent_angle_deg
 from gantryctl.program import PowerPhase
 from gantryctl.wiring.canopen import canopen_settings
@@ -250,3 +251,29 @@ def test_everything_that_is_written_is_there() -> None:
     assert od.number(0x1017) == 50
     assert math.isclose(od.number(0x1006), 4000)
     rig.engine.close()
+
+
+def test_another_node_in_the_place_of_one_is_refused() -> None:
+    rig = BusRig(io_machine())
+    rig.run(0.1)
+    rig.io.slave.boot()
+    rig.io.slave.od.readers[0x1018, 4] = lambda: 99
+    rig.run(0.1)
+    assert rig.drive.lost
+    with pytest.raises(DeviceError, match="another node"):
+        rig.drive.set_up_again()
+    rig.engine.close()
+
+
+def test_the_example_machine_moves_its_load_to_where_it_is_told() -> None:
+    machine = load_machine(configs_folder() / "hust_can_nodes.toml")
+    rig = BusRig(machine, 20.0).power_up()
+    rig.command(move=True, target_rad=math.radians(20.5), speed_rad_s=math.radians(1.0))
+    rig.run(8.0)
+    assert rig.codes == []
+    # By the encoder on the ring: scale error 0.0005 deg, dead band 0.0001 deg.
+    assert math.degrees(rig.node.truth()[0]) == pytest.approx(20.5, abs=0.001)
+    health = rig.drive.health()
+    assert [node.node for node in health.nodes] == [3, 4]
+    assert all(node.missed == 0 for node in health.nodes)
+    off(rig)

@@ -294,6 +294,7 @@ export const WORDS: Record<string, string> = {
   MOVED_OR_TURNS_LOST: "断电期间机架移动了 {moved:+.3f}°，或编码器丢失圈数",
   NO_RECORD: "{machine} 没有调试记录：其驱动器未经验证",
   OTHER_DRIVE: "总线上的驱动器为 {drive}，{machine} 调试时为 {proven}",
+  OTHER_NODES: "驱动器旁的节点为 {nodes}，{machine} 调试时为 {proven}",
   CONFIGURATION_CHANGED: "{machine} 于 {date} 调试后配置已改变",
   STEPS_MISSING: "安全台账尚缺以下步骤的证明：{steps}",
   SILENCE_NOT_PROVEN: "未证明控制器静默时该驱动器会停止轴",

@@ -107,6 +107,7 @@ class Progress:
     proven_hash: str
     drive: str = ""
     software: str = ""
+    nodes: tuple[str, ...] = ()
     results: dict[str, StepResult] = field(default_factory=dict)
 
     @property

@@ -215,12 +215,12 @@ class Commissioning:
             self._as_found = ReadOnlyDrive(link, canopen_settings(self.machine)).rows
         finally:
             link.close()
-        facts = self._set_up()
+        facts, nodes = self._set_up()
         # Proofs belong to one drive: another one has shown nothing yet.
-        before = self.progress.drive, self.progress.software
-        if again or (before[0] and before != (facts.key, facts.software)):
+        before = self.progress.drive, self.progress.software, self.progress.nodes
+        if again or (before[0] and before != (facts.key, facts.software, nodes)):
             self.progress = Progress(self.machine.name, proven_hash(self.machine))
-        self.progress = replace(self.progress, drive=facts.key, software=facts.software)
+        self.progress = replace(self.progress, drive=facts.key, software=facts.software, nodes=nodes)
         rows = self.ledger
         for row in rows:
             self._say(f"  {row.text}")
@@ -228,17 +228,21 @@ class Commissioning:
         if reasons:
             raise CommandRefused(" · ".join(reason.text for reason in reasons))
 
-    def _set_up(self) -> DriveFacts:
-        """Set the drive up once, which shows what it takes; nothing is enabled."""
+    def _set_up(self) -> tuple[DriveFacts, tuple[str, ...]]:
+        """Set the drive up once, which shows what it takes, and who is beside it; nothing is enabled."""
         path = facts_path(self.store.directory, self.machine)
+        nodes: tuple[str, ...] = ()
         try:
-            leave_bus(open_machine(self.machine, self.store).drive)
+            drive = open_machine(self.machine, self.store).drive
+            health = drive.health()
+            nodes = () if health is None else health.node_keys
+            leave_bus(drive)
         except UnusableDrive as unusable:
             store_facts(path, unusable.facts)
         facts = load_facts(path)
         # A CAN machine is commissioned: its set-up has kept them.
         assert facts is not None
-        return facts
+        return facts, nodes
 
     def do(self, step: Step) -> StepResult | None:
         """Run one step; None when the person declined it."""
@@ -314,6 +318,7 @@ class Commissioning:
                 proven_hash=self.progress.proven_hash,
                 drive=self.progress.drive,
                 software=self.progress.software,
+                nodes=self.progress.nodes,
                 date=now_text(),
                 by=operator_name(),
                 report_hash=self.progress.hash,

@@ -31,6 +31,7 @@ class CommissioningRecord:
 
     Attributes:
         drive: vendor, product and serial number of object 1018.
+        nodes: node id and the same of each node beside the drive.
         steps: those that have passed.
         accepted: rows of the ledger that a person has accepted, in words.
         measured: figures that the ledger and the stops are computed with (`ledger.rows.MEASURED`).
@@ -40,6 +41,7 @@ class CommissioningRecord:
     proven_hash: str
     drive: str
     software: str
+    nodes: tuple[str, ...]
     date: str
     by: str
     report_hash: str
@@ -64,7 +66,7 @@ def load_record(path: Path) -> CommissioningRecord | None:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
         known = {field.name: data[field.name] for field in fields(CommissioningRecord)}
-        for name in ("steps", "accepted"):
+        for name in ("nodes", "steps", "accepted"):
             known[name] = tuple(known[name])
         return CommissioningRecord(**known)
     except (OSError, ValueError, KeyError, TypeError) as fault:
@@ -141,7 +143,7 @@ def bus_reasons(
     # A relay outside of the drive does not change with a boot-up of the drive.
     watches = any(row.proof == SILENCE_STEP for row in rows)
     why = (
-        why_not_commissioned(machine, record, health.drive_key, rows),
+        why_not_commissioned(machine, record, health.drive_key, rows, health.node_keys),
         why_silence_not_proven(proof, health) if watches else None,
     )
     return tuple(
@@ -252,13 +254,20 @@ def ledger_notes(machine: Machine, rows: tuple[LedgerRow, ...]) -> tuple[str, ..
 
 
 def why_not_commissioned(
-    machine: Machine, record: CommissioningRecord | None, drive_key: str, rows: tuple[LedgerRow, ...] = ()
+    machine: Machine,
+    record: CommissioningRecord | None,
+    drive_key: str,
+    rows: tuple[LedgerRow, ...] = (),
+    node_keys: tuple[str, ...] = (),
 ) -> Words | Said | None:
-    """Say what the record lacks for this drive and configuration; None when it fits."""
+    """Say what the record lacks for this drive, the nodes beside it and this configuration; None when it fits."""
     if record is None:
         return Words.NO_RECORD(machine=machine.name)
     if record.drive != drive_key:
         return Words.OTHER_DRIVE(drive=drive_key, machine=machine.name, proven=record.drive)
+    if record.nodes != node_keys:
+        nodes, proven = (", ".join(keys) or "-" for keys in (node_keys, record.nodes))
+        return Words.OTHER_NODES(nodes=nodes, machine=machine.name, proven=proven)
     if record.proven_hash != proven_hash(machine):
         return Words.CONFIGURATION_CHANGED(machine=machine.name, date=record.date)
     if missing := unproven(rows):

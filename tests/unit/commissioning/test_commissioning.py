@@ -288,6 +288,9 @@ def test_the_record_is_of_one_drive_and_one_configuration(tmp_path: Path) -> Non
     assert not why_not_commissioned(MACHINE, record, drive)
     assert "was commissioned with" in str(why_not_commissioned(MACHINE, record, "another drive"))
     assert "configuration has changed" in str(why_not_commissioned(other, record, drive))
+    assert "nodes beside the drive are 3 A-B-1" in str(
+        why_not_commissioned(MACHINE, record, drive, node_keys=("3 A-B-1",))
+    )
     assert "no commissioning record" in str(why_not_commissioned(MACHINE, None, drive))
     assert record_path(store.directory, MACHINE).name == "hust_can.commissioned.toml"
     store.__exit__(None, None, None)

@@ -422,6 +422,7 @@ class CanopenDrive:
             passives=link.passives,
             emergencies=emergencies.count,
             messages=tuple(message.text for message in emergencies.messages if message.code),
+            nodes=self.beside.health(),
         )
 
     def leave_restart_marker(self) -> int | None:

@@ -351,6 +351,10 @@ class Words(Enum):
         "the drive on the bus is {drive}, {machine} was commissioned with {proven}",
         "总线上的驱动器为 {drive}，{machine} 调试时为 {proven}",
     )
+    OTHER_NODES = (
+        "the nodes beside the drive are {nodes}, {machine} was commissioned with {proven}",
+        "驱动器旁的节点为 {nodes}，{machine} 调试时为 {proven}",
+    )
     CONFIGURATION_CHANGED = (
         "the configuration has changed since {machine} was commissioned on {date}",
         "{machine} 于 {date} 调试后配置已改变",

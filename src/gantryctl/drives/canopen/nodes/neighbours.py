@@ -15,7 +15,7 @@ from gantryctl.drives.canopen.nodes.outputs import OutputWriter
 from gantryctl.drives.canopen.nodes.ring_encoder import RingAngle, RingEncoder
 from gantryctl.drives.canopen.process_image import ProcessImage
 from gantryctl.drives.canopen.settings import CanopenSettings
-from gantryctl.image import DigitalInputs, LinkFlag, OutputImage
+from gantryctl.image import DigitalInputs, LinkFlag, NodeHealth, OutputImage
 
 _BRIDGED_S: Final = 0.030
 
@@ -77,6 +77,20 @@ class Neighbours:
     def watches(self) -> tuple[TpdoWatch, ...]:
         """Telegrams of all nodes."""
         return tuple(node.watch for node in self.nodes)
+
+    def health(self) -> tuple[NodeHealth, ...]:
+        """Identity and telegrams of all nodes."""
+        return tuple(
+            NodeHealth(
+                each.remote.node,
+                each.identity.key,
+                each.watch.received,
+                each.watch.missed,
+                each.watch.longest_age,
+            )
+            for each in self.nodes
+            if each.identity is not None
+        )
 
     @property
     def changed(self) -> bool:
