@@ -139,10 +139,17 @@ def accept(config_file: Path | None, lacks: tuple[str, ...], by: str, because: s
 def _with_virtual_drive(machine: Machine) -> Machine:
     from gantryctl.machine import with_values
 
-    # In virtual time: the bus, its side channel and its adapter are left out, everything else is as commissioned.
+    # In virtual time: the bus, its side channel and its adapter are left out, everything else is as commissioned. With
+    # an EDS the virtual drive has what that drive has.
     return with_values(
         machine,
-        {"can.interface": "simulated", "can.stepped": False, "can.side_channel": "", "can.channel": ""},
+        {
+            "can.interface": "simulated",
+            "can.stepped": False,
+            "can.side_channel": "",
+            "can.channel": "",
+            "can.virtual_drive": machine.can.virtual_drive or machine.can.eds,
+        },
     )
 
 

@@ -151,13 +151,18 @@ class CanopenSettings:
         return self if self.profile is not None else replace(self, profile=profile_of(facts))
 
     @property
+    def told_speed_unit(self) -> DriveVelocityUnit | None:
+        """Unit of 60FF by machine file or profile; None where neither says it."""
+        return self.velocity_unit or (None if self.profile is None else self.profile.units.velocity)
+
+    @property
     def speed_unit(self) -> DriveVelocityUnit:
         """Unit of 60FF.
 
         Raises:
             DeviceError: neither the machine file nor a profile says it.
         """
-        unit = self.velocity_unit or (self.profile.units.velocity if self.profile is not None else None)
+        unit = self.told_speed_unit
         if unit is None:
             who = (
                 "no profile fits this drive"

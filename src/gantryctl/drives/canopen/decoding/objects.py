@@ -135,12 +135,12 @@ def _scaled(index: int, value: int, known: Objects, settings: CanopenSettings | 
         return f"{value / increments:.5f} turns"
     if index in _VELOCITIES:
         unit = unit_of_word(known[0x60A9, 0]) if (0x60A9, 0) in known else None
-        unit = unit or (None if settings is None else settings.velocity_unit)
+        unit = unit or (None if settings is None else settings.told_speed_unit)
         if unit is not None and (increments or VELOCITY_UNITS[unit].per_turn_s):
             rad_s = value / VELOCITY_UNITS[unit].per_rad_s(increments)
             return f"{r_min_from_rad_s(rad_s):.3f} r/min"
     if index in _TORQUES:
-        rated_nm = known.get((0x6076, 0), 0) / 1000.0
+        rated_nm = known.get((0x6076, 0), 0) / (1000.0 if settings is None else settings.rated_torque_per_nm)
         if settings is not None:
             rated_nm = (rated_nm or settings.torque_rated_nm) * settings.torque_reference
         if math.isfinite(rated_nm) and rated_nm > 0.0:
