@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.options import (
     choice_option,
     config_option,
@@ -15,19 +17,23 @@ from gantryctl.cli.options import (
     number_option,
     out_option,
     print_json,
-    simulated_machine,
     write_json,
+    write_text,
 )
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
     from gantryctl.engineering.tuning.by_margins import Conditions
+    from gantryctl.engineering.tuning.on_bus import TuningSession
     from gantryctl.engineering.tuning.procedure import Criteria
     from gantryctl.engineering.tuning.result import Tuning
+    from gantryctl.machine import Machine
 
 DEFAULT_OUT = Path("tuning")
 # A whole machine file: --config takes it as it is.
 PROPOSAL = "proposal.toml"
+# What waits for its second half, on a bus.
+SESSION = "on_bus.json"
 
 
 @click.command()
@@ -51,6 +57,8 @@ PROPOSAL = "proposal.toml"
     0.8,
     "Part of its own damping that the loop leaves the load at least (method margins).",
 )
+@click.option("--again", is_flag=True, help="On a bus: begin anew instead of going on.")
+@yes_option
 @click.option("--log", "with_log", is_flag=True, help="Print every trial.")
 @click.option("--plot", is_flag=True, help="Write pictures to --out.")
 @out_option
@@ -62,22 +70,31 @@ def tune(
     base_um: float,
     sensitivity: float,
     damping_left: float,
+    again: bool,
+    yes: bool,
     with_log: bool,
     plot: bool,
     out: Path | None,
     as_json: bool,
 ) -> int:
-    """Tune the loops on the simulated axis and write the result as a proposal, never over the machine file.
+    """Tune the loops and write the result as a proposal, never over the machine file.
 
     The proposal is a whole machine file: use it with --config, or look at it with `gantryctl config diff`. It goes to
     --out (default: tuning/) with the log. Exit code 1 when it is unstable somewhere on the uncertain plant.
+
+    On a bus, always by margins: the first call measures drive and position loop and proposes; enter Kvp and Tvi with
+    the maker's tool, then call it again with --config tuning/proposal.toml: it measures what the drive has now. Exit
+    code 1 when that is not what was proposed.
     """
     from gantryctl.engineering.tuning.data import tuning_data
     from gantryctl.engineering.tuning.proposal import proposed_machine
     from gantryctl.engineering.tuning.result import tune as run
 
-    machine = simulated_machine(config_file, "tune")
+    machine = machine_under_test(config_file, "tune")
     criteria, conditions = _criteria(base_um), _conditions(sensitivity, damping_left)
+    if machine.on_bus:
+        folder = directory(out or DEFAULT_OUT)
+        return _tune_on_bus(machine, config_file, conditions, folder, again=again, yes=yes, as_json=as_json)
     result = run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
     # Refused before anything is written.
     proposed_machine(result)
@@ -89,6 +106,79 @@ def tune(
         for path in files:
             click.echo(f"wrote {path}")
     return 0 if result.proposal.verdict.stable else 1
+
+
+def _tune_on_bus(
+    machine: Machine,
+    config_file: Path | None,
+    conditions: Conditions,
+    folder: Path,
+    *,
+    again: bool,
+    yes: bool,
+    as_json: bool,
+) -> int:
+    from gantryctl.engineering.identification.measure import quiet_machine
+    from gantryctl.engineering.tuning import on_bus
+    from gantryctl.engineering.tuning.gains import machine_with
+    from gantryctl.machine import default_machine_path
+    from gantryctl.machine.effective import to_toml
+    from gantryctl.wiring.compensation import check_calibration
+
+    waiting = None if again else on_bus.load_session(folder / SESSION)
+    if waiting is None:
+        # The model needs the inertia of this machine: before anything moves.
+        check_calibration(machine)
+    moves = (
+        f"moves to 60 deg, turns slowly to 105 deg and stands at 75 deg for 5 minutes, with test signals of up to "
+        f"+-{0.15 * machine.motor.torque_rated_nm:.0f} N m on its speed command"
+    )
+    with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
+        session = (
+            on_bus.begin(machine, run, conditions) if waiting is None else on_bus.end(machine, run, waiting)
+        )
+    on_bus.store_session(folder / SESSION, session)
+    if session.after is None:
+        in_use = config_file or default_machine_path()
+        write_text(folder / PROPOSAL, to_toml(machine_with(machine, session.proposal)))
+        named = machine.control.compensation.calibration
+        if named and (in_use.parent / named).is_file():
+            write_text(folder / named, (in_use.parent / named).read_text("utf-8"))
+    if as_json:
+        print_json(on_bus.session_data(session))
+    else:
+        _show_on_bus(session, folder)
+    return 0 if session.after is None or session.passed else 1
+
+
+def _show_on_bus(session: TuningSession, folder: Path) -> None:
+    loop, wanted = session.before.speed_loop, session.proposal
+    click.echo(
+        f"{session.machine}, {session.drive}, as found: Kvp {loop.kvp_nm_s_per_rad:.4g} N m s/rad, "
+        f"Tvi {1e3 * loop.tvi_s:.3g} ms, {loop.inertia_kg_m2:.3g} kg m2 at the motor, dead time "
+        f"{1e3 * loop.dead_time_s:.2f} ms; sensitivity {session.before.sensitivity:.2f} at "
+        f"{session.before.sensitivity_hz:.3g} Hz"
+    )
+    if session.after is None:
+        kvp, ki = (
+            wanted.kvp_nm_s_per_rad / loop.kvp_nm_s_per_rad,
+            wanted.kvp_nm_s_per_rad / wanted.tvi_s * loop.tvi_s / loop.kvp_nm_s_per_rad,
+        )
+        paragraph(
+            f"proposed: Kvp {wanted.kvp_nm_s_per_rad:.4g} N m s/rad, Tvi {1e3 * wanted.tvi_s:.3g} ms, Kpp "
+            f"{wanted.kpp_per_s:.4g} /s. Enter in the maker's tool: proportional gain x {kvp:.3f}, integral gain "
+            f"(where it is one of its own) x {ki:.3f}, save them there; then gantryctl tune --config "
+            f"{folder / PROPOSAL} --out {folder} measures what the drive has."
+        )
+        return
+    for check in session.checks:
+        told = (
+            f"at most {check.allowed:.3g}"
+            if math.isnan(check.wanted)
+            else f"{check.wanted:.4g} +-{100.0 * check.allowed:.0f} %"
+        )
+        verdict = "pass" if check.passed else "FAIL"
+        click.echo(f"{verdict}  {check.name}: {check.measured:.4g} {check.unit} ({told})")
 
 
 def _criteria(base_um: float) -> Criteria:

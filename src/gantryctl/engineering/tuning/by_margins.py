@@ -71,7 +71,10 @@ class Designed(NamedTuple):
 
 
 def by_margins(
-    machine: Machine, conditions: Conditions = STATED, plants: Sequence[UncertainPlant] | None = None
+    machine: Machine,
+    conditions: Conditions = STATED,
+    plants: Sequence[UncertainPlant] | None = None,
+    kvp_highest: float = math.inf,
 ) -> Designed:
     """Search the gains of a machine.
 
@@ -79,6 +82,7 @@ def by_margins(
         machine: its timing, encoder and current loop count; its gains do not.
         conditions: see `Conditions`.
         plants: the whole set, when it was made before.
+        kvp_highest: no Kvp above it.
 
     Raises:
         UsageError: no gains meet the conditions.
@@ -86,7 +90,8 @@ def by_margins(
     whole = uncertain_plants(machine) if plants is None else list(plants)
     corners = uncertain_plants(machine, _CORNERS)
     kvp_max = _encoder_limit(machine, conditions)
-    search = _Search(machine, conditions, corners, kvp_max)
+    limits = [kvp for kvp in (kvp_max, kvp_highest) if kvp is not None and math.isfinite(kvp)]
+    search = _Search(machine, conditions, corners, min(limits, default=None))
     for _ in range(_ROUNDS):
         gains = search.best()
         bad = [plant for plant in whole if search.excess(gains, [plant]) > 0.0]
