@@ -204,7 +204,7 @@ def test_what_cannot_be_done_is_refused(arguments, message):
 
 
 def test_measuring_needs_a_simulated_drive(tmp_path):
-    with pytest.raises(UsageError, match='needs a drive with an axis behind it'):
+    with pytest.raises(UsageError, match="needs a drive with an axis behind it"):
         run("--measure", "--config", file_with(tmp_path, {"drive.kind": "ideal"}))
 
 

@@ -129,7 +129,7 @@ def test_what_cannot_be_done_is_refused(ready, arguments, message):
 def test_an_ideal_drive_is_not_tuned(tmp_path):
     path = tmp_path / "machine.toml"
     path.write_text(to_toml(with_values(default_machine(), {"drive.kind": "ideal"})), encoding="utf-8")
-    with pytest.raises(UsageError, match='tune needs a drive with an axis behind it'):
+    with pytest.raises(UsageError, match="tune needs a drive with an axis behind it"):
         run("--config", path)
 
 
