@@ -138,6 +138,20 @@ export interface Tags {
   feedback_age_ms: number | null;
   /** Age of the drive's last heartbeat; null without a bus. [ms] */
   heartbeat_age_ms: number | null;
+  /** Telegrams of the drive that were missing (all TPDOs); null without a bus. */
+  bus_missed: number | null;
+  /** Those that came after the scan had stopped waiting; null without a bus. */
+  bus_late: number | null;
+  /** Those that came twice for one SYNC; null without a bus. */
+  bus_duplicated: number | null;
+  /** Those of another length than was mapped; null without a bus. */
+  bus_wrong_length: number | null;
+  /** Those that contradict another of the same SYNC; null without a bus. */
+  bus_contradicted: number | null;
+  /** Frames that the bus did not take; null without a bus. */
+  bus_refused: number | null;
+  /** Frames of others on the bus; null without a bus. */
+  bus_others: number | null;
   /** Nominal scan period. [ms] */
   scan_period_ms: number | null;
   /** Lateness of the scans of the last 10 s, median. [us] */

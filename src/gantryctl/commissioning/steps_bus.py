@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from functools import reduce
+from operator import or_
+from typing import Final, NamedTuple
 
-from gantryctl.commissioning.open_loop_axis import open_loop_axis
+from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
 from gantryctl.commissioning.results import (
     Context,
     Figure,
@@ -17,6 +20,7 @@ from gantryctl.commissioning.results import (
     judged,
     passed,
 )
+from gantryctl.drives.canopen.process_image import unwrap_of
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
@@ -26,6 +30,12 @@ from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import load_record, record_path
 
 _WATCH_S: Final = 2.0
+# Statuswords by telegram and by SDO; a bit that toggles with each of them by chance looks still once in 2^15.
+_SAMPLES: Final = 8
+# Scans before the first of them; one more before each that follows, so that no bit toggles in step with them.
+_SCANS: Final = 3
+# Bits of the CiA 402 state.
+_STATE: Final = 0x6F
 # One SYNC in a hundred: rarer gaps are bridged by the master for 30 ms (decision 0012).
 _MISSED_MAX: Final = 0.01
 # The program runs in what is left of the period after the answers.
@@ -97,29 +107,83 @@ def parameters(c: Context) -> StepResult:
     return replace(done, table=table)
 
 
+class StatuswordSample(NamedTuple):
+    """The statusword by telegram, then by SDO, then by telegram again."""
+
+    before: int
+    by_sdo: int
+    after: int
+
+
+class StatuswordVerdict(NamedTuple):
+    """What samples of the statusword show.
+
+    Attributes:
+        wrong: bits that stand still in the telegrams and are otherwise by SDO. moving: bits that change in the
+            telegrams while nothing is asked of the drive.
+    """
+
+    wrong: int
+    moving: int
+    samples: int
+
+    @property
+    def agree(self) -> bool:
+        """Both ways show the same word, and the drive stays in its state."""
+        return not (self.wrong or self.moving & _STATE)
+
+    @property
+    def text(self) -> str:
+        """For the proof."""
+        said = [f"differs in bits {_bits(self.wrong)}" if self.wrong else f"agrees {self.samples} times"]
+        if self.moving & _STATE:
+            said.append(f"the state itself changes (bits {_bits(self.moving & _STATE)})")
+        if self.moving & ~_STATE:
+            said.append(f"bits {_bits(self.moving & ~_STATE)} change by themselves and are not compared")
+        return ", ".join(said)
+
+
+def _bits(word: int) -> str:
+    return ", ".join(str(bit) for bit in range(16) if word >> bit & 1)
+
+
+def judge_statuswords(samples: Sequence[StatuswordSample]) -> StatuswordVerdict:
+    """Compare the statusword of telegrams with that of SDO; bits that toggle by design agree by chance only."""
+    words = [word for sample in samples for word in (sample.before, sample.after)]
+    moving = reduce(or_, (word ^ words[0] for word in words))
+    wrong = reduce(or_, (sample.by_sdo ^ sample.before for sample in samples)) & ~moving
+    return StatuswordVerdict(wrong, moving, len(samples))
+
+
+def _statusword_sample(axis: OpenLoopAxis, scans: int) -> StatuswordSample:
+    process = axis.drive.process
+    before = process.statusword
+    by_sdo = axis.drive.node.sdo.number(0x6041)
+    axis.run(scans * axis.period_s, DriveRequest.DISABLE)
+    return StatuswordSample(before, by_sdo, process.statusword)
+
+
 def process_data(c: Context) -> StepResult:
     """Compare telegrams with SDO reads, and count missed and late ones."""
     with open_loop_axis(c, _LEASH_DEG) as axis:
         axis.run(_WATCH_S, DriveRequest.DISABLE)
         counters, drive = axis.drive.health(), axis.drive
-        pdo = drive.process.statusword, drive.process.counts
+        words = judge_statuswords([_statusword_sample(axis, _SCANS + n) for n in range(_SAMPLES)])
         # By SDO, not by PDO: a wrong mapping would agree with itself.
-        raw = drive.node.sdo.number(0x6064)
-        sdo = drive.node.sdo.number(0x6041), (-raw if drive.settings.inverted else raw)
-        span = drive.identity().counts_per_turn * drive.identity().turns
-    # The bits of the CiA 402 state; the others may change between the two reads.
-    same = pdo[0] & 0x6F == sdo[0] & 0x6F
+        raw, absolute = drive.node.sdo.number(0x6064), unwrap_of(drive.settings)
+        by_sdo = absolute(-raw if drive.settings.inverted else raw)
+        by_pdo, span = drive.process.counts, absolute.range_counts
     # Counts wrap: the shorter way round is the distance.
-    apart = abs((pdo[1] - sdo[1] + span // 2) % span - span // 2)
+    apart = abs((by_pdo - by_sdo + span // 2) % span - span // 2)
     missed = max(counters.missed) / counters.scans
     late = max(counters.late) / counters.scans
     proof = (
-        f"{counters.scans} SYNCs, {100 * missed:.2f} % missed, {100 * late:.2f} % late; statusword and position by SDO "
-        f"{'agree' if same else 'differ'} ({apart} increments apart)"
+        f"{counters.scans} SYNCs, {100 * missed:.2f} % missed, {100 * late:.2f} % late; statusword by SDO "
+        f"{words.text}; position {apart} increments apart"
     )
     to_do = "check cable, terminators, bit rate, and that nothing else maps the drive"
     return judged(
-        same, "pdo", proof, to_do,
+        words.agree, "pdo", proof, to_do,
         missed_ratio=Figure(missed, high=_MISSED_MAX), late_ratio=late,
         apart_increments=Figure(float(apart), high=drive.settings.increments_per_turn / 1000),
     )  # fmt: skip

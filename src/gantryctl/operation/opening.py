@@ -412,6 +412,10 @@ def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retai
         store.store_retained(retained)
         if machine.plant_is_local:
             store.store_plant(drive.plant_state())
+        health = drive.health()
+        # A drive that was only asked has exchanged no telegrams.
+        if health is not None and health.scans:
+            store.store_bus(health.lines())
 
 
 @contextmanager

@@ -9,9 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.files import remove_drafts, write_whole
@@ -20,6 +21,7 @@ from gantryctl.runtime import Retained, RetainedMemory, StateLock
 
 STATE_VARIABLE: Final = "GANTRYCTL_STATE"
 _PLANT_FILE: Final = "plant.json"
+_BUS_FILE: Final = "bus.json"
 SERVICE_SOCKET: Final = "control.sock"
 """Local socket of a running service, in the machine's directory."""
 
@@ -54,6 +56,22 @@ def last_recording() -> Path:
     if not files:
         raise UsageError(f"no recording under {root} yet: `gantryctl move` makes one, or name a file")
     return max(files, key=lambda file: file.stat().st_mtime_ns)
+
+
+class BusSummary(NamedTuple):
+    """Telegrams of the last run of a drive on a bus: when it ended, and lines for people."""
+
+    ended: str
+    lines: tuple[str, ...]
+
+
+def last_bus(machine: Machine) -> BusSummary | None:
+    """What the last run of a machine has counted on its bus; None before the first, and for a damaged file."""
+    try:
+        data = json.loads((state_root() / machine.name / _BUS_FILE).read_text(encoding="utf-8"))
+        return BusSummary(str(data["ended"]), tuple(map(str, data["lines"])))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
 
 
 def plant_hash(machine: Machine) -> str:
@@ -141,6 +159,11 @@ class StateStore:
         # Python writes the shortest decimal that reads back as the same float: the state survives bit for bit.
         text = json.dumps({"plant": self._plant_hash, "state": state}, allow_nan=False, indent=1)
         write_whole(self.directory / _PLANT_FILE, text, private=True)
+
+    def store_bus(self, lines: Sequence[str]) -> None:
+        """Keep what a run has counted on the bus."""
+        text = json.dumps({"ended": now_text(), "lines": list(lines)}, indent=1)
+        write_whole(self.directory / _BUS_FILE, text, private=True)
 
     def forget(self) -> None:
         """Remove plant and retained memory: the next run starts from a new machine."""

@@ -64,11 +64,12 @@ def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSetting
 @config_option
 @json_option
 def status(config_file: Path | None, as_json: bool) -> int:
-    """Show identity, state, mode, error and position of the drive."""
+    """Show identity, state, mode, error and position of the drive, and the telegrams of its last run."""
     from gantryctl.drives.canopen.cia402 import decode_statusword
     from gantryctl.drives.canopen.emergency import emergency_text
+    from gantryctl.operation.store import last_bus
 
-    with _node(config_file) as (node, settings, _):
+    with _node(config_file) as (node, settings, machine):
         who, sdo = node.identity(), node.sdo
         word = sdo.number(0x6041)
         # 603F and 6061 are not in every drive: None then.
@@ -85,6 +86,9 @@ def status(config_file: Path | None, as_json: bool) -> int:
             "error": emergency_text(error) if error else "",
             "position_increments": sdo.number(0x6064),
         }
+    # No telegrams are exchanged here: what the last run has counted is kept with the machine's state.
+    last = last_bus(machine)
+    found["last_run"] = None if last is None else last._asdict()
     if as_json:
         print_json(found)
         return 0
@@ -95,6 +99,8 @@ def status(config_file: Path | None, as_json: bool) -> int:
     click.echo(f"  mode      {found['mode']} (9 = cyclic synchronous velocity)")
     click.echo(f"  error     {found['error'] or '-'}")
     click.echo(f"  position  {found['position_increments']} increments")
+    for line in () if last is None else (f"until {last.ended}", *last.lines):
+        click.echo(f"  last run  {line}")
     return 0
 
 

@@ -39,11 +39,14 @@ class Unwrap:
     Args:
         range_counts: multiturn range in the unit of 6064; what does not fit 32 bits is wrapped there.
         around_zero: 6064 runs from minus half the range to plus half, not from 0.
+
+    Attributes:
+        range_counts: after so many increments the reading is the same again.
     """
 
     def __init__(self, range_counts: int, around_zero: bool = False) -> None:
         span = min(range_counts, SPAN_32)
-        self._range, self._low = span, -(span // 2) if around_zero else 0
+        self.range_counts, self._low = span, -(span // 2) if around_zero else 0
         self._jumps = _jumps(span, around_zero)
         self._half = min(map(abs, self._jumps)) // 2
         self._raw: int | None = None
@@ -53,7 +56,7 @@ class Unwrap:
         """Continuous position of a reading."""
         last, self._raw = self._raw, raw
         if last is None:
-            self._counts = (raw - self._low) % self._range
+            self._counts = (raw - self._low) % self.range_counts
         else:
             step = raw - last
             if not -self._half <= step <= self._half:

@@ -71,6 +71,8 @@ class Personality:
     sdo_preoperational_only: bool = False
     # 6041 is 0 until the first controlword.
     statusword_zero: bool = False
+    # Bits of 6041 that toggle every 7 ms, as a sign of life.
+    status_toggles: int = 0
     # 0F straight from Ready to switch on is ignored.
     needs_switch_on: bool = False
     # Fault reset acts as long as bit 7 is 1.
@@ -138,6 +140,7 @@ PERSONALITIES: Final = {
         _p("sdo-preop-only", "answers SDO in PRE-OPERATIONAL only", sdo_preoperational_only=True),
         _p("no-block-transfer", "refuses SDO block transfer", block_transfer=False),
         _p("zero-status", "6041 is 0 until the first controlword", statusword_zero=True),
+        _p("toggling-status", "bits 8 and 14 of 6041 toggle every 7 ms", status_toggles=0x4100),
         _p("step-by-step", "0F straight from Ready to switch on is ignored", needs_switch_on=True),
         _p("level-reset", "fault reset acts by level", reset_by_level=True),
         _p("frozen-reset", "frozen while the reset bit stays set", frozen_while_reset=True),

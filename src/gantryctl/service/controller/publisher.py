@@ -26,6 +26,9 @@ FAST_S: Final = 0.010
 SLOW_S: Final = 1.0
 # Window of the statistics: long enough for a quantile of 99 %, short enough to show what has just happened.
 RECENT_S: Final = 10.0
+_BUS_TAGS: Final = (
+    "bus_missed", "bus_late", "bus_duplicated", "bus_wrong_length", "bus_contradicted", "bus_refused", "bus_others",
+)  # fmt: skip
 
 
 class Publisher:
@@ -189,6 +192,14 @@ class Publisher:
         health = self._engine.drive.health()
         return math.nan if health is None else health.heartbeat_age_scans * self._engine.period_s * 1e3
 
+    def _bus(self) -> dict[str, int | None]:
+        """Telegrams and frames since the drive was set up."""
+        health = self._engine.drive.health()
+        if health is None:
+            return dict.fromkeys(_BUS_TAGS)
+        counts = (health.missed, health.late, health.duplicated, health.wrong_length, health.contradicted)
+        return dict(zip(_BUS_TAGS, (*map(sum, counts), health.refused, health.unknown), strict=True))
+
     def slow(self) -> dict[str, Any]:
         """Everything else but the alarms, as JSON values."""
         operator, axis = self._operator, self._axis
@@ -262,6 +273,7 @@ class Publisher:
             "scan_skipped": found.skipped,
             "trace_rows_lost": self._recorder.lost,
             "events_lost": self._operator.events.lost,
+            **self._bus(),
         }
 
 

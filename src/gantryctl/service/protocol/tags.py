@@ -106,6 +106,13 @@ _STATE: Final = (
 _HEALTH: Final = (
     _out("feedback_age_ms", "ms", "float", "20 Hz", "Age of the drive's process data (TPDO) in this scan."),
     _out("heartbeat_age_ms", "ms", "float", "20 Hz", "Age of the drive's last heartbeat; null without a bus."),
+    _out("bus_missed", "", "int", "1 Hz", "Telegrams of the drive that were missing (all TPDOs); null without a bus."),
+    _out("bus_late", "", "int", "1 Hz", "Those that came after the scan had stopped waiting; null without a bus."),
+    _out("bus_duplicated", "", "int", "1 Hz", "Those that came twice for one SYNC; null without a bus."),
+    _out("bus_wrong_length", "", "int", "1 Hz", "Those of another length than was mapped; null without a bus."),
+    _out("bus_contradicted", "", "int", "1 Hz", "Those that contradict another of the same SYNC; null without a bus."),
+    _out("bus_refused", "", "int", "1 Hz", "Frames that the bus did not take; null without a bus."),
+    _out("bus_others", "", "int", "1 Hz", "Frames of others on the bus; null without a bus."),
     _out("scan_period_ms", "ms", "float", "1 Hz", "Nominal scan period."),
     _out("scan_lateness_p50_us", "us", "float", "1 Hz", "Lateness of the scans of the last 10 s, median."),
     _out("scan_lateness_p99_us", "us", "float", "1 Hz", "The same, 99 % are below."),

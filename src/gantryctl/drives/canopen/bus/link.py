@@ -117,6 +117,7 @@ class BusLink:
         self._open = True
         self._counters, self._accepted = counters, set[int]()
         self._sent_bits = self._received_bits = self._sent_frames = self._received = 0
+        self._last: Traffic | None = None
         self._begun = counters.read() if counters is not None else Counted(0, 0)
         self._at_close: Traffic | None = None
         self.refused = self.queue_full = self.ignored = self.unseen = 0
@@ -154,6 +155,8 @@ class BusLink:
         """Count what was on the bus while it was open, frames that were filtered out included."""
         if self._at_close is not None:
             return self._at_close
+        if self._last is not None:
+            return self._last
         if self._counters is not None:
             # An interface that has gone shows by sending and receiving.
             with suppress(OSError):
@@ -281,6 +284,7 @@ class BusLink:
         if self._open:
             self._at_close = self.traffic
             self._open = False
+            self._last = self.traffic
             self._bus.shutdown()
             if self._counters is not None:
                 self._counters.close()

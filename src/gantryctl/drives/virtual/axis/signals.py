@@ -17,6 +17,7 @@ from gantryctl.drives.virtual.personality import Personality
 
 # 400 V mains, rectified.
 _DC_LINK_MV: Final = 560_000
+_TOGGLE_US: Final = 7000
 
 # Bits of 60FD: 0 to 3 by CiA 402, from 16 on manufacturer-specific, here those of this drive.
 LIMIT_MINUS: Final = 1 << 0
@@ -128,7 +129,8 @@ class Signals:
             word = 0
         else:
             word = self._status() if self._lagging is None else self._lagging[0].at(self._now_us)
-        return ((word | faults.status_set) & ~faults.status_clear) & 0xFFFF
+        toggled = self._kind.status_toggles if self._now_us // _TOGGLE_US % 2 else 0
+        return ((word ^ toggled | faults.status_set) & ~faults.status_clear) & 0xFFFF
 
     def mode_display(self) -> int:
         """Modes of operation display 6061."""
