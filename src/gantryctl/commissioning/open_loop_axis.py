@@ -221,6 +221,13 @@ class OpenLoopAxis:
                 return f"torque off and brake closed after {after_ms:.0f} ms, at {self.angle_deg:+.3f} deg"
         return "torque off and brake commanded, not confirmed: press the emergency stop"
 
+    def show(self, output: OutputImage, seconds: float) -> None:
+        """Repeat outputs for a time, with the drive off."""
+        for _ in range(math.ceil(seconds / self.period_s - 1e-9)):
+            self.drive.write(output)
+            self.wait()
+            self.feedback = self.drive.read()
+
     def run(
         self,
         seconds: float,

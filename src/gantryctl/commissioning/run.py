@@ -64,6 +64,7 @@ class Step:
         lasts_s: time of the axis that it takes, about, for the progress.
         required: without it there is no commissioning record.
         makes_up: key of the ledger row that the step is for; a drive that has an object for it needs no such step.
+        by_hand: it waits for a person at the machine, and is run on its own only (`--only`).
     """
 
     key: str
@@ -75,6 +76,7 @@ class Step:
     lasts_s: Callable[[Machine], float] = lambda machine: 1.0
     required: bool = True
     makes_up: str = ""
+    by_hand: bool = False
 
 
 def _travel_s(machine: Machine) -> float:
@@ -104,6 +106,8 @@ STEPS: Final = (
          steps_bus.sync, lasts_s=lambda machine: 2.1),
     Step("nodes", "Nodes", "compares telegrams of the nodes beside the drive with SDO reads", "", steps_bus.nodes,
          lasts_s=lambda machine: 2.0),
+    Step("wiring", "Wiring by hand", "a person works every input, and looks at every output", "", steps_bus.wiring,
+         lasts_s=lambda machine: 60.0, required=False, by_hand=True),
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
          "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.silence, 0.05,
          lambda machine: 3.0),
@@ -202,7 +206,7 @@ class Commissioning:
                 raise UsageError(f"--only {only}: the steps are {', '.join(step.key for step in self.steps)}")
             return found
         done = {key for key, result in self.progress.results.items() if result.outcome is not Outcome.FAILED}
-        return tuple(step for step in self.steps if step.key not in done)
+        return tuple(step for step in self.steps if step.key not in done and not step.by_hand)
 
     def start(self, again: bool) -> None:
         """Set the drive up, pin it, and say its ledger; another drive or firmware than before begins from the start.

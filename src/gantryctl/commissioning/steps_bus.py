@@ -24,7 +24,7 @@ from gantryctl.drives.canopen.process_image import unwrap_of
 from gantryctl.drives.canopen.setup.parameters import backup
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
-from gantryctl.image import DriveRequest, DriveState
+from gantryctl.image import DriveRequest, DriveState, OutputImage
 from gantryctl.operation.home_reference import why_not_referenced
 from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import load_record, record_path
@@ -43,6 +43,18 @@ _ANSWER_PART: Final = 0.75
 _DEAD_SCANS: Final = 5.0
 # Nothing is enabled in these steps: whatever moves the gantry further is a fault.
 _LEASH_DEG: Final = 0.02
+_SETTLE_S: Final = 0.1
+# For a person to walk to a button, a door or a switch.
+_BY_HAND_S: Final = 60.0
+_SHOW_S: Final = 3.0
+# No hand reaches these: the brake is proven by the steps that move it, the relay by its own.
+_BY_OTHER_STEPS: Final = ("brake_open", "watchdog_closed")
+_LOOKED_AT: Final = {
+    "horn": OutputImage(horn=True),
+    "lamp": OutputImage(lamp=True),
+    "in_position": OutputImage(in_position=True),
+    "at_rest": OutputImage(at_rest=True),
+}
 
 
 def identity(c: Context) -> StepResult:
@@ -234,3 +246,45 @@ def nodes(c: Context) -> StepResult:
     ok = not apart and all(figure.within for figure in figures.values())
     to_do = "look for another node with the same id; reset the node to its maker's parameters, then go on"
     return judged(ok, "nodes", proof, to_do, **figures)
+
+
+def wiring(c: Context) -> StepResult:
+    """Let a person work every input, one after the other, and look at every output."""
+    can, proven, shown = c.machine.can, [], []
+    with open_loop_axis(c, _LEASH_DEG) as axis:
+        inputs = axis.drive.beside.inputs
+        axis.run(_SETTLE_S, DriveRequest.DISABLE)
+        for name in (each for each in inputs.levels() if each not in _BY_OTHER_STEPS):
+            begun = inputs.levels()
+            c.say(
+                f"  {name} ({can.input_place(name)}): change it within {_BY_HAND_S:g} s, then change it back"
+            )
+            for wanted in (not begun[name], begun[name]):
+                changed = _wait_for_level(axis, name, wanted)
+                if changed is not None:
+                    proof = f"{name} ({can.input_place(name)}) has not changed; {changed or 'no input'} has"
+                    return failed("wiring", proof, "look at its wire and at the bit in the machine file")
+            proven.append(name)
+        for output, image in _LOOKED_AT.items():
+            if not can.output_place(output):
+                continue
+            c.say(f"  {output} ({can.output_place(output)}): on for {_SHOW_S:g} s, look")
+            axis.show(image, _SHOW_S)
+            shown.append(output)
+    proof = f"changed by hand, one after the other: {', '.join(proven) or 'none'}"
+    if shown:
+        proof += f"; switched on for whoever looked: {', '.join(shown)}"
+    return passed("wiring", proof)
+
+
+def _wait_for_level(axis: OpenLoopAxis, name: str, wanted: bool) -> str | None:
+    """Wait for the level of an input; in vain, say which others have changed meanwhile."""
+    inputs = axis.drive.beside.inputs
+    before, others = inputs.levels(), set[str]()
+    for _ in range(round(_BY_HAND_S / axis.period_s)):
+        axis.scan(DriveRequest.DISABLE)
+        levels = inputs.levels()
+        if levels.get(name) is wanted:
+            return None
+        others |= {each for each, level in levels.items() if level is not before.get(each)}
+    return ", ".join(sorted(others))

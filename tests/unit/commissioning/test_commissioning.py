@@ -32,7 +32,11 @@ from gantryctl.wiring.virtual import virtual_node
 pytestmark = pytest.mark.can
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
-QUICK = [s.key for s in STEPS if s.key not in ("turn", "accuracy", "bands", "stops") and not s.makes_up]
+QUICK = [
+    s.key
+    for s in STEPS
+    if s.key not in ("turn", "accuracy", "bands", "stops") and not (s.makes_up or s.by_hand)
+]
 
 
 def commissioning(

@@ -35,6 +35,7 @@ def do(
     monkeypatch: pytest.MonkeyPatch,
     changes: dict[str, object],
     spoil: Spoil | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> tuple[StepResult, float, Commissioning]:
     """Run one step; its result, and how far the true gantry has turned, deg."""
     made, far = virtual_wiring.virtual_bus, [0.0]
@@ -54,7 +55,7 @@ def do(
 
     monkeypatch.setattr(virtual_wiring, "virtual_bus", bus)
     with StateStore(machine, folder) as store:
-        work = Commissioning(machine, store, folder, lambda line: None, lambda step: True)
+        work = Commissioning(machine, store, folder, say, lambda step: True)
         work.start(again=False)
         result = work.do(work.left(key)[0])
     assert result is not None
@@ -151,3 +152,61 @@ def test_a_node_that_sends_something_else_is_refused(tmp_path: Path, monkeypatch
     result, _, _ = do("nodes", tmp_path, monkeypatch, ON_NODE | RING, swapped)
     assert result.outcome is Outcome.FAILED
     assert "6000:01 is" in result.proof
+
+
+class Person:
+    """Works the input that the step names, a second after it is named; `swapped`: with two wires crossed."""
+
+    def __init__(self, swapped: dict[str, str] | None = None) -> None:
+        self.swapped = swapped or {}
+        self.seen: list[str] = []
+        self.lit: set[str] = set()
+
+    def meet(self, drive: DriveNode, _: Neighbours) -> None:
+        self.drive = drive
+        true = drive.plant.cabinet.take
+
+        def take(outputs: dict[str, bool]) -> None:
+            self.lit |= {name for name, on in outputs.items() if on}
+            true(outputs)
+
+        drive.plant.cabinet.take = take
+
+    def hear(self, line: str) -> None:
+        name = line.split(" (", maxsplit=1)[0].strip()
+        if "change it within" not in line:
+            return
+        self.seen.append(name)
+        fault = self.swapped.get(name, name)
+        fault = {"limit_minus": "limit_minus_ok", "limit_plus": "limit_plus_ok"}.get(fault, fault)
+        sound = getattr(self.drive.faults, fault)
+        self.drive.after(1_000_000, lambda: setattr(self.drive.faults, fault, False))
+        self.drive.after(3_000_000, lambda: setattr(self.drive.faults, fault, sound))
+
+
+WIRED: dict[str, object] = ON_NODE | {
+    "can.io.inputs.estop_ok": 0, "can.io.inputs.door_ok": 1, "can.io.outputs.horn": 2, "can.outputs.lamp": 18,
+}  # fmt: skip
+
+
+def test_a_person_works_every_input_and_sees_every_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    person = Person()
+    result, way_deg, work = do("wiring", tmp_path, monkeypatch, WIRED, person.meet, person.hear)
+    assert result.outcome is Outcome.PASSED, result
+    assert set(person.seen) == {
+        "estop_ok", "enabling_switch", "mains_ready", "limit_minus", "limit_plus", "door_ok",
+    }  # fmt: skip
+    assert {"horn", "lamp"} <= person.lit
+    assert way_deg < 0.001
+    # Nobody is waited for in a commissioning as a whole.
+    assert "wiring" not in {step.key for step in work.left()}
+
+
+def test_a_crossed_wire_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    person = Person({"door_ok": "enabling_switch"})
+    result, _, _ = do("wiring", tmp_path, monkeypatch, WIRED, person.meet, person.hear)
+    assert result.outcome is Outcome.FAILED
+    assert "has not changed; " in result.proof
+    assert "enabling_switch has" in result.proof

@@ -158,6 +158,7 @@ def _announce() -> None:
 
     for number, step in enumerate(STEPS, start=1):
         only = " (only a drive that lacks the object)" if step.makes_up else ""
+        only = " (on its own, --only)" if step.by_hand else only
         click.echo(f"{number:2}. {step.title}: {step.does}{only}")
         click.echo(f"    {step.key}; could move: {step.moves or 'nothing'}")
 

@@ -44,6 +44,11 @@ class InputReader:
         """Contact of the watchdog relay in this scan; None where it is not wired, or its node is lost."""
         return self._level("watchdog_closed", lost=None)
 
+    def levels(self) -> dict[str, bool]:
+        """Level of every wired input in this scan, by name."""
+        found = {name: self._level(name, lost=None) for name in InputBits._fields}
+        return {name: level for name, level in found.items() if level is not None}
+
     def _level(self, name: str, lost: bool | None) -> bool | None:
         drive, node = self._words
         at_node: int | None = getattr(self._node, name)
