@@ -8,8 +8,11 @@ from typing import Final
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis
 from gantryctl.commissioning.results import Context, Figure, StepResult, judged
 from gantryctl.drives.canopen.bus.sdo import SdoError
+from gantryctl.drives.canopen.settings import CanopenSettings
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest
+from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.units import DEG_S_PER_R_MIN
 
 # Less than the leash of 0.05 deg, whichever way the motor turns.
@@ -30,6 +33,10 @@ _CEILING_DEG_S: Final = 0.6
 _PUSH_DEG: Final = 0.02
 _PUSH_S: Final = 0.5
 _HELD_S: Final = 0.04
+# Slow enough to end within the leash, fast enough for a whole number of r/min to be exact within 3 %.
+_COUNTED_DEG_S: Final = 0.08
+_COUNTED_S: Final = 0.4
+_COUNTS_PART: Final = 0.05
 # Rounding of 6072 and 6077, ripple of the current loop.
 _REACHED: Final = 0.9
 _PASSED: Final = 1.15
@@ -50,10 +57,59 @@ def sign(c: Context) -> StepResult:
         if all(figure.within for figure in figures.values()):
             proof += _push(axis, lowered, figures)
         axis.disable()
+        settings = axis.drive.opened.settings
+        known = any(
+            row.place == "608F:01" and row.verdict is ParameterVerdict.OK for row in axis.drive.opened.rows
+        )
+    right = all(figure.within for figure in figures.values())
+    if right and not known:
+        proof += _counts(c, settings, way / _PULSE_DEG, lowered, figures)
     if missing := [f"{index:04X}" for index in (_TORQUE_LIMIT, _SPEED_CEILING) if index not in lowered]:
         proof += f"; no {', '.join(missing)} in this drive: torque off at {_LEASH_DEG:g} deg or {_LEASH_DEG_S:g} deg/s"
     to_do = "[can] inverted, increments_per_turn, velocity_unit, or [axis] ratios; 6072 where the torque is not limited"
     return judged(True, "sign", proof, to_do, **figures)
+
+
+def _counts(
+    c: Context, settings: CanopenSettings, ratio: float, lowered: dict[int, int], figures: dict[str, Figure]
+) -> str:
+    """Increments of a motor turn in a drive without 608F, where it shows them; in words.
+
+    A 60FF in r/min counts turns, so that the way by position shows them. Where 60FF counts increments, the ceiling
+    6080, which is in r/min in every drive, does.
+    """
+    set_to = settings.increments_per_turn
+    if not settings.speed_in_increments:
+        figures[INCREMENTS_PER_TURN] = Figure(
+            ratio * set_to, (1.0 - _TOLERANCE) * set_to, (1.0 + _TOLERANCE) * set_to
+        )
+    elif _SPEED_CEILING in lowered:
+        seen = set_to * _at_ceiling(c)
+        figures[INCREMENTS_PER_TURN] = Figure(
+            seen, (1.0 - _COUNTS_PART) * set_to, (1.0 + _COUNTS_PART) * set_to
+        )
+    else:
+        return (
+            "; no 608F and no 6080, and 60FF counts increments: nothing in this drive shows those of a turn"
+        )
+    return f"; no 608F: {figures[INCREMENTS_PER_TURN].value:.0f} increments in a turn, set to {set_to}"
+
+
+def _at_ceiling(c: Context) -> float:
+    """Speed at a lowered 6080, with 60FF above it: by the increments of the machine file, as part of what it is."""
+    with open_loop_axis(c, _LEASH_DEG, "speed ceiling", following=False) as axis:
+        ceiling = max(1, round(_COUNTED_DEG_S * axis.ratio / DEG_S_PER_R_MIN))
+        axis.drive.node.sdo.set(_SPEED_CEILING, 0, ceiling)
+        axis.enable()
+        seen = []
+        for k in range(round(_COUNTED_S / axis.period_s)):
+            axis.scan(DriveRequest.ENABLE, 2.0 * _COUNTED_DEG_S)
+            _hold_back(axis, _COUNTED_DEG_S)
+            if k * axis.period_s >= _COUNTED_S / 2.0:
+                seen.append(axis.speed_deg_s)
+        axis.run(_REST_S)
+        axis.disable()
+    return sum(seen) / len(seen) / (ceiling * DEG_S_PER_R_MIN / axis.ratio)
 
 
 def _pulse(axis: OpenLoopAxis) -> tuple[float, float]:
@@ -109,7 +165,9 @@ def _lower_limits(c: Context, axis: OpenLoopAxis) -> dict[int, int]:
     """
     sdo = axis.drive.node.sdo
     wanted = {
-        _TORQUE_LIMIT: round(1000.0 * _TORQUE_PART / c.machine.can.torque_reference),
+        _TORQUE_LIMIT: round(
+            _TORQUE_PART * c.machine.motor.torque_rated_nm / axis.drive.opened.units.torque_unit_nm
+        ),
         _SPEED_CEILING: max(1, math.ceil(_CEILING_DEG_S * axis.ratio / DEG_S_PER_R_MIN)),
     }
     lowered = {}

@@ -225,6 +225,17 @@ def parameters_of(machine: Machine, facts: DriveFacts) -> Mapping[str, Parameter
     return {row.place: row for row in parameter_rows(canopen_settings(machine), facts)}
 
 
+def counts_increments(machine: Machine, facts: DriveFacts) -> bool:
+    """60FF of a drive counts increments of 6064, not turns; False where its unit is not known."""
+    settings = canopen_settings(machine).of_drive(facts)
+    if settings.velocity_unit is None and settings.profile is None:
+        return False
+    try:
+        return settings.speed_in_increments
+    except DeviceError:
+        return False
+
+
 def contradictions(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:
     """Where a drive or the machine file say something else than the profile of the drive, with both values."""
     settings = canopen_settings(machine).of_drive(facts)

@@ -10,7 +10,7 @@ import pytest
 from gantryctl.commissioning import Outcome
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import PERSONALITIES, Personality
-from gantryctl.operation.ledger.rows import RAMP_DEG_S2, TORQUE_LIMIT_NM
+from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN, RAMP_DEG_S2, TORQUE_LIMIT_NM
 from gantryctl.operation.proofs import load_record
 from unit.commissioning.virtual_commissioning import BRAKE_BY_60FE, MACHINE, VirtualCommissioning
 
@@ -21,7 +21,8 @@ QUICK_DEG_S2 = MACHINE.virtual_axis.quick_dec_deg_s2
 
 @pytest.fixture
 def commission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> VirtualCommissioning:
-    for name, absent in (("no-ramp", (0x6085,)), ("no-limits", (0x6072, 0x6080))):
+    lacks = (("no-ramp", (0x6085,)), ("no-limits", (0x6072, 0x6080)), ("no-counts", (0x608F,)))
+    for name, absent in (*lacks, ("no-counts-no-ceiling", (0x608F, 0x6080))):
         monkeypatch.setitem(PERSONALITIES, name, Personality(name, "", absent=absent))
     return VirtualCommissioning(tmp_path, monkeypatch)
 
@@ -193,3 +194,42 @@ def test_a_pulse_without_6072_and_6080_has_a_leash_of_its_own(commission: Virtua
     assert done.result.outcome is Outcome.FAILED
     # 0.05 deg, and what the brake takes from 0.5 deg/s at most.
     assert done.way_deg < 0.2
+
+
+# --- increments of a turn in a drive without 608F -----------------------------------------------------------------
+
+TURN = MACHINE.can.increments_per_turn
+
+
+def half_the_counts(node: DriveNode) -> None:
+    """The encoder has half of what the machine file says; position and speed agree with each other all the same."""
+    node.scaling.counts_per_turn //= 2
+    if node.kind.velocity_unit == "inc/s":
+        node.scaling.per_rad_s /= 2.0
+
+
+@pytest.mark.parametrize("unit", ["inc/s", "0.1 r/min"])
+def test_the_increments_of_a_turn_are_shown_by_the_sign(
+    commission: VirtualCommissioning, monkeypatch: pytest.MonkeyPatch, unit: str
+) -> None:
+    kind = Personality("no-counts", "", absent=(0x608F,), velocity_unit=unit)  # type: ignore[arg-type]
+    monkeypatch.setitem(PERSONALITIES, "no-counts", kind)
+    changes = {"can.velocity_unit": unit}
+    done = commission("no-counts", "sign", changes=changes)
+    assert done.result.outcome is Outcome.PASSED, done.result.proof
+    # A whole number of r/min at the ceiling, or 0.1 r/min of 60FF in the pulse.
+    assert done.result.number(INCREMENTS_PER_TURN) == pytest.approx(TURN, rel=0.03)
+    done = commission("no-counts", "sign", changes=changes, spoil=half_the_counts)
+    assert done.result.outcome is Outcome.FAILED
+    assert done.way_deg < 0.15
+
+
+def test_where_nothing_shows_the_increments_a_name_must_stand_for_them(
+    commission: VirtualCommissioning,
+) -> None:
+    done = commission("no-counts-no-ceiling", "sign", spoil=half_the_counts)
+    assert done.result.outcome is Outcome.PASSED, "nothing in this drive could show it"
+    assert "nothing in this drive shows" in done.result.proof
+    row = next(row for row in done.work.ledger if row.what == "knows_counts")
+    assert row.lacking
+    assert row.acceptable

@@ -24,6 +24,7 @@ from gantryctl.operation.ledger.acceptance import (
 from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
 from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unproven
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
+from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.operation.opening import new_machine
 from gantryctl.operation.proofs import bus_reasons, must_be_proven, read_ledger
 from gantryctl.operation.run import AxisRun
@@ -378,7 +379,16 @@ def test_scales_that_contradict_the_machine_are_lacking() -> None:
     assert row_of("knows_counts", changed(FACTS, o608F_1=65536)).standing is Standing.LACKING
     assert row_of("knows_speed_unit", changed(FACTS, o60A9=0x00B4_4700)).standing is Standing.LACKING
     # Missing, they are shown by a short motion.
-    assert row_of("knows_counts", changed(FACTS, o608F_1=None)).by == "step sign"
+    no_608f, shown = (
+        changed(FACTS, o608F_1=None),
+        replace(ALL_PROVEN, measured={INCREMENTS_PER_TURN: 524288.0}),
+    )
+    assert row_of("knows_counts", no_608f, proofs=shown).by == "step sign"
+    in_turns = with_values(REAL, {"can.velocity_unit": "0.1 r/min"})
+    assert row_of("knows_counts", no_608f, in_turns).by == "step sign"
+    # Position and speed in the same increments agree whatever their number in a turn is.
+    row = row_of("knows_counts", no_608f)
+    assert (row.standing, row.acceptable, row.proof) == (Standing.LACKING, True, "")
     assert row_of("knows_counts", changed(FACTS, o608F_1=None), proofs=Proofs()).proof == "sign"
 
 

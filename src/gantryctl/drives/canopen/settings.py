@@ -176,6 +176,11 @@ class CanopenSettings:
         return unit
 
     @property
+    def speed_in_increments(self) -> bool:
+        """60FF counts increments, so that speed and position agree whatever their number in a turn is."""
+        return VELOCITY_UNITS[self.speed_unit].per_increment_s > 0.0
+
+    @property
     def speed_per_rad_s(self) -> float:
         """Units of 60FF in one rad/s."""
         return VELOCITY_UNITS[self.speed_unit].per_rad_s(self.increments_per_turn)

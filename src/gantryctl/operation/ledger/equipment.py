@@ -7,7 +7,7 @@ from typing import Final
 
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.profiles import profile_of
-from gantryctl.operation.ledger.rows import LedgerRow, Question, Standing
+from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN, LedgerRow, Question, Standing
 
 CSV: Final = "runs_csv"
 TELEGRAMS: Final = "maps_telegrams"
@@ -76,7 +76,14 @@ def counts_row(q: Question) -> LedgerRow:
         return LedgerRow(COUNTS, Standing.LACKING, "", detail)
     if q.has("608F:01"):
         return LedgerRow(COUNTS, Standing.OBJECT, "608F")
-    return _by_sign(q, COUNTS, q.why_not("608F:01"))
+    from gantryctl.wiring.canopen import counts_increments  # only a machine on a bus loads the bus
+
+    shown = _by_sign(q, COUNTS, q.why_not("608F:01"))
+    if shown.lacking or INCREMENTS_PER_TURN in q.proofs.measured or not counts_increments(q.machine, q.facts):
+        return shown
+    # Position and 60FF in the same increments agree whatever their number in a turn is.
+    why = f"{shown.detail}; 60FF counts increments: nothing in this drive shows those of a turn"
+    return LedgerRow(COUNTS, Standing.LACKING, "", why, "", True)
 
 
 def unit_row(q: Question) -> LedgerRow:

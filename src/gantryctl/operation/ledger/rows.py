@@ -70,11 +70,13 @@ class Proofs:
 
 
 # Figures of commissioning steps that a ledger reads: the ramp of a drive that takes none, a torque limit that a pulse
-# has shown, and the time after which a watchdog stops the axis of a dead controller.
+# has shown, the time after which a watchdog stops the axis of a dead controller, and the increments of a motor turn in
+# a drive that does not name them.
 RAMP_DEG_S2 = "quick_stop_dec_deg_s2"
 TORQUE_LIMIT_NM = "torque_limit_nm"
 SILENT_STOP_S = "silent_stop_s"
-MEASURED = (RAMP_DEG_S2, TORQUE_LIMIT_NM, SILENT_STOP_S)
+INCREMENTS_PER_TURN = "increments_per_turn"
+MEASURED = (RAMP_DEG_S2, TORQUE_LIMIT_NM, SILENT_STOP_S, INCREMENTS_PER_TURN)
 
 
 @dataclass(frozen=True)
