@@ -274,6 +274,8 @@ class Commissioning:
                 step.key, Outcome.FAILED, str(stopped), to_do="find the cause, then go on with this step"
             )
         if result.outcome is Outcome.FAILED:
+            # What was proven before is not so any more: the machine waits until the step has passed again.
+            record_path(self.store.directory, self.machine).unlink(missing_ok=True)
             freeze(self.store.traces, f"step-{step.key}")
         result = replace(
             result,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gantryctl.commissioning import Commissioning
+from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult, write_report
 from gantryctl.drives.od.facts import DriveFacts, ObjectFact
 from gantryctl.errors import CommandRefused, StateError, UsageError
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
@@ -26,7 +26,7 @@ from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unprov
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
 from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.operation.opening import new_machine
-from gantryctl.operation.proofs import bus_reasons, must_be_proven, read_ledger
+from gantryctl.operation.proofs import bus_reasons, load_record, must_be_proven, read_ledger
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.store import StateStore
 from gantryctl.wiring import canopen as canopen_wiring
@@ -274,9 +274,10 @@ def test_a_heartbeat_alone_costs_angle_and_limits_the_speed() -> None:
     assert (row.standing, row.by) == (Standing.MADE_UP, "1016:01, step silence")
     assert row.speed_max_deg_s == 5.8
     assert "no 1400:05" in row.detail
+    # 0.67 deg are left for the delay: 111 ms at 6 deg/s.
     assert (
-        "150 ms, then its ramp: 4.23 deg from 6 deg/s, permitted 4 deg: not faster than 5.8 deg/s"
-        in row.detail
+        "150 ms, then its ramp: 4.23 deg from 6 deg/s, permitted 4 deg: not faster than 5.8 deg/s; "
+        "111 ms allow 6 deg/s" in row.detail
     )
     # 100 ms: 3.93 deg.
     quick = with_values(REAL, {"can.heartbeat_timeout_ms": 100.0})
@@ -493,6 +494,41 @@ def test_the_command_keeps_it_and_config_show_shows_it(
     assert "ledger            keeps_brake: lacking" in shown
     assert "# Safety ledger" not in cli("config", "show", "--no-derived").out
     assert json.loads(json.dumps(rows)) == rows
+
+
+def test_an_acceptance_stands_in_the_record_and_a_step_that_fails_later_takes_the_record_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    link = lambda machine: virtual_node(EPOS)[0]  # noqa: E731
+    monkeypatch.setattr(canopen_wiring, "can_link", link)
+    monkeypatch.setattr("gantryctl.commissioning.run.can_link", link)
+    machine = REAL_EPOS
+    with StateStore(machine, tmp_path) as store:
+        work = Commissioning(machine, store, tmp_path, lambda line: None, lambda step: True)
+        with pytest.raises(CommandRefused, match=r"CFG-CAN-04.*limits_torque \(no 6072; 385 N m set"):
+            work.start(again=False)
+        facts = load_facts(facts_path(store.directory, machine))
+        assert facts is not None
+        given = accepted(machine, "limits_torque", facts)
+        store_acceptances(ledger_path(store.directory, machine), [given])
+        work.start(again=False)
+        done = {step.key: StepResult(step.key, Outcome.PASSED, "seen") for step in STEPS}
+        work.progress = replace(work.progress, results=done)
+        assert work.complete
+        record = load_record(work.record())
+        assert record is not None
+        assert [text.partition(" (")[0] for text in record.accepted] == [
+            "limits_torque: accepted by A. Person"
+        ]
+        page = write_report(work.progress, work.ledger, tmp_path).read_text(encoding="utf-8")
+        assert "A. Person" in page
+        # Nothing but the proof of this boot-up is missing now.
+        drive = canopen_wiring.canopen_drive(machine)
+        assert [reason.code for reason in bus_reasons(machine, store, drive)] == ["CFG-CAN-03"]
+        fails = replace(STEPS[0], run=lambda context: StepResult("identity", Outcome.FAILED, "seen"))
+        work.do(fails)
+        assert [reason.code for reason in bus_reasons(machine, store, drive)] == ["CFG-CAN-02", "CFG-CAN-03"]
+        drive.close()
 
 
 def test_kept_facts_are_those_of_the_last_set_up(tmp_path: Path) -> None:

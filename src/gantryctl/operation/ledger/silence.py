@@ -67,7 +67,12 @@ def _way(q: Question, delay_ms: float, ways: tuple[bool, ...]) -> tuple[str, flo
         return text, None
     speed = min(silent_speed_max_deg_s(m, delay_ms, brake=brake, dec_deg_s2=dec) for brake in ways)
     fastest = math.floor(10.0 * speed) / 10.0
-    return f"{text}, permitted {permitted:g} deg: not faster than {fastest:.1f} deg/s", fastest
+    text += f", permitted {permitted:g} deg: not faster than {fastest:.1f} deg/s"
+    # Where drive and computer hold a shorter one, it gives the speed back.
+    top = m.speed.setting_max_deg_s
+    stop = max(silent_angle_deg(m, 0.0, brake=brake, dec_deg_s2=dec) for brake in ways)
+    longest_ms = math.floor(1e3 * (permitted - stop) / top)
+    return (f"{text}; {longest_ms} ms allow {top:g} deg/s" if longest_ms > 0 else text), fastest
 
 
 def ramp_deg_s2(q: Question) -> float:

@@ -98,8 +98,15 @@ def _remarks(
     elif not modes & CSV_BIT:
         said.append("6502 has no CSV (bit 8): the drive may accept mode 9 and never move")
     said += [text for index, text in _DANGEROUS_AT_0.items() if optional(index) == 0]
-    if not optional(0x1016, 1) and not optional(0x1400, 5):
-        said.append("1016 and 1400:05 = 0: nothing watches the controller · gantryctl writes both")
+    watches = optional(0x1016, 1), optional(0x1400, 5)
+    if watches == (None, None):
+        said.append(
+            "neither 1016 nor 1400:05: nothing in this drive watches the controller · it needs a watchdog relay"
+        )
+    elif not any(watches):
+        said.append(
+            "1016 and 1400:05 = 0: nothing watches the controller · gantryctl writes what the drive has"
+        )
     sync = optional(0x1005)
     if sync is None or sync & 0x7FF != 0x80:
         said.append("1005 is not 80h: the drive may not react to SYNC · gantryctl writes it where it can")
