@@ -26,8 +26,10 @@ from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import CommandRefused
 from gantryctl.image import DriveRequest, DriveState, OutputImage
 from gantryctl.operation.home_reference import why_not_referenced
+from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
 from gantryctl.operation.opening import read_only
 from gantryctl.operation.proofs import load_record, record_path
+from gantryctl.wiring.canopen import canopen_settings
 
 _WATCH_S: Final = 2.0
 # Statuswords by telegram and by SDO; a bit that toggles with each of them by chance looks still once in 2^15.
@@ -64,10 +66,17 @@ def identity(c: Context) -> StepResult:
     # A CAN machine is commissioned.
     assert health is not None
     before = load_record(record_path(c.store.directory, c.machine))
-    proof = f"{name}; {health.drive_key}"
+    proof = f"{name}; {health.drive_key}; {_profile(c)}"
     if before is not None and before.drive != health.drive_key:
         proof += f"; it was {before.drive} before"
     return passed("identity", proof)
+
+
+def _profile(c: Context) -> str:
+    """The profile that the drive is run with."""
+    facts = load_facts(facts_path(c.store.directory, c.machine))
+    profile = None if facts is None else canopen_settings(c.machine).of_drive(facts).profile
+    return "no profile" if profile is None else f"profile {profile.name}, {profile.tried.value}"
 
 
 def encoder(c: Context) -> StepResult:

@@ -18,7 +18,7 @@ from gantryctl.program.alarms.words import drive_error_words
 from gantryctl.wiring.canopen import canopen_drive
 from gantryctl.wiring.engine import build_program
 from gantryctl.wiring.virtual import shipped_objects
-from support.command_line import cli
+from support.command_line import cli, done, machine_file
 
 pytestmark = pytest.mark.can
 
@@ -116,7 +116,21 @@ def test_the_command_tells_the_reason_and_the_count() -> None:
     assert told.out.rstrip().endswith("0 of 1 drives can be commissioned")
 
 
+def test_an_eds_is_tried_before_the_drive_is_bought(tmp_path: Path) -> None:
+    """The EDS of a drive, written by the virtual one: the simulated drive has its objects and no others."""
+    eds, config = tmp_path / "elmo.eds", tmp_path / "m.toml"
+    done("drive", "sim", "--objects", shipped_objects(), "--drive", "Elmo", "--write-eds", eds)
+    machine_file(config, {"drive.kind": "canopen", "control.scan_period_ms": 4.0, "can.eds": str(eds)})
+    told = cli(
+        "commission", "--with-sim", "--only", "parameters", "--config", config, "--out", tmp_path / "report"
+    )
+    assert told.code == 0, told.err
+    assert "hears_sync: made up for by the answers to SYNC (no 1005" in told.out
+    assert "this drive has no 60A9:00, 1005:00, 1400:05" in told.out
+
+
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 def test_six_of_nine_drives_of_the_field_can_be_commissioned() -> None:
     found = [commissioned(table) for table in TABLES.values()]
     assert {drive.drive for drive in found if drive.commissioned} == USABLE
@@ -124,3 +138,18 @@ def test_six_of_nine_drives_of_the_field_can_be_commissioned() -> None:
     for drive in found:
         if drive.commissioned:
             assert {row.what for row in drive.to_accept} <= {"limits_torque"}
+
+
+def test_what_a_drive_does_not_tell_is_not_measured_as_nothing(tmp_path: Path) -> None:
+    """The TMCM-6212 has no 6077: its turn gives no moment and no friction, not 0 N m of both."""
+    short = with_values(BASE, {"axis.pos_min_deg": -6.0, "axis.pos_max_deg": 6.0})
+    machine = field_machine(short, TABLES["Trinamic TMCM-6212 v3.22"], "")
+    with StateStore(machine, tmp_path) as store:
+        work = Commissioning(machine, store, tmp_path, lambda line: None, lambda step: True)
+        work.start(again=False)
+        results = [work.do(work.left(key)[0]) for key in ("silence", "velocity", "turn")]
+    for result in results:
+        assert result is not None
+        assert result.outcome is Outcome.PASSED
+        assert not [name for name in result.figures if name.endswith("_nm")]
+    assert "tells no torque" in work.progress.results["turn"].proof

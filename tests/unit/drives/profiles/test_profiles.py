@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from gantryctl.drives.canopen.setup.survey import survey
 from gantryctl.drives.od.facts import DriveFacts, facts_of
 from gantryctl.drives.od.object_table import ObjectTable, read_object_tables
 from gantryctl.drives.profiles import Tried, load_profile, profile_names, profile_of
@@ -13,8 +14,8 @@ from gantryctl.drives.profiles.profile import key_of
 from gantryctl.drives.virtual.communication.objects import device_tables
 from gantryctl.drives.virtual.personality import Personality
 from gantryctl.errors import ConfigError, UsageError
-from gantryctl.machine import configs_folder, load_machine
-from gantryctl.wiring.virtual import as_in_table, shipped_objects
+from gantryctl.machine import configs_folder, load_machine, with_values
+from gantryctl.wiring.virtual import as_in_table, shipped_objects, virtual_node
 from unit.drives.virtual.bench import hardware
 
 TABLES = read_object_tables(shipped_objects())
@@ -141,3 +142,15 @@ def test_the_page_is_what_the_files_say() -> None:
     assert page == reference_page(), (
         "run: python -m gantryctl.drives.profiles.page docs/reference/drive-profiles.md"
     )
+
+
+@pytest.mark.can
+def test_a_survey_of_the_bus_names_the_profile_and_what_it_warns_of() -> None:
+    machine = with_values(MACHINE, {"can.virtual_drive": "maxon EPOS4@"})
+    link = virtual_node(machine)[0]
+    remarks = survey(link, nodes=range(2, 3))[0].remarks
+    link.close()
+    assert "profile maxon_epos4 (virtual drive)" in remarks
+    assert any(remark.startswith("6085:00 = 10000 as delivered: 10 000 r/min/s") for remark in remarks)
+    # The motor is entered: the other default that the profile warns of is no longer there.
+    assert not any(remark.startswith("6076") for remark in remarks)

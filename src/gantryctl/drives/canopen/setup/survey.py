@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Final, NamedTuple
 
 from gantryctl.drives.canopen.bus.link import BusLink, Frame
 from gantryctl.drives.canopen.bus.node import NmtState, NodeIdentity, RemoteNode
 from gantryctl.drives.canopen.cia402 import decode_statusword
+from gantryctl.drives.canopen.setup.live_facts import read_facts
 from gantryctl.drives.canopen.setup.parameter_check import CSV_BIT
+from gantryctl.drives.profiles import places_of_maker, profile_of
+from gantryctl.drives.profiles.profile import key_of
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 
@@ -82,6 +86,17 @@ def _inspect(link: BusLink, number: int, nmt: int | None) -> Found:
     return Found(number, shown, identity, modes, state, remarks)
 
 
+def _by_profile(node: RemoteNode, identity: NodeIdentity) -> Iterator[str]:
+    """The profile of a drive, and what it says of the values that the drive has now."""
+    profile = profile_of(read_facts(node.sdo, identity, places_of_maker(identity.vendor)))
+    if profile is None:
+        return
+    yield f"profile {profile.name} ({profile.tried.value})"
+    for bad in profile.dangerous_defaults:
+        if node.sdo.optional(*key_of(bad.object)) == bad.value:
+            yield f"{bad.object} = {bad.value} as delivered: {bad.because}"
+
+
 def _remarks(
     node: RemoteNode, identity: NodeIdentity, modes: int | None, state: DriveState | None
 ) -> tuple[str, ...]:
@@ -89,7 +104,7 @@ def _remarks(
     if state is None:
         return ("no CiA 402 drive: it has no statusword",)
     optional = node.sdo.optional
-    said = []
+    said: list[str] = list(_by_profile(node, identity))
     # Only the low half of 1000h is standard: product codes are in the upper one, even byte-swapped, in real drives.
     if identity.device_type & 0xFFFF != _CIA_402:
         said.append(f"1000 = {identity.device_type:08X}h: the low half of a drive is 0192h (402)")
