@@ -9,14 +9,18 @@ import json
 import math
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
 from contextlib import suppress
 from pathlib import Path
 
+import can
 import numpy as np
+from can.interfaces.udp_multicast.utils import pack_message
 
+from gantryctl.drives.canopen.bus.link import UDP_GROUP
 from gantryctl.drives.virtual.side_channel.control import ControlClient
 from gantryctl.errors import DeviceError
 from gantryctl.machine import configs_folder, load_machine
@@ -27,6 +31,8 @@ COMMAND = [sys.executable, "-m", "gantryctl"]
 LATE_MS = 30.0
 """A stall longer than this is a quick stop."""
 _TRIES = 5
+# Default of python-can's udp_multicast.
+_UDP_PORT = 43113
 # Controller late, controller frozen, drive late: both are processes of this computer.
 _BUSY = ("SYS-02", "SYS-03", "CAN-03")
 FAST = "\n[virtual_axis]\nacc_deg_s2 = 2.0\ndec_deg_s2 = 2.0\n"
@@ -156,6 +162,39 @@ def kill_drive(folder: Path) -> dict[str, object]:
     return {"out": json.loads(out), "err": err}
 
 
+def flood(folder: Path, period_ms: str, data_bytes: str) -> dict[str, object]:
+    """10 000 foreign frames a second for a second, in the cruise of 3 deg/s; the way by the drive's own account."""
+    bus = Bus(folder, float(period_ms))
+    try:
+        for _ in range(_TRIES):
+            here = bus.truth()[1]
+            target = "-60" if here > 30.0 else "60"
+            master = bus.start("move", target, "--speed", "3", "--json", "--no-trace")
+            flooded = bus.reaches(2.95, master)
+            begun = bus.truth()[1]
+            if flooded:
+                foreign_frames(0x7F, int(data_bytes), 10_000, 1.0)
+            alarms = json.loads(master.communicate()[0])["alarms"]
+            if flooded and not (alarms and alarms[0].split()[0] in _BUSY):
+                return {"alarms": alarms, "way_deg": abs(bus.truth()[1] - begun)}
+            bus.run("reset")
+        raise SystemExit(f"this computer was late by itself {_TRIES} times")
+    finally:
+        bus.end()
+
+
+def foreign_frames(can_id: int, data_bytes: int, per_s: int, seconds: float) -> None:
+    """Put frames on the bus as fast as another node would."""
+    message = can.Message(arbitration_id=can_id, data=bytes(data_bytes), is_extended_id=False)
+    packed, begun_s, sent = pack_message(message), time.monotonic(), 0
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        while (elapsed_s := time.monotonic() - begun_s) < seconds:
+            for _ in range(int(elapsed_s * per_s) - sent):
+                sender.sendto(packed, (UDP_GROUP, _UDP_PORT))
+                sent += 1
+            time.sleep(0.0005)
+
+
 def stall(folder: Path, *stalls_ms: str) -> dict[str, object]:
     """The controller held by SIGSTOP for a time while it speeds up and in the cruise of `move 90`, at 250 Hz."""
     bus = Bus(folder, 4.0)
@@ -230,5 +269,11 @@ def stalled(path: Path) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    scenarios = {"move": move, "kill_master": kill_master, "kill_drive": kill_drive, "stall": stall}
+    scenarios = {
+        "move": move,
+        "kill_master": kill_master,
+        "kill_drive": kill_drive,
+        "stall": stall,
+        "flood": flood,
+    }
     print(json.dumps(scenarios[sys.argv[1]](Path(sys.argv[2]), *sys.argv[3:])))

@@ -74,6 +74,19 @@ def test_a_killed_drive_is_an_alarm_within_three_syncs(
     evidence("can_kill_drive", {"alarms": found["out"]["alarms"]})
 
 
+@pytest.mark.parametrize("period_ms", ["4", "10"])
+def test_ten_thousand_foreign_frames_a_second_are_a_full_bus_and_no_encoder_fault(
+    period_ms: str, tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
+) -> None:
+    """With 8 bytes each they are more than 1 Mbit/s; a reset by anybody goes on afterwards."""
+    found = scenario("flood", tmp_path, period_ms, "8")
+    assert found["alarms"][0].startswith("CAN-10 STOP"), found
+    assert not any(alarm.startswith("ENC-") for alarm in found["alarms"]), found
+    # 1.04 deg are permitted from 3 deg/s on the motor side; the flood began some ms after the angle was asked for.
+    assert found["way_deg"] < 1.04 + 0.15
+    evidence(f"can_flood_{period_ms}", found)
+
+
 @pytest.mark.timeout(600)
 def test_a_stall_of_the_controller_leaves_no_following_error(
     tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]

@@ -272,7 +272,7 @@ class ProcessImage:
     @property
     def contradicted(self) -> int:
         """Telegrams that contradict another one of the same SYNC."""
-        return sum(watch.contradicted for watch in self.watches)
+        return sum(watch.contradicted for watch in self._awaited)
 
     @property
     def silence(self) -> int:

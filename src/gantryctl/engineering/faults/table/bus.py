@@ -213,6 +213,10 @@ BUS: Final = (
         (Code.CAN_10, Code.CAN_08),
         (
             *at(_TRAFFIC, "TestInMotion::test_a_full_bus", "test_more_frames_than_a_scan_can_read"),
+            *at(
+                "system/test_can_processes.py",
+                "test_ten_thousand_foreign_frames_a_second_are_a_full_bus_and_no_encoder_fault",
+            ),
             *at(_PARTS, "test_a_dead_bus_is_down_after_three_failures_and_never_raises"),
         ),
         why=(
