@@ -60,11 +60,16 @@ BUS: Final = (
     ),
     Row(
         "E4",
-        "TPDOs missing for longer, all or one of two",
+        "TPDOs missing for longer, all or one of two, or those of a node beside the drive",
         "age of each telegram, 30 ms and at least 3 scans",
         "quick stop; what came with the missing telegram is not believed",
-        (Code.CAN_03,),
+        (Code.CAN_03, Code.CAN_16),
         (
+            *at(
+                "bus/test_io_node.py",
+                "test_a_silent_node_is_a_quick_stop_and_its_brake_closes_by_itself",
+                "test_telegrams_missed_for_less_than_30_ms_stop_nothing",
+            ),
             *at(
                 _LOST,
                 "test_a_lost_telegram_ends_in_a_quick_stop",
