@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.engineering.experiment import TRACKER, asking, instrument_at, yes_option
 from gantryctl.cli.options import (
     PATH,
     directory,
@@ -35,17 +36,35 @@ if TYPE_CHECKING:
 @click.option(
     "--threads", type=click.IntRange(1, 1024), help="Default: all processors; no effect on the result."
 )
+@click.option(
+    "--instrument",
+    default=TRACKER,
+    show_default=True,
+    help="On a bus, what watches the load: tracker (simulated), tcp:HOST:PORT or serial:DEVICE:BAUD.",
+)
+@yes_option
 @seed_option
 @out_option
 @json_option
 def compare(
-    first: Path, second: Path, plants: int, threads: int | None, seed: int, out: Path | None, as_json: bool
+    first: Path,
+    second: Path,
+    plants: int,
+    threads: int | None,
+    instrument: str,
+    yes: bool,
+    seed: int,
+    out: Path | None,
+    as_json: bool,
 ) -> int:
     """Compare two ways of control on one plant: accuracy, speed error, times, base motion, reducer torque.
 
     FIRST and SECOND are machine files, or the words `paper` (hust_gantry.toml) and `improved` (hust_improved.toml).
     Every compensation of the second is shown alone and all together. Takes about half a minute, and ten seconds a plant
     and processor for the ensemble.
+
+    Two machines with the same drive on a bus are run on it, one after the other: 20 minutes of axis time, chord test
+    and moves, by what the drive and an instrument at the load say.
     """
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.engineering.comparison.report import compare_report
@@ -56,9 +75,14 @@ def compare(
         raise UsageError("--ensemble 1: quantiles need at least 2 plants; 0 leaves the ensemble out")
     # Before the runs: an ensemble may take hours.
     folder = None if out is None else directory(out)
+    paper, improved = _machine(first), _machine(second)
+    if paper.on_bus or improved.on_bus:
+        if plants:
+            raise UsageError("--ensemble: random plants are simulated, a machine on a bus is the one it is")
+        return _on_bus(paper, improved, instrument, seed, folder, yes=yes, as_json=as_json)
     report = compare_report(
-        _machine(first),
-        _machine(second),
+        paper,
+        improved,
         plants=plants,
         seed=seed,
         threads=threads,
@@ -73,6 +97,35 @@ def compare(
         path = write_json(folder / "compare.json", data)
         if not as_json:
             click.echo(f"wrote {path}")
+    return 0
+
+
+def _on_bus(
+    paper: Machine, improved: Machine, place: str, seed: int, folder: Path | None, *, yes: bool, as_json: bool
+) -> int:
+    from gantryctl.engineering.comparison.on_bus import bus_table, compare_on_bus
+    from gantryctl.engineering.stops import check_quick_stop
+
+    for machine in (paper, improved):
+        check_quick_stop(machine)
+    moves = "moves between -110 and 110 deg for 10 minutes with each of the two machine files"
+    found = compare_on_bus(
+        paper,
+        improved,
+        lambda run: instrument_at(place, run, seed),
+        agree=asking(improved, moves, yes=yes),
+        progress=None if as_json else lambda what: click.echo(what, err=True),
+    )
+    data = {
+        "instrument": found.instrument,
+        "rows": {name: figures._asdict() for name, figures in found.rows},
+    }
+    if as_json:
+        print_json(data)
+    else:
+        print_table(bus_table(found))
+    if folder is not None:
+        write_json(folder / "compare.json", data)
     return 0
 
 

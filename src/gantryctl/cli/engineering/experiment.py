@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,6 +45,21 @@ def machine_under_test(config_file: Path | None, what: str, *, calibrated: bool 
     return machine
 
 
+def asking(machine: Machine, moves: str, *, yes: bool) -> Callable[[AxisRun], None]:
+    """What asks a person before a real gantry moves, and refuses without a yes.
+
+    Args:
+        moves: what will move, for the question.
+    """
+
+    def agree(run: AxisRun) -> None:
+        if run.must_ask and not yes:
+            click.echo(f"{machine.name}: {moves}; now at {run.angle_deg:+.2f} deg", err=True)
+            confirm("Begin?", "nothing moved")
+
+    return agree
+
+
 @contextmanager
 def bus_experiment(
     machine: Machine,
@@ -62,11 +77,7 @@ def bus_experiment(
     from gantryctl.engineering.analysis.measured.on_engine import experiment
     from gantryctl.operation.client import Stop
 
-    def agree(run: AxisRun) -> None:
-        if run.must_ask and not yes:
-            click.echo(f"{machine.name}: {moves}; now at {run.angle_deg:+.2f} deg", err=True)
-            confirm("Begin?", "nothing moved")
-
+    agree = asking(machine, moves, yes=yes)
     opened = experiment(machine, controlled_as=controlled_as, agree=agree, needs_torque=needs_torque)
     with opened as run:
 

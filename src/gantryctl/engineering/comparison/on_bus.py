@@ -1,0 +1,138 @@
+"""Two ways of control on one machine on a bus, by what its drive and an instrument at the load say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.analysis.measured.on_engine import experiment
+from gantryctl.engineering.comparison.variants import check_same_plant
+from gantryctl.engineering.identification.on_engine import EngineAxis
+from gantryctl.engineering.identification.samples import MoveLog
+from gantryctl.engineering.instruments import Instrument
+from gantryctl.engineering.report.text import TextTable
+from gantryctl.errors import UsageError
+from gantryctl.machine import Machine
+from gantryctl.operation.run import AxisRun
+
+# Readings of the end of a dwell, s: two seconds of four of the first mode.
+_DWELL_S: Final = 2.0
+# Steps of the set-point below this are rest.
+_REST_RAD_S: Final = 1e-9
+
+
+class BusFigures(NamedTuple):
+    """Figures of one way of control.
+
+    Attributes:
+        a_seen_deg: A by eq. (6), procedure A, as the instrument sees it.
+        load_error_90_deg_s, load_error_180_deg_s: largest difference of load speed and set-point, both as means
+            between two readings, of the moves from 0 to 90 and from -90 to 90 deg.
+        time_90_s, time_180_s: of the set-point.
+        torque_nm: largest of the motor at a scan.
+    """
+
+    a_seen_deg: float
+    load_error_90_deg_s: float
+    load_error_180_deg_s: float
+    time_90_s: float
+    time_180_s: float
+    torque_nm: float
+
+
+class BusComparison(NamedTuple):
+    """Names and figures of two machines, and what measured the load."""
+
+    instrument: str
+    rows: tuple[tuple[str, BusFigures], ...]
+
+
+def compare_on_bus(
+    paper: Machine,
+    improved: Machine,
+    instrument_of: Callable[[AxisRun], Instrument],
+    *,
+    agree: Callable[[AxisRun], None] | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> BusComparison:
+    """Run both ways of control on the machine, one after the other: 20 minutes of axis time.
+
+    The proofs of the second machine count for both: it is the one that will run.
+
+    Raises:
+        UsageError: the two are different machines. AlarmStop: the axis was stopped.
+        ConfigError: a compensation needs a calibration that is missing or of another drive.
+    """
+    if not (paper.on_bus and improved.on_bus):
+        raise UsageError(f"{paper.name} and {improved.name}: both or none with a drive on a bus")
+    check_same_plant(paper, improved)
+    rows, name = [], ""
+    for machine in (paper, improved):
+        with experiment(improved, controlled_as=machine, agree=agree, needs_torque=False) as run:
+            axis = EngineAxis(machine, run, instrument_of(run), progress)
+            name = axis.instrument
+            rows.append((machine.name, _figures(machine, axis)))
+    return BusComparison(name, tuple(rows))
+
+
+def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:
+    fast = machine.speed.setting_max_deg_s
+    procedure = chord_procedure("A")
+    read = [_dwell(axis.go(stop.target_deg, fast)) for stop in procedure.stops]
+    table = evaluate(procedure, read, machine.accuracy.chord_radius_m)
+    axis.go(0.0, fast)
+    quarter = axis.go(90.0, fast)
+    axis.go(-90.0, fast)
+    half = axis.go(90.0, fast)
+    return BusFigures(
+        a_seen_deg=float(accuracy_a(table.errors_deg)),
+        load_error_90_deg_s=_load_error_deg_s(quarter),
+        load_error_180_deg_s=_load_error_deg_s(half),
+        time_90_s=_time_s(quarter),
+        time_180_s=_time_s(half),
+        torque_nm=max(float(np.max(np.abs(log.torque_nm))) for log in (quarter, half)),
+    )
+
+
+def _dwell(log: MoveLog) -> float:
+    """Mean of the readings at the end of a dwell, rad."""
+    end = log.load_rad[-round(_DWELL_S / log.period_s) :]
+    return float(np.mean(end[np.isfinite(end)]))
+
+
+def _load_error_deg_s(log: MoveLog) -> float:
+    """Way of the load between two readings minus that of the set-point, over the time between them."""
+    at = np.flatnonzero(np.isfinite(log.load_rad))
+    asked = np.concatenate([[0.0], np.cumsum(log.vel_rad_s[:-1])]) * log.period_s
+    off = np.diff(log.load_rad[at]) - np.diff(asked[at])
+    return math.degrees(float(np.max(np.abs(off / (np.diff(at) * log.period_s)))))
+
+
+def _time_s(log: MoveLog) -> float:
+    moving = np.flatnonzero(np.abs(log.vel_rad_s) > _REST_RAD_S)
+    return float(moving[-1] - moving[0] + 1) * log.period_s
+
+
+def bus_table(found: BusComparison) -> TextTable:
+    """Both rows side by side."""
+    heads = (
+        "", "A seen\nproc. A", "load 90\ndeg/s", "load 180\ndeg/s", "90 deg\ns", "180 deg\ns", "torque\nN m",
+    )  # fmt: skip
+    rows = tuple(
+        (
+            name,
+            f"{f.a_seen_deg:.4f}",
+            f"{f.load_error_90_deg_s:.4f}",
+            f"{f.load_error_180_deg_s:.4f}",
+            f"{f.time_90_s:.2f}",
+            f"{f.time_180_s:.2f}",
+            f"{f.torque_nm:.1f}",
+        )
+        for name, f in found.rows
+    )
+    return TextTable(f"On the bus, the load watched by {found.instrument}", heads, rows)
