@@ -14,7 +14,7 @@ from gantryctl.files import write_whole
 from gantryctl.image import LinkHealth
 from gantryctl.machine import Machine
 from gantryctl.operation.ledger.acceptance import ledger_path, load_acceptances, proven_hash
-from gantryctl.operation.ledger.judging import impossible, lacks, ledger, speed_max_deg_s, unproven
+from gantryctl.operation.ledger.judging import impossible, lacks, ledger, speed_max_deg_s, unproven, unset
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
 from gantryctl.operation.ledger.rows import LedgerRow, Proofs, Standing
 from gantryctl.operation.ledger.silence import SILENCE_STEP
@@ -218,7 +218,8 @@ def ledger_reasons(
             row for row in rows if row.speed_max_deg_s is not None and row.speed_max_deg_s < slowest
         )
         found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(limiting)}, cleared))
-    if (real or must_be_proven(machine)) and (open_lacks := lacks(rows)):
+    open_lacks = (*unset(rows), *(lacks(rows) if real or must_be_proven(machine) else ()))
+    if open_lacks:
         found.append(Reason(Code.CFG_CAN_04, {"lacks": _texts(open_lacks)}, cleared))
     return tuple(found)
 

@@ -21,7 +21,7 @@ from gantryctl.drives.canopen.settings import (
 from gantryctl.drives.canopen.setup.opening import checksum_of, facts_as_set_up, parameter_rows
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow
-from gantryctl.drives.profiles import load_profile
+from gantryctl.drives.profiles import DriveProfile, load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
@@ -234,6 +234,11 @@ def counts_increments(machine: Machine, facts: DriveFacts) -> bool:
         return settings.speed_in_increments
     except DeviceError:
         return False
+
+
+def profile_of_drive(machine: Machine, facts: DriveFacts) -> DriveProfile | None:
+    """Profile of a drive: that of the machine file, else the one that it fits."""
+    return canopen_settings(machine).of_drive(facts).profile
 
 
 def contradictions(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:

@@ -72,14 +72,13 @@ def check(file: Path, config_file: Path | None, node_id: int | None, as_json: bo
 
 
 def _delivered(facts: DriveFacts) -> Machine:
-    """The delivered CAN machine, with the unit of speed that the drive has by its 60A9."""
-    from gantryctl.drives.od.velocity_units import VELOCITY_UNITS
+    """The delivered CAN machine, with the unit of speed that the drive has by its profile or its 60A9."""
+    from gantryctl.drives.od.velocity_units import unit_of_word
+    from gantryctl.drives.profiles import profile_of
     from gantryctl.machine import configs_folder, load_machine, with_values
 
     machine, word = load_machine(configs_folder() / "hust_can.toml"), facts.value(0x60A9)
-    unit = next(
-        (name for name, unit in VELOCITY_UNITS.items() if word is not None and unit.si_unit == word), None
-    )
+    unit = "profile" if profile_of(facts) is not None else None if word is None else unit_of_word(word)
     return machine if unit is None else with_values(machine, {"can.velocity_unit": unit})
 
 

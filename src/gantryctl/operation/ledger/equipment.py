@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import Final
 
 from gantryctl.drives.od.verdicts import ParameterVerdict
-from gantryctl.drives.profiles import profile_of
 from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN, LedgerRow, Question, Standing
 
 CSV: Final = "runs_csv"
@@ -32,7 +31,7 @@ def csv_row(q: Question) -> LedgerRow:
             CSV, Standing.LACKING, "", f"no {missing}: nothing stands in for these in a CSV axis"
         )
     profile = "a drive in a profile mode makes set-points of its own, and nothing here replaces CSV"
-    model = profile_of(facts)
+    model = q.profile
     if model is not None and _CSV_MODE not in model.modes:
         detail = f"no mode {_CSV_MODE}, CSV, by the profile {model.name}; {profile}"
         return LedgerRow(CSV, Standing.LACKING, "", detail)
@@ -73,7 +72,7 @@ def counts_row(q: Question) -> LedgerRow:
     if q.verdict("608F:01") is ParameterVerdict.DIFFERS:
         row = q.parameters["608F:01"]
         detail = f"608F:01 = {row.have}, [can] increments_per_turn = {row.want}: one of them is wrong"
-        return LedgerRow(COUNTS, Standing.LACKING, "", detail)
+        return LedgerRow(COUNTS, Standing.LACKING, "", detail, by_file=True)
     if q.has("608F:01"):
         return LedgerRow(COUNTS, Standing.OBJECT, "608F")
     from gantryctl.wiring.canopen import counts_increments  # only a machine on a bus loads the bus
@@ -91,13 +90,15 @@ def unit_row(q: Question) -> LedgerRow:
     from gantryctl.wiring.canopen import contradictions  # only a machine on a bus loads the bus
 
     if said := contradictions(q.machine, q.facts):
-        return LedgerRow(UNITS, Standing.LACKING, "", f"{'; '.join(said)}: one of them is wrong")
+        return LedgerRow(
+            UNITS, Standing.LACKING, "", f"{'; '.join(said)}: one of them is wrong", by_file=True
+        )
     if q.verdict("60A9:00") is ParameterVerdict.DIFFERS:
         unit = q.machine.can.velocity_unit
         detail = (
             f'60A9 = {q.parameters["60A9:00"].have}, [can] velocity_unit = "{unit}": one of them is wrong'
         )
-        return LedgerRow(UNITS, Standing.LACKING, "", detail)
+        return LedgerRow(UNITS, Standing.LACKING, "", detail, by_file=True)
     if q.has("60A9:00"):
         return LedgerRow(UNITS, Standing.OBJECT, "60A9")
     return _by_sign(q, UNITS, "no 60A9")

@@ -35,9 +35,10 @@ def ledger(
     rows.append(following_row(machine))
     if facts is None:
         return tuple(rows)
-    from gantryctl.wiring.canopen import parameters_of  # only a machine on a bus loads the bus
+    # Only a machine on a bus loads the bus.
+    from gantryctl.wiring.canopen import parameters_of, profile_of_drive
 
-    q = Question(machine, facts, parameters_of(machine, facts), proofs)
+    q = Question(machine, facts, parameters_of(machine, facts), profile_of_drive(machine, facts), proofs)
     rows += [
         csv_row(q),
         telegram_row(q),
@@ -71,9 +72,14 @@ def lacks(rows: Iterable[LedgerRow]) -> tuple[LedgerRow, ...]:
     return tuple(row for row in rows if row.lacking and row.acceptable)
 
 
+def unset(rows: Iterable[LedgerRow]) -> tuple[LedgerRow, ...]:
+    """What a key of the machine file would give."""
+    return tuple(row for row in rows if row.lacking and row.by_file)
+
+
 def impossible(rows: Iterable[LedgerRow]) -> tuple[LedgerRow, ...]:
-    """What no step of commissioning shows and nobody may accept."""
-    return tuple(row for row in rows if row.lacking and not row.acceptable and not row.proof)
+    """What no step of commissioning shows, no key gives and nobody may accept."""
+    return tuple(row for row in rows if row.lacking and not (row.acceptable or row.proof or row.by_file))
 
 
 def unproven(rows: Iterable[LedgerRow]) -> tuple[LedgerRow, ...]:

@@ -34,10 +34,10 @@ def torque_row(q: Question) -> LedgerRow:
     why = q.why_not("6072:00")
     if q.verdict("6072:00") is not ParameterVerdict.ABSENT:
         to_do = f"the stops are computed with [motor] torque_max_nm = {most:g}: give there what the drive has"
-        return LedgerRow(TORQUE, Standing.LACKING, "", f"{why}; {to_do}")
+        return LedgerRow(TORQUE, Standing.LACKING, "", f"{why}; {to_do}", by_file=True)
     if entered == 0.0:
         to_do = "set the limit with the maker's tool and give it as [can] torque_limit_in_drive_nm"
-        return LedgerRow(TORQUE, Standing.LACKING, "", f"{why}; {to_do}")
+        return LedgerRow(TORQUE, Standing.LACKING, "", f"{why}; {to_do}", by_file=True)
     if TORQUE_STEP in q.proofs.failed:
         return LedgerRow(TORQUE, Standing.LACKING, "", f"{why}; step {TORQUE_STEP} has failed", TORQUE_STEP)
     shown = q.proofs.measured.get(TORQUE_LIMIT_NM, 0.0) if TORQUE_STEP in q.proofs.passed else 0.0
@@ -59,7 +59,8 @@ def speed_row(q: Question) -> LedgerRow:
     ceiling_r_min, why = q.value("6080:00"), q.why_not("6080:00")
     top_deg_s = m.speed.setting_max_deg_s
     if ceiling_r_min is not None and ceiling_r_min * DEG_S_PER_R_MIN / m.axis.ratio < top_deg_s:
-        return LedgerRow(SPEED, Standing.LACKING, "", f"{why}: the drive does not reach {top_deg_s:g} deg/s")
+        detail = f"{why}: the drive does not reach [speed] setting_max_deg_s = {top_deg_s:g}"
+        return LedgerRow(SPEED, Standing.LACKING, "", detail, by_file=True)
     # A drive that runs away at its torque limit passes the trip and goes on until the monitor has seen it.
     acc = driven_acc_deg_s2(m)
     above = acc * (monitors.overspeed_time_ms + m.control.scan_period_ms) * 1e-3

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow, ParameterVerdict
+from gantryctl.drives.profiles import DriveProfile
 from gantryctl.machine import Machine
 
 
@@ -33,6 +34,7 @@ class LedgerRow(NamedTuple):
             that step.
         acceptable: a person may take the lack upon himself.
         speed_max_deg_s: nothing moves faster because of this row; None without such a limit.
+        by_file: a key of the machine file, as the detail names it, ends the lack.
     """
 
     what: str
@@ -42,6 +44,7 @@ class LedgerRow(NamedTuple):
     proof: str = ""
     acceptable: bool = False
     speed_max_deg_s: float | None = None
+    by_file: bool = False
 
     @property
     def text(self) -> str:
@@ -86,11 +89,13 @@ class Question:
     Attributes:
         facts: the drive as its set-up leaves it.
         parameters: its parameters against those of the machine, by place (`1016:01`).
+        profile: what is known of its model; None of an unknown one.
     """
 
     machine: Machine
     facts: DriveFacts
     parameters: Mapping[str, ParameterRow]
+    profile: DriveProfile | None
     proofs: Proofs
 
     def verdict(self, place: str) -> ParameterVerdict:

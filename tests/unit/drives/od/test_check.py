@@ -54,7 +54,7 @@ def test_json_has_every_row_and_every_reason() -> None:
     result = run(str(FILES / "cp1252.eds"), "--json")
     data = json.loads(result.output)
     assert data["usable"] is False
-    assert {"what", "standing", "by", "detail", "proof", "acceptable", "speed_max_deg_s"} == set(
+    assert {"what", "standing", "by", "detail", "proof", "acceptable", "speed_max_deg_s", "by_file"} == set(
         data["ledger"][0]
     )
     assert data["reasons"][0].startswith("CFG-CAN-05")
