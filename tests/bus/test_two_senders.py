@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bus.bus_rig import QUICK_STOP_DEG, BusRig, bus_machine
+from bus.io_machines import io_machine
 from gantryctl.drives.canopen.diagnostics import TpdoWatch
 from gantryctl.program import AxisState
 from gantryctl.units import rad
@@ -93,6 +94,23 @@ def test_forged_telegrams_are_noticed_and_stop_the_axis(
     assert not rig.ticks[-1].brake_open
     assert not rig.enabled_again(begun)
     assert sum(rig.drive.health().contradicted) > 100
+    rig.engine.close()
+
+
+def test_forged_telegrams_of_a_node_beside_the_drive_stop_the_axis_too() -> None:
+    """Inputs of an I/O node: all of them good, whatever the node says."""
+    rig = BusRig(io_machine()).power_up().cruise(3.0)
+    begun = len(rig.ticks)
+    bus = rig.drive.link._bus
+
+    def forge() -> bool:
+        for _ in range(2):
+            bus.deliver(0x183, bytes(8))
+        return False
+
+    rig.engine.run_until(lambda _: forge(), 4.0)
+    assert rig.stops[0] == "CAN-14", rig.told
+    assert rig.way_deg(begun - 1) < QUICK_STOP_DEG[3.0]
     rig.engine.close()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError
+from gantryctl.drives.canopen.bus.sdo import SdoClient, SdoError, abort_text
 from gantryctl.drives.canopen.settings import CanopenSettings
 from gantryctl.errors import DeviceError
 
@@ -148,16 +148,17 @@ def configure(sdo: SdoClient, node: int, outputs: bool, extra: tuple[Signal, ...
         if refused is None:
             check_mapping(sdo, node, plan)
             return plan._replace(refused=unmapped)
-        if refused not in present:
+        signal = refused.signal
+        if signal not in present:
             raise DeviceError(
-                f"node {node}: object {refused.obj:04X}:{refused.sub:02X} cannot be mapped; without it there is no "
+                f"node {node}: {refused.text}; without it there is no "
                 + _WITHOUT.get(
-                    refused.obj,
-                    "status of the encoder: correct [can.encoder]" if refused in extra else _NO_AXIS,
+                    signal.obj,
+                    "status of the encoder: correct [can.encoder]" if signal in extra else _NO_AXIS,
                 )
             )
-        present -= {refused}
-        unmapped |= {refused}
+        present -= {signal}
+        unmapped |= {signal}
 
 
 def _bits(sdo: SdoClient, signal: Signal) -> int:
@@ -181,8 +182,21 @@ def _rows(node: int, plan: Mapping) -> list[tuple[int, int, Pdo | None]]:
     return rows
 
 
-def write_mapping(sdo: SdoClient, node: int, plan: Mapping) -> Signal | None:
-    """Write telegram by telegram; return the signal that the drive refuses, or None."""
+class Unmapped(NamedTuple):
+    """Signal that a node refuses to map, and its abort code."""
+
+    signal: Signal
+    code: int
+
+    @property
+    def text(self) -> str:
+        """For people: the object and why."""
+        place = f"{self.signal.obj:04X}:{self.signal.sub:02X}"
+        return f"object {place} cannot be mapped ({abort_text(self.code)})"
+
+
+def write_mapping(sdo: SdoClient, node: int, plan: Mapping) -> Unmapped | None:
+    """Write telegram by telegram; return what the drive refuses, or None."""
     # The procedure of CiA 301: PDO invalid, count 0, entries, count n, transmission type, PDO valid. Object by object,
     # whatever the EDS says: a library that follows it writes no entry where the EDS declares the mapping as ARRAY.
     for communication, cob_id, pdo in _rows(node, plan):
@@ -198,7 +212,7 @@ def write_mapping(sdo: SdoClient, node: int, plan: Mapping) -> Signal | None:
             except SdoError as refused:
                 if refused.silent:
                     raise
-                return signal
+                return Unmapped(signal, refused.code)
         sdo.set(mapping, 0, len(pdo.signals), 1)
         _make_synchronous(sdo, communication)
         sdo.set(communication, 1, cob_id, 4)

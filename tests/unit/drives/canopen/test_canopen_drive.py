@@ -107,6 +107,22 @@ def test_a_parameter_that_does_not_take_is_refused() -> None:
     bench.drive.close()
 
 
+def test_an_object_that_cannot_be_mapped_is_told_with_the_abort_code() -> None:
+    bench = Bench()
+    true_check = bench.virtual.od.checks[0x1A00, 2]
+
+    def refuse(entry: int) -> None:
+        if entry >> 16 == 0x6064:
+            raise SdoAbort(Abort.NOT_MAPPABLE)
+        true_check(entry)
+
+    bench.virtual.od.checks[0x1A00, 2] = refuse
+    with pytest.raises(
+        DeviceError, match=r"6064:00 cannot be mapped \(.*abort code 06040041\)\); without it"
+    ):
+        bench.open()
+
+
 def test_a_write_that_the_drive_refuses_is_told_with_its_abort_code() -> None:
     bench = Bench("dangerous-defaults")
 

@@ -128,6 +128,16 @@ def test_a_lost_drive_is_set_up_again_within_the_run_and_nothing_moves(lose: Cal
     bench.drive.close()
 
 
+def test_a_parameter_that_cannot_be_read_any_more_is_told_with_the_abort_code() -> None:
+    bench = Bench().open().enable()
+    bench.inject("sdo_abort", 0x0800_0022)
+    # One parameter every three seconds.
+    changed = bench.run(4.0).changed
+    assert "not possible in the drive's present state (abort code 08000022)" in changed
+    bench.inject("sdo_abort", None)
+    bench.drive.close()
+
+
 def test_a_drive_that_stays_silent_stays_lost() -> None:
     bench = Bench().open().enable()
     bench.inject("silence")

@@ -29,6 +29,7 @@ class SdoRequests:
 
     Attributes:
         answered, unanswered: requests so far.
+        abort_code: of the last answer; 0 where it was no refusal.
     """
 
     # One client for a drive, in the thread of the scan: a thread of its own would need the bus for itself, and waiting
@@ -39,7 +40,7 @@ class SdoRequests:
         self._head = b""
         self._command = 0
         self._then: Answer | None = None
-        self.answered = self.unanswered = 0
+        self.answered = self.unanswered = self.abort_code = 0
         node.listen(node.sdo.response_id, self._answer)
 
     @property
@@ -78,5 +79,6 @@ class SdoRequests:
                     return
                 found = data[4 : 8 - (command >> 2 & 3 if command & _SIZED else 0)]
         self._then = None
+        self.abort_code = 0 if found is not None else struct.unpack_from("<I", data, 4)[0]
         self.answered += 1
         then(found)

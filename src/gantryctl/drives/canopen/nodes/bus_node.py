@@ -107,7 +107,7 @@ class BusNode:
         except SdoError as fault:
             raise DeviceError(f"{who}: its telegrams cannot be mapped: {fault}") from None
         if refused is not None:
-            raise DeviceError(f"{who}: object {refused.obj:04X}:{refused.sub:02X} cannot be mapped")
+            raise DeviceError(f"{who}: {refused.text}")
         check_mapping(remote.sdo, remote.node, self._mapping)
         self.watch = TpdoWatch(self._mapping.tpdos[0].size)
         remote.listen(_TPDO_1 + remote.node, self._take)

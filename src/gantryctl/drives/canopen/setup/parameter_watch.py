@@ -8,7 +8,7 @@ from functools import partial
 from typing import Final
 
 from gantryctl.drives.canopen.bus.requests import SdoRequests
-from gantryctl.drives.canopen.bus.sdo import decode_object
+from gantryctl.drives.canopen.bus.sdo import abort_text, decode_object
 from gantryctl.drives.canopen.setup.parameter_check import WantedParameter, compare
 from gantryctl.drives.od.verdicts import ParameterVerdict
 
@@ -77,6 +77,8 @@ class ParameterWatch:
             self.error_code = have or 0
             return
         row = compare(asked, have)
+        if data is None:
+            row = row._replace(have=abort_text(self._requests.abort_code))
         if row.verdict is ParameterVerdict.OK:
             self.differs.pop((asked.obj, asked.sub), None)
         else:
