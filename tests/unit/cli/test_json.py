@@ -78,6 +78,7 @@ RUNS: dict[str, list[str]] = {
     "drive objects": ["drive", "objects", "--config", str(CAN)],
     "drive profiles": ["drive", "profiles"],
     "drive profiles show": ["drive", "profiles", "show", "e35"],
+    "drive gains": ["drive", "gains", "--config", "epos4.toml"],
     "drive field": ["drive", "field", "--drive", "e35", "--config", str(CAN)],
     "size": ["size"],
     "analyse": ["analyse"],
@@ -112,6 +113,9 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
     if command == "accuracy measure":
         values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
         machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})
+    if command == "drive gains":
+        drive = {"can.virtual_drive": "maxon EPOS4@", "can.encoder.index": 0}
+        machine_file(Path("epos4.toml"), {"drive.kind": "canopen", "control.scan_period_ms": 4.0, **drive})
     with LineServer(Level(), lambda: 0.0, port=47113) if command == "instrument read" else nullcontext():
         answer = cli(*RUNS[command], "--json")
     assert (answer.code, answer.err) == (int(command == "drive diff"), "")  # as the drive comes, it differs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -186,6 +187,57 @@ def restore(config_file: Path | None, yes: bool, file: Path) -> int:
         click.echo(f"! {line}")
     click.echo(f"{len(kept['values']) - len(failed)} of {len(kept['values'])} values are in the drive")
     return int(bool(failed))
+
+
+@drive.command()
+@bus_log_option
+@config_option
+@json_option
+def gains(config_file: Path | None, as_json: bool) -> int:
+    """Show the gains of the drive's speed loop, where its profile names their objects.
+
+    They are set with the maker's tool; then measure: `speed-test`, `analyse --measure`.
+    """
+    from gantryctl.drives.canopen.setup.gains import read_gains
+    from gantryctl.drives.canopen.setup.opening import facts_as_found
+    from gantryctl.errors import DeviceError
+
+    with _node(config_file) as (node, settings, machine):
+        profile = settings.of_drive(facts_as_found(node, settings)[1]).profile
+        if profile is None or profile.speed_loop is None:
+            who = (
+                "no profile fits this drive" if profile is None else f"profile {profile.name} names no gains"
+            )
+            raise DeviceError(f"{who}: read and set them with the maker's tool, then measure")
+        found = read_gains(node.sdo, profile.speed_loop)
+    # Torque per ampere at the rated point.
+    nm_per_a = machine.motor.torque_rated_nm / machine.motor.current_rated_a
+    shown = [
+        {
+            "name": each.name,
+            "object": each.gain.object,
+            "value": each.value,
+            "unit": each.gain.unit,
+            "at_the_motor": None if math.isnan(each.si) else each.si * nm_per_a,
+        }
+        for each in found
+    ]
+    if as_json:
+        print_json(shown)
+        return 0
+    click.echo(f"profile {profile.name} ({profile.tried.value})")
+    for row, unit in zip(shown, ("N m s/rad", "N m/rad"), strict=False):
+        value, motor = row["value"], row["at_the_motor"]
+        what = (
+            "the drive does not have it"
+            if value is None
+            else f"{value:g} {row['unit'] or 'units of the drive'}"
+        )
+        click.echo(
+            f"  {row['name']}  {row['object']}  {what}"
+            + (f" = {motor:.4g} {unit}" if motor is not None else "")
+        )
+    return 0
 
 
 @drive.command()

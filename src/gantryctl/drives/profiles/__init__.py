@@ -8,12 +8,13 @@ from gantryctl.drives.profiles.choice import (
     profile_names,
     profile_of,
 )
-from gantryctl.drives.profiles.profile import DangerousDefault, DriveProfile, Gain, Tried
+from gantryctl.drives.profiles.profile import DangerousDefault, DriveProfile, Gain, SpeedLoop, Tried
 
 __all__ = [
     "DangerousDefault",
     "DriveProfile",
     "Gain",
+    "SpeedLoop",
     "Tried",
     "load_profile",
     "places_of_maker",

@@ -108,12 +108,13 @@ class DangerousDefault(_Part):
     because: Words
 
 
-# Size of a gain unit in SI with current in A: kp in A s/rad, ki in A/rad, both at the motor shaft.
+# Size of a gain unit in SI with current in A: kp in A s/rad, ki in A/rad, both at the motor shaft. An integral gain in
+# Hz is a rate, and not one of these.
 GAIN_UNITS: Final[dict[str, float]] = {
     "uA s/rad": 1e-6,
     "uA/rad": 1e-6,
     "A/(rev/s)": 1.0 / (2.0 * math.pi),
-    "Hz": 1.0,
+    "Hz": math.nan,
     "": math.nan,
 }
 
@@ -132,6 +133,8 @@ class Gain(_Part):
     object: Place
     unit: Annotated[str, AfterValidator(_unit)] = ""
     """Empty where the manual gives none: then only ratios mean something."""
+    real: bool = False
+    """The object is a REAL32; else a whole number."""
 
     @property
     def key(self) -> tuple[int, int]:
@@ -140,7 +143,7 @@ class Gain(_Part):
 
     @property
     def si(self) -> float:
-        """One unit in A s/rad (kp), A/rad (ki) or 1/s; NaN where the unit is not known."""
+        """One unit in A s/rad (kp) or A/rad (ki); NaN where the unit is another or not known."""
         return GAIN_UNITS[self.unit]
 
 

@@ -16,6 +16,7 @@ from gantryctl.drives.virtual.personality import Personality
 from gantryctl.errors import ConfigError, UsageError
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.wiring.virtual import as_in_table, shipped_objects, virtual_node
+from support.command_line import cli, done, machine_file
 from unit.drives.virtual.bench import hardware
 
 TABLES = read_object_tables(shipped_objects())
@@ -154,3 +155,36 @@ def test_a_survey_of_the_bus_names_the_profile_and_what_it_warns_of() -> None:
     assert any(remark.startswith("6085:00 = 10000 as delivered: 10 000 r/min/s") for remark in remarks)
     # The motor is entered: the other default that the profile warns of is no longer there.
     assert not any(remark.startswith("6076") for remark in remarks)
+
+
+@pytest.mark.can
+def test_the_gains_of_a_drive_are_shown_at_the_motor(tmp_path: Path) -> None:
+    """20 000 uA s/rad is 0.02 A s/rad; 257 N m at the rated current make N m of it."""
+    rows = shipped_objects().read_text(encoding="utf-8").splitlines()
+    gains = [
+        "maxon EPOS4 0x1018,30A2,1,present,0x7,rw,20000,,",
+        "maxon EPOS4 0x1018,30A2,2,present,0x7,rw,500000,,",
+    ]
+    table = tmp_path / "objects.csv"
+    table.write_text("\n".join([*rows, *gains]) + "\n", encoding="utf-8")
+    config = tmp_path / "m.toml"
+    machine_file(config, {"drive.kind": "canopen", "control.scan_period_ms": 4.0, "can.encoder.index": 0,
+                          "can.virtual_drive": f"maxon EPOS4@{table}"})  # fmt: skip
+    motor = MACHINE.motor
+    kp, ki = done("drive", "gains", "--config", config, "--json").json
+    assert (kp["object"], kp["value"], kp["unit"]) == ("30A2:01", 20000.0, "uA s/rad")
+    assert kp["at_the_motor"] == pytest.approx(0.02 * motor.torque_rated_nm / motor.current_rated_a)
+    assert ki["at_the_motor"] == pytest.approx(0.5 * motor.torque_rated_nm / motor.current_rated_a)
+    assert "N m s/rad" in done("drive", "gains", "--config", config).out
+
+
+@pytest.mark.can
+def test_a_drive_without_the_object_or_without_a_profile_is_told_so(tmp_path: Path) -> None:
+    shared = {"drive.kind": "canopen", "control.scan_period_ms": 4.0, "can.encoder.index": 0}
+    config, plain = tmp_path / "m.toml", tmp_path / "plain.toml"
+    machine_file(config, {**shared, "can.virtual_drive": "maxon EPOS4@"})
+    assert "the drive does not have it" in done("drive", "gains", "--config", config).out
+    machine_file(plain, shared)
+    refused = cli("drive", "gains", "--config", plain)
+    assert refused.code != 0
+    assert "no profile fits this drive: read and set them with the maker's tool" in refused.err
