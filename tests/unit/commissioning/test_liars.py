@@ -56,6 +56,7 @@ LIES = (
     Lie("brief-quick-stop", "stops", "605A", STOPS_AT_1 + 0.35),
     Lie("no-quick-stop", "stops", "not obeyed", STOPS_AT_1 + 0.35),
     Lie("slow-quick-stop", "stops", "too long", STOPS_AT_1 + 0.45),
+    Lie("hard-quick-stop", "stops", "too hard", STOPS_AT_1 + 0.35),
     Lie("follows-bit-stuck", "pdo", "follows_bit", 0.0),
     Lie("follows-bit-stuck", "silence", "follows_bit", 0.02),
     Lie("wrong-sign-at-speed", "stops", "are commanded", 0.15),

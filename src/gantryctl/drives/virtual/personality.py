@@ -188,6 +188,7 @@ PERSONALITIES: Final = {
         _p("quick-stop-option-ignored", "lie: 605A is taken, a quick stop takes the torque off at once",
            quick_stop_option_ignored=True),
         _p("slow-quick-stop", "lie: the quick-stop ramp is a third of 6085", quick_stop_ramp_share=1.0 / 3.0),
+        _p("hard-quick-stop", "lie: the quick-stop ramp is 1.6 times 6085", quick_stop_ramp_share=1.6),
         _p("torque-limit-ignored", "lie: 6072 is taken without effect", torque_limit_ignored=True),
         _p("follows-bit-stuck", "lie: bit 12 of 6041 is 1 in every state", follows_bit_stuck=True),
         _p("wrong-sign-at-speed", "lie: turns the other way beyond 60 r/min", sign_wrong_at_speed=True),

@@ -97,15 +97,16 @@ def test_the_quick_stop_takes_the_torque_off() -> None:
     assert liar.run(0.02, QUICK_STOP).state is State.SWITCH_ON_DISABLED
 
 
-def test_the_quick_stop_ramp_is_a_third() -> None:
+def test_the_quick_stop_ramp_is_a_third_or_harder() -> None:
     ways = []
-    for names in ((), ("slow-quick-stop",)):
+    for names in ((), ("slow-quick-stop",), ("hard-quick-stop",)):
         bench = running(*names)
         begun = bench.load_deg
         bench.run(1.5, QUICK_STOP)
         ways.append(bench.load_deg - begun)
     # Beside v^2 / 2a there are the two periods until the command acts, and the swing of the load: 0.07 deg together.
     assert ways[1] > 2.0 * ways[0]
+    assert ways[2] < 0.9 * ways[0]
 
 
 def test_the_torque_limit_is_without_effect() -> None:
