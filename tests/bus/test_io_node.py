@@ -21,7 +21,7 @@ from gantryctl.wiring.virtual import virtual_bus
 pytestmark = pytest.mark.can
 
 
-def rest(rig: BusRig, seconds: float = 6.0) -> None:
+def rest(rig: BusRig, seconds: float = 5.0) -> None:
     """Off, braked and at rest, and it stays so."""
     rig.run(seconds)
     assert rig.axis.power.phase is PowerPhase.OFF, rig.axis.power.phase
@@ -58,7 +58,9 @@ def test_an_input_acts_with_the_first_sync_after_it(scan_ms: float) -> None:
     rig.engine.close()
 
 
-@pytest.mark.parametrize(("speed", "scan_ms"), [(6.0, 4.0), (-3.0, 10.0), (1.0, 1.0)])
+@pytest.mark.parametrize(
+    ("speed", "scan_ms"), [(6.0, 4.0), (-3.0, 10.0), pytest.param(1.0, 1.0, marks=pytest.mark.slow)]
+)
 def test_a_silent_node_is_a_quick_stop_and_its_brake_closes_by_itself(speed: float, scan_ms: float) -> None:
     rig = BusRig(io_machine(scan_ms, {"plant.load.eccentricity_m": NOMINAL_M}), 60.0).power_up().cruise(speed)
     begun = len(rig.ticks)
@@ -83,6 +85,8 @@ def test_a_node_that_restarts_loses_its_outputs_and_the_axis_stops() -> None:
     rig = BusRig(io_machine(), 60.0).power_up().cruise(6.0)
     begun = len(rig.ticks)
     rig.io.boot()
+    # By its boot-up message, long before its telegrams are missed.
+    assert reaction_scans(rig, "CAN-16") == 1
     rest(rig)
     assert rig.stops[0] == "CAN-16", rig.told
     # The brake closes at once, against the drive's ramp: shorter than torque off and brake.
@@ -120,8 +124,12 @@ def test_outputs_show_what_the_axis_does() -> None:
     }
     rig.cruise(3.0)
     assert {name for name, on in rig.levels.items() if on} == {"brake_release", "lamp"}
-    rig.command(power=False, move=False)
-    rig.run(6.0)
+    # The set-point is at rest at once, the motor is not.
+    rig.command(move=False, quick_stop=True)
+    rig.run(0.2)
+    assert not rig.levels["at_rest"]
+    rig.command(power=False, quick_stop=False)
+    rig.run(4.0)
     assert not any(rig.levels[name] for name in ("brake_release", "lamp", "horn")), rig.levels
     assert rig.levels["at_rest"]
     rig.engine.close()
@@ -147,6 +155,7 @@ def test_outputs_without_effect_keep_the_brake_closed() -> None:
     rig.engine.close()
 
 
+@pytest.mark.slow
 @pytest.mark.no_oracle("the brake cannot be closed", "INV-6")
 def test_a_brake_relay_that_welds_is_told_and_the_load_stays() -> None:
     rig = BusRig(io_machine(), 60.0).power_up().cruise(3.0)
@@ -161,7 +170,7 @@ def test_a_brake_relay_that_welds_is_told_and_the_load_stays() -> None:
 
 
 @pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-2", "INV-6")
-@pytest.mark.parametrize("where", ["node", "drive"])
+@pytest.mark.parametrize("where", ["node", pytest.param("drive", marks=pytest.mark.slow)])
 def test_a_controller_that_dies_leaves_a_braked_axis(where: str) -> None:
     """Not one frame more: the drive ramps by its own watch, the brake output falls by itself."""
     changes: dict[str, object] = (
@@ -180,7 +189,9 @@ def test_a_controller_that_dies_leaves_a_braked_axis(where: str) -> None:
 
 
 @pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-2", "INV-6")
-@pytest.mark.parametrize("place", ["can.io.outputs.watchdog", "can.outputs.watchdog"])
+@pytest.mark.parametrize(
+    "place", ["can.io.outputs.watchdog", pytest.param("can.outputs.watchdog", marks=pytest.mark.slow)]
+)
 def test_a_watchdog_relay_stops_the_axis_of_a_dead_controller(place: str) -> None:
     """A drive without 1016 and 1400:05 goes on at its last speed; the relay ends it within the computed way."""
     machine = io_machine(changes={place: 20, "can.virtual_drive": "unwatched"})
@@ -194,6 +205,7 @@ def test_a_watchdog_relay_stops_the_axis_of_a_dead_controller(place: str) -> Non
     rig.engine.close()
 
 
+@pytest.mark.slow
 @pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-1", "INV-2", "INV-6")
 def test_without_the_relay_such_a_drive_goes_on() -> None:
     """The test above can fail. The brake on the node closes against the drive, which does not care."""
