@@ -29,12 +29,36 @@ def config() -> None:
     is_flag=True,
     help="The same machine under better control, with its calibration file beside it.",
 )
+@click.option(
+    "--can",
+    "interface",
+    metavar="INTERFACE",
+    help="The same machine behind a CANopen drive on this interface of python-can: socketcan, pcan, udp_multicast ...",
+)
+@click.option("--channel", default="", help="With --can: can0, PCAN_USBBUS1 ...")
+@click.option(
+    "--node", type=click.IntRange(1, 127), default=2, show_default=True, help="With --can: node id."
+)
 @json_option
-def init(dest: Path, force: bool, improved: bool, as_json: bool) -> None:
+def init(
+    dest: Path, force: bool, improved: bool, interface: str | None, channel: str, node: int, as_json: bool
+) -> None:
     """Write the reference machine's file to DEST, to edit from there (default: machine.toml)."""
+    from gantryctl.errors import UsageError
     from gantryctl.machine import default_machine_path
 
+    if improved and interface is not None:
+        raise UsageError(
+            "--improved and --can: one of them; a CAN machine is improved after it is commissioned"
+        )
     source = default_machine_path()
+    if interface is not None:
+        _write_can(dest, force, {"interface": f'"{interface}"', "channel": f'"{channel}"', "node": str(node)})
+        if as_json:
+            print_json({"written": [str(dest)]})
+        else:
+            click.echo(f"wrote {dest}; next: gantryctl can scan --config {dest}")
+        return
     if improved:
         source = source.with_name("hust_improved.toml")
     if dest.is_dir():
@@ -51,13 +75,35 @@ def init(dest: Path, force: bool, improved: bool, as_json: bool) -> None:
     click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
 
 
+def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:
+    """The CAN machine with other values in [can], its comments kept."""
+    import re
+
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import default_machine_path
+
+    text = default_machine_path().with_name("hust_can.toml").read_text(encoding="utf-8")
+    for key, value in values.items():
+        if not value.isprintable() or value.count('"') not in (0, 2) or "\\" in value:
+            raise UsageError(
+                f"--{'can' if key == 'interface' else key} {value}: no name of an interface or channel"
+            )
+        text, found = re.subn(rf"(?m)^{key} = [^#\n]*?( *)(#.*)?$", rf"{key} = {value}\1\2", text)
+        assert found == 1
+    _write(text.encode(), dest, force)
+
+
 def _copy(source: Path, dest: Path, force: bool) -> None:
+    _write(source.read_bytes(), dest, force)
+
+
+def _write(data: bytes, dest: Path, force: bool) -> None:
     from gantryctl.errors import UsageError
 
     try:
         # Exclusive creation: nothing between a look and the writing can be overwritten.
         with dest.open("wb" if force else "xb") as file:
-            file.write(source.read_bytes())
+            file.write(data)
     except FileExistsError:
         raise UsageError(f"{dest}: exists already; --force overwrites it") from None
     except OSError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from pathlib import Path
 from typing import Final
 
@@ -54,13 +55,24 @@ from gantryctl.operation.store import StateStore, now_text
 from gantryctl.wiring.canopen import can_link, canopen_settings
 
 
+class Reach(IntEnum):
+    """How far a step can move the gantry: a person who has agreed to one need not be asked for less."""
+
+    NOTHING = 0
+    # At most 0.05 deg.
+    STANDSTILL = 1
+    # Some 10 deg.
+    NEAR = 2
+    TRAVEL = 3
+
+
 @dataclass(frozen=True)
 class Step:
     """One step.
 
     Attributes:
         moves: what could move, and how far; "" when nothing can.
-        reach_deg: how far at most; who has agreed to it need not be asked for less.
+        reach: how far at most.
         lasts_s: time of the axis that it takes, about, for the progress.
         required: without it there is no commissioning record.
         makes_up: key of the ledger row that the step is for; a drive that has an object for it needs no such step.
@@ -72,7 +84,7 @@ class Step:
     does: str
     moves: str
     run: Callable[[Context], StepResult]
-    reach_deg: float = 0.0
+    reach: Reach = Reach.NOTHING
     lasts_s: Callable[[Machine], float] = lambda machine: 1.0
     required: bool = True
     makes_up: str = ""
@@ -109,31 +121,31 @@ STEPS: Final = (
     Step("wiring", "Wiring by hand", "a person works every input, and looks at every output", "", steps_bus.wiring,
          lasts_s=lambda machine: 60.0, required=False, by_hand=True),
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
-         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.silence, 0.05,
+         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.silence, Reach.STANDSTILL,
          lambda machine: 3.0),
     Step("watchdog", "Watchdog", "falls silent whole: the watchdog relay takes the torque off",
-         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.watchdog, 0.05,
+         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.watchdog, Reach.STANDSTILL,
          lambda machine: 2.0),
     Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than 0.02 deg",
-         steps_power.brake, 0.02, lambda machine: 6.0),
+         steps_power.brake, Reach.STANDSTILL, lambda machine: 6.0),
     Step("torque", "Torque limit", "pushes against the closed brake: the limit of the drive maker's tool",
-         "less than 0.02 deg", steps_lacks.torque, 0.02, lambda machine: 4.0, makes_up=TORQUE),
+         "less than 0.02 deg", steps_lacks.torque, Reach.STANDSTILL, lambda machine: 4.0, makes_up=TORQUE),
     Step("sign", "Sign and scale", "a brief speed pulse with the position loop open, torque and speed limits lowered",
-         "at most 0.05 deg", steps_sign.sign, 0.05, lambda machine: 4.0),
+         "at most 0.05 deg", steps_sign.sign, Reach.STANDSTILL, lambda machine: 3.3),
     Step("velocity", "Velocity step", "a step to creep speed, position loop open", "at most 1 deg",
-         steps_power.velocity, 1.0, lambda machine: 7.0),
+         steps_power.velocity, Reach.NEAR, lambda machine: 7.0),
     Step("ramp", "Quick-stop ramp", "measures the drive's own ramp, from 0.3 deg/s upwards",
-         "about 7 deg forward and back", steps_lacks.ramp, 7.0, lambda machine: 20.0, makes_up=RAMP),
+         "about 7 deg forward and back", steps_lacks.ramp, Reach.NEAR, lambda machine: 20.0, makes_up=RAMP),
     Step("loop", "Position loop", "closes the position loop: 1 deg forward and back at the lowest speed",
-         "1 deg and back", steps_motion.loop, 1.0, lambda machine: 10.0),
+         "1 deg and back", steps_motion.loop, Reach.NEAR, lambda machine: 8.0),
     Step("stops", "Stops", "jog release, quick stop, silence: the angle measured against the computed one",
-         "about 10 deg forward and back", steps_motion.stops, 10.0, lambda machine: 30.0),
+         "about 10 deg forward and back", steps_motion.stops, Reach.NEAR, lambda machine: 22.0),
     Step("turn", "Slow turn", "one turn each way: eccentric moment and friction", "the whole travel",
-         steps_motion.slow_turn, 360.0, _travel_s),
+         steps_motion.slow_turn, Reach.TRAVEL, _travel_s),
     Step("bands", "Bands", "proposes in-position and following-error bands from what was measured", "",
          steps_motion.bands),
     Step("accuracy", "Accuracy", "the chord test by an instrument at the load", "the whole travel",
-         step_accuracy.accuracy, 360.0, _chords_s, required=False),
+         step_accuracy.accuracy, Reach.TRAVEL, _chords_s, required=False),
 )  # fmt: skip
 
 
@@ -180,7 +192,7 @@ class Commissioning:
             )
         self.machine, self.store, self.folder = machine, store, folder
         self._say, self._confirm, self._instrument, self._now_s = say, confirm, instrument, now_s
-        self._agreed_deg = 0.0
+        self._agreed = Reach.NOTHING
         self._path = store.directory / "commissioning.json"
         kept = load_progress(self._path)
         # A change of [axis], [control], [motor], [encoder], [brake], [drive] or [can] begins anew.
@@ -250,10 +262,10 @@ class Commissioning:
 
     def do(self, step: Step) -> StepResult | None:
         """Run one step; None when the person declined it."""
-        if step.reach_deg > self._agreed_deg:
+        if step.reach > self._agreed:
             if not self._confirm(step):
                 return None
-            self._agreed_deg = step.reach_deg
+            self._agreed = step.reach
         begun_s = self._now_s()
         watch = StepWatch(Meter(self._say, step.lasts_s(self.machine), self._now_s))
         context = Context(

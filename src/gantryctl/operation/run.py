@@ -9,7 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any, Final, TypeVar
 
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
@@ -315,23 +317,39 @@ class AxisRun:
             due=self.brake_due,
         )
 
-    def while_standing(self, work: Callable[[], _Done]) -> _Done | None:
-        """Do what takes its time (a person, an instrument) while the axis stands and goes on scanning.
+    def while_standing(self, work: Callable[[], _Done], *, finish: bool = False) -> _Done | None:
+        """Do what takes its time (a person, an instrument, a disk) while the axis stands and goes on scanning.
 
         In virtual time nothing passes meanwhile.
 
+        Args:
+            finish: the work comes to its end whatever the operator or an alarm says; else it is left alone then.
+
         Returns:
-            What the work returned; None where the operator has stopped the axis, and the work is left alone.
+            What the work returned; None where the operator has stopped the axis before its end.
 
         Raises:
-            AlarmStop: an alarm came; the work is left alone.
+            AlarmStop: an alarm came.
         """
         if isinstance(self.engine.clock, VirtualClock):
             return work()
         done = begin(work)
-        self._follow(lambda: done.done() or self.stop is not Stop.NO or not self._no_alarm, math.inf)
+        self._follow(
+            lambda: done.done() or (not finish and (self.stop is not Stop.NO or not self._no_alarm)), math.inf
+        )
         self._raise_alarm()
-        return None if self.stop is not Stop.NO else done.result()
+        return done.result() if done.done() else None
+
+    def rest_keeper(self) -> Callable[[], None]:
+        """Work that keeps where the axis stands now: a run that is killed from then on leaves a true rest position.
+
+        A simulated plant of this process is killed with the run, and comes back where it was before.
+        """
+        store, identity = self._store, self.drive.identity()
+        if store is None or self.machine.plant_is_local:
+            return lambda: None
+        counts = int(self.engine.image.drive.pos_act_counts) % (identity.counts_per_turn * identity.turns)
+        return partial(store.store_retained, replace(self._open.retained, rest_position_counts=counts))
 
     # --- checks and refusals -------------------------------------------------------------------------------------
 

@@ -73,7 +73,7 @@ def commission(
             store,
             folder,
             click.echo,
-            lambda step: yes or with_sim or _ask(step),
+            lambda step: yes or with_sim or _ask(work, step, only),
             None if place is None else lambda run: open_instrument(run, place, uncertainty_deg, seed=0),
         )
         return _run(work, only, again, folder)
@@ -163,12 +163,11 @@ def _announce() -> None:
         click.echo(f"    {step.key}; could move: {step.moves or 'nothing'}")
 
 
-def _ask(step: Step) -> bool:
-    """Ask before a step that reaches further than those before it; a yes holds for what reaches no further."""
-    return click.confirm(
-        f"{step.title}: could move: {step.moves}. Is everybody away from the gantry, now and in the steps that move by "
-        f"{step.reach_deg:g} deg at most?"
-    )
+def _ask(work: Commissioning, step: Step, only: str | None) -> bool:
+    """Ask before the first step of a reach: one yes holds for all that reach no further."""
+    together = [each for each in work.left(only) if each.reach == step.reach]
+    could = "; ".join(f"{each.title}: {each.moves}" for each in together)
+    return click.confirm(f"could move: {could}. Is everybody away from the gantry?")
 
 
 def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> int:

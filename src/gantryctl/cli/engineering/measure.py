@@ -89,7 +89,10 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
             click.echo(f"{ended.text}; the same command goes on", err=True)
             return 1
         store_session(folder / "readings.json", ended)
-    return _finish(machine, ended, place, folder, as_json)
+        code = _finish(machine, ended, place, folder, as_json)
+        # Only now: a kill before the report must not cost the readings.
+        path.unlink(missing_ok=True)
+    return code
 
 
 def _session(path: Path, machine: Machine, given: dict[str, Any]) -> ChordSession:

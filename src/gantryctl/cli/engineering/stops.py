@@ -55,14 +55,17 @@ def _find(machine: Machine, as_json: bool) -> int:
 def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
     from gantryctl.engineering.stops import StopClass, stop_table
     from gantryctl.engineering.stops.data import stops_data
+    from gantryctl.engineering.stops.measured import measured_stops
     from gantryctl.engineering.stops.text import stops_note, stops_text, watch_lines
+    from gantryctl.operation.store import state_root
 
     rows = stop_table(machine, speeds or None)
+    measured = measured_stops(machine, state_root() / machine.name) if machine.on_bus else None
     if as_json:
-        print_json(stops_data(machine, rows))
+        print_json(stops_data(machine, rows, measured))
     else:
         print_table(stops_text(rows))
-        click.echo(stops_note(machine))
+        click.echo(stops_note(machine, measured))
         for line in watch_lines(machine, rows):
             click.echo(line)
     # Only the quick stop has a permitted angle; the other classes are shown.

@@ -16,7 +16,7 @@ from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEns
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import FloatArray
-from gantryctl.engineering.report.origin import Origin
+from gantryctl.engineering.report.origin import origin_of
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, short_hash
 
@@ -108,12 +108,6 @@ def accuracy_report(
         ensemble=ensemble_a(machine, job) if job.ensemble else None,
         notes=(_LEADS,) if machine.control.compensation.moves_motor else (),
     )
-
-
-def origin_of(machine: Machine) -> Origin:
-    """Whether readings of this machine are of a model; a virtual drive without a side channel looks like a real one."""
-    modelled = machine.plant_is_local or bool(machine.can.side_channel)
-    return Origin.SIMULATED if modelled else Origin.MEASURED
 
 
 def angle_errors_deg(procedure: Procedure, readings: Readings) -> tuple[float, ...]:

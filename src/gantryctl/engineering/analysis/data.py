@@ -28,6 +28,7 @@ from gantryctl.engineering.analysis.text import (
     sentences,
 )
 from gantryctl.engineering.report.data import plain
+from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import config_hash
 
 
@@ -36,6 +37,7 @@ def study_data(study: Study) -> dict[str, Any]:
     data: dict[str, Any] = {
         "machine": study.machine.name,
         "hash": config_hash(study.machine),
+        "origin": Origin.COMPUTED.value,
         "plant": study.kind.value,
         "friction": study.friction.value,
         "loop": asdict(study.settings),
@@ -137,6 +139,7 @@ def measured_data(result: MeasuredResponse) -> dict[str, object]:
 
     measured = result.measured
     return {
+        "origin": result.origin.value,
         "condition": result.condition.name,
         "torque_nm": result.condition.torque_nm,
         "vel_deg_s": result.condition.vel_deg_s,

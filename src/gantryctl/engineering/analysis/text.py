@@ -17,6 +17,7 @@ from gantryctl.engineering.analysis.models.rigid import RigidLoop
 from gantryctl.engineering.analysis.models.robust import Bands, Case, RobustMargins, RobustReport
 from gantryctl.engineering.analysis.models.sampled import Cut, LoopSettings
 from gantryctl.engineering.analysis.study import FOLLOWING_WITHOUT, SWINGING, CutFigures, Study
+from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.text import TextTable, or_dash
 
 _TWO_PI = 2.0 * math.pi
@@ -37,7 +38,9 @@ _CUT_NAMES = {
 def study_name(study: Study) -> str:
     """Machine, plant and friction in a title."""
     friction = "" if study.friction.value == "none" else f", friction {study.friction.value}"
-    return f"{study.machine.name}, {study.kind.value} plant{friction}"
+    return (
+        f"{study.machine.name}, {study.kind.value} plant{friction}, {Origin.COMPUTED} from the machine file"
+    )
 
 
 def _polynomial(coefficients: Sequence[float]) -> str:
@@ -260,7 +263,10 @@ def measured_sentence(result: MeasuredResponse) -> str:
         Friction.SLIDING: "the model whose friction slides",
         Friction.NONE: "the model without friction",
     }[condition.friction]
-    agree = f"Measured {how}, the plant is {model}, typically within {100.0 * result.typical_error:.0f} %"
+    on = "on the machine" if result.origin is Origin.MEASURED else "on the simulator"
+    agree = (
+        f"Measured {on} {how}, the plant is {model}, typically within {100.0 * result.typical_error:.0f} %"
+    )
     if not len(off):
         return agree + " and nowhere more than 3 dB or 20 deg away."
     return agree + f"; more than 3 dB or 20 deg away at {_spans(off, result.measured.hz)}: {_why(result)}."

@@ -6,15 +6,19 @@ from collections.abc import Sequence
 from typing import Any
 
 from gantryctl.engineering.report.data import plain
+from gantryctl.engineering.report.origin import Origin
+from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.machine import Machine
 
 
-def stops_data(machine: Machine, rows: Sequence[StopRow]) -> dict[str, Any]:
+def stops_data(machine: Machine, rows: Sequence[StopRow], measured: MeasuredStops | None) -> dict[str, Any]:
     """Everything `stops --json` prints."""
     return {
         "machine": machine.name,
+        "origin": Origin.SIMULATED.value,
+        "measured": None if measured is None else measured._asdict(),
         "permitted_deg": machine.axis.stopping_angle_max_deg,
         "rows": [
             {

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.text import TextTable
+from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
 
-_NOTE = """Worst of four stops each (at +-90 deg, both directions), with an eccentric moment of {moment:g} kN m.
+_NOTE = """All figures of the table are {origin}, on the full plant of the machine file; {measured}.
+Worst of four stops each (at +-90 deg, both directions), with an eccentric moment of {moment:g} kN m.
 Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging at the speed of the last column.
 + {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
 Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards."""
@@ -50,12 +53,26 @@ def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
     return lines
 
 
-def stops_note(machine: Machine) -> str:
-    """Meaning of the columns, and the permitted values."""
+def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
+    """Origin and meaning of the columns, the permitted values, and what commissioning has measured."""
     return _NOTE.format(
+        origin=Origin.SIMULATED,
+        measured=_measured(measured),
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,
         reaction=REACTION_S * 1e3,
         permitted=machine.axis.stopping_angle_max_deg,
         torque=machine.motor.torque_max_nm,
         reducer=machine.reducer.torque_momentary_nm / 1e3,
     )
+
+
+def _measured(stops: MeasuredStops | None) -> str:
+    if stops is None:
+        return "nothing was measured on this machine"
+    told = [
+        f"quick stop {stops.quick_stop_dec_deg_s2:.2f} deg/s2" if stops.quick_stop_dec_deg_s2 else "",
+        f"a silent controller's axis stops after {1e3 * stops.silent_stop_s:.0f} ms"
+        if stops.silent_stop_s
+        else "",
+    ]
+    return f"measured by {stops.by} on {stops.date}: {', '.join(filter(None, told)) or 'nothing'}"

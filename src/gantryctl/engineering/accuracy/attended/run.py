@@ -149,6 +149,7 @@ class AttendedTest:
     def _read(self, index: int, take: Callable[[Reading, float], ChordSession]) -> ChordSession | None:
         """Dwell, read, and take the reading in; None where the operator has stopped the axis."""
         motor_deg = self._settled_deg(index)
+        self._run.while_standing(self._run.rest_keeper(), finish=True)
         for attempt in range(1, _ATTEMPTS + 1):
             try:
                 reading = self._run.while_standing(partial(self._instrument.read, self._run.engine.time_s))
@@ -160,5 +161,6 @@ class AttendedTest:
         return None
 
     def _keep(self, session: ChordSession) -> None:
-        store_session(self._path, session)
+        # A disk that stalls must not hold up a scan: the drive would miss its commands.
+        self._run.while_standing(partial(store_session, self._path, session), finish=True)
         self.session = session

@@ -161,7 +161,7 @@ def measured_stops(procedure: Procedure) -> tuple[int, ...]:
 
 
 def session_path(store: StateStore) -> Path:
-    """File of the test, beside the retained memory of the machine."""
+    """File of the test, beside the retained memory of the machine; removed when its report is written."""
     return store.directory / "chord_test.json"
 
 
@@ -192,14 +192,14 @@ def store_session(path: Path, session: ChordSession) -> None:
 
 
 def session_to_go_on_with(path: Path, machine: Machine, order: ChordOrder) -> ChordSession | None:
-    """The test in the file, if it is this one and not finished.
+    """The test in the file, if it is this one; a finished one lacks its report.
 
     Raises:
         UsageError: another one is under way.
         StateError: the file is damaged.
     """
     kept = load_session(path)
-    if kept is None or kept.complete:
+    if kept is None:
         return None
     if kept.order != order or kept.config_hash != config_hash(machine):
         what = "another configuration" if kept.order == order else "another procedure"

@@ -25,6 +25,7 @@ from gantryctl.engineering.analysis.measured.probe import (
 from gantryctl.engineering.analysis.models.linear import ComplexArray, FloatArray
 from gantryctl.engineering.analysis.models.mechanics import Friction, PlantKind, mechanics
 from gantryctl.engineering.analysis.models.sampled import Input, SampledLoop, loop_settings
+from gantryctl.engineering.report.origin import Origin, origin_of
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
 from gantryctl.operation.run import AxisRun
@@ -91,11 +92,16 @@ class Ratios(NamedTuple):
 
 @dataclass(frozen=True)
 class MeasuredResponse:
-    """One measurement beside the linear model of its condition."""
+    """One measurement beside the linear model of its condition.
+
+    Attributes:
+        origin: whether a machine or the simulator was measured.
+    """
 
     machine: Machine
     condition: Condition
     measured: FrequencyResponse
+    origin: Origin
 
     def model_at(self, hz: FloatArray) -> Ratios:
         """The linear model of this condition."""
@@ -171,7 +177,10 @@ def measure_simulated(machine: Machine, condition: Condition) -> MeasuredRespons
     if condition.vel_deg_s:
         probe.turn(rad(condition.vel_deg_s))
     return MeasuredResponse(
-        machine, condition, measure(probe, fit_amplitude(probe, signal, condition.torque_nm))
+        machine,
+        condition,
+        measure(probe, fit_amplitude(probe, signal, condition.torque_nm)),
+        Origin.SIMULATED,
     )
 
 
@@ -197,7 +206,7 @@ def measure_on(machine: Machine, run: AxisRun, condition: Condition) -> Measured
     probe = EngineProbe(run, TORQUE_LIMIT_SHARE * machine.motor.torque_rated_nm)
     measured = measure(probe, fit_amplitude(probe, _signal(machine), condition.torque_nm))
     run.halt()
-    return MeasuredResponse(machine, condition, measured)
+    return MeasuredResponse(machine, condition, measured, origin_of(machine))
 
 
 def _signal(machine: Machine) -> Excitation:
