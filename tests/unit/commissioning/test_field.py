@@ -55,7 +55,9 @@ def test_a_drive_that_cannot_be_run_is_refused_before_any_step(name: str) -> Non
 @pytest.mark.parametrize("name", ["Trinamic TMCM-1617 fw1.06", "maxon EPOS4 0x1018", "Yiyou servo v1.4"])
 def test_a_drive_of_the_field_passes_what_needs_no_whole_turn(name: str) -> None:
     found = commissioned(TABLES[name], whole=False)
-    assert not {row.what for row in found.to_accept} - {"limits_torque"}
+    # The Yiyou counts increments in 6064 and 60FF and has no 608F: nothing in it shows how many a turn has.
+    counts = {"knows_counts"} if name.startswith("Yiyou") else set()
+    assert not {row.what for row in found.to_accept} - {"limits_torque"} - counts
     assert found.refused == ()
     outcomes = dict(found.steps)
     assert Outcome.FAILED not in outcomes.values()
