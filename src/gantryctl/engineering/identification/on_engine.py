@@ -87,7 +87,6 @@ class EngineAxis:
     """
 
     sees_space = True
-    has_ring = False
 
     def __init__(
         self, machine: Machine, run: AxisRun, instrument: Instrument, progress: Progress | None = None
@@ -97,6 +96,7 @@ class EngineAxis:
         self.machine, self._run, self._recorder = machine, run, recorder
         self._readings = _Readings(instrument)
         self.instrument = instrument.name
+        self.has_ring = machine.can.load_encoder.source != "none"
         self._progress = progress
         self._real_time = machine.paced_by_clock
         run.observe(self._look)
