@@ -36,6 +36,10 @@ _BEHIND_S: Final = 0.15
 # Torque off and brake stop the reference gantry from 3 deg/s within 0.75 s.
 _BREAK_OFF_S: Final = 1.5
 _STILL_DEG_S: Final = 0.05
+# `enable` tells more about a bit that never comes.
+_BRIDGED: Final = LinkFlag.LATE | LinkFlag.SYNC_JITTER | LinkFlag.NEVER_FOLLOWED
+_OLD_SCANS: Final = 3
+_OLD_S: Final = 0.030
 _STILL_S: Final = 0.1
 
 
@@ -128,9 +132,11 @@ class OpenLoopAxis:
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
             self.stop_for(f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed")
-        # `enable` tells more about a bit that never comes.
-        if self.feedback.link & ~LinkFlag.NEVER_FOLLOWED:
-            self.stop_for(f"the connection to the drive is disturbed: {self.feedback.link!r}")
+        link = self.feedback.link
+        # As in operation: a telegram that is missing is bridged for 30 ms, and jitter is a warning.
+        oldest = max(self.feedback.age_scans, self.feedback.inputs_age_scans)
+        if link & ~_BRIDGED or oldest > max(_OLD_SCANS, _OLD_S / self.period_s):
+            self.stop_for(f"the connection to the drive is disturbed: {link.name}")
         self._judge_bit_12()
         self._judge_following(speed_deg_s, request is ENABLE and before is self.feedback.state is _ENABLED)
         return self.feedback

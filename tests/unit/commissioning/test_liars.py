@@ -11,6 +11,7 @@ from typing import NamedTuple
 import pytest
 
 from gantryctl.commissioning import Outcome
+from gantryctl.drives.faults import frame_fault
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import PERSONALITIES
@@ -115,6 +116,19 @@ def test_a_quirk_is_no_lie(commission: VirtualCommissioning, quirk: str, step: s
     """Without SDO in OPERATIONAL the drive is seen at a SYNC after the silence, and without EMCY by its state."""
     done = commission(quirk, step)
     assert done.result.outcome is Outcome.PASSED, done.result.proof
+
+
+def test_a_missing_telegram_is_bridged_and_missing_telegrams_are_not(
+    commission: VirtualCommissioning,
+) -> None:
+    for count, outcome in ((1, Outcome.PASSED), (2, Outcome.PASSED), (12, Outcome.FAILED)):
+
+        def drop(node: DriveNode, count: int = count) -> None:
+            node.after(2_000_000, lambda: node.faults.tpdo.update({1: frame_fault("drop", count=count)}))
+
+        result = commission("", "velocity", spoil=drop).result
+        assert result.outcome is outcome, result.proof
+    assert "LATE" in result.proof
 
 
 def test_the_word_does_not_change_while_the_heartbeat_is_silent(commission: VirtualCommissioning) -> None:
