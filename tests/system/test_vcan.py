@@ -45,3 +45,8 @@ def run_on_vcan(module: str) -> None:
 
 def test_controller_and_drive_over_a_real_vcan() -> None:
     run_on_vcan("on_vcan.py")
+
+
+@pytest.mark.slow
+def test_controller_and_drive_over_a_vcan_that_loses_delays_and_doubles_frames() -> None:
+    run_on_vcan("slow_on_vcan.py")

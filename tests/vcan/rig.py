@@ -24,20 +24,18 @@ COMMAND = [sys.executable, "-m", "gantryctl"]
 # A ramp that is at 3 deg/s within 1.5 s.
 FAST = "\n[virtual_axis]\nacc_deg_s2 = 2.0\ndec_deg_s2 = 2.0\n"
 START_S = 60.0
+LAST = "7FF#"
 
 
-def machine_file(folder: Path, *, stepped: bool, period_ms: float, commissioned: bool = True) -> Path:
-    """The reference gantry behind a drive on vcan0."""
+def machine_file(folder: Path) -> Path:
+    """The reference gantry behind a stepped drive on vcan0, at 100 Hz."""
     text = (configs_folder() / "hust_can.toml").read_text(encoding="utf-8")
     for old, new in (
         ('interface = "simulated"', 'interface = "socketcan"'),
-        ('channel = ""', f'channel = "vcan0"\nside_channel = "{folder / "drive.sock"}"'),
-        ("scan_period_ms = 4.0", f"scan_period_ms = {period_ms}"),
-        (
-            "commissioning_required = true\n",
-            f"commissioning_required = {'false' if commissioned else 'true'}\n"
-            f"answer_ms = 4.0\nstepped = {'true' if stepped else 'false'}\n",
-        ),
+        ('channel = ""', f'channel = "vcan0"\nstepped = true\nside_channel = "{folder / "drive.sock"}"'),
+        ("scan_period_ms = 4.0", "scan_period_ms = 10.0"),
+        # A busy computer holds this kernel up for a second now and then.
+        ("commissioning_required = true\n", "commissioning_required = false\nsdo_timeout_ms = 5000.0\n"),
     ):
         assert old in text
         text = text.replace(old, new)
@@ -47,17 +45,14 @@ def machine_file(folder: Path, *, stepped: bool, period_ms: float, commissioned:
 
 
 class VcanBus:
-    """The drive's process, and commands of the controller.
+    """The process of a stepped drive, and commands of the controller.
 
-    Args:
-        stepped: time of the drive goes on by SYNC and by `ask("advance")`: what this computer does does not enter.
+    Its time goes on by SYNC and by `ask("advance")`: how fast this computer is has no part in it.
     """
 
-    def __init__(
-        self, folder: Path, *, stepped: bool, period_ms: float = 10.0, commissioned: bool = True
-    ) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.config = machine_file(folder, stepped=stepped, period_ms=period_ms, commissioned=commissioned)
+        self.config = machine_file(folder)
         self.machine = load_machine(self.config)
         self.environment = {**os.environ, STATE_VARIABLE: str(folder / "state")}
         socket = str(folder / "drive.sock")
@@ -72,8 +67,7 @@ class VcanBus:
             socket,
         ]
         self.drive = subprocess.Popen(
-            [*COMMAND, "drive", "sim", *options, *(["--stepped"] if stepped else [])],
-            stdout=subprocess.DEVNULL,
+            [*COMMAND, "drive", "sim", "--stepped", *options], stdout=subprocess.DEVNULL
         )
         self._client = self._channel(Path(socket))
         self.ask = self._client.ask
@@ -113,6 +107,28 @@ class VcanBus:
         angle_deg = math.degrees(self.ask("truth")["pos_motor_rad"]) / self.machine.axis.ratio
         done = self.run("encoder", "set-zero", "--angle", f"{angle_deg:.4f}", "--witness", "virtual drive")
         assert done.code == 0, done.err
+
+    def commission(self, until: str) -> list[str]:
+        """Commission up to a step, and be killed there; what was printed."""
+        command = [
+            *COMMAND,
+            "commission",
+            "--yes",
+            "--out",
+            str(self.folder / "report"),
+            "--config",
+            str(self.config),
+        ]
+        work = subprocess.Popen(command, env=self.environment, text=True, stdout=subprocess.PIPE)
+        assert work.stdout is not None
+        said = []
+        for line in work.stdout:
+            said.append(line.rstrip())
+            if line.startswith(until):
+                break
+        work.kill()
+        work.communicate()
+        return said
 
     def speed_deg_s(self) -> float:
         """Of the motor side, at the gantry."""
@@ -154,27 +170,30 @@ def ended(controller: subprocess.Popen[str]) -> tuple[int, dict[str, Any], str]:
 def dumped(path: Path) -> Iterator[None]:
     """Everything on vcan0 by candump, a program of the kernel's people, in its log format."""
     with path.open("wb") as file:
-        dump = subprocess.Popen(["candump", "-L", "vcan0"], stdout=file)
+        dump = subprocess.Popen(["candump", "-L", "-r", "10000000", "vcan0"], stdout=file)
         time.sleep(0.3)
         try:
             yield
         finally:
-            size = -1
-            while size != (size := path.stat().st_size):  # candump is as slow as everything here
-                time.sleep(0.5)
+            # The last one to be seen, so that nothing before it is still on its way; then it is taken out.
+            run("cansend", "vcan0", LAST)
+            end = time.monotonic() + START_S
+            while LAST not in (text := path.read_text()) and time.monotonic() < end:
+                time.sleep(0.1)
             dump.terminate()
             dump.wait()
+            path.write_text("".join(line for line in text.splitlines(keepends=True) if LAST not in line))
 
 
 @contextmanager
 def netem(*options: str) -> Iterator[None]:
     """Spoil what goes over vcan0."""
-    ip("tc", "qdisc", "add", "dev", "vcan0", "root", "netem", *options)
+    run("tc", "qdisc", "add", "dev", "vcan0", "root", "netem", *options)
     try:
         yield
     finally:
-        ip("tc", "qdisc", "del", "dev", "vcan0", "root")
+        run("tc", "qdisc", "del", "dev", "vcan0", "root")
 
 
-def ip(*command: str) -> None:
+def run(*command: str) -> None:
     subprocess.run(command, check=True, capture_output=True)

@@ -34,6 +34,10 @@ class SimulatedPlant(Truth, Protocol):
         """State from which a later run goes on; {} where another process keeps it."""
         ...
 
+    def let_pass(self, seconds: float) -> None:
+        """Let time pass in which nobody sends SYNC, where neither a clock nor the bus does."""
+        ...
+
     def settle(self) -> None:
         """Let the load come to rest after the master has left, where nothing else advances it."""
         ...

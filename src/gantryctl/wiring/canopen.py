@@ -31,7 +31,7 @@ from gantryctl.units import rad
 from gantryctl.wiring.bus_log import link_log
 
 # A drive stepped by SYNC needs as long as its process computes; the longest such answer only ends a run that hangs.
-_STEPPED_ANSWER_S: Final = 1.0
+_STEPPED_ANSWER_S: Final = 3.0
 
 
 def canopen_settings(machine: Machine) -> CanopenSettings:

@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, proven_machine
+from gantryctl.cli.options import PATH, LogPath, config_option, proven_machine
 
 Command: TypeAlias = Callable[..., Any]
 
@@ -49,6 +49,12 @@ def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Comman
 @_megabytes("--traces-size", 5000, "The oldest recordings are removed beyond this.")
 @_megabytes("--reserve", 64, "With less free on the disk nothing is recorded.")
 @_megabytes("--event-reserve", 16, "With less free no new motion begins.")
+@click.option(
+    "--bus-log",
+    "bus_log",
+    type=LogPath(),
+    help="Log of all frames of the bus: .log (candump), .asc, .blf ...",
+)
 @click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
 def serve(
     config_file: Path | None,
@@ -63,6 +69,7 @@ def serve(
     traces_size: int,
     reserve: int,
     event_reserve: int,
+    bus_log: Path | None,
     no_page: bool,
 ) -> int:
     """Run the controller with its operator page until Ctrl-C.
@@ -78,4 +85,6 @@ def serve(
     # Loopback unless another address is named: then TLS and users are asked for (docs/explanation/security.md).
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
     keeping = RetentionPolicy(journal_size, journal_days, traces_size, reserve, event_reserve)
-    return run_service(machine, config_file, page, opcua, keeping=keeping, second_person=second_person)
+    return run_service(
+        machine, config_file, page, opcua, keeping=keeping, second_person=second_person, bus_log=bus_log
+    )

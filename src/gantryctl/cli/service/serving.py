@@ -40,12 +40,20 @@ def run_service(
     *,
     keeping: RetentionPolicy,
     second_person: bool = False,
+    bus_log: Path | None = None,
 ) -> int:
     """Check, start, say where, wait for the end; the exit code.
 
     Raises:
         UsageError: an address or a size that may not be used. StateError: the self-test failed.
     """
+    if bus_log is not None:
+        if not machine.on_bus:
+            raise UsageError(
+                f'--bus-log {bus_log}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"'
+            )
+        if bus_log.exists():
+            raise UsageError(f"--bus-log {bus_log}: is there already; give another name")
     root = state_root()
     listener = None if page is None else _listener(page, root)
     store = StateStore(machine)
@@ -74,6 +82,7 @@ def run_service(
             lambda: certificate_files(page, store.directory if opcua else None),
             second_person,
             Users(root),
+            None if bus_log is None else bus_log.resolve(),
         ),
     )
 

@@ -6,6 +6,7 @@ SYNC. So the feedback of scan k is the state at its SYNC, and a command acts one
 
 from __future__ import annotations
 
+import math
 import random
 from contextlib import suppress
 from typing import Final
@@ -57,6 +58,7 @@ _CHANGED: Final = LATCHED | LinkFlag.WRONG_MODE | LinkFlag.STALE_TARGET | LinkFl
 _FOLLOWS_WITHIN_S: Final = 1.0
 # Scans without any answer to SYNC after which a stop is asked for by SDO as well.
 _SILENT_SCANS: Final = 2
+_SILENT_ANSWER_S: Final = 0.1
 _REST_RAD_S: Final = 0.02
 # Time for the frames that wait before SYNC; the answers and the program need the rest of the scan. A frame of UDP
 # takes 30 to 60 us.
@@ -100,7 +102,8 @@ class CanopenDrive:
         self.scan = self._heartbeat_due = 0
         self.commanded = self._due = self._closed = False
         self._flags = LinkFlag.NONE
-        self._drain_s = max(_DRAIN_SHARE * settings.period_s, _DRAIN_MIN_S)
+        # A stepped drive waits, whatever holds this computer up.
+        self._drain_s = math.inf if link.stepped else max(_DRAIN_SHARE * settings.period_s, _DRAIN_MIN_S)
         self._synced_s = self._sampled_s = self._spread_scans = 0.0
         self._request = DriveRequest.DISABLE
         self._passed = 1
@@ -235,10 +238,22 @@ class CanopenDrive:
     def read(self) -> DriveFeedback:
         """State at this scan's SYNC; the same until the next `write`."""
         if self._due and not self._closed:
-            # On a bus that is down nobody answers: a stepped drive would be waited for a second in each scan.
-            self._exchange(0.0 if self.link.down else self.settings.answer_s)
+            self._exchange(self._patience_s)
             self._last = self._feedback()
         return self._last
+
+    @property
+    def _patience_s(self) -> float:
+        """Longest wait for the answers to the next SYNC."""
+        # A stepped drive is waited for by seconds, because its process may be held up: not in every scan, though, of
+        # one that does not answer any more, and not where no answer can come (CiA 301: process data in OPERATIONAL).
+        if not self.link.stepped:
+            return self.settings.answer_s
+        if self.link.down or self._flags & LinkFlag.NOT_OPERATIONAL:
+            return 0.0
+        return (
+            min(self.settings.answer_s, _SILENT_ANSWER_S) if self.process.silence else self.settings.answer_s
+        )
 
     def write(self, output: OutputImage) -> None:
         """Send the command of this scan, which acts at the next SYNC."""
@@ -304,6 +319,8 @@ class CanopenDrive:
             node.heartbeat()
             self._heartbeat_due = self.scan + self.settings.heartbeat_scans
         if self.silent_process_data:
+            if self.link.stepped and self.plant is not None:
+                self.plant.let_pass(self.settings.period_s)
             node.listen_for(self.settings.period_s)
             return
         process.begin(periods)

@@ -166,6 +166,9 @@ class DriveNode:
         """Level of every wire that leads to an input of the axis, wherever it ends."""
         return self._signals.wires()
 
+    def let_pass(self, seconds: float) -> None:
+        """Nothing: the bus in this process lets time pass while the master waits."""
+
     def settle(self) -> None:
         """Let the load come to rest after the master has left."""
         settle(lambda: self.advance(_SETTLE_STEP_US), lambda: self.truth()[1], _SETTLE_STEP_US * 1e-6)

@@ -22,6 +22,7 @@ from typing import Final
 from gantryctl.errors import AlarmStop, ConfigError, GantryctlError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine, config_hash, load_machine, short_hash
+from gantryctl.operation.bus_log import AlarmFrames, freeze
 from gantryctl.operation.opening import left_on_failure, open_axis, set_up_again
 from gantryctl.operation.proofs import bus_reasons
 from gantryctl.operation.store import StateStore
@@ -40,10 +41,12 @@ from gantryctl.service.controller.brake_watch import BrakeWatch
 from gantryctl.service.controller.publisher import Publisher
 from gantryctl.service.controller.retainer import Retainer
 from gantryctl.service.memory.events import EventLog
+from gantryctl.service.memory.frame_ring import RingFrames
 from gantryctl.service.memory.memory import JournalHealth, SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot, publish_json
 from gantryctl.service.memory.trace_ring import RingRecorder
 from gantryctl.service.realtime import die_with_parent, prepare_scan_process
+from gantryctl.wiring.bus_log import logged_links
 from gantryctl.wiring.engine import build_engine
 
 # A shutdown that takes longer ends with torque off and the brake closed.
@@ -98,6 +101,7 @@ class Controller:
             assert isinstance(self.engine.recorder, RingRecorder)
             self._recorder = self.engine.recorder
             self.retainer = Retainer(machine, store, self.engine, self.operator, retained)
+            self._frames = AlarmFrames(self.axis.alarms, store.traces)
             self._powered = False
             self._resets = self._lost_rows = 0
             self._end_s = math.inf
@@ -168,6 +172,7 @@ class Controller:
     def _watch(self) -> None:
         """Follow resets, brake tests, power and motions: counters, recording, state on the disk."""
         retainer, permit, engine = self.retainer, self.permit, self.engine
+        self._frames.look(engine.time_s)
         if permit.resets != self._resets:
             self._resets = permit.resets
             self._after_reset()
@@ -251,6 +256,8 @@ class Controller:
             where = Words.AT_SPEED if known and before["vel_act_deg_s"] is not None else Words.AT_UNKNOWN
             left = where(value=before["pos_act_deg"], speed=before["vel_act_deg_s"])
             self.events.put("alarm", refusal(Code.SYS_05, age_s=age_ms * 1e-3, where=left).line)
+            # The recorder still has the last frames of the controller before.
+            freeze(self._store.traces, Code.SYS_05)
         self.memory.words[Word.CONTROLLER_CLEAN] = 0
         self.events.put("service", f"controller started: {self.machine.name}", hash=short_hash(self.machine))
         for note in self.notes:
@@ -266,7 +273,7 @@ def main(arguments: list[str]) -> int:
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service again"])
     # The store locks the state directory: two controllers of one machine are impossible.
-    with StateStore(machine) as store:
+    with StateStore(machine) as store, logged_links(RingFrames(memory.frames)):
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())

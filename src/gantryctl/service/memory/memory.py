@@ -18,6 +18,8 @@ COMMAND_BYTES: Final = 1024
 EVENT_BYTES: Final = 1024
 # Slot of a trace row: up to 64 columns, the number of the recording, the header.
 ROW_BYTES: Final = 8 * 66
+# Slot of a frame of the bus: 30 bytes and the header; 16384 frames are 2 s of a full bus at 1 Mbit/s.
+FRAME_BYTES: Final = 40
 
 # A recorder that is silent for longer keeps no events.
 RECORDER_S: Final = 10.0
@@ -94,7 +96,7 @@ _AREAS: Final = (
     ("words", 512), ("fast", 4096), ("slow", 64 * 1024), ("alarms", 256 * 1024), ("columns", 8192),
     ("commands0", _COMMANDS), ("commands1", _COMMANDS), ("replies0", _COMMANDS), ("replies1", _COMMANDS),
     ("events0", _EVENTS), ("events1", _EVENTS), ("events2", _EVENTS), ("events3", _EVENTS),
-    ("rows", 192 + 16384 * ROW_BYTES),
+    ("rows", 192 + 16384 * ROW_BYTES), ("frames", 192 + 16384 * FRAME_BYTES),
 )  # fmt: skip
 
 
@@ -106,7 +108,7 @@ class SharedMemory:
         fast: tags of 20 Hz, packed. slow: the other tags, JSON. alarms: alarm rows, JSON.
         columns: names of the trace's columns, JSON.
         commands, replies: one ring each for WEB and LOCAL. events: one ring a source.
-        rows: trace rows.
+        rows: trace rows. frames: frames of the bus.
     """
 
     def __init__(self, handle: int) -> None:
@@ -125,6 +127,7 @@ class SharedMemory:
         self.replies = tuple(Ring(area[f"replies{n}"], COMMAND_BYTES) for n in range(2))
         self.events = tuple(Ring(area[f"events{n}"], EVENT_BYTES) for n in range(4))
         self.rows = Ring(area["rows"], ROW_BYTES)
+        self.frames = Ring(area["frames"], FRAME_BYTES)
 
     @classmethod
     def create(cls) -> SharedMemory:

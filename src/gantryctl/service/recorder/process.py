@@ -11,6 +11,7 @@ import sqlite3
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -22,6 +23,7 @@ from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
+from gantryctl.service.recorder.frame_writer import FrameWriter
 from gantryctl.service.recorder.journal import Journal
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
@@ -57,6 +59,8 @@ class EventWriter:
         # When the commit under way began, on CLOCK_MONOTONIC.
         self.began_s: float | None = None
         self.failed = False
+        # What this process has to say itself, from any thread.
+        self.notes: deque[str] = deque()
         self._disk = 0
         self._failed_since_s = self._prune_s = -math.inf
         self._slowest_s = 0.0
@@ -102,6 +106,8 @@ class EventWriter:
             if self._locked and any(r is not None and b'"kind":"journal"' in r for r in records):
                 self._locked = False
         self.failed = False
+        while self.notes:
+            self._note("service", self.notes.popleft())
         self._report_disk()
         self._prune()
         return busy
@@ -186,6 +192,8 @@ def main(arguments: list[str]) -> int:
     free_bytes = free_of(directory)
     events = EventWriter(memory, directory, free_bytes, policy)
     traces = TraceWriter(memory, directory / "traces", free_bytes, policy)
+    log = Path(arguments[3]) if arguments[3:] else None
+    frames = FrameWriter(memory, directory / "traces", log, free_bytes, policy, events.notes.append)
     writer = threading.Thread(target=events.run, args=(ended,), name="journal")
     writer.start()
     # First the rows: they say which recording goes on, all others were left by a recorder that is gone.
@@ -193,9 +201,14 @@ def main(arguments: list[str]) -> int:
     traces.finish_left()
     while writer.is_alive():
         traces.drain()
+        frames.drain()
         memory.words[Word.JOURNAL_STATE] = events.state
         memory.words[Word.RECORDER_NS] = time.monotonic_ns()
         writer.join(_PAUSE_S)
+    frames.close()
+    # The journal is closed to this thread: what the end of the files has to say goes to the terminal of the service.
+    for note in events.notes:
+        sys.stderr.write(f"recorder: {note}\n")
     traces.drain(at_once=True)
     traces.close()
     traces.join()

@@ -40,12 +40,14 @@ class Options(NamedTuple):
         certificates: lists the files whose end is watched.
         second_person: what one user arms, another one executes.
         users: their changes go into the journal.
+        bus_log: file of all frames of the bus, None for none.
     """
 
     policy: RetentionPolicy
     certificates: Callable[[], list[Path]]
     second_person: bool
     users: Users
+    bus_log: Path | None = None
 
 
 class Supervisor:
@@ -83,6 +85,7 @@ class Supervisor:
         self.controller = Child("controller", controller, [handle], critical=True)
         words = self.memory.words
         recorder = [*run, "gantryctl.service.recorder", str(handle), str(directory), options.policy.to_json()]
+        recorder += [] if options.bus_log is None else [str(options.bus_log)]
         self.recorder = Child(
             "recorder", recorder, [handle], beat_ns=partial(words.__getitem__, Word.RECORDER_NS)
         )

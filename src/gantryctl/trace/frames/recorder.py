@@ -86,6 +86,7 @@ class FrameRecorder:
         self.faults: deque[str] = deque(maxlen=20)
         self.frozen: list[Path] = []
         self.opened = False
+        self._log_wanted = True
         self._alarms: deque[tuple[str, Path, float]] = deque()
         self._log: _Copy | None = None
         self._freezing: _Frozen | None = None
@@ -138,6 +139,10 @@ class FrameRecorder:
             if self._thread is None:
                 self._write(_BLOCK)
 
+    def end_log(self) -> None:
+        """End the file of all frames; those around alarms are still kept."""
+        self._log_wanted = False
+
     def close(self) -> None:
         """Write what is left and finish the files."""
         if self._thread is None:
@@ -169,6 +174,9 @@ class FrameRecorder:
     def _write(self, most: int) -> bool:
         """Copy at most so many frames into each file; False when nothing was left."""
         busy = False
+        if self._log is not None and not self._log_wanted:
+            self._guarded(self._log, self._log.file.close)
+            self._log = None
         log = self._log
         if log is not None:
             busy = self._guarded(log, lambda: log.step(most, float("inf")))

@@ -225,6 +225,12 @@ class RemotePlant:
         """{}: the other process keeps its plant."""
         return {}
 
+    def let_pass(self, seconds: float) -> None:
+        """Let the time of a stepped drive go on."""
+        while self._asked:
+            self.truth()
+        self._channel.ask("advance", s=seconds)
+
     def settle(self) -> None:
         """Nothing: the other process goes on by itself."""
 
