@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.errors import AlarmStop, DeviceError, UsageError
 from gantryctl.image import DriveRequest, EncoderFlag, OutputImage, StopCause, SystemStop
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
@@ -165,14 +166,37 @@ def test_a_controller_that_cannot_be_made_leaves_the_bus(
         memory.close()
 
 
-def published(desk: Desk) -> dict[str, Any]:
-    """The tags that a page would see now."""
+@pytest.mark.can
+def test_what_a_bus_has_lost_stands_in_the_tags() -> None:
+    """Two telegrams lost, two of a wrong length, and 50 frames of somebody else; null without a bus."""
+    with opened(load_machine(configs_folder() / "hust_can.toml")) as desk:
+        drive = desk.engine.drive
+        desk.scans(10)
+        for tpdo, kind in ((1, "drop"), (2, "length")):
+            fault = {"cmd": "inject", "fault": "tpdo", "tpdo": tpdo, "kind": kind, "amount": 3, "count": 2}
+            assert Requests(drive.plant).answer(fault)["ok"]
+        for _ in range(50):
+            drive.plant._out(0x7E5, b"")
+        desk.scans(10)
+        tags = publisher_of(desk).slow()
+        desk.controller._close(None)
+    assert (tags["bus_missed"], tags["bus_wrong_length"], tags["bus_others"]) == (4, 2, 50)
+    assert (tags["bus_contradicted"], tags["bus_refused"], tags["bus_duplicated"]) == (0, 0, 0)
+    with opened() as desk:
+        assert publisher_of(desk).slow()["bus_missed"] is None
+
+
+def publisher_of(desk: Desk) -> Publisher:
     made = desk.controller
-    publisher = Publisher(
+    return Publisher(
         made.machine, made.engine, made.operator, made.alarms, made.brake, made._recorder, desk.memory,
         real_time=False, version="test",
     )  # fmt: skip
-    publish_fast(desk.memory.fast, publisher.fast())
+
+
+def published(desk: Desk) -> dict[str, Any]:
+    """The tags that a page would see now."""
+    publish_fast(desk.memory.fast, publisher_of(desk).fast())
     return Snapshot(desk.memory).fast()[0]
 
 
