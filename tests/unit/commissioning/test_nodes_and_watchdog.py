@@ -210,3 +210,27 @@ def test_a_crossed_wire_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert result.outcome is Outcome.FAILED
     assert "has not changed; " in result.proof
     assert "enabling_switch has" in result.proof
+
+
+BRAKE_ON_NODE: dict[str, object] = {
+    "brake.owner": "controller_output", "can.io.node": 3,
+    "can.io.outputs.brake_release": 0, "can.io.inputs.brake_open": 1,
+}  # fmt: skip
+
+
+def test_a_brake_on_a_node_closes_in_each_silence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    result, way_deg, _ = do("silence", tmp_path, monkeypatch, BRAKE_ON_NODE)
+    assert result.outcome is Outcome.PASSED, result
+    assert way_deg < 0.05
+
+
+def test_a_node_that_takes_its_error_values_and_keeps_its_outputs_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def keeps(_: DriveNode, neighbours: Neighbours) -> None:
+        assert neighbours.io is not None
+        neighbours.io.error_values_ignored = True
+
+    result, _, _ = do("silence", tmp_path, monkeypatch, BRAKE_ON_NODE, keeps)
+    assert result.outcome is Outcome.FAILED, result
+    assert "brake open" in result.proof

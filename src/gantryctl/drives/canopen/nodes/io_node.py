@@ -48,6 +48,9 @@ class IoNode:
         rpdos = (Pdo(0, _signals(_WRITE, write)),) if write else ()
         safe = self.holds_axis
         objects = communication_objects(settings, watches_controller=safe)
+        if safe:
+            deadline = round(settings.rpdo_deadline_s * 1e3)
+            objects += (NodeObject(0x1400, 5, 2, deadline, "it watches for its telegrams, ms"),)
         for sub in range(1, read + 1):
             objects += (NodeObject(0x6002, sub, 1, 0, "inputs are not inverted"),)
         for sub in range(1, write + 1):
