@@ -234,6 +234,7 @@ def _shipped(table: Path) -> Path:
 
 
 @click.command("speed-test")
+@bus_log_option
 @config_option
 @click.option(
     "--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1."

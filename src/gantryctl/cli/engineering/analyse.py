@@ -10,6 +10,7 @@ import click
 from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.options import (
     FINITE,
+    bus_log_option,
     choice_option,
     config_option,
     directory,
@@ -32,6 +33,7 @@ DEFAULT_OUT = Path("analysis")
 
 
 @click.command()
+@bus_log_option
 @config_option
 @click.option(
     "--plant",

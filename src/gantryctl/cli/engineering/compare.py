@@ -12,6 +12,7 @@ import click
 from gantryctl.cli.engineering.experiment import TRACKER, asking, instrument_at, yes_option
 from gantryctl.cli.options import (
     PATH,
+    bus_log_option,
     directory,
     json_option,
     out_option,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 
 @click.command()
+@bus_log_option
 @click.argument("first", type=PATH, default=Path("paper"))
 @click.argument("second", type=PATH, default=Path("improved"))
 @click.option(

@@ -15,7 +15,15 @@ from gantryctl.cli.engineering.experiment import (
     machine_under_test,
     yes_option,
 )
-from gantryctl.cli.options import PATH, config_option, json_option, print_json, seed_option, write_text
+from gantryctl.cli.options import (
+    PATH,
+    bus_log_option,
+    config_option,
+    json_option,
+    print_json,
+    seed_option,
+    write_text,
+)
 from gantryctl.cli.text import print_table
 
 if TYPE_CHECKING:
@@ -27,6 +35,7 @@ _LOAD_ENCODER = "load-encoder"
 
 
 @click.command()
+@bus_log_option
 @config_option
 @click.option(
     "--instrument",

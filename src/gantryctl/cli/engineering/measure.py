@@ -12,6 +12,7 @@ import click
 from gantryctl.cli.engineering.accuracy_end import finish, stamp
 from gantryctl.cli.engineering.at_the_load import BY_HAND, SIMULATED, instrument_options, open_instrument
 from gantryctl.cli.options import (
+    bus_log_option,
     config_option,
     confirm,
     directory,
@@ -31,6 +32,7 @@ DEFAULT_OUT = Path("accuracy_measured")
 
 
 @click.command()
+@bus_log_option
 @config_option
 @click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)

@@ -10,6 +10,7 @@ import click
 
 from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.options import (
+    bus_log_option,
     choice_option,
     config_option,
     directory,
@@ -37,6 +38,7 @@ SESSION = "on_bus.json"
 
 
 @click.command()
+@bus_log_option
 @config_option
 @choice_option(
     "--method",
