@@ -22,7 +22,11 @@ HERE = (
 )  # fmt: skip
 """Those of machine, motion and measuring; sizing, analysis, tuning and drives have tests of their own."""
 TOO_LONG = {"--find-quick", "--real-time"}
-NEVER_BEGINS = {("accuracy", "run"): ["--out", "file"], ("speed-test",): ["--out", "file"]}
+NEVER_BEGINS = {
+    ("accuracy", "run"): ["--out", "file"],
+    ("accuracy", "measure"): ["--out", "file"],
+    ("speed-test",): ["--out", "file"],
+}
 """What makes a long run stop before it begins, after everything else has been judged."""
 
 

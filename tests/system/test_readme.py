@@ -27,6 +27,9 @@ PAGES = {
 NOT_RUN = {
     "gantryctl accuracy run --ensemble": "`make demo` runs it; ten seconds and more",
     "gantryctl accuracy run --on-engine": "has tests of its own; 40 s",
+    "gantryctl accuracy measure": "needs an instrument, or a minute; has tests of its own",
+    "gantryctl instrument": "needs an instrument; has tests of its own",
+    "gantryctl drive sim": "a server that runs until it is stopped; has tests of its own",
     "gantryctl tune": "has tests of its own",
     "gantryctl analyse": "has tests of its own",
     "gantryctl size": "has tests of its own",
