@@ -119,7 +119,6 @@ class BusLink:
         self._sent_bits = self._received_bits = self._sent_frames = self._received = 0
         self._last: Traffic | None = None
         self._begun = counters.read() if counters is not None else Counted(0, 0)
-        self._at_close: Traffic | None = None
         self.refused = self.queue_full = self.ignored = self.unseen = 0
         self.bus_offs = self.passives = 0
         self._bus_off = self._passive = False
@@ -153,8 +152,6 @@ class BusLink:
     @property
     def traffic(self) -> Traffic:
         """Count what was on the bus while it was open, frames that were filtered out included."""
-        if self._at_close is not None:
-            return self._at_close
         if self._last is not None:
             return self._last
         if self._counters is not None:
@@ -282,7 +279,6 @@ class BusLink:
     def close(self) -> None:
         """Leave the bus."""
         if self._open:
-            self._at_close = self.traffic
             self._open = False
             self._last = self.traffic
             self._bus.shutdown()
