@@ -5,23 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from pathlib import Path
-from typing import Protocol
 
-from gantryctl.trace.frames.ring import FrameLog
-
-
-class LinkLog(Protocol):
-    """What keeps the frames of a bus."""
-
-    def link(self, channel: str, *, virtual: bool) -> FrameLog:
-        """Make the log of one link; `virtual`: its clock begins at 0."""
-        ...
-
-    def alarm(self, code: str, path: Path, ago_s: float = 0.0) -> None:
-        """Freeze the frames around an alarm that was raised some time ago."""
-        ...
-
+from gantryctl.trace.frames.ring import FrameLog, LinkLog
 
 # One process, one bus, one log; the links come and go. A commissioning opens one for each step, deep inside of it: a
 # parameter would pass through every function that opens a drive.

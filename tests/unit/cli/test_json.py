@@ -73,6 +73,7 @@ RUNS: dict[str, list[str]] = {
     "instrument read": ["instrument", "read", "tcp:127.0.0.1:47113"],
     "accuracy stats": ["accuracy", "stats", "paper_table2.csv"],
     "can scan": ["can", "scan", "--config", str(CAN)],
+    "can log": ["can", "log", "bus.log"],
     "drive status": ["drive", "status", "--config", str(CAN)],
     "drive diff": ["drive", "diff", "--config", str(CAN)],
     "drive objects": ["drive", "objects", "--config", str(CAN)],
@@ -110,6 +111,7 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
     Path("table.csv").write_text(
         "base_deg,direction,displacement_deg,error_deg\n0,ccw,5,0.001\n0,cw,5,-0.002\n"
     )
+    Path("bus.log").write_text("(1.000000) can0 080#\n(1.004000) can0 182#270200000000\n")
     if command == "accuracy measure":
         values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
         machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})

@@ -58,8 +58,9 @@ def test_severity_and_reaction_fit(row):
     # What sounds the horn is urgent, also where the stop has begun before it (BRK-13).
     assert (row.severity is Severity.STOP) == (stops or row.horn)
     if row.lock:
-        # Nobody but service lets an unknown master go on (CAN-12), though the drive obeys and stops on its ramp.
-        alone = row.reaction in (Reaction.TORQUE_OFF, Reaction.HOLD) or row.code is Code.CAN_12
+        # Nobody but service lets an unknown master or an unknown sender go on, though the drive stops on its ramp.
+        strangers = (Code.CAN_12, Code.CAN_14)
+        alone = row.reaction in (Reaction.TORQUE_OFF, Reaction.HOLD) or row.code in strangers
         assert alone or row.blocks_motion or row.horn
     if row.blocks_motion:
         assert row.severity is Severity.WARNING

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from typing import Final, NamedTuple
+from pathlib import Path
+from typing import Final, NamedTuple, Protocol
 
 # 30 s of a bus that is full: 1 Mbit/s and 130 bits a frame with eight bytes are 7700 frames a second.
 FRAMES_KEPT: Final = 1 << 18
@@ -23,6 +24,18 @@ _UNITS: Final = frozenset((0x1018, 0x6076, 0x608F, 0x6091, 0x60A9))
 
 FrameLog = Callable[[float, int, bytes, bool], None]
 """Takes each data frame: time on the clock of its link, identifier, data, and whether this controller sent it."""
+
+
+class LinkLog(Protocol):
+    """What keeps the frames of a bus."""
+
+    def link(self, channel: str, *, virtual: bool) -> FrameLog:
+        """Make the log of one link; `virtual`: its clock begins at 0."""
+        ...
+
+    def alarm(self, code: str, path: Path, ago_s: float = 0.0) -> None:
+        """Freeze the frames around an alarm that was raised some time ago."""
+        ...
 
 
 class BusFrame(NamedTuple):
