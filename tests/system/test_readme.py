@@ -29,6 +29,7 @@ NOT_RUN = {
     "gantryctl accuracy run --on-engine": "has tests of its own; 40 s",
     "gantryctl accuracy measure": "needs an instrument, or a minute; has tests of its own",
     "gantryctl instrument": "needs an instrument; has tests of its own",
+    "gantryctl drive field": "five minutes; has tests of its own, the slow one with the count",
     "gantryctl drive sim": "a server that runs until it is stopped; has tests of its own",
     "gantryctl tune": "has tests of its own",
     "gantryctl analyse": "has tests of its own",
