@@ -22,7 +22,7 @@ from support.oracle.limits import StopClass
 from support.oracle.taps import Oracle
 
 RATIO = default_machine().axis.ratio
-OPTED_OUT = 4
+OPTED_OUT = 10
 """Tests that the oracle does not hold to every invariant: each has its reason beside it."""
 
 

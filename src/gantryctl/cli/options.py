@@ -132,6 +132,9 @@ def bus_log_option(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def logged(*args: Any, bus_log: Path | None, **given: Any) -> Any:
+        if bus_log is None and given.get("service"):
+            # The service keeps the frames of its bus: this command opens none.
+            return command(*args, **given)
         from gantryctl.operation.bus_log import logged_bus
 
         with logged_bus(bus_log) as log:

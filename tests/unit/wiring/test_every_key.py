@@ -287,7 +287,7 @@ ROWS: dict[str, Row] = {
     "drive.current_loop.bandwidth_hz": {"plant.current_bandwidth_rad_s": TWO_PI},
     "drive.current_loop.ideal": {"plant.current_bandwidth_rad_s": lambda _: 0.0},
     "can.interface": {"bus.answer_s": lambda _: 0.0},
-    "can.stepped": {"bus.answer_s": lambda _: 1.0},
+    "can.stepped": {"bus.answer_s": lambda _: 3.0},
     "can.node": {"bus.node": 1.0},
     "can.master_node": {"bus.master_node": 1.0},
     "can.increments_per_turn": {"bus.increments_per_turn": 1.0, "program.law.counts_per_turn": 1.0},

@@ -183,7 +183,7 @@ def test_friction_that_holds_is_explained():
 
 def test_measured_responses_are_there(everything):
     folder, output = everything
-    assert "Measured standing, small" in output
+    assert "Measured on the simulator standing, small" in output
     data = json.loads((folder / "analysis.json").read_text())
     assert len(data["measured"]) == 3
     assert all(math.isfinite(value) for value in data["measured"][2]["measured"]["plant"]["magnitude"])
