@@ -45,6 +45,11 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
     return BUS_TESTS in collection_path.read_text(encoding="utf-8") or None
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    # By far the longest test goes first: at the end one worker would run it alone.
+    items.sort(key=lambda item: item.path.name != "test_vcan.py")
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.TestReport]:
     """In CI a skipped test is a failure: something that should be installed is not."""

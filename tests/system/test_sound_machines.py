@@ -30,8 +30,8 @@ def fresh_seed() -> int:
     return int.from_bytes(state.digest()[:4], "big")
 
 
-# Each combination of simulator and bus with 1, 4 and 10 ms twice, and two more.
-@pytest.mark.parametrize("seed", [*FOUND, *(fresh_seed() + k for k in range(20))])
+# Each combination of simulator and bus with 1, 4 and 10 ms, and two more.
+@pytest.mark.parametrize("seed", [*FOUND, *(fresh_seed() + k for k in range(8))])
 def test_a_sound_machine_has_no_nuisance(seed: int, oracle: Oracle) -> None:
     told = run_sequence(seed, oracle, actions=5)
     assert not told.nuisances, "\n".join((str(told), *told.done))

@@ -26,7 +26,17 @@ pytestmark = [pytest.mark.can, pytest.mark.timeout(420)]
 
 def run_on_vcan(module: str) -> None:
     """Run the tests of a module there. An error in CI, a skip elsewhere, where such a kernel cannot be had."""
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-q",
+        "-p",
+        "no:cacheprovider",
+        "-p",
+        "no:xdist",
+        "--durations=15",
+    ]
     done = subprocess.run(
         [TESTS / "support" / "vcan.sh", *command, "--basetemp", "/dev/shm/tests", f"tests/vcan/{module}"],
         cwd=TESTS.parent,
