@@ -68,12 +68,12 @@ def consistent_changes(draw):
     changes["can.stepped"] &= not changes["can.commissioning_required"]
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output
         changes |= {"drive.speed_loop.cycle_us": 125.0, "control.scan_period_ms": 4.0, "brake.owner": "drive"}
-    # Nodes beside the drive go with a place of their own each; tests of the rules have them.
-    changes["can.load_encoder.source"] = "none"
-    if changes["drive.kind"] == "canopen":
-        changes["control.compensation.load_encoder.active"] = False
-        changes["control.compensation.load_encoder.own_errors"] = False
-        changes["control.compensation.damping.active"] = False
+    # An encoder node has a node id, and a load-side loop on a bus a source.
+    loop_on_bus = changes["drive.kind"] == "canopen" and changes["control.compensation.load_encoder.active"]
+    if loop_on_bus and changes["can.load_encoder.source"] == "none":
+        changes["can.load_encoder.source"] = "60E4"
+    if changes["can.load_encoder.source"] == "node":
+        changes["can.load_encoder.node"] = 100 + int(draw(0.0, 19.99))
     return changes
 
 

@@ -45,7 +45,7 @@ def open_instrument(run: AxisRun, place: str, uncertainty_deg: float | None, see
         seed: of a simulated one.
 
     Raises:
-        UsageError: the name is none, or it lacks its uncertainty. InstrumentError: nobody answers.
+        UsageError: not the name of an instrument, or its uncertainty is missing. InstrumentError: nobody answers.
     """
     from gantryctl.engineering.accuracy.attended.report import simulated_tracker
     from gantryctl.engineering.instruments import ByHand, LinePort, parse_address
@@ -75,7 +75,7 @@ class Typed:
         """The next one.
 
         Raises:
-            InstrumentError: it is none, or nobody types any more.
+            InstrumentError: not a number, or the input has ended.
         """
         from gantryctl.errors import InstrumentError
 

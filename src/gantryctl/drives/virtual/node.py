@@ -15,6 +15,7 @@ from gantryctl.drives.virtual.axis.signals import Signals
 from gantryctl.drives.virtual.axis.speed_reference import SpeedReference, interpolation_us
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.emergency import Emergency
+from gantryctl.drives.virtual.communication.identifiers import HEARTBEAT, NMT, SDO_REQUEST, SDO_RESPONSE, Send
 from gantryctl.drives.virtual.communication.nmt import (
     HEARTBEAT_LOST,
     HeartbeatConsumer,
@@ -32,10 +33,6 @@ from gantryctl.drives.virtual.personality import Personality
 from gantryctl.drives.virtual.side_channel.frame_gate import FrameGate
 from gantryctl.errors import UsageError
 
-_NMT: Final = 0x000
-_SDO_REQUEST: Final = 0x600
-_SDO_RESPONSE: Final = 0x580
-_HEARTBEAT: Final = 0x700
 # Error codes of CiA 301 (8240 unexpected SYNC data length) and CiA 402 (5530 EEPROM, 6310 loss of parameters).
 _SYNC_LENGTH: Final = 0x8240
 _NMT_ABORT: Final = 0x8100
@@ -43,8 +40,6 @@ _STORE_FAILED: Final = 0x5530
 _PARAMETERS_LOST: Final = 0x6310
 _TOGGLE: Final = 0x10
 _SETTLE_STEP_US: Final = 10_000
-
-Send = Callable[[int, bytes], None]
 
 
 class DriveNode:
@@ -198,14 +193,14 @@ class DriveNode:
             return
         if can_id == self.process_data.sync_id:
             self._on_sync(data)
-        elif can_id == _NMT:
+        elif can_id == NMT:
             command = command_for(data, self.node_id)
             if command is not None:
                 self.nmt(command)
-        elif can_id == _SDO_REQUEST + self.node_id:
+        elif can_id == SDO_REQUEST + self.node_id:
             self._on_sdo(data)
-        elif not self.process_data.receive(can_id, data) and can_id > _HEARTBEAT and len(data) == 1:
-            self._consumer.receive(can_id - _HEARTBEAT, self.time_us)
+        elif not self.process_data.receive(can_id, data) and can_id > HEARTBEAT and len(data) == 1:
+            self._consumer.receive(can_id - HEARTBEAT, self.time_us)
         self.process_data.tick()
 
     @property
@@ -243,7 +238,7 @@ class DriveNode:
 
     def _respond(self, responses: tuple[bytes, ...]) -> None:
         for response in responses:
-            self.send(_SDO_RESPONSE + self.node_id, response)
+            self.send(SDO_RESPONSE + self.node_id, response)
 
     # --- NMT ---------------------------------------------------------------------------------------------------
 
@@ -289,7 +284,7 @@ class DriveNode:
             self._boot_up()
 
     def _boot_up(self) -> None:
-        self.send(_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
+        self.send(HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
         self._producer.reload(self.time_us)
         self.enter(NmtState.OPERATIONAL if self.kind.auto_operational else NmtState.PRE_OPERATIONAL)
         if self._store_failed:
@@ -315,7 +310,7 @@ class DriveNode:
         if faults.heartbeat_off or self.state is NmtState.INITIALISING:
             return
         shown = self.state if faults.heartbeat_state is None else faults.heartbeat_state & 0xFF
-        self.send(_HEARTBEAT + self.node_id, b"" if self.kind.empty_heartbeat else bytes((shown,)))
+        self.send(HEARTBEAT + self.node_id, b"" if self.kind.empty_heartbeat else bytes((shown,)))
 
     def _send_emcy(self, can_id: int, data: bytes) -> None:
         if self.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):

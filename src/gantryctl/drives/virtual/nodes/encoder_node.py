@@ -7,8 +7,9 @@ from typing import Final
 
 from gantryctl.drives.od.model import Access
 from gantryctl.drives.od.types import DataType
+from gantryctl.drives.virtual.communication.identifiers import Send
 from gantryctl.drives.virtual.communication.objects import var
-from gantryctl.drives.virtual.nodes.slave import Send, Slave
+from gantryctl.drives.virtual.nodes.slave import Slave
 
 # Device profile 406, type 1: absolute rotary encoder, single turn.
 _PROFILE: Final = 0x0001_0196

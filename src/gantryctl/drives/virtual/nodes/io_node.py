@@ -9,7 +9,8 @@ from typing import Final
 from gantryctl.drives.od.model import Access, Entry, ObjectKind, ObjectSpec
 from gantryctl.drives.od.types import DataType
 from gantryctl.drives.virtual.axis.cabinet import Cabinet
-from gantryctl.drives.virtual.nodes.slave import Send, Slave
+from gantryctl.drives.virtual.communication.identifiers import Send
+from gantryctl.drives.virtual.nodes.slave import Slave
 
 # Device profile 401 with digital inputs and outputs: bits 16 and 17 of 1000h (CiA 401).
 _PROFILE: Final = 0x0003_0191

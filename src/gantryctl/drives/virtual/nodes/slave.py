@@ -9,6 +9,7 @@ from typing import Final
 from gantryctl.drives.od.model import DeviceInfo, ObjectSpec, described
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.emergency import Emergency
+from gantryctl.drives.virtual.communication.identifiers import HEARTBEAT, NMT, SDO_REQUEST, SDO_RESPONSE, Send
 from gantryctl.drives.virtual.communication.nmt import (
     HeartbeatConsumer,
     HeartbeatProducer,
@@ -22,15 +23,9 @@ from gantryctl.drives.virtual.communication.pdo import ProcessData
 from gantryctl.drives.virtual.communication.sdo import SdoServer
 from gantryctl.drives.virtual.personality import Personality
 
-_NMT: Final = 0x000
-_SDO_REQUEST: Final = 0x600
-_SDO_RESPONSE: Final = 0x580
-_HEARTBEAT: Final = 0x700
 _TICK_US: Final = 1000
 # The default mapping of CiA 402, which such a node has not.
 _DRIVE_OBJECTS: Final = (0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6077, 0x60B2, 0x60FF)
-
-Send = Callable[[int, bytes], None]
 
 
 class Slave:
@@ -97,7 +92,7 @@ class Slave:
         self.process_data.reload()
         self._consumer.reload()
         self._failed()
-        self._send(_HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
+        self._send(HEARTBEAT + self.node_id, bytes((NmtState.INITIALISING,)))
         self._producer.reload(self.time_us)
         self.state = NmtState.PRE_OPERATIONAL
 
@@ -127,14 +122,14 @@ class Slave:
         if is_sync:
             if self.state is not NmtState.STOPPED:
                 self.process_data.sync()
-        elif can_id == _NMT:
+        elif can_id == NMT:
             command = command_for(data, self.node_id)
             if command is not None:
                 self._nmt(command)
-        elif can_id == _SDO_REQUEST + self.node_id:
+        elif can_id == SDO_REQUEST + self.node_id:
             self._on_sdo(data)
-        elif not self.process_data.receive(can_id, data) and can_id > _HEARTBEAT and len(data) == 1:
-            self._consumer.receive(can_id - _HEARTBEAT, self.time_us)
+        elif not self.process_data.receive(can_id, data) and can_id > HEARTBEAT and len(data) == 1:
+            self._consumer.receive(can_id - HEARTBEAT, self.time_us)
         self.process_data.tick()
 
     def _on_sdo(self, data: bytes) -> None:
@@ -148,7 +143,7 @@ class Slave:
         if kept is not None and before is not None:
             self.od.set(*kept, before)
         for answer in answers:
-            self._send(_SDO_RESPONSE + self.node_id, answer)
+            self._send(SDO_RESPONSE + self.node_id, answer)
 
     def _nmt(self, command: NmtCommand) -> None:
         target = next_nmt(self.state, command)
@@ -180,7 +175,7 @@ class Slave:
 
     def _send_heartbeat(self) -> None:
         if self.state is not NmtState.INITIALISING:
-            self._send(_HEARTBEAT + self.node_id, bytes((self.state,)))
+            self._send(HEARTBEAT + self.node_id, bytes((self.state,)))
 
     def _send_emcy(self, can_id: int, data: bytes) -> None:
         if self.state in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
