@@ -9,19 +9,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
-from datetime import UTC, datetime
-from functools import partial
 from typing import Any, Final, TypeVar
 
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
 from gantryctl.image import Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.beside import begin
-from gantryctl.operation.brake_policy import after_test, judge_due, why_brake_failed
+from gantryctl.operation.brake_policy import why_brake_failed
 from gantryctl.operation.bus_log import AlarmFrames
-from gantryctl.operation.client import BrakeTestReport, Ending, MotionReport, Snapshot, Stop
+from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, left_on_failure, open_axis
+from gantryctl.operation.run_memory import RunMemory
+from gantryctl.operation.sliced_scan import SlicedScan, state_words
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive
 from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, Reaction
@@ -39,10 +38,6 @@ from gantryctl.wiring.engine import ProgramFactory, RecorderFactory, build_engin
 
 _Done = TypeVar("_Done")
 
-# Axis time between two calls of the observer.
-SLICE_S: Final = 0.1
-# The same while a hold-to-run command is renewed: as often as the page does, [monitors] lease_ms is 250 by default.
-LEASE_SLICE_S: Final = 0.03
 # A stop on the slowest ramp from the highest speed takes less.
 REST_S: Final = 120.0
 # Power sequence and brake test have time limits of their own; these are only a net below them.
@@ -65,9 +60,7 @@ class AxisRun:
             or ramps than `machine`, whose proofs count.
 
     Attributes:
-        stop: raised by whoever wants the axis to stop, at any time.
         notes: what had to be done to open the machine.
-        brake_due: when the next brake test is due.
 
     Raises:
         CommandRefused: there is a reason against switching power on.
@@ -86,8 +79,7 @@ class AxisRun:
         brake_test: bool = False,
         controlled_as: Machine | None = None,
     ) -> None:
-        self.machine, self._store, self._observer = machine, store, observer
-        self.stop = Stop.NO
+        self.machine, self._store = machine, store
         self._open = opened = open_axis(
             machine, store, program=program, commissioning=commissioning, controlled_as=controlled_as
         )
@@ -100,15 +92,29 @@ class AxisRun:
             self.engine: Engine = build_engine(
                 machine, opened.drive, opened.program, self.operator, recorder=recorder, real_time=real_time
             )
-        self.brake_due = judge_due(machine, self.axis, opened.retained, opened.retained.power_ups)
-        self._power_ups = self._moves = 0
+        self._memory = RunMemory(machine, self.axis, opened.retained, store)
+        frames = AlarmFrames(self.axis.alarms, None if store is None else store.traces)
+        self._scans = SlicedScan(self.engine, self.axis, self.operator, frames, observer)
         self._powered = False
-        self._frames = AlarmFrames(self.axis.alarms, None if store is None else store.traces)
         self._timed = ExitStack()
         if machine.paced_by_clock:
             self._timed.enter_context(keeps_time())
 
     # --- state ---------------------------------------------------------------------------------------------------
+
+    @property
+    def stop(self) -> Stop:
+        """Raised by whoever wants the axis to stop, at any time."""
+        return self._scans.stop
+
+    @stop.setter
+    def stop(self, urgency: Stop) -> None:
+        self._scans.stop = urgency
+
+    @property
+    def brake_due(self) -> BrakeDue:
+        """When the next brake test is due."""
+        return self._memory.brake_due
 
     @property
     def angle_deg(self) -> float:
@@ -140,21 +146,11 @@ class AxisRun:
 
     def observe(self, observer: Callable[[Snapshot], None]) -> None:
         """Another observer from now on."""
-        self._observer = observer
+        self._scans.observer = observer
 
     def snapshot(self) -> Snapshot:
         """State of the axis for a display."""
-        axis, feedback, time_s = self.axis, self.axis.feedback, self.engine.time_s
-        vel = self.engine.image.drive.vel_act_rad_s / axis.settings.law.ratio
-        moves = axis.state is AxisState.DISCRETE_MOTION
-        return Snapshot(
-            time_s=time_s,
-            angle_deg=deg(axis.pos_act_rad) if feedback.position_valid else None,
-            speed_deg_s=deg(vel) if feedback.speed_known and not feedback.in_doubt else None,
-            following_error_deg=deg(axis.pos_err_rad),
-            state=_words(axis.state),
-            time_left_s=max(0.0, axis.plan_end_s - time_s) if moves else None,
-        )
+        return self._scans.snapshot()
 
     # --- commands ------------------------------------------------------------------------------------------------
 
@@ -167,11 +163,11 @@ class AxisRun:
         if self._powered:
             return
         self._powered = True
-        self._power_ups += 1
+        self._memory.power_ups += 1
         refusals = self.axis.refusal_count
-        self._command(power=True)
+        self._scans.command(power=True)
         # An alarm or a refusal ends the waiting: nothing that comes later would switch the axis on.
-        self._follow(
+        self._scans.until(
             lambda: self.axis.state is AxisState.STANDSTILL or self._power_refused(refusals), _POWER_S
         )
         self._raise_alarm()
@@ -180,7 +176,7 @@ class AxisRun:
         if self.axis.state is not AxisState.STANDSTILL:
             raise AlarmStop(
                 f"{Code.SYS_10} STOP · power-up did not end within {_POWER_S:g} s, "
-                f"the axis is {_words(self.axis.state)} · "
+                f"the axis is {state_words(self.axis.state)} · "
                 "a custom program must switch power on when the operator wants it",
                 Code.SYS_10,
             )
@@ -198,8 +194,8 @@ class AxisRun:
         if not self._powered and self.axis.is_off:
             return
         self._powered = False
-        self._command(power=False, forward=False, reverse=False, move=False)
-        self._follow(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)
+        self._scans.command(power=False, forward=False, reverse=False, move=False)
+        self._scans.until(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)
 
     def move(
         self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
@@ -226,18 +222,18 @@ class AxisRun:
         Raises:
             AlarmStop: an alarm has stopped it, or somebody asked it to stop.
         """
-        self._follow(lambda: self.axis.alarms.first_out is not None, seconds)
+        self._scans.until(lambda: self.axis.alarms.first_out is not None, seconds)
         self._raise_alarm()
         if self.stop is not Stop.NO:
-            self._follow(lambda: self._at_rest, REST_S)
+            self._scans.until(lambda: self._at_rest, REST_S)
             raise AlarmStop("stopped by the operator in the middle of an experiment")
 
     def halt(self) -> None:
         """End a motion under way on its own ramp and wait for rest."""
-        self._command(halt=True)
+        self._scans.command(halt=True)
         self.engine.step()
-        self._command(halt=False)
-        self._follow(lambda: self._at_rest, REST_S)
+        self._scans.command(halt=False)
+        self._scans.until(lambda: self._at_rest, REST_S)
         self._raise_alarm()
 
     def _move_levels(self, target_deg: float, speed_deg_s: float | None, override: float) -> dict[str, Any]:
@@ -253,7 +249,7 @@ class AxisRun:
         self._check_speed(speed_deg_s)
         self.power_up()
         # Mode and key in two scans: a key that is down when the mode changes moves nothing.
-        self._command(mode=Mode.INCREMENTAL)
+        self._scans.command(mode=Mode.INCREMENTAL)
         self.engine.step()
         key = {"forward" if forward else "reverse": True}
         return self._motion(increment_rad=rad(step_deg), speed_rad_s=rad(speed_deg_s), **key)
@@ -271,15 +267,15 @@ class AxisRun:
         self.power_up()
         if self.stop is not Stop.NO:
             return self._not_begun()
-        self._command(mode=Mode.CONTINUOUS, speed_rad_s=rad(speed_deg_s))
+        self._scans.command(mode=Mode.CONTINUOUS, speed_rad_s=rad(speed_deg_s))
         self.engine.step()
         begin, refusals = self._not_begun(), self.axis.refusal_count
-        self._command(forward=forward, reverse=not forward)
-        self._renew()
+        self._scans.command(forward=forward, reverse=not forward)
+        self._scans.renew()
         self.engine.step()
-        self._follow(lambda: self.axis.refusal_count > refusals or self._at_rest, seconds, held=True)
+        self._scans.until(lambda: self.axis.refusal_count > refusals or self._at_rest, seconds, held=True)
         self._raise_refusal(refusals)
-        self._command(forward=False, reverse=False)
+        self._scans.command(forward=False, reverse=False)
         return self._finished(begin, lease=True)._replace(settled_s=None, asked_deg_s=None)
 
     def test_brake(self) -> BrakeTestReport:
@@ -289,17 +285,14 @@ class AxisRun:
             CommandRefused: it cannot be tested here, or not now. AlarmStop: an alarm ended it.
         """
         refusals = self.axis.refusal_count
-        self._command(brake_test=True)
+        self._scans.command(brake_test=True)
         self.engine.step()
-        self._command(brake_test=False)
+        self._scans.command(brake_test=False)
         self._raise_refusal(refusals)
-        self._follow(lambda: not self.axis.brake_test.under_way, _TEST_S)
+        self._scans.until(lambda: not self.axis.brake_test.under_way, _TEST_S)
         result = self.axis.brake_test.last
         assert result is not None
-        power_ups = self._open.retained.power_ups + self._power_ups
-        retained = after_test(self._open.retained, result, power_ups, datetime.now(UTC))
-        self._open = self._open._replace(retained=retained)
-        self.brake_due = judge_due(self.machine, self.axis, retained, power_ups)
+        self._memory.brake_tested(result)
         self._raise_alarm()
         return self.brake_test_report()
 
@@ -334,22 +327,17 @@ class AxisRun:
         if isinstance(self.engine.clock, VirtualClock):
             return work()
         done = begin(work)
-        self._follow(
+        self._scans.until(
             lambda: done.done() or (not finish and (self.stop is not Stop.NO or not self._no_alarm)), math.inf
         )
         self._raise_alarm()
         return done.result() if done.done() else None
 
     def rest_keeper(self) -> Callable[[], None]:
-        """Work that keeps where the axis stands now: a run that is killed from then on leaves a true rest position.
-
-        A simulated plant of this process is killed with the run, and comes back where it was before.
-        """
-        store, identity = self._store, self.drive.identity()
-        if store is None or self.machine.plant_is_local:
-            return lambda: None
+        """Work that keeps where the axis stands now: a run that is killed from then on leaves a true rest position."""
+        identity = self.drive.identity()
         counts = int(self.engine.image.drive.pos_act_counts) % (identity.counts_per_turn * identity.turns)
-        return partial(store.store_retained, replace(self._open.retained, rest_position_counts=counts))
+        return self._memory.rest_keeper(counts)
 
     # --- checks and refusals -------------------------------------------------------------------------------------
 
@@ -371,7 +359,7 @@ class AxisRun:
             if blocking is not None and blocking.reaction is Reaction.HLT:
                 raise AlarmStop(blocking.text, blocking.code)
             return
-        self._follow(lambda: self.axis.is_off, REST_S, watch=False)
+        self._scans.until(lambda: self.axis.is_off, REST_S, watch=False)
         raise AlarmStop(first.text, first.code)
 
     # --- motions -------------------------------------------------------------------------------------------------
@@ -391,15 +379,17 @@ class AxisRun:
 
     def _begin(self, **levels: Any) -> None:
         refusals = self.axis.refusal_count
-        self._command(**levels)
+        self._scans.command(**levels)
         self.engine.step()
-        self._command(move=False, forward=False, reverse=False)
+        self._scans.command(move=False, forward=False, reverse=False)
         self._raise_refusal(refusals)
 
     def _finished(self, begin: MotionReport, *, lease: bool = False) -> MotionReport:
         """Wait until the motion has ended one way or the other."""
-        self._moves += 1
-        self._follow(lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S, lease=lease)
+        self._memory.moves += 1
+        self._scans.until(
+            lambda: self._at_rest, self.axis.plan_end_s - self.engine.time_s + REST_S, lease=lease
+        )
         end_s, settled_s = self.engine.time_s, max(0.0, self.engine.time_s - self.axis.plan_end_s)
         self._raise_alarm()
         if self.stop is not Stop.NO:
@@ -425,62 +415,6 @@ class AxisRun:
     def _no_alarm(self) -> bool:
         return self.axis.alarms.first_out is None
 
-    # --- scanning ------------------------------------------------------------------------------------------------
-
-    def _command(self, **levels: Any) -> None:
-        self.operator.command = self.operator.command._replace(**levels)
-
-    def _renew(self) -> None:
-        self._command(lease=self.operator.command.lease + 1)
-
-    def _follow(
-        self,
-        done: Callable[[], bool],
-        timeout_s: float,
-        *,
-        held: bool = False,
-        lease: bool = False,
-        watch: bool = True,
-    ) -> None:
-        """Scan until something is done, in slices: between them stop requests, lease and display.
-
-        Args:
-            held: a key is held: the lease is renewed, and a request to stop ends the waiting, which lets go.
-            lease: the lease is renewed.
-            watch: stop requests go to the program.
-        """
-        engine = self.engine
-        end_s = engine.time_s + timeout_s
-        slice_s = LEASE_SLICE_S if held or lease else SLICE_S
-        while engine.time_s < end_s - 1e-9:
-            if watch and self._asked_to_stop() and held:
-                return
-            if held or lease:
-                self._renew()
-            reached = engine.run_until(lambda _: done(), min(slice_s, end_s - engine.time_s))
-            self._frames.look(engine.time_s)
-            self._observe()
-            if reached:
-                return
-
-    def _observe(self) -> None:
-        if self._observer is None:
-            return
-        try:
-            self._observer(self.snapshot())
-        except Exception:
-            # Terminal lost or pipe closed: an axis without anybody who watches it stops.
-            self._observer = None
-            self.stop = max(self.stop, Stop.RAMP)
-
-    def _asked_to_stop(self) -> bool:
-        """Hand a stop request to the program."""
-        if self.stop is Stop.QUICK:
-            self._command(quick_stop=True)
-        elif self.stop is Stop.RAMP:
-            self._command(stop=True)
-        return self.stop is not Stop.NO
-
     # --- the end of the run --------------------------------------------------------------------------------------
 
     def close(self, result: str, alarm: AlarmStop | None = None) -> None:
@@ -490,7 +424,7 @@ class AxisRun:
             result: how it ended, for `status`.
             alarm: what stopped the axis; it holds the axis until it is acknowledged.
         """
-        self._observer = None
+        self._scans.observer = None
         if isinstance(alarm, ScanFailure):
             self.axis.alarms.raise_(Code.SYS_09, None, **alarm.values)
         try:
@@ -500,7 +434,7 @@ class AxisRun:
             elif not self.axis.is_off:
                 self.power_down()
         finally:
-            self._frames.look(self.engine.time_s)
+            self._scans.end()
             self._timed.close()
             if self.engine.scan:
                 self.engine.close()
@@ -508,9 +442,6 @@ class AxisRun:
                 leave_bus(self.drive)
                 if self.engine.recorder is not None:
                     self.engine.recorder.close()
-            end = RunEnd(result, alarm, self._power_ups, self._moves, self.engine.time_s)
-            close_axis(self.machine, self._store, self._open, end)
-
-
-def _words(state: AxisState) -> str:
-    return state.name.lower().replace("_", " ")
+            memory = self._memory
+            end = RunEnd(result, alarm, memory.power_ups, memory.moves, self.engine.time_s)
+            close_axis(self.machine, self._store, self._open._replace(retained=memory.retained), end)

@@ -246,17 +246,11 @@ def test_an_observer_that_fails_at_the_very_end_changes_nothing_about_the_state(
 def test_whatever_ends_the_run_the_axis_is_left_at_rest_and_remembered(at_s: float) -> None:
     """An exception from somewhere between two slices, and close() alone to clean up."""
 
-    class Elsewhere(Exception):
-        pass
-
-    class Breaking(AxisRun):
-        def snapshot(self) -> Snapshot:
-            if self.engine.time_s >= at_s:
-                raise SystemExit
-            return super().snapshot()
+    def leave() -> None:
+        raise SystemExit
 
     with StateStore(SIM) as store:
-        session = Breaking(SIM, store, observer=lambda _: None)
+        session = AxisRun(SIM, store, observer=Looker(at_s, leave))
         with pytest.raises(SystemExit):
             session.move(90.0)
         session.close("failed")

@@ -21,7 +21,8 @@ from gantryctl.engineering.instruments import Instrument
 from gantryctl.errors import CommandRefused, InstrumentError
 from gantryctl.machine import Machine
 from gantryctl.operation.client import Snapshot
-from gantryctl.operation.run import SLICE_S, AxisRun
+from gantryctl.operation.run import AxisRun
+from gantryctl.operation.sliced_scan import SLICE_S
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.trace.table import Trace
 from gantryctl.units import rad
