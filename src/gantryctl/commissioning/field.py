@@ -18,13 +18,21 @@ from gantryctl.machine import Machine, with_values
 from gantryctl.operation.ledger import LedgerRow, Standing
 from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
 from gantryctl.operation.ledger.judging import impossible, lacks, unproven
+from gantryctl.operation.ledger.silence import COMMANDS, CONTROLLER
 from gantryctl.operation.store import StateStore
 
+_WATCHES: Final = {COMMANDS, CONTROLLER}
 _PER_MILLE: Final = 1000.0
 _TORQUE_LIMIT: Final = (0x6072, 0)
 _SPEED_UNIT: Final = (0x60A9, 0)
 _DRIVE_INPUTS: Final = (0x60FD, 0)
 _IO_NODE: Final = 3
+# Bits behind those of the safety inputs.
+_WATCHDOG: Final = {
+    "can.io.node": _IO_NODE,
+    "can.io.outputs.drive_enable": 0,
+    "can.io.inputs.watchdog_closed": 15,
+}
 
 
 class FieldDrive(NamedTuple):
@@ -33,6 +41,7 @@ class FieldDrive(NamedTuple):
     Attributes:
         steps: the steps done, with their outcome.
         refused: why it was refused or a step failed, one line each; () where it was commissioned.
+        needs_watchdog: it is refused because nothing in it watches the controller, and for nothing else.
         made_up, to_accept: rows of the ledger that something makes up for, and that a person must accept by name.
     """
 
@@ -41,16 +50,18 @@ class FieldDrive(NamedTuple):
     commissioned: bool
     steps: tuple[tuple[str, Outcome], ...]
     refused: tuple[str, ...]
+    needs_watchdog: bool
     made_up: tuple[LedgerRow, ...]
     to_accept: tuple[LedgerRow, ...]
 
 
-def field_machine(base: Machine, table: ObjectTable, source: str) -> Machine:
+def field_machine(base: Machine, table: ObjectTable, source: str, *, watchdog: bool = False) -> Machine:
     """The machine file that a person would write for this drive, on a virtual bus.
 
     Args:
         base: gantry and motor, with a drive on a bus.
         source: file of the table, "" for the shipped one.
+        watchdog: an I/O node holds the hardware enable of the drive, and takes it off when the controller is gone.
 
     Raises:
         ConfigError: the machine does not go together with the drive.
@@ -67,6 +78,7 @@ def field_machine(base: Machine, table: ObjectTable, source: str) -> Machine:
         **_unit(table),
         **_torque(base, table),
         **_inputs(table),
+        **(_WATCHDOG if watchdog else {}),
     }
     return with_values(base, changes)
 
@@ -100,18 +112,26 @@ def _inputs(table: ObjectTable) -> dict[str, object]:
 
 
 def commission_field_drive(
-    base: Machine, table: ObjectTable, source: str, say: Callable[[str], None], *, whole: bool = True
+    base: Machine,
+    table: ObjectTable,
+    source: str,
+    say: Callable[[str], None],
+    *,
+    whole: bool = True,
+    watchdog: bool = False,
 ) -> FieldDrive:
     """Commission one virtual drive in virtual time, up to the first step that fails.
 
     Args:
         say: takes a line for every step.
         whole: False leaves out the steps that need the whole travel, and no drive counts as commissioned.
+        watchdog: with an I/O node that holds its hardware enable.
     """
     profile = profile_of_table(table)
-    with _work(field_machine(base, table, source)) as work:
+    with _work(field_machine(base, table, source, watchdog=watchdog)) as work:
         done: list[tuple[str, Outcome]] = []
         refused = _start(work)
+        unwatched = bool(refused) and {row.what for row in impossible(work.ledger)} == _WATCHES
         steps = () if refused else [step for step in work.left() if step.required and (whole or _short(step))]
         for step in steps:
             result = work.do(step)
@@ -131,6 +151,7 @@ def commission_field_drive(
             commissioned=work.complete,
             steps=tuple(done),
             refused=refused,
+            needs_watchdog=unwatched,
             made_up=tuple(row for row in rows if row.standing is Standing.MADE_UP),
             to_accept=lacks(rows),
         )

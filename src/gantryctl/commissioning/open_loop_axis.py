@@ -284,11 +284,27 @@ class OpenLoopAxis:
         self.run(2 * self.period_s, brake=False)
         self.run(0.6, DriveRequest.DISABLE, brake=False)
 
-    def wake(self) -> DriveFeedback:
-        """Send again after a silence, asking for nothing; the last feedback."""
+    def wake(self) -> None:
+        """Send again after a silence, asking for nothing, and clear the fault that the silence has caused.
+
+        Raises:
+            DeviceError: the fault stays.
+        """
         self.drive.resume()
         self.begin_time()
-        return self.run(0.1, DriveRequest.DISABLE)[-1]
+        if self.run(0.1, DriveRequest.DISABLE)[-1].state is not DriveState.SWITCH_ON_DISABLED:
+            self.reset()
+
+    def reset(self) -> None:
+        """Clear a fault that a proof has caused.
+
+        Raises:
+            DeviceError: it stays for a second.
+        """
+        for _ in range(round(1.0 / self.period_s)):
+            if self.scan(DriveRequest.FAULT_RESET).state is DriveState.SWITCH_ON_DISABLED:
+                return
+        raise DeviceError(f"the drive's fault does not go away: {self.feedback.error_code:04X}h")
 
 
 def state_name(state: DriveState) -> str:

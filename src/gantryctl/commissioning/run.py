@@ -26,6 +26,7 @@ from gantryctl.commissioning.results import (
     load_progress,
     store_progress,
 )
+from gantryctl.commissioning.stopping import steps_silence
 from gantryctl.commissioning.watch import StepWatch
 from gantryctl.drives.canopen.setup.opening import UnusableDrive
 from gantryctl.drives.canopen.setup.read_only import ReadOnlyDrive
@@ -121,11 +122,11 @@ STEPS: Final = (
     Step("wiring", "Wiring by hand", "a person works every input, and looks at every output", "", steps_bus.wiring,
          lasts_s=lambda machine: 60.0, required=False, by_hand=True),
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
-         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.silence, Reach.STANDSTILL,
+         "the gantry may sag by less than 0.05 deg when the brake closes", steps_silence.silence, Reach.STANDSTILL,
          lambda machine: 3.0),
-    Step("watchdog", "Watchdog", "falls silent whole: the watchdog relay takes the torque off",
-         "the gantry may sag by less than 0.05 deg when the brake closes", steps_power.watchdog, Reach.STANDSTILL,
-         lambda machine: 2.0),
+    Step("watchdog", "Watchdog", "falls silent whole: the watchdog beside the drive takes the torque off",
+         "the gantry may sag by less than 0.05 deg when the brake closes", steps_silence.watchdog, Reach.STANDSTILL,
+         lambda machine: 4.0),
     Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than 0.02 deg",
          steps_power.brake, Reach.STANDSTILL, lambda machine: 6.0),
     Step("torque", "Torque limit", "pushes against the closed brake: the limit of the drive maker's tool",

@@ -12,7 +12,6 @@ import numpy as np
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.pictures import POINTS, MotionSample, Panel, Picture, line
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
-from gantryctl.commissioning.steps_power import reset
 from gantryctl.commissioning.stopping.quick_stop import (
     computed_way_deg,
     measure_quick_stop,
@@ -20,10 +19,9 @@ from gantryctl.commissioning.stopping.quick_stop import (
 )
 from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, watched_ways
 from gantryctl.errors import AlarmStop
-from gantryctl.image import DriveState
 from gantryctl.machine.derived import rigid_stop
-from gantryctl.machine.rules.reaction import REACTION_S
-from gantryctl.operation.ledger.rows import RAMP_DEG_S2
+from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
+from gantryctl.operation.ledger.rows import RAMP_DEG_S2, SILENT_STOP_S
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.trace.table import Trace
@@ -189,18 +187,35 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
     """
     dec = _ramp_deg_s2(c)
     with _at_speed(c, "silence", speed, c.machine.axis.stopping_angle_max_deg) as axis:
-        # The way that acts first counts.
-        delay_s = min((way.limit_s(c.machine) for way in watched_ways(axis)), default=0.0)
-        permitted = permitted_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
+        own = watched_ways(axis)
+        if own:
+            # The way that acts first counts.
+            delay_s = min(way.limit_s(c.machine) for way in own)
+            computed = computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
+        else:
+            # A watchdog beside the drive takes the torque off, and there is no ramp.
+            delay_s = _watchdog_s(c)
+            computed = silent_way_deg(c.machine, speed, 1e3 * delay_s, brake=True)
+        permitted = computed + abs(speed) * REACTION_S
         silence = Silence(tuple(Way), delay_s, permitted, abs(speed) / dec)
         seen = fall_silent(axis, silence, speed)
         if not seen.stopped:
             ended = seen.broken_off or f"{state_name(seen.state)}, brake open: {seen.brake_open}"
             raise AlarmStop(f"silence at {abs(speed):g} deg/s: {ended}")
         axis.wake()
-        if axis.feedback.state is DriveState.FAULT:
-            reset(axis)
-    return "silence", seen.way_deg, computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
+    return "silence", seen.way_deg, computed
+
+
+def _watchdog_s(c: Context) -> float:
+    """Time after which the watchdog beside the drive acts, as its step has shown it.
+
+    Raises:
+        AlarmStop: it has not passed.
+    """
+    shown = c.results.get("watchdog")
+    if shown is None or shown.outcome is not Outcome.PASSED:
+        raise AlarmStop("nothing in this drive watches the controller, and the step watchdog has not passed")
+    return shown.number(SILENT_STOP_S)
 
 
 def _unbraked_way_deg(c: Context) -> float:

@@ -53,6 +53,7 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
         brake_owner=machine.brake.owner,
         output_bits=tuple(wired(machine.can.outputs).items()),
         watchdog_s=watchdog_s(machine),
+        enable_relay=bool(machine.can.output_place("drive_enable")),
         load_encoder=load_encoder(machine),
         start_angle_rad=start_angle_rad,
         encoder_serial=f"SIM-{machine.name}",

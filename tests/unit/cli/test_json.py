@@ -80,7 +80,7 @@ RUNS: dict[str, list[str]] = {
     "drive profiles": ["drive", "profiles"],
     "drive profiles show": ["drive", "profiles", "show", "e35"],
     "drive gains": ["drive", "gains", "--config", "epos4.toml"],
-    "drive field": ["drive", "field", "--drive", "e35", "--config", str(CAN)],
+    "drive field": ["drive", "field", "--drive", "Faulhaber", "--config", str(CAN)],
     "size": ["size"],
     "analyse": ["analyse"],
     "tune": ["tune", "--method", "margins"],

@@ -47,6 +47,8 @@ def rows_of(lines: tuple[str, ...]) -> set[str]:
 def test_a_drive_that_cannot_be_run_is_refused_before_any_step(name: str) -> None:
     found = commissioned(TABLES[name])
     assert rows_of(found.refused) == REFUSED[name]
+    # A watchdog node is no cure for what else is missing.
+    assert found.needs_watchdog is name.startswith("e35")
     assert (found.commissioned, found.steps) == (False, ())
 
 
@@ -112,10 +114,12 @@ def test_an_alarm_gives_the_words_of_the_maker() -> None:
 
 
 def test_the_command_tells_the_reason_and_the_count() -> None:
-    told = cli("drive", "field", "--drive", "e35", "--least", 1)
+    told = cli("drive", "field", "--drive", "Faulhaber", "--least", 1)
     assert told.code == 1
     assert "no 1400:05, no 1016:01: the drive goes on at its last speed" in told.out
-    assert told.out.rstrip().endswith("0 of 1 drives can be commissioned")
+    assert told.out.rstrip().endswith(
+        "0 of 1 drives can be commissioned, 0 more with a watchdog node beside them"
+    )
 
 
 def test_an_eds_is_tried_before_the_drive_is_bought(tmp_path: Path) -> None:
@@ -140,6 +144,18 @@ def test_six_of_nine_drives_of_the_field_can_be_commissioned() -> None:
     for drive in found:
         if drive.commissioned:
             assert {row.what for row in drive.to_accept} <= {"limits_torque", "knows_counts"}
+    alone = [drive.drive for drive in found if drive.needs_watchdog]
+    assert alone == ["e35 example"]
+    assert commissioned(TABLES["e35 example"], watchdog=True).commissioned
+
+
+def test_a_node_that_holds_its_enable_makes_a_drive_usable_that_watches_nothing() -> None:
+    """Also its stops: from 1 and 3 deg/s the torque goes off and the brake closes, which is no ramp."""
+    found = commissioned(TABLES["e35 example"], whole=False, watchdog=True)
+    assert found.refused == ()
+    assert dict(found.steps)["silence"] is Outcome.NOT_TESTABLE
+    for key in ("nodes", "watchdog", "ramp", "stops"):
+        assert dict(found.steps)[key] is Outcome.PASSED, key
 
 
 def test_what_a_drive_does_not_tell_is_not_measured_as_nothing(tmp_path: Path) -> None:

@@ -25,6 +25,11 @@ ON_NODE: dict[str, object] = {
     "can.io.outputs.watchdog": 5,
     "can.io.inputs.watchdog_closed": 7,
 }
+ENABLE_ON_NODE: dict[str, object] = {
+    "can.io.node": 3,
+    "can.io.outputs.drive_enable": 5,
+    "can.io.inputs.watchdog_closed": 7,
+}
 UNWATCHED = {"can.virtual_drive": "unwatched"}
 Spoil = Callable[[DriveNode, Neighbours], object]
 
@@ -126,6 +131,62 @@ def test_an_output_that_is_not_toggled_opens_the_relay(
     result, _, _ = do("watchdog", tmp_path, monkeypatch, UNWATCHED | ON_NODE, dead)
     assert result.outcome is Outcome.FAILED
     assert "operation enabled was wanted" in result.proof
+
+
+def test_an_enable_that_its_node_takes_off_makes_up_for_a_drive_that_watches_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """1016 of the node alone, then everything at once, where its 1400:05 is the earlier one."""
+    result, way_deg, work = do("watchdog", tmp_path, monkeypatch, UNWATCHED | ENABLE_ON_NODE)
+    assert result.outcome is Outcome.PASSED, result
+    # The last heartbeat is 0 to 50 ms old when it falls silent; then four scans and 10 ms.
+    assert 100.0 <= result.number("watchdog_heartbeat_ms") < 180.0
+    # 1400:05 is 50 ms; the longest time goes into the stops, not the one that was seen.
+    assert 0.050 <= result.number("silent_stop_s") < 0.080
+    assert way_deg < 0.05
+    rows = {row.what: row for row in work.ledger}
+    assert rows["stops_without_controller"].standing is Standing.MADE_UP
+    assert "6200 bit 5 of node 3" in rows["stops_without_controller"].by
+
+
+def ignores_1016(_: DriveNode, neighbours: Neighbours) -> None:
+    assert neighbours.io is not None
+    neighbours.io.slave.heartbeat_deaf = True
+
+
+def keeps_outputs(_: DriveNode, neighbours: Neighbours) -> None:
+    assert neighbours.io is not None
+    neighbours.io.error_values_ignored = True
+
+
+@pytest.mark.parametrize(
+    ("liar", "words"),
+    [
+        (ignores_1016, "heartbeat silent: no EMCY, still"),
+        (keeps_outputs, "still operation enabled"),
+        (hangs, "still"),
+    ],
+)
+def test_a_node_that_does_not_take_the_enable_off_is_refused(
+    liar: Spoil, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """1016, or 6206 and 6207, are taken and have no effect; the contact of the relay hangs."""
+    result, way_deg, work = do("watchdog", tmp_path, monkeypatch, UNWATCHED | ENABLE_ON_NODE, liar)
+    assert result.outcome is Outcome.FAILED, result
+    assert words in result.proof
+    assert way_deg < 0.05
+    assert {row.standing for row in work.ledger if row.what == "stops_without_controller"} == {
+        Standing.LACKING
+    }
+
+
+def test_an_enable_relay_behind_a_drive_that_stops_by_itself_is_seen_by_its_contact(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert do("watchdog", tmp_path, monkeypatch, ENABLE_ON_NODE)[0].outcome is Outcome.PASSED
+    result, _, _ = do("watchdog", tmp_path, monkeypatch, ENABLE_ON_NODE, keeps_outputs)
+    assert result.outcome is Outcome.FAILED
+    assert "contact still shows closed" in result.proof
 
 
 RING: dict[str, object] = {"can.load_encoder.source": "node", "can.load_encoder.node": 4}

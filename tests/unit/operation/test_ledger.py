@@ -208,7 +208,7 @@ _SILENT = changed(FACTS, o1016_1=None, o1400_5=None)
     ("facts", "what", "words"),
     [
         (_SILENT, "stops_without_controller", "no 1400:05, no 1016:01"),
-        (_SILENT, "stops_without_commands", "only a watchdog relay outside of it"),
+        (_SILENT, "stops_without_commands", "only a watchdog outside of it"),
         (FACTS, "stops_without_controller", "commission --only silence"),
         (changed(FACTS, o6085=None), "ramps_quick_stop", "commission --only ramp"),
         (FACTS, "keeps_brake", "commission --only silence"),
@@ -317,6 +317,19 @@ def test_a_watchdog_stops_the_axis_of_a_drive_that_watches_nothing() -> None:
     assert row_of("keeps_brake", _SILENT, fitted, proven).by == "step watchdog"
     failed = Proofs(frozenset({"sign"}), frozenset({"watchdog"}))
     assert "step watchdog has failed" in row_of(what, _SILENT, fitted, failed).detail
+
+
+def test_a_node_that_takes_the_enable_off_is_a_watchdog() -> None:
+    """Before it is proven its heartbeat time counts: 150 ms at 6 deg/s and the way of above, 3.97 deg in all."""
+    fitted = with_values(REAL, {"can.io.node": 9, "can.io.outputs.drive_enable": 3})
+    row = row_of("stops_without_controller", _SILENT, fitted, Proofs())
+    assert (row.standing, row.proof, row.acceptable) == (Standing.LACKING, "watchdog", False)
+    assert "the enable relay at 6200 bit 3 of node 9 (1016, 6206, 6207) is to be proven; 150 ms" in row.detail
+    assert "3.97 deg from 6 deg/s" in row.detail
+    proven = Proofs(frozenset({"sign", "watchdog"}), measured={"silent_stop_s": 0.05})
+    row = row_of("stops_without_commands", _SILENT, fitted, proven)
+    assert row.by == "the enable relay at 6200 bit 3 of node 9 (1016, 6206, 6207), step watchdog"
+    assert "50 ms, then torque off and brake: 3.37 deg from 6 deg/s" in row.detail
 
 
 def test_a_failed_silence_is_lacking() -> None:

@@ -325,6 +325,7 @@ ROWS: dict[str, Row] = {
             ("outputs", OutputBits._fields), ("io.outputs", OutputBits._fields), ("io.inputs", InputBits._fields),
         )
         for name in names
+        if (where, name) != ("outputs", "drive_enable")
     },
     "can.io.node": {"bus.io.node": 1.0},
     "can.load_encoder.source": {"bus.load_encoder.node": lambda _: None},

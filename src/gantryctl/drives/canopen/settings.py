@@ -36,6 +36,8 @@ class OutputBits(NamedTuple):
 
     brake_release: int | None = None
     watchdog: int | None = None
+    drive_enable: int | None = None
+    """Of an I/O node only, which takes it off by itself (6206, 6207)."""
     horn: int | None = None
     lamp: int | None = None
     in_position: int | None = None

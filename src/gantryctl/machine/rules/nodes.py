@@ -10,6 +10,7 @@ from gantryctl.machine.tables.model import Machine
 
 _ENCODER: Final = ("can.load_encoder.source", "can.load_encoder.node")
 _OUTPUTS: Final = ("brake_release", "watchdog", "horn", "lamp", "in_position", "at_rest")
+_NODE_OUTPUTS: Final = (*_OUTPUTS, "drive_enable")
 # Edges come once in a few scans, and one late scan must not open the relay.
 _FEWEST_SCANS: Final = 4.0
 
@@ -52,10 +53,10 @@ def brake_has_one_output(m: Machine) -> Broken:
     return 'must be "controller_output" where an output releases the brake' if places else None
 
 
-@bus_rule("can.io.node", *(f"can.io.outputs.{name}" for name in _OUTPUTS))
+@bus_rule("can.io.node", *(f"can.io.outputs.{name}" for name in _NODE_OUTPUTS))
 def io_outputs_have_a_node(m: Machine) -> Broken:
     """Outputs of an I/O node have that node."""
-    wired = any(getattr(m.can.io.outputs, name) >= 0 for name in _OUTPUTS)
+    wired = any(getattr(m.can.io.outputs, name) >= 0 for name in _NODE_OUTPUTS)
     return "must be the id of the node whose outputs are wired" if wired and not m.can.io.node else None
 
 
@@ -64,6 +65,14 @@ def outputs_leave_the_brake_bit(m: Machine) -> Broken:
     """Bit 0 of 60FE is the brake of CiA 402 and no output beside it."""
     used = [name for name in _OUTPUTS if getattr(m.can.outputs, name) == 0]
     return 'must leave bit 0 alone, which [brake] owner = "object_60FE" works' if used else None
+
+
+@bus_rule("can.io.outputs.drive_enable", "can.io.outputs.watchdog", "can.outputs.watchdog")
+def watchdog_is_one(m: Machine) -> Broken:
+    """What stops the axis of a dead controller is one: a relay that wants edges, or an output that a node takes off."""
+    relay = m.can.io.outputs.watchdog >= 0 or m.can.outputs.watchdog >= 0
+    both = relay and m.can.io.outputs.drive_enable >= 0
+    return "must stay -1 beside a watchdog relay: a proof of both shows neither" if both else None
 
 
 @bus_rule("can.watchdog_ms", "control.scan_period_ms")

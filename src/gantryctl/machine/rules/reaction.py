@@ -185,9 +185,15 @@ def silent_angle_deg(m: Machine, delay_ms: float, *, brake: bool = False, dec_de
         brake: the drive takes the torque off and closes the brake instead of a ramp; inf where the brake is too weak.
         dec_deg_s2: ramp of the drive; the quick stop of the machine file when not given.
     """
-    v = m.speed.setting_max_deg_s
+    return silent_way_deg(m, m.speed.setting_max_deg_s, delay_ms, brake=brake, dec_deg_s2=dec_deg_s2)
+
+
+def silent_way_deg(
+    m: Machine, speed_deg_s: float, delay_ms: float, *, brake: bool = False, dec_deg_s2: float = 0.0
+) -> float:
+    """That way from another speed; its sign does not matter."""
     square, linear, constant = _silent_way(m, delay_ms, brake, dec_deg_s2)
-    return square * v**2 + linear * v + constant
+    return square * speed_deg_s**2 + linear * abs(speed_deg_s) + constant
 
 
 def silent_speed_max_deg_s(

@@ -23,7 +23,10 @@ class CanInputsTable(Table):
     estop_ok_2: int = number(-1, -1, 31, "The same as `estop_ok` for a second channel of the chain.")
 
     watchdog_closed: int = number(
-        -1, -1, 31, "Bit that is 1 while the contact of the watchdog relay is closed, for its proof."
+        -1,
+        -1,
+        31,
+        "Bit that is 1 while the contact of the watchdog or enable relay is closed, for its proof.",
     )
 
 
@@ -51,7 +54,7 @@ class IoInputsTable(Table):
     collision_ok: int = number(-1, -1, 63, "No collision sensor touched.")
     door_ok: int = number(-1, -1, 63, "Room door closed, or the motion permit that stands for it.")
     estop_ok_2: int = number(-1, -1, 63, "Second channel of the emergency-stop chain closed.")
-    watchdog_closed: int = number(-1, -1, 63, "Contact of the watchdog relay closed.")
+    watchdog_closed: int = number(-1, -1, 63, "Contact of the watchdog or enable relay closed.")
 
 
 class IoOutputsTable(Table):
@@ -59,6 +62,13 @@ class IoOutputsTable(Table):
 
     brake_release: int = number(-1, -1, 63, "Relay that gives the brake its current.")
     watchdog: int = number(-1, -1, 63, "Watchdog relay.")
+    drive_enable: int = number(
+        -1,
+        -1,
+        63,
+        "Relay of the drive's hardware enable (safe torque off) and of the brake's supply: on while the controller is "
+        "well, taken off by the node itself when the controller is gone.",
+    )
     horn: int = number(-1, -1, 63, "Horn.")
     lamp: int = number(-1, -1, 63, "Warning lamp.")
     in_position: int = number(-1, -1, 63, "In position.")
@@ -196,7 +206,8 @@ class CanTable(Table):
 
     def output_place(self, name: str) -> str:
         """Where an output goes to, for people; "" for one that is not wired."""
-        node, drive = getattr(self.io.outputs, name), getattr(self.outputs, name)
+        # No bit of 60FE falls by itself: `drive_enable` is one of the I/O node only.
+        node, drive = getattr(self.io.outputs, name), getattr(self.outputs, name, -1)
         if self.io.node and node >= 0:
             return f"6200 bit {node} of node {self.io.node}"
         return f"60FE bit {drive}" if drive >= 0 else ""

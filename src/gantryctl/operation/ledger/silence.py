@@ -87,24 +87,29 @@ def _by_watchdog(q: Question, what: str) -> LedgerRow:
         f"{q.why_not(_DEADLINE, _HEARTBEAT)}: the drive goes on at its last speed when its controller is gone"
     )
     can, proofs = q.machine.can, q.proofs
-    place = can.output_place("watchdog")
-    if not place:
-        to_do = "only a watchdog relay outside of it makes up for that ([can.io.outputs] watchdog)"
+    relay, enable = can.output_place("watchdog"), can.output_place("drive_enable")
+    if not (relay or enable):
+        to_do = (
+            "only a watchdog outside of it makes up for that: a relay that the controller toggles, or the enable of "
+            "the drive on a node that takes it off by itself ([can.io.outputs] watchdog, drive_enable)"
+        )
         return LedgerRow(what, Standing.LACKING, "", f"{missing}; {to_do}")
     if WATCHDOG_STEP in proofs.failed:
         detail = f"{missing}; step {WATCHDOG_STEP} has failed"
         return LedgerRow(what, Standing.LACKING, "", detail, WATCHDOG_STEP)
     proven = WATCHDOG_STEP in proofs.passed
-    # The relay is a contact in the chain of the emergency stop: it takes the torque off, and the brake falls.
+    # Its contact lies in the safe-torque-off circuit: it takes the torque off, and the brake falls.
     shown_s = proofs.measured.get(SILENT_STOP_S) if proven else None
-    way, fastest = _way(q, can.watchdog_ms if shown_s is None else 1e3 * shown_s, _BRAKE)
+    set_ms = can.watchdog_ms if relay else can.heartbeat_timeout_ms
+    way, fastest = _way(q, set_ms if shown_s is None else 1e3 * shown_s, _BRAKE)
+    dog = f"the watchdog relay at {relay}" if relay else f"the enable relay at {enable} (1016, 6206, 6207)"
     if not proven:
-        detail = f"{missing}; the watchdog relay at {place} is to be proven; {way}"
+        detail = f"{missing}; {dog} is to be proven; {way}"
         return LedgerRow(what, Standing.LACKING, "", detail, WATCHDOG_STEP, False, fastest)
-    by = f"the watchdog relay at {place}, step {WATCHDOG_STEP}"
+    by = f"{dog}, step {WATCHDOG_STEP}"
     return LedgerRow(what, Standing.MADE_UP, by, f"{missing}; {way}", WATCHDOG_STEP, False, fastest)
 
 
 def watch_step(q: Question) -> str:
-    """Step that shows what the axis of a silent controller does: of the drive's own watch, or of a relay."""
+    """Step that shows what the axis of a silent controller does: of the drive's own watch, or of one beside it."""
     return SILENCE_STEP if q.has(_DEADLINE) or q.has(_HEARTBEAT) else WATCHDOG_STEP

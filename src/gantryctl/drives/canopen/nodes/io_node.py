@@ -25,7 +25,7 @@ class IoNode:
     """I/O node: its inputs come with the answers to SYNC, its outputs act at the next SYNC.
 
     Its outputs fall to 0 when the controller's heartbeat is missing: 6206 and 6207 of every byte in use are written
-    and read back, and a node without them is refused where an output must be safe (brake, watchdog).
+    and read back, and a node without them is refused where an output must be safe (brake, watchdog, drive enable).
 
     Args:
         remote: the node, on the link of the drive.
@@ -40,7 +40,7 @@ class IoNode:
     def __init__(
         self, remote: RemoteNode, settings: CanopenSettings, io: IoNodeSettings, in_time: Callable[[], bool]
     ) -> None:
-        self.settings = io
+        self.settings, self._settings = io, settings
         # One byte of inputs at the least: its telegram shows that the node lives.
         read, write = max(1, _bytes_for(io.inputs)), _bytes_for(io.outputs)
         self._size = write
@@ -63,9 +63,19 @@ class IoNode:
 
     @property
     def holds_axis(self) -> bool:
-        """Brake or watchdog relay are worked by this node."""
+        """Brake, watchdog relay or enable of the drive are worked by this node."""
         outputs = self.settings.outputs
-        return outputs.brake_release is not None or outputs.watchdog is not None
+        return any(bit is not None for bit in (outputs.brake_release, outputs.watchdog, outputs.drive_enable))
+
+    def ask_silence_limit_s(self) -> float:
+        """Longest time from the last sign of the controller until the outputs fall.
+
+        Raises:
+            DeviceError: the node does not answer.
+        """
+        settings, sdo = self._settings, self.node.remote.sdo
+        by_telegram = sdo.optional(0x1400, 5) == round(settings.rpdo_deadline_s * 1e3)
+        return settings.rpdo_deadline_s if by_telegram else settings.heartbeat_timeout_s
 
     @property
     def word(self) -> int | None:

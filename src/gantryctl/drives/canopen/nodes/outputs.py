@@ -63,7 +63,7 @@ class OutputWriter:
         """
         watchdog = self._watchdog is not None and self._watchdog.scan(well)
         levels = (
-            brake_released, watchdog, output.horn, output.lamp, output.in_position, output.at_rest
+            brake_released, watchdog, well, output.horn, output.lamp, output.in_position, output.at_rest
         )  # fmt: skip
         self.drive_word = _word(self._drive, levels)
         if self._sets_brake and not brake_released:

@@ -116,7 +116,7 @@ def _remarks(
     watches = optional(0x1016, 1), optional(0x1400, 5)
     if watches == (None, None):
         said.append(
-            "neither 1016 nor 1400:05: nothing in this drive watches the controller · it needs a watchdog relay"
+            "neither 1016 nor 1400:05: nothing in this drive watches the controller · it needs a watchdog beside it"
         )
     elif not any(watches):
         said.append(

@@ -12,21 +12,22 @@ class Cabinet:
     """Relays and lamps behind outputs of the controller, wherever those outputs are.
 
     The brake relay gives the brake its current: released while `brake_release` is on. The watchdog relay closes at an
-    edge of `watchdog` and opens when none comes for its time; its contacts lie in the safe-torque-off circuit of the
-    drive and in the supply of the brake.
+    edge of `watchdog` and opens when none comes for its time; the enable relay is closed while `drive_enable` is on.
+    The contacts of either lie in the safe-torque-off circuit of the drive and in the supply of the brake.
 
     Args:
         watchdog_s: time after which the watchdog relay opens; 0: none is fitted.
+        enable_relay: an enable relay is fitted.
 
     Attributes:
         levels: present level of every output that was ever set, by name.
     """
 
-    def __init__(self, watchdog_s: float = 0.0) -> None:
-        self._hold_us = round(watchdog_s * _US)
+    def __init__(self, watchdog_s: float = 0.0, *, enable_relay: bool = False) -> None:
+        self._hold_us, self._enable_relay = round(watchdog_s * _US), enable_relay
         self._left_us = 0
         self.welded = False
-        """The contact of the watchdog relay stays closed, whatever its coil does."""
+        """The contact of the watchdog or enable relay stays closed, whatever its coil does."""
         self.levels: dict[str, bool] = {}
 
     def take(self, outputs: Mapping[str, bool]) -> None:
@@ -42,13 +43,13 @@ class Cabinet:
 
     @property
     def watchdog_closed(self) -> bool:
-        """The contact of the watchdog relay is closed; True where none is fitted."""
-        return self._left_us > 0 or self.welded or not self._hold_us
+        """The contact of watchdog or enable relay is closed; True where neither is fitted."""
+        return self.watchdog_contact or not (self._hold_us or self._enable_relay)
 
     @property
     def watchdog_contact(self) -> bool:
-        """What the contact of a watchdog relay shows; False where none is fitted."""
-        return self._left_us > 0 or self.welded
+        """What the contact of a watchdog or enable relay shows; False where neither is fitted."""
+        return self._left_us > 0 or self.welded or self.levels.get("drive_enable", False)
 
     @property
     def brake_released(self) -> bool:

@@ -60,6 +60,8 @@ class Hardware:
     brake_owner: Literal["drive", "object_60FE", "controller_output"] = "drive"
     output_bits: tuple[tuple[str, int], ...] = ()
     """Outputs of the cabinet that are wired to bits of 60FE, by name."""
+    enable_relay: bool = False
+    """An output of the I/O node holds the safe-torque-off circuit and the supply of the brake closed."""
     watchdog_s: float = 0.0
     """Time after which the watchdog relay opens; 0: none is fitted."""
     load_encoder: LoadEncoder | None = None

@@ -37,7 +37,7 @@ class DrivePlant:
 
     def __init__(self, hardware: Hardware, faults: Faults) -> None:
         self._hardware, self._faults = hardware, faults
-        self.cabinet = Cabinet(hardware.watchdog_s)
+        self.cabinet = Cabinet(hardware.watchdog_s, enable_relay=hardware.enable_relay)
         self.plant_params = hardware.plant.copy()
         self._drive = hardware.drive.copy()
         # The I2t account of the compiled drive is switched off: the overload belongs to the motor, not to the torque
