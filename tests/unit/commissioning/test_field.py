@@ -52,6 +52,21 @@ def test_a_drive_that_cannot_be_run_is_refused_before_any_step(name: str) -> Non
     assert (found.commissioned, found.steps) == (False, ())
 
 
+@pytest.mark.parametrize("missing", ["60FF", "6040"])
+def test_a_drive_without_an_object_that_is_written_first_is_refused_by_its_row(
+    missing: str, tmp_path: Path
+) -> None:
+    """A Schunk's DCF has no 60FF: an abort of the set-up is no reason that a person can read."""
+    heading, *rows = shipped_objects().read_text().splitlines()
+    elmo = [row for row in rows if row.startswith("Elmo") and f",{missing}," not in row]
+    source = tmp_path / "objects.csv"
+    source.write_text("\n".join((heading, *elmo, f"Elmo Gold (DCF),{missing},0,absent,,,,,")) + "\n")
+    table = read_object_tables(source)["Elmo Gold (DCF)"]
+    found = commission_field_drive(BASE, table, str(source), lambda line: None)
+    assert rows_of(found.refused) == {"runs_csv"}
+    assert f"no {missing}" in found.refused[0]
+
+
 # The coarsest unit of speed, 0.005 deg/s at the gantry; a unit that is written to 60A9, and 6076 in uN m.
 # Inputs of an I/O node, and 6072 that ends at 1000 per mille.
 @pytest.mark.parametrize("name", ["Trinamic TMCM-1617 fw1.06", "maxon EPOS4 0x1018", "Yiyou servo v1.4"])

@@ -187,3 +187,12 @@ def test_digital_inputs_show_limit_switches_chain_mains_and_brake(bench: Bench) 
     assert bench.up(0x60FD) == 0x77_000A
     bench.inject("estop_ok", False)
     assert bench.up(0x60FD) == 0x76_0002
+
+
+def test_a_threshold_of_0_leaves_the_drives_own_standstill(bench: Bench) -> None:
+    """606F = 0, as in the EDS of several makers: the ramp down still ends in torque off and a closed brake."""
+    bench.down(0x606F, 0, 0, 2)
+    bench.enable()
+    bench.ramp_to(1.0)
+    assert bench.run(2.0, 0x06).state is State.READY
+    assert bench.node.plant.sim.state["brake_closed"]

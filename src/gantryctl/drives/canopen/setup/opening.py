@@ -187,8 +187,13 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     mask = settings.output_mask
     if mask:
         _outputs_off(node, mask)
-    node.sdo.set(0x6040, 0, 0)
-    node.sdo.set(0x60FF, 0, 0)
+    try:
+        node.sdo.set(0x6040, 0, 0)
+        node.sdo.set(0x60FF, 0, 0)
+    except SdoError as lacking:
+        if lacking.silent:
+            raise
+        raise UnusableDrive(f"node {node.node}: {lacking}", _facts(node, identity, wanted, refused)) from None
     try:
         mapping = configure(node.sdo, node.node, mask != 0, extra_signals(settings))
     except FixedMapping as fixed:

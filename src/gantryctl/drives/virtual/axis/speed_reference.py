@@ -13,6 +13,8 @@ from gantryctl.drives.virtual.communication.objects import MODE_CSV, MODE_PV
 from gantryctl.drives.virtual.personality import Personality
 
 NO_MODE: Final = 0
+# Several makers deliver 606F = 0, Yiyou among them; no shaft with friction turns evenly at less than that.
+_OWN_THRESHOLD_RAD_S: Final = rad_s_of_r_min(1)
 # Speed up to which a drive with `sign_wrong_at_speed` turns the right way: 0.31 deg/s of the reference gantry.
 _CREEP_RAD_S: Final = rad_s_of_r_min(60)
 
@@ -74,8 +76,8 @@ class SpeedReference:
 
     @property
     def threshold_rad_s(self) -> float:
-        """Velocity threshold 606F: below it the shaft is at rest."""
-        return self._scaling.rad_s(self._od.number(0x606F))
+        """Velocity threshold 606F: below it the shaft is at rest; the drive's own one where 606F is less."""
+        return max(self._scaling.rad_s(self._od.number(0x606F)), _OWN_THRESHOLD_RAD_S)
 
     @property
     def follows(self) -> bool:
