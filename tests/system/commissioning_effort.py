@@ -31,9 +31,6 @@ COMMISSION = ["commission", "--config", CONFIG, "--instrument", Typed("tcp:127.0
 # At standstill, near, the whole travel.
 ANSWERS = 3
 QUESTION = "[y/N]: "
-# The scheduler of a busy computer makes scans and telegrams late: acknowledged, and the same command goes on.
-BUSY = ("the connection to the drive is disturbed", "SYS-02", "SYS-03", "CAN-03", "CAN-05")
-ATTEMPTS = 6
 
 
 def commission() -> tuple[str, int]:
@@ -69,11 +66,6 @@ def main(folder: Path) -> dict[str, object]:
         subprocess.run([*COMMAND, *ZERO], check=True, stdout=subprocess.DEVNULL)
         begun_s = time.monotonic()
         out, answers = commission()
-        attempts = 1
-        while any(why in out.rpartition("goes on with: ")[2] for why in BUSY) and attempts < ATTEMPTS:
-            subprocess.run([*COMMAND, "reset", "--config", CONFIG], check=False, stdout=subprocess.DEVNULL)
-            more, _ = commission()
-            out, attempts = out + more, attempts + 1
         took_s = time.monotonic() - begun_s
     commands = (DRIVE, TRACKER, INIT, ZERO, COMMISSION)
     typed = [value for arguments in commands for value in arguments if isinstance(value, Typed)]
@@ -81,7 +73,6 @@ def main(folder: Path) -> dict[str, object]:
         "commands": len(commands),
         "typed": len(typed) + ANSWERS,
         "answers": answers,
-        "attempts": attempts,
         "seconds": took_s,
         "out": out,
     }

@@ -125,6 +125,7 @@ export const CODES: Record<string, Record<'title' | 'message' | 'cause' | 'to_do
   'CFG-CAN-03': {"title": "未证明控制器静默时停止", "message": "未证明无控制器时停止：{why}", "cause": "驱动器自上次重启以来，尚未证明控制器静默时它会停止轴。", "to_do": "`gantryctl commission --only silence --config FILE` 在静止状态下数秒内证明。"},
   'CFG-CAN-04': {"title": "缺少安全特性", "message": "以下特性无任何保障，也无人签字接受：{lacks}", "cause": "安全台账逐项列出每个安全特性由什么保障；[can.inputs] 中位为 -1 的输入无论发生什么都视为正常。", "to_do": "接线或设置所缺部分，或由负责人签字接受：`gantryctl commission accept --lack NAME --by PERSON --because TEXT --config FILE`。"},
   'CFG-CAN-05': {"title": "驱动器不可用", "message": "该驱动器和机器所缺的特性无可替代：{lacks}", "cause": "调试证明和个人签字都不能代替这些特性。", "to_do": "设置、补充或更换所列部分；购买前可用 `gantryctl eds check FILE --config FILE` 检查驱动器。"},
+  'DRV-15': {"title": "启动前驱动器已处于故障", "message": "本次启动之前驱动器已处于故障：{error}", "cause": "先前运行的控制器被终止或失去总线，或驱动器在此期间自行停止。", "to_do": "查看机架并查明原因，然后 `gantryctl reset`；之后同一命令继续执行。"},
   'SYS-12': {"title": "先前的停止未确认", "message": "{stopped_by} 在上次运行中使轴停止，尚未确认", "cause": "每次报警停止都会保持轴，直到有人查看，重新启动后也是如此。", "to_do": "查看报警（`gantryctl alarms --last`），然后 `gantryctl reset`。"},
 };
 

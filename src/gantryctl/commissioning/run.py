@@ -50,6 +50,7 @@ from gantryctl.operation.proofs import (
     read_ledger,
     record_path,
     store_record,
+    why_in_fault,
 )
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import StateStore, now_text
@@ -251,9 +252,11 @@ class Commissioning:
         nodes: tuple[str, ...] = ()
         try:
             drive = open_machine(self.machine, self.store).drive
-            health = drive.health()
+            health, fault = drive.health(), why_in_fault(drive)
             nodes = () if health is None else health.node_keys
             leave_bus(drive)
+            if fault is not None:
+                raise CommandRefused(fault.text)
         except UnusableDrive as unusable:
             store_facts(path, unusable.facts)
         facts = load_facts(path)

@@ -22,7 +22,8 @@ from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
-from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.alarms.words import Said, Words, drive_error_words
+from gantryctl.program.feedback import FAULTS
 
 
 @dataclass(frozen=True)
@@ -151,6 +152,16 @@ def bus_reasons(
         for code, words in zip((Code.CFG_CAN_02, Code.CFG_CAN_03), why, strict=True)
         if words
     )
+
+
+def why_in_fault(drive: Drive) -> Reason | None:
+    """Say that an open drive was in fault before this start; None for one that was not."""
+    # A controller that was killed cannot keep what stopped the axis: the drive's fault is all that tells of it.
+    seen = drive.read()
+    if seen.state not in FAULTS:
+        return None
+    error = drive_error_words(seen.error_code, drive.identity().error_texts)
+    return Reason(Code.DRV_15, {"error": error}, ClearedBy.RESET)
 
 
 def must_be_proven(machine: Machine) -> bool:

@@ -19,6 +19,7 @@ from gantryctl.operation.brake_policy import why_brake_failed
 from gantryctl.operation.bus_log import AlarmFrames
 from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Snapshot, Stop
 from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, left_on_failure, open_axis
+from gantryctl.operation.proofs import why_in_fault
 from gantryctl.operation.run_memory import RunMemory
 from gantryctl.operation.sliced_scan import SlicedScan, state_words
 from gantryctl.operation.store import StateStore
@@ -83,12 +84,12 @@ class AxisRun:
         self._open = opened = open_axis(
             machine, store, program=program, commissioning=commissioning, controlled_as=controlled_as
         )
-        failed = None if brake_test else why_brake_failed(opened.retained)
-        reasons = opened.reasons if failed is None else (*opened.reasons, failed)
         self.notes, self.axis, self.operator = opened.notes, opened.program.axis, FixedOperator()
         with left_on_failure(opened.drive):  # a recording that cannot be opened, for one
-            if reasons:
-                raise CommandRefused(reasons[0].text)
+            failed = None if brake_test else why_brake_failed(opened.retained)
+            for reason in (*opened.reasons, why_in_fault(opened.drive), failed):
+                if reason is not None:
+                    raise CommandRefused(reason.text)
             self.engine: Engine = build_engine(
                 machine, opened.drive, opened.program, self.operator, recorder=recorder, real_time=real_time
             )

@@ -7,14 +7,17 @@ from typing import Any
 
 import pytest
 
+from gantryctl.commissioning import Commissioning
 from gantryctl.drives.canopen.bus.link import BusLink
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.virtual.node import DriveNode
-from gantryctl.errors import DeviceError
+from gantryctl.errors import CommandRefused, DeviceError
 from gantryctl.image import DriveFeedback, DriveState
 from gantryctl.machine import configs_folder, load_machine, with_values
 from gantryctl.operation.opening import open_axis
+from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import read_retained, reset_machine
+from gantryctl.operation.store import StateStore
 from gantryctl.wiring import virtual
 
 pytestmark = pytest.mark.can
@@ -64,6 +67,21 @@ def faulty(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_reset_on_the_command_line_resets_the_fault_of_the_drive_and_never_enables_it() -> None:
     machine = load_machine(configs_folder() / "hust_can.toml")
     assert reset_machine(machine) == "the fault of the drive is reset, the drive is in switch on disabled"
+
+
+@pytest.mark.usefixtures("faulty")
+def test_a_drive_in_fault_since_its_controller_was_killed_is_told_before_anything_begins(
+    tmp_path: Path,
+) -> None:
+    """It is no alarm of this run, and no stop of it: one reset, and the same command goes on."""
+    machine = load_machine(configs_folder() / "hust_can.toml")
+    said = r"DRV-15 · .* in fault since before this start: error 33360 \(hexadecimal 8250\): the controller's commands"
+    with StateStore(machine) as store, pytest.raises(CommandRefused, match=said):
+        AxisRun(machine, store, commissioning=True)
+    retained = read_retained(machine)
+    assert retained is None or (retained.error_stop, retained.alarms) == ("", ())
+    with StateStore(machine) as store, pytest.raises(CommandRefused, match=said):
+        Commissioning(machine, store, tmp_path, print, lambda _: True).start(again=False)
 
 
 @pytest.mark.usefixtures("faulty")

@@ -123,6 +123,7 @@ class Code(StrEnum):
     DRV_12 = "DRV-12"
     DRV_13 = "DRV-13"
     DRV_14 = "DRV-14"
+    DRV_15 = "DRV-15"
     INT_01 = "INT-01"
     INT_02 = "INT-02"
     INT_03 = "INT-03"

@@ -11,8 +11,8 @@ from gantryctl.program.alarms.encoder import ENCODER
 from gantryctl.program.alarms.start import START
 from gantryctl.program.alarms.table import ALARMS
 
-# An earlier stop (SYS-12) casts doubt on the angle only if the encoder caused it.
-_DOUBTS_POSITION: Final = frozenset(row.code for row in (*ENCODER, *START)) - {Code.SYS_12}
+# An earlier stop (SYS-12) casts doubt on the angle only if the encoder caused it, a fault of the drive (DRV-15) never.
+_DOUBTS_POSITION: Final = frozenset(row.code for row in (*ENCODER, *START)) - {Code.SYS_12, Code.DRV_15}
 
 
 class ClearedBy(StrEnum):

@@ -106,6 +106,16 @@ START: Final = (
              "调试证明和个人签字都不能代替这些特性。",
              "设置、补充或更换所列部分；购买前可用 `gantryctl eds check FILE --config FILE` 检查驱动器。"),
     ),
+    # A controller that was killed leaves a drive in fault behind and cannot tell the next one.
+    Definition(
+        Code.DRV_15, _REF, Reaction.REF,
+        Text("Drive in fault before the start", "the drive has been in fault since before this start: {error}",
+             "The controller of an earlier run was killed or lost the bus, or the drive stopped by itself meanwhile.",
+             "Look at the gantry and find out why, then `gantryctl reset`; the same command then goes on."),
+        Text("启动前驱动器已处于故障", "本次启动之前驱动器已处于故障：{error}",
+             "先前运行的控制器被终止或失去总线，或驱动器在此期间自行停止。",
+             "查看机架并查明原因，然后 `gantryctl reset`；之后同一命令继续执行。"),
+    ),
     Definition(
         Code.SYS_12, _REF, Reaction.REF,
         Text("Earlier stop not acknowledged",

@@ -219,6 +219,22 @@ def test_the_deadline_runs_from_the_first_rpdo_on_and_ends_with_operational(benc
     assert bench.take(EMCY) == []
 
 
+def test_a_missed_deadline_stays_in_the_error_register_until_commands_come_again(bench: Bench) -> None:
+    """CiA 301: an error is told once, kept in 1001 over NMT commands, and told to be gone when it is."""
+    bench.set_up()
+    bench.down(0x1400, 5, 20, 2)
+    bench.cycle(0)
+    for _ in range(20):
+        bench.send(0x80)
+    bench.nmt(0x80)
+    assert [data[:2].hex() for data in bench.take(EMCY)] == ["5082"]
+    assert bench.up(0x1001, 0) == 0x11  # generic and communication
+    bench.nmt(0x01)
+    bench.cycle(0)
+    assert bench.take(EMCY) == [bytes(8)]
+    assert bench.up(0x1001, 0) == 0
+
+
 def test_the_window_of_1007_drops_late_synchronous_rpdos(bench: Bench) -> None:
     bench.set_up()
     bench.down(0x1007, 0, 1000, 4)

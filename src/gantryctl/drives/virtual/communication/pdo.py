@@ -162,6 +162,7 @@ class Rpdo:
         self._od, self._emcy, self._lost = od, emcy, lost
         self.received_us = 0
         """When the last whole frame came, in the drive's own time."""
+        self._overdue = self._short = False
         self.reload()
 
     def reload(self) -> None:
@@ -176,9 +177,9 @@ class Rpdo:
 
     def stop(self) -> None:
         """Discard the waiting data and the deadline: OPERATIONAL was left, or the PDO changed."""
+        # An error that was reported stays in 1001 until a frame comes again (CiA 301).
         self._waiting: bytes | None = None
         self._deadline_us: int | None = None
-        self._overdue = self._short = False
 
     def receive(self, data: bytes, now_us: int) -> None:
         """Take one frame: refuse a short one whole (EMCY 8210), read a long one as far as it is mapped."""
