@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
-from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, KeyFigures, measure_key_figures
+from gantryctl.engineering.comparison.key_figures import (
+    KEY_FIGURES,
+    KeyFigures,
+    figures_of,
+    key_columns,
+    measure_key_figures,
+)
 from gantryctl.engineering.comparison.variants import without_load_encoder
 from gantryctl.engineering.identification import SimulatedAxis, calibrate
+from gantryctl.engineering.scheduler.job import Rows
+from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, effective_values, with_values
 
@@ -35,9 +41,6 @@ _TOGETHER: Final = {
     "transmission.reducer_stiffness_2_nm_per_rad": "transmission.reducer_stiffness_1_nm_per_rad",
     "transmission.reducer_stiffness_3_nm_per_rad": "transmission.reducer_stiffness_1_nm_per_rad",
 }
-
-Item = TypeVar("Item")
-Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -93,28 +96,28 @@ def ensemble(
     """
     if count < 2:
         raise UsageError(f"an ensemble of {count}: quantiles need at least 2 plants")
-    seeds = tuple(range(seed + 1, seed + 1 + count))
-    done: list[dict[str, KeyFigures]] = []
-    for row in in_threads(lambda s: _one(paper, improved, s), seeds, threads):
-        done.append(row)
-        if progress is not None:
-            progress(len(done))
-    return PlantEnsemble(seeds, {name: tuple(row[name] for row in done) for name in done[0]})
+    found = all_rows(EnsembleJob(paper, improved, seed), count, threads, progress)
+    return PlantEnsemble(tuple(range(seed + 1, seed + 1 + count)), figures_of(found))
 
 
-def in_threads(
-    work: Callable[[Item], Result], items: Iterable[Item], threads: int | None = None
-) -> Iterable[Result]:
-    """Results in the order of the items; the compiled loops run side by side."""
-    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
-        yield from pool.map(work, items)
+@dataclass(frozen=True)
+class EnsembleJob:
+    """Key figures of random plants under both ways of control; row k is the plant of `seed + 1 + k`."""
 
+    paper: Machine
+    improved: Machine
+    seed: int
 
-def _one(paper: Machine, improved: Machine, seed: int) -> dict[str, KeyFigures]:
-    own = random_plant(improved, seed)
-    # Each plant is identified anew: compensations know only what was measured (decision 0010).
-    own = own.calibrated(calibrate(SimulatedAxis(own, seed=seed)))
-    rows = {paper.name: measure_key_figures(random_plant(paper, seed), seed)}
-    if improved.control.compensation.load_encoder.active:
-        rows["without the load encoder"] = measure_key_figures(without_load_encoder(own), seed)
-    return rows | {improved.name: measure_key_figures(own, seed)}
+    def rows(self, first: int, count: int) -> Rows:
+        """Columns of `key_columns`, by the name of the control."""
+        plants = [self._plant(self.seed + 1 + row) for row in range(first, first + count)]
+        return key_columns({name: [plant[name] for plant in plants] for name in plants[0]})
+
+    def _plant(self, seed: int) -> dict[str, KeyFigures]:
+        own = random_plant(self.improved, seed)
+        # Each plant is identified anew: compensations know only what was measured (decision 0010).
+        own = own.calibrated(calibrate(SimulatedAxis(own, seed=seed)))
+        rows = {self.paper.name: measure_key_figures(random_plant(self.paper, seed), seed)}
+        if self.improved.control.compensation.load_encoder.active:
+            rows["without the load encoder"] = measure_key_figures(without_load_encoder(own), seed)
+        return rows | {self.improved.name: measure_key_figures(own, seed)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
+from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.machine import Machine
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
@@ -113,6 +115,31 @@ def measure_key_figures(machine: Machine, seed: int = 0) -> KeyFigures:
         load_error_180_deg_s=half.load_error_deg_s,
         base_180_um=half.base_um,
     )
+
+
+# Between the name of a control and that of a figure; no name of a machine holds it.
+_OF: Final = ": "
+
+
+def key_columns(figures: Mapping[str, Sequence[KeyFigures]]) -> Rows:
+    """Figures of several plants by control, as columns of a job."""
+    return {
+        f"{control}{_OF}{name}": np.array([getattr(row, name) for row in rows])
+        for control, rows in figures.items()
+        for name in KEY_FIGURES
+    }
+
+
+def figures_of(columns: Rows) -> dict[str, tuple[KeyFigures, ...]]:
+    """Figures of several plants by control, from the columns of a job."""
+    controls = dict.fromkeys(name.rpartition(_OF)[0] for name in columns)
+    return {
+        control: tuple(
+            KeyFigures._make(row)
+            for row in zip(*(columns[f"{control}{_OF}{name}"].tolist() for name in KEY_FIGURES), strict=True)
+        )
+        for control in controls
+    }
 
 
 def chord_figures(machine: Machine, name: str, seed: int = 0) -> tuple[float, float]:

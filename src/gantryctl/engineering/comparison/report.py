@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
-from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble, in_threads
-from gantryctl.engineering.comparison.key_figures import KeyFigures, measure_key_figures
+from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
+from gantryctl.engineering.comparison.key_figures import (
+    KeyFigures,
+    figures_of,
+    key_columns,
+    measure_key_figures,
+)
 from gantryctl.engineering.comparison.profiles import ProfileRow, profiles_at_equal_base_motion
 from gantryctl.engineering.comparison.variants import Variant, check_same_plant, variants
 from gantryctl.engineering.identification import Comparison, comparisons
+from gantryctl.engineering.scheduler.job import Rows
+from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.machine import Machine
 from gantryctl.wiring.compensation import check_calibration
 
@@ -31,6 +39,22 @@ class CompareReport:
     identified: tuple[Comparison, ...]
     profiles: tuple[ProfileRow, ...]
     ensemble: PlantEnsemble | None
+
+
+_OWN: Final = "own"
+
+
+@dataclass(frozen=True)
+class VariantsJob:
+    """Key figures of the variants of one machine; row k is variant k."""
+
+    variants: tuple[Variant, ...]
+    seed: int
+
+    def rows(self, first: int, count: int) -> Rows:
+        """Columns of `key_columns`."""
+        chosen = self.variants[first : first + count]
+        return key_columns({_OWN: [measure_key_figures(each.machine, self.seed) for each in chosen]})
 
 
 def compare_report(
@@ -57,11 +81,9 @@ def compare_report(
     check_same_plant(paper, improved)
     calibrated = improved.control.compensation.needs_calibration
     calibration = check_calibration(improved, improved.plant.encoder.serial) if calibrated else None
-
-    def run(variant: Variant) -> tuple[str, KeyFigures]:
-        return variant.name, measure_key_figures(variant.machine, seed)
-
-    rows = tuple(in_threads(run, variants(paper, improved), threads))
+    shown = variants(paper, improved)
+    found = figures_of(all_rows(VariantsJob(tuple(shown), seed), len(shown), threads))[_OWN]
+    rows = tuple((variant.name, figures) for variant, figures in zip(shown, found, strict=True))
     # 2.00 Hz in the linear plant of the reference machine, 1.92 Hz as identified: a wrong value costs little.
     swing_hz = calibration.identified.swing_hz if calibration else 2.0
     return CompareReport(

@@ -1,0 +1,122 @@
+"""Chunks of a job handed to a pool until every row is there."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from typing import Final
+
+from gantryctl.engineering.scheduler.job import Chunk, Job, Rows, collected
+from gantryctl.engineering.scheduler.pools import Pool, ThreadPool
+from gantryctl.errors import DeviceError
+
+# Handing out a chunk costs some milliseconds on a cluster (1.6 ms a task).
+CHUNK_MIN_S: Final = 1.0
+# What a killed client or worker loses at most.
+CHUNK_MAX_S: Final = 30.0
+# A long run is cut into so many chunks for each worker: few enough for their files, enough to end together.
+_PARTS: Final = 100
+# Before the first chunk nobody knows how long a row takes.
+_FIRST_ROWS: Final = 2
+# Plants go through the compiled core side by side: whole packs.
+_PACK: Final = 16
+# A row that takes its worker with it each time would go round for ever.
+_LOST_MAX: Final = 8
+_POLL_S: Final = 0.5
+
+
+class _Backlog:
+    """Rows that nobody has been given yet, and how many of them make a chunk."""
+
+    def __init__(self, missing: Iterable[Chunk]) -> None:
+        self._ranges = deque(missing)
+        self.rows = sum(each.size for each in self._ranges)
+        self._row_s: float | None = None
+
+    def measured(self, count: int, elapsed_s: float) -> None:
+        """So many rows took a worker so long."""
+        row_s = elapsed_s / count
+        # Half of the newest: the first chunks pay for imports and caches.
+        self._row_s = row_s if self._row_s is None else 0.5 * (self._row_s + row_s)
+
+    def put_back(self, chunk: Chunk) -> None:
+        """These rows are still missing."""
+        self._ranges.appendleft(chunk)
+        self.rows += chunk.size
+
+    def take(self, slots: int) -> Chunk:
+        """The next chunk."""
+        whole = self._ranges.popleft()
+        count = min(whole.size, self._size(slots))
+        if count < whole.size:
+            self._ranges.appendleft(Chunk(whole.first + count, whole.size - count))
+        self.rows -= count
+        return Chunk(whole.first, count)
+
+    def _size(self, slots: int) -> int:
+        if self._row_s is None:
+            return _FIRST_ROWS
+        ahead_s = self._row_s * self.rows / slots
+        target_s = min(max(ahead_s / _PARTS, CHUNK_MIN_S), CHUNK_MAX_S)
+        size = max(1, round(target_s / max(self._row_s, 1e-9)))
+        return size if size < _PACK else size // _PACK * _PACK
+
+
+def run_job(
+    missing: Iterable[Chunk], pool: Pool, stopped: Callable[[], bool] = lambda: False
+) -> Iterator[tuple[Chunk, Rows]]:
+    """Every missing row once, in chunks of a second to half a minute, in any order.
+
+    Args:
+        missing: ranges of rows, apart from each other.
+        stopped: asked between chunks; when true, chunks that are being computed are still ended and given.
+
+    Raises:
+        DeviceError: rows that were lost with their worker again and again, or no worker is left.
+    """
+    backlog = _Backlog(missing)
+    lost: Counter[int] = Counter()
+    under_way = 0
+    while under_way or (backlog.rows and not stopped()):
+        # One chunk waits for each slot, so that no worker waits for the client.
+        while backlog.rows and under_way < 2 * pool.slots and not stopped():
+            pool.submit(backlog.take(pool.slots))
+            under_way += 1
+        if stopped():
+            under_way -= len(pool.withdraw())
+        for chunk, result in pool.finished(_POLL_S) if under_way else ():
+            under_way -= 1
+            if result is None:
+                lost[chunk.first] += 1
+                if lost[chunk.first] == _LOST_MAX:
+                    raise DeviceError(
+                        f"rows {chunk.first} to {chunk.last} were lost with their worker {_LOST_MAX} times: they may "
+                        "need more memory than it has; what is done is kept, with fewer workers the run goes on"
+                    )
+                backlog.put_back(chunk)
+            else:
+                backlog.measured(chunk.size, result.elapsed_s)
+                yield chunk, result.rows
+
+
+def all_rows(
+    job: Job, count: int, threads: int | None = None, progress: Callable[[int], None] | None = None
+) -> Rows:
+    """Rows 0 to `count - 1` of a job, by threads of this process.
+
+    Args:
+        threads: None for one per processor; no effect on the result.
+        progress: called with the number of rows that are done.
+    """
+    pool = ThreadPool(job, threads)
+    parts: list[tuple[Chunk, Rows]] = []
+    done = 0
+    try:
+        for part in run_job([Chunk(0, count)], pool):
+            parts.append(part)
+            done += part[0].size
+            if progress is not None:
+                progress(done)
+    finally:
+        pool.close()
+    return collected(parts)
