@@ -43,7 +43,10 @@ from gantryctl.program.power.brake_test import BrakeTest
 from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import RISING
+from gantryctl.program.power.ramp_watch import RampWatch
+from gantryctl.program.power.rest import RestWatch
 from gantryctl.program.power.sequence import PowerSequence
+from gantryctl.program.power.slip_watch import SlipWatch
 from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.service.command.arming import Arming
@@ -139,9 +142,9 @@ def _in_phases(name: str, *phases: PowerPhase) -> Special:
     return rule
 
 
-def _held(power: PowerSequence, roots: Roots) -> object:
+def _held(slip: SlipWatch, roots: Roots) -> object:
     """Way since the phase began."""
-    return None if power._pos_hold is None else _rounded(power._pos_hold - roots.axis.pos_act_rad)
+    return None if slip._from_rad is None else _rounded(slip._from_rad - roots.axis.pos_act_rad)
 
 
 def _levels(name: str) -> Special:
@@ -235,24 +238,33 @@ RULES: Final[dict[type, Rules]] = {
         special={"_target": _ref_target, "plan": _scans_left},
     ),
     PowerSequence: Rules(
-        same="_drive_owns_brake _parking _turns_back _unloaded _unwinding brake_open fault_reset phase request status",
+        same="_drive_owns_brake _parking _turns_back _unloaded brake_open fault_reset phase request status",
         number="torque_ff_nm",
-        count="_doubted_moving _over_envelope _rest_count",
-        part="_hold_watch brake_test holding wear",
-        # Not judged by these settings.
-        clock="_pos_rad _twist",
-        fixed="_alarms _brake_rest_scans _close_late_scans _close_scans _feedback _open_late_scans _period_s "
-        "_power_up_scans "
-        "_proof_scans _quick_dec _rest_scans _sag_scans _settings _settle_scans _slip_scans _step_scans",
+        part="_hold_watch _ramp _rest _slip brake_test holding wear",
+        # Of the proof only the twist has a state, and these settings do not judge it.
+        clock="_pos_rad _torque_proof",
+        fixed="_alarms _close_late_scans _close_scans _feedback _open_late_scans _period_s _power_up_scans "
+        "_sag_scans _settings _slip_scans _step_scans",
         special={
-            "_pos_hold": _held,
             # Decided when ENABLING ends.
             "proof": lambda power, _: power.proof if power.phase in _PROVEN else None,
             # Behind the closed brake only a contact that is late and a watch of one scan are timed.
             "_count": lambda power, _: min(power._count, 3 if power.phase in _RESTING else _CAP),
             "_load_nm": _in_phases("_load_nm", PowerPhase.UNLOADING),
-            "_vel_start": _in_phases("_vel_start", PowerPhase.QUICK_STOPPING),
         },
+    ),
+    RestWatch: Rules(count="_scans", fixed="_brake_rest_scans _feedback _rest_scans"),
+    SlipWatch: Rules(
+        same="_unwinding",
+        count="_doubted_moving",
+        special={"_from_rad": _held},
+        fixed="_alarms _feedback _period_s _rest _rest_scans _sag_max_rad",
+    ),
+    RampWatch: Rules(
+        when=lambda _, roots: roots.axis.power.phase is PowerPhase.QUICK_STOPPING,
+        number="_vel_start",
+        count="_over_envelope",
+        fixed="_alarms _feedback _period_s _quick_dec",
     ),
     HoldWatch: Rules(
         when=lambda _, roots: roots.axis.power.phase is PowerPhase.TORQUE_HOLD,

@@ -24,7 +24,8 @@ from gantryctl.program.monitors.recovery import Recovery
 from gantryctl.program.monitors.site import SiteInterlocks
 from gantryctl.program.monitors.thermal import MotorThermal
 from gantryctl.program.power.phases import PowerPhase, Proof
-from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
+from gantryctl.program.power.rest import REST_RAD_S
+from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings, StandstillPolicy
 from gantryctl.program.virtual_axis import OVERRIDE_MIN, VirtualAxis
 from gantryctl.units import deg

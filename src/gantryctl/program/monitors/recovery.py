@@ -11,7 +11,8 @@ from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import FAULTS, Feedback
 from gantryctl.program.monitors.site import why_site_keeps
 from gantryctl.program.power.phases import TORQUE_ON, PowerPhase
-from gantryctl.program.power.sequence import REST_RAD_S, PowerSequence
+from gantryctl.program.power.rest import REST_RAD_S
+from gantryctl.program.power.sequence import PowerSequence
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg
 

@@ -1,11 +1,12 @@
-"""Judgement of HOLD: whether the torque of the drive really holds the load."""
+"""Judgement of HOLD: whether the drive may be asked for torque, and whether its torque really holds the load."""
 
 from __future__ import annotations
 
 from typing import Final
 
+from gantryctl.image import DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.log import Alarm, AlarmLog
 from gantryctl.program.feedback import ENABLED, Feedback
 from gantryctl.program.settings import AxisSettings
 from gantryctl.units import deg, rad
@@ -17,6 +18,16 @@ _SPEED_RAD_S: Final = rad(0.1)
 _CATCH_S: Final = 0.300
 # A drive with a wrong sign doubles its speed in some 20 ms; a load of 50 kN m that falls freely gains 0.06 deg/s in 50.
 _DRIVEN_S: Final = 0.050
+# After these nobody gives torque back by itself: the drive does not obey, or another master may command it.
+_NO_HOLD_AFTER: Final = frozenset(
+    {Code.CAN_12, Code.CAN_14, Code.CTL_05, Code.DRV_05, Code.DRV_07, Code.DRV_13}
+)
+_ABLE: Final = (
+    *ENABLED,
+    DriveState.SWITCH_ON_DISABLED,
+    DriveState.READY_TO_SWITCH_ON,
+    DriveState.SWITCHED_ON,
+)
 
 
 class HoldWatch:
@@ -40,6 +51,16 @@ class HoldWatch:
         """A phase begins."""
         self._held = self._driven = 0
         self._speed_before = 0.0
+
+    def possible(self) -> bool:
+        """Whether the drive can be asked for torque at zero speed."""
+        feedback = self._feedback
+        # Torque is never given back by itself with the emergency stop open, also when the brake slips (C4).
+        inputs = feedback.inputs
+        ready = inputs.estop_closed and inputs.mains_ready and feedback.position_valid
+        if not ready or feedback.state not in _ABLE:
+            return False
+        return not any(map(_forbids_hold, self._alarms.active.values()))
 
     @property
     def has_held(self) -> bool:
@@ -95,3 +116,11 @@ class HoldWatch:
     def _tell(self, moved_rad: float, reaction: Reaction | None = None) -> None:
         speed = deg(abs(self._feedback.vel_rad_s))
         self._alarms.raise_(Code.BRK_13, reaction, measured=deg(moved_rad), speed=speed)
+
+
+def _forbids_hold(alarm: Alarm) -> bool:
+    """Whether torque may not come back by itself: feedback or drive are in doubt, or it drove the load."""
+    if alarm.code in _NO_HOLD_AFTER:
+        return True
+    doubt = alarm.code is Code.BRK_13 or alarm.code.startswith("ENC-")
+    return doubt and alarm.reaction >= Reaction.TORQUE_OFF

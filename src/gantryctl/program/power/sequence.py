@@ -2,56 +2,29 @@
 
 from __future__ import annotations
 
-import math
 from typing import Final
 
 from gantryctl.image import DriveRequest, DriveState
 from gantryctl.program.alarms.codes import Code, Reaction
-from gantryctl.program.alarms.log import Alarm, AlarmLog
+from gantryctl.program.alarms.log import AlarmLog
 from gantryctl.program.alarms.words import Words, drive_state_words
 from gantryctl.program.feedback import ENABLED, FAULTS, Feedback
 from gantryctl.program.power.brake_test import BrakeTest, BrakeTestOutcome
 from gantryctl.program.power.hold_watch import HoldWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.power.phases import FALLING, OUTPUTS, RISING, TORQUE_ON, PowerPhase, Proof
-from gantryctl.program.power.twist import Twist
+from gantryctl.program.power.ramp_watch import STOP_TIME_S, RampWatch
+from gantryctl.program.power.rest import RestWatch
+from gantryctl.program.power.slip_watch import SlipWatch
+from gantryctl.program.power.torque_proof import TorqueProof
 from gantryctl.program.power.wear import BrakeWear
 from gantryctl.program.settings import AxisSettings
-from gantryctl.units import deg, rad
+from gantryctl.units import deg
 
-# Slower than this is at rest, on the motor side: after a stop the load swings on by up to 0.53 deg/s.
-REST_RAD_S: Final = rad(0.02)
-_REST_S: Final = 0.050
-# A brake may catch the shaft for some 60 ms while the load swings on at 2 deg/s and then pulls it through the brake:
-# 0.14 deg from 3 deg/s. So a stop by the brake is over after more than half a period of the first mode, near 2 Hz.
-_BRAKE_REST_S: Final = 0.300
-# The drive's quick-stop ramp is judged with 0.5 deg/s to spare for 50 ms, after the 60 ms in which a drive reacts.
-_ENVELOPE_RAD_S: Final = rad(0.5)
-_ENVELOPE_REACTION_S: Final = 0.060
-_ENVELOPE_S: Final = 0.050
-# A brake stop from the highest speed of the reference machine takes 0.9 s on the motor side.
-_STOP_TIME_S: Final = 3.0
 # Without a valid position the end of a brake stop is judged by time alone.
 _BLIND_STOP_S: Final = 1.5
-# Beyond the time of the ramp where the speed is not known: reaction of the drive, and the load that swings on.
-_BLIND_RAMP_S: Final = 0.25
 _UNLOAD_STEPS: Final = 3
-# A drive that owns its brake may take the torque off while the brake still closes. The gear then unwinds: 0.020 deg on
-# the motor side with 16 kN m and the swing of a quick stop, 0.026 deg with 50 kN m; over after 0.3 s.
-_UNWIND_RAD: Final = rad(0.03)
-_UNWIND_S: Final = 0.300
-# After these nobody gives torque back by itself: the drive does not obey, or another master may command it.
-_NO_HOLD_AFTER: Final = frozenset(
-    {Code.CAN_12, Code.CAN_14, Code.CTL_05, Code.DRV_05, Code.DRV_07, Code.DRV_13}
-)
-
 _OPERATION_ENABLED: Final = DriveState.OPERATION_ENABLED
-_ABLE: Final = (
-    *ENABLED,
-    DriveState.SWITCH_ON_DISABLED,
-    DriveState.READY_TO_SWITCH_ON,
-    DriveState.SWITCHED_ON,
-)
 _ON: Final = PowerPhase.ON
 _BRAKE_OPENING: Final = (PowerPhase.RELEASING, PowerPhase.SAG_WATCH)
 _BRAKE_CLOSING: Final = (PowerPhase.CLOSING, PowerPhase.UNLOADING)
@@ -80,36 +53,28 @@ class PowerSequence:
 
     __slots__ = (
         "_alarms",
-        "_brake_rest_scans",
         "_close_late_scans",
         "_close_scans",
         "_count",
-        "_doubted_moving",
         "_drive_owns_brake",
         "_feedback",
         "_hold_watch",
         "_load_nm",
         "_open_late_scans",
-        "_over_envelope",
         "_parking",
         "_period_s",
-        "_pos_hold",
         "_pos_rad",
         "_power_up_scans",
-        "_proof_scans",
-        "_quick_dec",
-        "_rest_count",
-        "_rest_scans",
+        "_ramp",
+        "_rest",
         "_sag_scans",
         "_settings",
-        "_settle_scans",
+        "_slip",
         "_slip_scans",
         "_step_scans",
+        "_torque_proof",
         "_turns_back",
-        "_twist",
         "_unloaded",
-        "_unwinding",
-        "_vel_start",
         "brake_open",
         "brake_test",
         "fault_reset",
@@ -128,10 +93,7 @@ class PowerSequence:
         self._feedback = feedback
         self._alarms = alarms
         self._period_s = settings.period_s
-        self._quick_dec = settings.ramps.quick_dec_rad_s2
         self._power_up_scans = settings.scans(power.power_up_time_s)
-        self._proof_scans = settings.scans(power.proof_time_s)
-        self._settle_scans = settings.scans(power.settle_time_s)
         self._close_scans = settings.scans(power.brake_close_time_s)
         feedback_scans = settings.scans(power.brake_feedback_time_s)
         self._close_late_scans = self._close_scans + feedback_scans
@@ -139,13 +101,14 @@ class PowerSequence:
         self._sag_scans = settings.scans(power.sag_watch_s)
         self._step_scans = settings.scans(power.unload_step_s)
         self._slip_scans = settings.scans(power.slip_watch_s)
-        self._rest_scans = settings.scans(_REST_S)
-        self._brake_rest_scans = settings.scans(_BRAKE_REST_S)
         self.phase = PowerPhase.OFF
         self.status = False
         self.proof = Proof.NOT_DONE
         self.holding = HoldingTorque(settings)
-        self._twist = Twist(settings, feedback)
+        self._torque_proof = TorqueProof(settings, feedback, alarms, self.holding)
+        self._rest = RestWatch(settings, feedback)
+        self._slip = SlipWatch(settings, feedback, alarms, self._rest)
+        self._ramp = RampWatch(settings, feedback, alarms)
         self._hold_watch = HoldWatch(settings, feedback, alarms)
         self.brake_test = BrakeTest(
             power.test_torque_nm, power.sag_max_rad, power.torque_max_nm, settings.period_s
@@ -155,12 +118,10 @@ class PowerSequence:
         self.request = DriveRequest.DISABLE
         self.brake_open = False
         self.torque_ff_nm = 0.0
-        self._parking = self._unloaded = self._unwinding = self._drive_owns_brake = False
-        self._turns_back = False
-        self._count = self._rest_count = self._over_envelope = self._doubted_moving = 0
+        self._parking = self._unloaded = self._drive_owns_brake = self._turns_back = False
+        self._count = 0
         self._pos_rad: float | None = None
-        self._pos_hold: float | None = None
-        self._load_nm = self._vel_start = 0.0
+        self._load_nm = 0.0
 
     # --- asked for by the axis --------------------------------------------------------------------
 
@@ -220,7 +181,7 @@ class PowerSequence:
         if self.phase is PowerPhase.TORQUE_OFF:
             self._alarms.torque_not_kept()
             return
-        if reaction is Reaction.HOLD and self._can_hold():
+        if reaction is Reaction.HOLD and self._hold_watch.possible():
             self._enter(PowerPhase.TORQUE_HOLD)
             return
         self._alarms.torque_not_kept()
@@ -245,7 +206,8 @@ class PowerSequence:
 
     def rebase(self) -> None:
         """Move the reference of the slip watch along with a position that was set anew."""
-        self._pos_hold = self._pos_rad = None
+        self._pos_rad = None
+        self._slip.rebase()
 
     @property
     def _opens_by_drive(self) -> bool:
@@ -286,19 +248,22 @@ class PowerSequence:
 
     def _enter(self, phase: PowerPhase) -> None:
         """Change the phase; outputs follow from it."""
-        if phase is not PowerPhase.SAG_WATCH:  # the sag counts from the release command
-            self._pos_hold = self._pos_rad
-            self._turns_back = False
         disabled = self.phase is PowerPhase.DISABLING
+        unwinds = disabled and self._drive_owns_brake
+        if phase is PowerPhase.SAG_WATCH:  # the sag counts from the release command
+            self._slip.go_on(unwinds=unwinds)
+        else:
+            self._slip.begin(self._pos_rad, unwinds=unwinds)
+            self._turns_back = False
         self._unloaded = disabled and self._unloaded
-        self._unwinding = disabled and self._drive_owns_brake
         self.phase = phase
-        self._count = self._rest_count = self._over_envelope = self._doubted_moving = 0
+        self._count = 0
+        self._rest.begin()
+        self._ramp.begin()
         self._hold_watch.begin()
-        self._vel_start = abs(self._feedback.vel_rad_s)
         outputs = OUTPUTS[phase]
         if phase is PowerPhase.TORQUE_OFF and self._feedback.brake_open:
-            self.wear.begin(self._vel_start)
+            self.wear.begin(abs(self._feedback.vel_rad_s))
         self.brake_open = outputs.brake_open
         if outputs.request is not None:
             self.request = outputs.request
@@ -336,43 +301,22 @@ class PowerSequence:
         else:
             self.proof = Proof.NOT_DONE
             self._enter(PowerPhase.PROVING)
-            self.torque_ff_nm = holding.proof_nm
-            self._twist.begin(holding.proof_nm)
+            self.torque_ff_nm = self._torque_proof.begin()
 
     def _proving(self, pos_rad: float) -> None:
-        """Give torque against the closed brake: the motor must give it, the brake must take it.
-
-        At zero speed a PI speed loop builds no torque against a closed brake: a drive that is enabled may still drop
-        the load, so the torque is asked for beside the speed (60B2).
-        """
-        if self._slipped(pos_rad, Code.BRK_03):
-            return
-        self._twist.scan()
-        proof_nm = self.holding.proof_nm
-        wanted = self._settings.proof_share * abs(proof_nm)
-        given = self._feedback.torque_nm * math.copysign(1.0, proof_nm)
-        if not abs(given) <= abs(proof_nm) + self._settings.proof_excess_nm:
-            self.holding.believed = False
-            reading = Words.TORQUE_AGAINST_BRAKE(torque=self._feedback.torque_nm, wanted=proof_nm)
-            self._alarms.raise_(Code.DRV_14, Reaction.QUICK_STOP, measured=reading)
-        elif given >= wanted:
+        """Give torque against the closed brake: the motor must give it, the brake must take it."""
+        if not self._slip.slipped(pos_rad, Code.BRK_03) and self._torque_proof.given(self._count):
             self.proof = Proof.PROVEN
             self._enter(PowerPhase.SETTLING)
-        elif self._count > self._proof_scans:
-            time_ms = self._milliseconds(self._count)
-            self._alarms.raise_(Code.BRK_07, measured=given, limit=wanted, time_ms=time_ms)
 
     def _settling(self, _pos_rad: float) -> None:
         """Ramp from the proof torque to the preload, then wait as long again for it to settle."""
-        self._twist.scan()
-        share = min(1.0, self._count / self._settle_scans)
-        proof_nm = self.holding.proof_nm
-        self.torque_ff_nm = proof_nm + (self.holding.preload_nm - proof_nm) * share
-        if self._count >= 2 * self._settle_scans and self._twist.shown(proof_nm):
+        self.torque_ff_nm = self._torque_proof.settling_torque_nm(self._count)
+        if self._torque_proof.settled(self._count):
             self._enter(PowerPhase.RELEASING)
 
     def _releasing(self, pos_rad: float) -> None:
-        if self._slipped(pos_rad, Code.BRK_10):
+        if self._slip.slipped(pos_rad, Code.BRK_10):
             return
         limit = self._open_late_scans
         if self._feedback.brake_open:
@@ -384,7 +328,7 @@ class PowerSequence:
     def _sag_watch(self, pos_rad: float) -> None:
         if self._turns_back:
             self._enter(PowerPhase.CLOSING)
-        elif not self._slipped(pos_rad, Code.BRK_10) and self._count >= self._sag_scans:
+        elif not self._slip.slipped(pos_rad, Code.BRK_10) and self._count >= self._sag_scans:
             self.status = True
             self._enter(PowerPhase.ON)
 
@@ -410,7 +354,7 @@ class PowerSequence:
             self._drive_owns_brake
             and self.request is DriveRequest.QUICK_STOP
             and feedback.state is DriveState.SWITCH_ON_DISABLED
-            and -REST_RAD_S < feedback.vel_rad_s < REST_RAD_S
+            and self._rest.slow
         )
 
     def _unload(self) -> None:
@@ -423,7 +367,7 @@ class PowerSequence:
 
     def _unloading(self, pos_rad: float) -> None:
         """Lower the torque by what the motor still gives, in three steps; a brake that slips gets it back."""
-        if self._slipped(pos_rad, Code.BRK_03):
+        if self._slip.slipped(pos_rad, Code.BRK_03):
             return
         step = self._count // self._step_scans + 1
         if step <= _UNLOAD_STEPS:
@@ -443,46 +387,23 @@ class PowerSequence:
     def _off(self, pos_rad: float) -> None:
         """Watch the closed brake with torque off; clear drive faults when asked."""
         self.request = DriveRequest.FAULT_RESET if self.fault_reset else DriveRequest.DISABLE
-        moved = self._moved(pos_rad)
-        limit = self._settings.sag_max_rad
-        if self._unwinding:
-            limit += _UNWIND_RAD
-            if moved <= limit and self._count * self._period_s > _UNWIND_S:
-                self._unwinding, self._pos_hold = False, pos_rad
-        if not moved <= limit and self._believed(pos_rad):
-            # Within the watch after unloading it is the brake that did not hold (C3), later one that gave way (C4).
-            late = not self._unloaded or self._count > self._slip_scans
-            self._raise_slip(Code.BRK_04 if late else Code.BRK_03, moved)
-            self._hold_watch.tell_if_moved(moved)
+        # Within the watch after unloading it is the brake that did not hold (C3), later one that gave way (C4).
+        late = not self._unloaded or self._count > self._slip_scans
+        code = Code.BRK_04 if late else Code.BRK_03
+        if self._slip.slipped_without_torque(pos_rad, self._count * self._period_s, code):
+            self._hold_watch.tell_if_moved(self._slip.moved(pos_rad))
         if self._feedback.brake_open and self._count > self._close_late_scans:
             self._brake_still_open()
 
     # --- stops ------------------------------------------------------------------------------------
 
     def _quick_stopping(self, _pos_rad: float) -> None:
-        """Follow the ramp of the drive; a drive slower than its ramp does not obey."""
-        if not self._feedback.speed_known:
-            self._quick_stopping_blind()
-            return
-        speed = abs(self._feedback.vel_rad_s)
+        """Follow the ramp of the drive until it stands."""
         elapsed_s = self._count * self._period_s
-        ramp = max(0.0, self._vel_start - self._quick_dec * max(0.0, elapsed_s - _ENVELOPE_REACTION_S))
-        allowed = ramp + _ENVELOPE_RAD_S
-        self._over_envelope = 0 if speed <= allowed else self._feedback.lasting(self._over_envelope)
-        overdue = elapsed_s > self._vel_start / self._quick_dec + _STOP_TIME_S
-        if self._over_envelope * self._period_s >= _ENVELOPE_S or overdue:
-            self._alarms.raise_(Code.DRV_07, measured=deg(speed), limit=deg(allowed))
-        elif self._at_rest():
+        if not self._feedback.speed_known:
+            self._ramp.wait_blind(elapsed_s)
+        elif self._ramp.obeyed(elapsed_s) and self._rest.scan():
             self._enter(PowerPhase.CLOSING)
-
-    def _quick_stopping_blind(self) -> None:
-        """Without a speed give the drive the time of its ramp; then the torque goes off."""
-        first = self._alarms.first_out
-        if (
-            first is not None
-            and self._count * self._period_s > self._vel_start / self._quick_dec + _BLIND_RAMP_S
-        ):
-            self._alarms.raise_(first.code, Reaction.TORQUE_OFF)
 
     def _torque_off(self, _pos_rad: float) -> None:
         self.wear.scan()
@@ -493,10 +414,10 @@ class PowerSequence:
             return
         brake_time_over = self._count > self._close_late_scans
         # At rest is judged on the motor side; the load goes on swinging for some seconds.
-        rests = self._at_rest() and self._rest_count >= self._brake_rest_scans
+        rests = self._rest.scan() and self._rest.after_brake_stop
         if rests and (not self._feedback.brake_open or brake_time_over):
             self._enter(PowerPhase.OFF)
-        elif elapsed_s > _STOP_TIME_S:
+        elif elapsed_s > STOP_TIME_S:
             speed = deg(abs(self._feedback.vel_rad_s))
             self._alarms.raise_(Code.BRK_11, measured=speed, time_s=elapsed_s)
 
@@ -508,17 +429,7 @@ class PowerSequence:
             self._lost()
         elif self._count > self._power_up_scans:
             self._stuck(_OPERATION_ENABLED, Reaction.TORQUE_OFF)
-        self._hold_watch.scan(self._moved(pos_rad))
-
-    def _can_hold(self) -> bool:
-        """Whether the drive can be asked for torque at zero speed."""
-        feedback = self._feedback
-        # Torque is never given back by itself with the emergency stop open, also when the brake slips (C4).
-        inputs = feedback.inputs
-        ready = inputs.estop_closed and inputs.mains_ready and feedback.position_valid
-        if not ready or feedback.state not in _ABLE:
-            return False
-        return not any(map(_forbids_hold, self._alarms.active.values()))
+        self._hold_watch.scan(self._slip.moved(pos_rad))
 
     # --- the brake test ---------------------------------------------------------------------------
 
@@ -559,45 +470,10 @@ class PowerSequence:
         elif result.outcome is BrakeTestOutcome.PASSED:
             self._alarms.active.pop(Code.BRK_08, None)
 
-    # --- measured ---------------------------------------------------------------------------------
-
-    def _moved(self, pos_rad: float) -> float:
-        """Angle since this phase began (or since the position was set anew)."""
-        if self._pos_hold is None:
-            self._pos_hold = pos_rad
-        return abs(pos_rad - self._pos_hold)
-
-    def _slipped(self, pos_rad: float, code: Code) -> bool:
-        """Raise `code` for more motion than the brake, or the torque, may allow."""
-        moved = self._moved(pos_rad)
-        if moved <= self._settings.sag_max_rad:
-            return False
-        self._raise_slip(code, moved)
-        return True
-
-    def _believed(self, pos_rad: float) -> bool:
-        """Whether a closed brake slips, or only a doubted reading jumps: then its speed must show it too."""
-        if self._feedback.position_valid:
-            return True
-        if -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S:
-            self._pos_hold, self._doubted_moving = pos_rad, 0
-            return False
-        self._doubted_moving = self._feedback.lasting(self._doubted_moving)
-        return self._doubted_moving >= self._rest_scans
-
-    def _at_rest(self) -> bool:
-        """Whether the axis has been slow for long enough."""
-        slow = -REST_RAD_S < self._feedback.vel_rad_s < REST_RAD_S and self._feedback.speed_known
-        self._rest_count = self._feedback.lasting(self._rest_count) if slow else 0
-        return self._rest_count >= self._rest_scans
+    # --- alarms -----------------------------------------------------------------------------------
 
     def _milliseconds(self, scans: int) -> float:
         return scans * self._period_s * 1e3
-
-    # --- alarms -----------------------------------------------------------------------------------
-
-    def _raise_slip(self, code: Code, moved_rad: float) -> None:
-        self._alarms.raise_(code, measured=deg(moved_rad), limit=deg(self._settings.sag_max_rad))
 
     def _lost(self) -> None:
         """Raise DRV-04: the drive is not enabled where it must be. Its own fault is DRV-01, from the interlocks."""
@@ -617,14 +493,6 @@ class PowerSequence:
             return
         time_ms = self._milliseconds(self._count)
         self._alarms.raise_(Code.BRK_06, measured=Words.OPEN, command=Words.CLOSED, time_ms=time_ms)
-
-
-def _forbids_hold(alarm: Alarm) -> bool:
-    """Whether torque may not come back by itself: feedback or drive are in doubt, or it drove the load."""
-    if alarm.code in _NO_HOLD_AFTER:
-        return True
-    doubt = alarm.code is Code.BRK_13 or alarm.code.startswith("ENC-")
-    return doubt and alarm.reaction >= Reaction.TORQUE_OFF
 
 
 # One row per phase but ON, which has no step of its own.

@@ -1,0 +1,85 @@
+"""The torque proof: the motor gives torque against the closed brake before it opens."""
+
+from __future__ import annotations
+
+import math
+
+from gantryctl.program.alarms.codes import Code, Reaction
+from gantryctl.program.alarms.log import AlarmLog
+from gantryctl.program.alarms.words import Words
+from gantryctl.program.feedback import Feedback
+from gantryctl.program.power.holding_torque import HoldingTorque
+from gantryctl.program.power.twist import Twist
+from gantryctl.program.settings import AxisSettings
+
+
+class TorqueProof:
+    """Judges the torque that the motor gives, and the turn of the shaft under it.
+
+    At zero speed a PI speed loop builds no torque against a closed brake: a drive that is enabled may still drop the
+    load, so the torque is asked for beside the speed (60B2).
+
+    Args:
+        holding: proof torque and preload of this power cycle.
+    """
+
+    __slots__ = (
+        "_alarms",
+        "_feedback",
+        "_holding",
+        "_period_s",
+        "_power",
+        "_proof_scans",
+        "_settle_scans",
+        "_twist",
+    )
+
+    def __init__(
+        self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog, holding: HoldingTorque
+    ) -> None:
+        self._feedback, self._alarms, self._holding = feedback, alarms, holding
+        self._power, self._period_s = settings.power, settings.period_s
+        self._proof_scans = settings.scans(settings.power.proof_time_s)
+        self._settle_scans = settings.scans(settings.power.settle_time_s)
+        self._twist = Twist(settings, feedback)
+
+    def begin(self) -> float:
+        """The torque to ask for from the next scan on, N m."""
+        self._twist.begin(self._holding.proof_nm)
+        return self._holding.proof_nm
+
+    def given(self, scans: int) -> bool:
+        """Judge one scan under the proof torque; an alarm where the motor gives too much, or too little for too long.
+
+        Args:
+            scans: since the torque was asked for.
+        """
+        self._twist.scan()
+        proof_nm = self._holding.proof_nm
+        wanted = self._power.proof_share * abs(proof_nm)
+        given = self._feedback.torque_nm * math.copysign(1.0, proof_nm)
+        if not abs(given) <= abs(proof_nm) + self._power.proof_excess_nm:
+            self._holding.believed = False
+            reading = Words.TORQUE_AGAINST_BRAKE(torque=self._feedback.torque_nm, wanted=proof_nm)
+            self._alarms.raise_(Code.DRV_14, Reaction.QUICK_STOP, measured=reading)
+        elif given >= wanted:
+            return True
+        elif scans > self._proof_scans:
+            time_ms = scans * self._period_s * 1e3
+            self._alarms.raise_(Code.BRK_07, measured=given, limit=wanted, time_ms=time_ms)
+        return False
+
+    def settling_torque_nm(self, scans: int) -> float:
+        """Torque on the ramp from the proof torque to the preload, N m.
+
+        Args:
+            scans: since the torque was proven.
+        """
+        self._twist.scan()
+        share = min(1.0, scans / self._settle_scans)
+        proof_nm = self._holding.proof_nm
+        return proof_nm + (self._holding.preload_nm - proof_nm) * share
+
+    def settled(self, scans: int) -> bool:
+        """Whether the torque has stood at the preload as long as its ramp took, and the shaft has shown it."""
+        return scans >= 2 * self._settle_scans and self._twist.shown(self._holding.proof_nm)
