@@ -160,7 +160,7 @@ void bind_params(nb::module_& m) {
                "0 or 1: cycles between computing a torque and its effect");
 }
 
-using Feedback = std::tuple<double, double, double, bool, bool, double, double>;
+using Feedback = std::tuple<double, double, double, bool, bool, double, double, double, double>;
 using Truth = std::tuple<double, double, double, double, double, double, double>;
 
 void bind_sim(nb::module_& m) {
@@ -189,11 +189,12 @@ void bind_sim(nb::module_& m) {
           "feedback",
           [](const Sim& sim, double count_rad) {
             return Feedback(sim.counts(count_rad), sim.vel_report(), sim.x.torque_motor, !sim.brake.closed,
-                            sim.limited(), sim.overload(), sim.s.ramp);
+                            sim.limited(), sim.overload(), sim.s.ramp, sim.ring_reading(), sim.x.pos_load);
           },
           nb::arg("count_rad"),
           "(counts, speed rad/s, torque N m, brake open, torque limited, overload 0..1, speed ramp rad/s), "
-          "motor side.\n\n"
+          "motor side; then the load-side encoder, rad, 0 without one, and the true load angle, rad, for limit "
+          "switches.\n\n"
           "count_rad is the motor angle of one count; counts are whole numbers unless the encoder is ideal.")
       .def(
           "truth",

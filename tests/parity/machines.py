@@ -105,7 +105,7 @@ def scan_by_scan(run: Run, plan: _core.Segments, scans: int, first: int = 0) -> 
     out = np.empty((len(_core.LOG_COLUMNS), scans))
     for k in range(scans):
         pos, vel, acc = plan.sample((first + k) * period)
-        counts, _, torque, brake_open, limited, _, _ = run.sim.feedback(run.law.rad_per_count)
+        counts, _, torque, brake_open, limited, *_ = run.sim.feedback(run.law.rad_per_count)
         counts -= run.zero_counts
         command, actual, error = run.law.scan(pos, vel, counts)
         load, vel_load, motor, vel_motor, base, vel_base, mesh = run.sim.truth()

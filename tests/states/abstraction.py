@@ -211,13 +211,15 @@ RULES: Final[dict[type, Rules]] = {
     ),
     Alarm: Rules(same="code reaction", clock="scan time_s pos_rad steps values follows consequences"),
     Feedback: Rules(
-        same="_look _old _spread _was_energised brake_contact brake_open encoder_alarm error_code in_doubt inputs "
+        same="_complains _doubtful _look _old _spread _was_energised brake_contact brake_open encoder_alarm "
+        "error_code in_doubt inputs "
         "motor_temp_c periods state state_old "
         "torque_limited warning",
         number="overload pos_ring_rad torque_nm vel_rad_s",
         count="_inputs_age _late_age _speed_age age unchanged_scans",
         # With a scan of two seconds the sum of steps forgets in one, and without inertia any rest may be sudden.
-        clock="_drift _step _vel_before",
+        # `_rest` is what other attributes were taken from.
+        clock="_drift _rest _step _vel_before",
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
         "_change_any _change_per_torque "
         "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
@@ -298,7 +300,7 @@ RULES: Final[dict[type, Rules]] = {
         },
     ),
     Interlocks: Rules(
-        same="_code_known _inputs _was_minus _was_plus minus_open plus_open",
+        same="_code_known _inputs _some_open _was_minus _was_plus minus_open plus_open",
         fixed="_alarms _feedback",
     ),
     SiteInterlocks: Rules(
@@ -369,7 +371,8 @@ RULES: Final[dict[type, Rules]] = {
         fixed="_alarms _interlocks _monitors _power _settings _virtual",
     ),
     MotionCommand: Rules(
-        same="endless settles state status",
+        same="_status endless settles state",
+        part="follower",
         number="speed_rad_s target_rad",
         special={"refusal": lambda command, _: command.refusal is not None},
     ),
@@ -404,7 +407,7 @@ RULES: Final[dict[type, Rules]] = {
         same=_EXECUTE + " _backward _forward", shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK
     ),
     BrakeTestBlock: Rules(
-        same="_execute busy",
+        same="_execute attention busy",
         shown=_SHOWN,
         fixed="axis",
         unread=_BLOCK + " minus_nm moved_rad phase plus_nm",

@@ -26,6 +26,15 @@ _OFF: Final = 0
 _SPEED: Final = 1
 _QUICK_STOP: Final = 2
 _TWO_PI: Final = 6.283185307179586
+# Looked up once: an attribute of an enumeration costs 90 ns in Python 3.11, a global 14, and a scan reads six of them.
+_ENABLED: Final = DriveState.OPERATION_ENABLED
+_QUICK_STOPPING: Final = DriveState.QUICK_STOP_ACTIVE
+_ENABLE: Final = DriveRequest.ENABLE
+_NO_FLAG: Final = EncoderFlag.NONE
+_NO_LINK: Final = LinkFlag.NONE
+_SOUND_INPUTS: Final = DigitalInputs()
+# Builds an image in half the time of its constructor.
+_new = tuple.__new__
 
 
 class PlantMaker(NamedTuple):
@@ -77,8 +86,7 @@ class SimDrive(BaseDrive):
         self._count_rad = _TWO_PI / counts_per_turn
         self._range_counts = counts_per_turn * turns
         self._limit_switch_rad = limit_switch_rad
-        self._inputs = DigitalInputs()
-        self._wired: tuple[bool | None, ...] = tuple(self._inputs)
+        self._inputs = _SOUND_INPUTS
         self._feedback = sim.feedback
         self._scan = sim.scan
         self._wrap_counts = 0.0
@@ -95,43 +103,55 @@ class SimDrive(BaseDrive):
 
     def read(self) -> DriveFeedback:
         """State at the beginning of this scan."""
-        counts, vel, torque, brake_open, limited, overload, _ = self._feedback(self._count_rad)
-        reading = DriveFeedback(
-            self.state,
-            counts - self._wrap_counts,
-            vel,
-            torque,
-            brake_open,
-            limited,
-            overload,
-            EncoderFlag.NONE,
-            self.error_code,
-            False,
-            0,
-            self._digital_inputs(),
-            self.sim.ring_reading(),
+        counts, vel, torque, brake_open, limited, overload, _, ring, pos_load = self._feedback(
+            self._count_rad
         )
-        return self._spoilt_reading(reading) if self.faults.spoilt else reading
+        spoilt, limit = self.faults.spoilt, self._limit_switch_rad
+        if spoilt or self._inputs is not _SOUND_INPUTS or not -limit < pos_load < limit:
+            self._read_inputs(pos_load)
+        reading = _new(
+            DriveFeedback,
+            (
+                self.state,
+                counts - self._wrap_counts,
+                vel,
+                torque,
+                brake_open,
+                limited,
+                overload,
+                _NO_FLAG,
+                self.error_code,
+                False,
+                0,
+                self._inputs,
+                ring,
+                _NO_LINK,
+                "",
+                None,
+                0,
+                0,
+                True,
+                0.0,
+                -1,
+            ),
+        )
+        return self._spoilt_reading(reading) if spoilt else reading
 
     def write(self, output: OutputImage) -> None:
         """Follow the request and advance drive and gantry by one scan."""
         # The reading of scan k is the state at k x period, its command acts from then on, and the plant advances here
         # by one period: no transport delay between controller and drive (decision 0005).
-        request = output.request
         if self._spoilt or self.faults.spoilt:
             self._write_spoilt(output)
             return
+        request = output.request
         # Nearly every scan of a move needs no transition: the state machine is left out then.
-        if (
-            request is not DriveRequest.ENABLE
-            or self.state is not DriveState.OPERATION_ENABLED
-            or self.error_code
-        ):
+        if request is not _ENABLE or self.state is not _ENABLED or self.error_code:
             self._transition(request)
         state = self.state
-        if state is DriveState.OPERATION_ENABLED:
+        if state is _ENABLED:
             self._scan(_SPEED, output.vel_cmd_rad_s, output.torque_ff_nm, output.brake_open)
-        elif state is DriveState.QUICK_STOP_ACTIVE:
+        elif state is _QUICK_STOPPING:
             self._scan(_QUICK_STOP, 0.0, output.torque_ff_nm, output.brake_open)
         else:
             self._scan(_OFF, 0.0, 0.0, False)
@@ -187,18 +207,16 @@ class SimDrive(BaseDrive):
         setattr(plant, name, type(present)(value))
         self._remake()
 
-    def _digital_inputs(self) -> DigitalInputs:
-        pos = self.sim.truth()[0]
+    def _read_inputs(self, pos_load_rad: float) -> None:
         limit = self._limit_switch_rad
         faults = self.faults
-        now = (
-            faults.estop_ok, faults.enabling_switch, pos > -limit, pos < limit, faults.mains_ready,
+        now = DigitalInputs(
+            faults.estop_ok, faults.enabling_switch, pos_load_rad > -limit, pos_load_rad < limit, faults.mains_ready,
             faults.collision_ok, faults.door_ok, faults.estop_ok_2,
         )  # fmt: skip
         # The object of the scan before, while nothing has changed: whoever watches it compares no more than that.
-        if now != self._wired:
-            self._wired, self._inputs = now, DigitalInputs(*now)
-        return self._inputs
+        if now != self._inputs:
+            self._inputs = _SOUND_INPUTS if now == _SOUND_INPUTS else now
 
     def _transition(self, request: DriveRequest) -> None:
         powered, faulty = self.faults.powered, self.error_code != 0
@@ -222,7 +240,7 @@ class SimDrive(BaseDrive):
             inputs = inputs._replace(limit_minus_ok=faults.limit_minus_ok)
         if faults.limit_plus_ok is not None:
             inputs = inputs._replace(limit_plus_ok=faults.limit_plus_ok)
-        ignores = faults.ignore_target and self.state is DriveState.OPERATION_ENABLED
+        ignores = faults.ignore_target and self.state is _ENABLED
         return reading._replace(
             pos_act_counts=counts + faults.position_offset,
             vel_act_rad_s=vel if faults.velocity_reading is None else faults.velocity_reading,
@@ -242,7 +260,7 @@ class SimDrive(BaseDrive):
         self._transition(output.request)
         state = self.state
         mode, vel, torque, brake_open = _OFF, 0.0, 0.0, False
-        if state in (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE):
+        if state in (_ENABLED, _QUICK_STOPPING):
             brake_open = output.brake_open
             torque = faults.command_sign * output.torque_ff_nm
             mode, vel = self._spoilt_command(output)
@@ -256,7 +274,7 @@ class SimDrive(BaseDrive):
         """Mode of the compiled scan and its speed command while there is torque."""
         faults = self.faults
         # The last figure of the feedback is the speed set-point of the drive in the last scan.
-        if self.state is DriveState.QUICK_STOP_ACTIVE:
+        if self.state is _QUICK_STOPPING:
             return (
                 (_SPEED, self._feedback(self._count_rad)[6]) if faults.quick_stop_off else (_QUICK_STOP, 0.0)
             )

@@ -104,14 +104,15 @@ class GantryProgram(AxisProgram):
             self.halt(execute=op.halt)
         if changed or self.move.attention:
             self.move(execute=self._move_gate, position_rad=op.target_rad, velocity_rad_s=op.speed_rad_s)
-        if changed or self.jog.attention:
+        # Hold-to-run is judged in every scan.
+        if changed or self.jog.busy or self.jog.attention:
             self._by_key(op)
         if changed or self.inch.attention:
             self._by_increment(op)
         if changed or self.brake_test.attention:
             self.brake_test(execute=op.brake_test)
         # In every scan: the switch may be released on the way.
-        if not self.axis.feedback.inputs.enabling_switch:
+        if (self._remote or self.inch.busy) and not self.axis.feedback.inputs.enabling_switch:
             self._keep_the_cap()
 
     # --- edges ------------------------------------------------------------------------------------

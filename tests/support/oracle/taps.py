@@ -182,7 +182,7 @@ def _sim_write(original: Callable[..., None]) -> Callable[..., None]:
                 sample(angle, speed, torque, not closed, energised)
         else:
             truth = sim.truth()
-            _, _, torque, brake_open, _, _, _ = sim.feedback(_COUNT_RAD)
+            _, _, torque, brake_open, *_ = sim.feedback(_COUNT_RAD)
             axis.sample(truth[2], truth[3], torque, brake_open, energised)
 
     return write

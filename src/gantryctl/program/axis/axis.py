@@ -160,8 +160,9 @@ class Axis:
             self.pos_act_rad = alarms.pos_rad = pos
             virtual.release(pos)
             self.monitors.scan_released(pos)
-        self.interlocks.scan(pos, power.phase is not _OFF)
-        self._site.scan(pos, power.phase is not _OFF)
+        powered = power.phase is not _OFF
+        if self.interlocks.scan(pos, powered):
+            self._site.scan(pos, powered)
         self.thermal.scan(time_s)
         power.step(pos)
         if virtual.at_rest and power.phase is not _OFF:
@@ -217,7 +218,7 @@ class Axis:
                 power.brake_open,
                 self.alarms.horn,
                 power.phase is not _OFF,
-                self.in_position,
+                virtual.following and self.monitors.in_position,
                 at_rest,
             ),
         )

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass
 from enum import Enum
+from typing import Protocol
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
@@ -39,7 +39,16 @@ class CommandStatus(Enum):
     ERROR = 4
 
 
-@dataclass(slots=True, eq=False)
+class Follower(Protocol):
+    """Whoever shows the status of a command.
+
+    Attributes:
+        attention: there is something new to show.
+    """
+
+    attention: bool
+
+
 class MotionCommand:
     """One command and its status. A block keeps it; the axis changes the status.
 
@@ -47,16 +56,38 @@ class MotionCommand:
         settles: done only when the axis is in position, not when the set-point has arrived.
         endless: a motion with a speed only; it ends at the end of the travel or by a stop.
         refusal: the reason of an error, or of an end at the travel limit.
+        follower: gets `attention` when the status changes.
     """
 
-    state: AxisState
-    target_rad: float
-    speed_rad_s: float
-    _: KW_ONLY
-    settles: bool
-    endless: bool = False
-    status: CommandStatus = CommandStatus.ACTIVE
-    refusal: Refusal | None = None
+    __slots__ = (
+        "_status", "endless", "follower", "refusal", "settles", "speed_rad_s", "state", "target_rad",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        state: AxisState,
+        target_rad: float,
+        speed_rad_s: float,
+        *,
+        settles: bool,
+        endless: bool = False,
+    ) -> None:
+        self.state, self.target_rad, self.speed_rad_s = state, target_rad, speed_rad_s
+        self.settles, self.endless = settles, endless
+        self._status = CommandStatus.ACTIVE
+        self.refusal: Refusal | None = None
+        self.follower: Follower | None = None
+
+    @property
+    def status(self) -> CommandStatus:
+        """Where it is between accepted and ended."""
+        return self._status
+
+    @status.setter
+    def status(self, status: CommandStatus) -> None:
+        self._status = status
+        if self.follower is not None:
+            self.follower.attention = True
 
     @property
     def alive(self) -> bool:

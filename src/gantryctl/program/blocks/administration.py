@@ -117,27 +117,24 @@ class BrakeTest(Block):
     at least one scan. Stop, power off and every alarm of a stop class end it.
 
     Attributes:
+        attention: the outputs may change although the inputs do not; else a program may leave out the call.
         phase: phase of the test.
         plus_nm, minus_nm, moved_rad: see `BrakeTestResult`.
     """
 
     __slots__ = (
-        "_execute", "_final", "_tests", "busy", "command_aborted", "done", "minus_nm", "moved_rad", "phase", "plus_nm",
+        "_execute", "_final", "_tests", "attention", "busy", "command_aborted", "done", "minus_nm", "moved_rad",
+        "phase", "plus_nm",
     )  # fmt: skip
 
     def __init__(self, axis: Axis) -> None:
         super().__init__(axis)
         self._execute = self._final = False
         self._tests = 0
-        self.done = self.busy = self.command_aborted = False
+        self.attention = self.done = self.busy = self.command_aborted = False
         self.phase = BrakeTestPhase.IDLE
         self.plus_nm = self.minus_nm = math.nan
         self.moved_rad = 0.0
-
-    @property
-    def attention(self) -> bool:
-        """The outputs may change although the inputs do not."""
-        return self.busy or (self._final and not self._execute)
 
     def __call__(self, *, execute: bool) -> None:
         if execute and not self._execute and not self.busy:
@@ -147,6 +144,7 @@ class BrakeTest(Block):
         self._execute = execute
         if self.busy:
             self._show()
+        self.attention = self.busy or (self._final and not execute)
 
     def _begin(self) -> None:
         self._clear()

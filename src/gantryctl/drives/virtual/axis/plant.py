@@ -170,7 +170,7 @@ class DrivePlant:
         self._stale = False
 
     def _read(self) -> None:
-        self.counts, self.vel_rad_s, self.torque_nm, self.brake_open, self.limited, _, _ = self.sim.feedback(
+        self.counts, self.vel_rad_s, self.torque_nm, self.brake_open, self.limited, *_ = self.sim.feedback(
             self._count_rad
         )
 
