@@ -236,7 +236,7 @@ def _show_data(machine: Machine, path: Path, with_derived: bool) -> dict[str, An
         "hash": _hash(machine),
         "values": values,
     }
-    data["ledger"] = [row._asdict() for row in _ledger(machine)]
+    data["ledger"] = [row.in_english for row in _ledger(machine)]
     if with_derived:
         data["derived"] = [figure._asdict() for figure in derived(machine)]
     return data

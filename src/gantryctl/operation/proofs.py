@@ -22,7 +22,7 @@ from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
-from gantryctl.program.alarms.words import Said, Words, drive_error_words
+from gantryctl.program.alarms.words import Clauses, Said, Words, drive_error_words
 from gantryctl.program.feedback import FAULTS
 
 
@@ -222,21 +222,21 @@ def ledger_reasons(
     cleared = ClearedBy.COMMISSIONING
     found = []
     if missing := impossible(rows):
-        found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(missing)}, cleared))
+        found.append(Reason(Code.CFG_CAN_05, {"lacks": _lacks(missing)}, cleared))
     slowest = machine.speed.setting_min_deg_s
     if speed_max_deg_s(rows) < slowest:
         limiting = tuple(
             row for row in rows if row.speed_max_deg_s is not None and row.speed_max_deg_s < slowest
         )
-        found.append(Reason(Code.CFG_CAN_05, {"lacks": _texts(limiting)}, cleared))
+        found.append(Reason(Code.CFG_CAN_05, {"lacks": _lacks(limiting)}, cleared))
     open_lacks = (*unset(rows), *(lacks(rows) if real or must_be_proven(machine) else ()))
     if open_lacks:
-        found.append(Reason(Code.CFG_CAN_04, {"lacks": _texts(open_lacks)}, cleared))
+        found.append(Reason(Code.CFG_CAN_04, {"lacks": _lacks(open_lacks)}, cleared))
     return tuple(found)
 
 
-def _texts(rows: tuple[LedgerRow, ...]) -> str:
-    return "; ".join(f"{row.what} ({row.detail})" if row.detail else row.what for row in rows)
+def _lacks(rows: tuple[LedgerRow, ...]) -> Clauses:
+    return Clauses(row.lack for row in rows)
 
 
 def ledger_shown(machine: Machine, directory: Path) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from gantryctl.drives.canopen.settings import (
 from gantryctl.drives.canopen.setup.opening import checksum_of, facts_as_set_up, parameter_rows
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow
-from gantryctl.drives.profiles import DriveProfile, load_profile
+from gantryctl.drives.profiles import Contradiction, DriveProfile, load_profile
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
@@ -241,7 +241,7 @@ def profile_of_drive(machine: Machine, facts: DriveFacts) -> DriveProfile | None
     return canopen_settings(machine).of_drive(facts).profile
 
 
-def contradictions(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:
+def contradictions(machine: Machine, facts: DriveFacts) -> tuple[Contradiction, ...]:
     """Where a drive or the machine file say something else than the profile of the drive, with both values."""
     settings = canopen_settings(machine).of_drive(facts)
     return () if settings.profile is None else settings.profile.contradictions(facts, settings.speed_unit)

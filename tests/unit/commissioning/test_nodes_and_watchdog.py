@@ -79,7 +79,7 @@ def test_a_watchdog_relay_makes_up_for_a_drive_that_watches_nothing(
     rows = {row.what: row for row in work.ledger}
     for what in ("stops_without_commands", "stops_without_controller"):
         assert rows[what].standing is Standing.MADE_UP, rows[what]
-        assert "torque off and brake" in rows[what].detail
+        assert "torque off and brake" in str(rows[what].detail)
 
 
 def test_without_the_relay_such_a_drive_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -146,7 +146,7 @@ def test_an_enable_that_its_node_takes_off_makes_up_for_a_drive_that_watches_not
     assert way_deg < 0.05
     rows = {row.what: row for row in work.ledger}
     assert rows["stops_without_controller"].standing is Standing.MADE_UP
-    assert "6200 bit 5 of node 3" in rows["stops_without_controller"].by
+    assert "6200 bit 5 of node 3" in str(rows["stops_without_controller"].by)
 
 
 def ignores_1016(_: DriveNode, neighbours: Neighbours) -> None:

@@ -51,7 +51,7 @@ def check(file: Path, config_file: Path | None, node_id: int | None, as_json: bo
             {
                 **_about(device),
                 "usable": not impossible(rows),
-                "ledger": [row._asdict() for row in rows],
+                "ledger": [row.in_english for row in rows],
                 "reasons": [reason.text for reason in reasons],
             }
         )

@@ -8,9 +8,17 @@ from gantryctl.drives.profiles.choice import (
     profile_names,
     profile_of,
 )
-from gantryctl.drives.profiles.profile import DangerousDefault, DriveProfile, Gain, SpeedLoop, Tried
+from gantryctl.drives.profiles.profile import (
+    Contradiction,
+    DangerousDefault,
+    DriveProfile,
+    Gain,
+    SpeedLoop,
+    Tried,
+)
 
 __all__ = [
+    "Contradiction",
     "DangerousDefault",
     "DriveProfile",
     "Gain",

@@ -8,7 +8,7 @@ import tomllib
 from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -161,6 +161,20 @@ class Saving(_Part):
     remark: Words = "by the text of CiA 301"
 
 
+class Contradiction(NamedTuple):
+    """A value that a profile contradicts.
+
+    Attributes:
+        object: where it is, in the drive or in the machine file.
+        have: what it is there. want: what the profile says.
+    """
+
+    object: str
+    have: str
+    profile: str
+    want: str
+
+
 class DriveProfile(_Part):
     """One drive model."""
 
@@ -188,7 +202,7 @@ class DriveProfile(_Part):
         """The maker's words by error code."""
         return {int(code, 16): text for code, text in self.error_texts.items()}
 
-    def contradictions(self, facts: DriveFacts, unit: DriveVelocityUnit) -> tuple[str, ...]:
+    def contradictions(self, facts: DriveFacts, unit: DriveVelocityUnit) -> tuple[Contradiction, ...]:
         """Where drive or machine file say something else than the profile, with both values.
 
         Args:
@@ -196,16 +210,19 @@ class DriveProfile(_Part):
         """
         said = []
         if facts.vendor != self.match.vendor:
-            said.append(f"1018:01 = {facts.vendor:X}h, profile {self.name} is for {self.match.vendor:X}h")
+            said.append(self._against("1018:01", f"{facts.vendor:X}h", f"{self.match.vendor:X}h"))
         own = self.units.velocity
         word, wanted = facts.value(0x60A9), None if own is None else VELOCITY_UNITS[own].si_unit
         if own is None or self.units.velocity_by_60A9:
             return tuple(said)
         if word is not None and wanted is not None and word != wanted:
-            said.append(f"60A9 = {word:X}h, profile {self.name} says {wanted:X}h ({own})")
+            said.append(self._against("60A9", f"{word:X}h", f"{wanted:X}h ({own})"))
         elif unit != own:
-            said.append(f'[can] velocity_unit = "{unit}", profile {self.name} says "{own}"')
+            said.append(self._against("[can] velocity_unit", f'"{unit}"', f'"{own}"'))
         return tuple(said)
+
+    def _against(self, place: str, have: str, want: str) -> Contradiction:
+        return Contradiction(place, have, self.name, want)
 
 
 def key_of(place: str) -> tuple[int, int]:

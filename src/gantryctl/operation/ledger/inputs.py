@@ -8,6 +8,7 @@ from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import driven_acc_deg_s2
 from gantryctl.operation.ledger.rows import LedgerRow, Standing
+from gantryctl.program.alarms.words import Clauses, Said, Words
 
 # Inputs of [can.inputs] that count as good where they are not wired. The others are options that a site may have.
 SAFETY_INPUTS: Final = (
@@ -25,7 +26,7 @@ def input_row(machine: Machine, name: str, facts: DriveFacts | None) -> LedgerRo
     sent = facts is None or (fact is not None and fact.mappable)
     if bit >= 0 and sent:
         return LedgerRow(name, Standing.OBJECT, f"60FD bit {bit}")
-    detail = "" if sent else "the drive has no 60FD"
+    detail = Clauses() if sent else Clauses((Words.LEDGER_NO_60FD,))
     return LedgerRow(name, Standing.LACKING, "", detail, "", True)
 
 
@@ -33,11 +34,11 @@ def following_row(machine: Machine) -> LedgerRow:
     """Whether the drive says that it follows the command."""
     if machine.can.follows_bit:
         return LedgerRow("drive_follows_command", Standing.OBJECT, "6041 bit 12")
-    cost = without_following_bit(machine)
+    cost = Clauses((without_following_bit(machine),))
     return LedgerRow("drive_follows_command", Standing.MADE_UP, "velocity_deviation_deg_s", cost)
 
 
-def without_following_bit(machine: Machine) -> str:
+def without_following_bit(machine: Machine) -> Said:
     """Cost of a drive that does not say that it follows the command."""
     monitors = machine.monitors
     # A drive that ignores the command and drives the axis away shows it by its speed.
@@ -45,4 +46,4 @@ def without_following_bit(machine: Machine) -> str:
         monitors.velocity_deviation_time_ms
         + 1e3 * monitors.velocity_deviation_deg_s / driven_acc_deg_s2(machine)
     )
-    return f"seen after {seen_ms:.0f} ms instead of {machine.control.scan_period_ms:g} ms"
+    return Words.LEDGER_SEEN_LATER(time_ms=seen_ms, scan_ms=machine.control.scan_period_ms)

@@ -14,6 +14,7 @@ from gantryctl.operation.ledger.inputs import SAFETY_INPUTS, following_row, inpu
 from gantryctl.operation.ledger.limits import brake_row, ramp_row, speed_row, torque_row
 from gantryctl.operation.ledger.rows import LedgerRow, Proofs, Question, Standing
 from gantryctl.operation.ledger.silence import silence_rows
+from gantryctl.program.alarms.words import Clauses, Words
 
 NOTHING_PROVEN: Final = Proofs()
 
@@ -61,9 +62,8 @@ def _accepted(row: LedgerRow, acceptances: Iterable[Acceptance], bound_to: Bindi
         return row
     for each in acceptances:
         if each.what == row.what and each.bound_to == bound_to:
-            said = f"{each.because}; {each.date}, entered by {each.entered_by}"
-            detail = f"{said}; {row.detail}" if row.detail else said
-            return row._replace(standing=Standing.ACCEPTED, by=each.by, detail=detail)
+            said = Words.LEDGER_ENTERED_BY(because=each.because, date=each.date, user=each.entered_by)
+            return row._replace(standing=Standing.ACCEPTED, by=each.by, detail=Clauses((said, *row.detail)))
     return row
 
 

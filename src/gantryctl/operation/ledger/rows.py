@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import NamedTuple
+from functools import reduce
+from typing import Final, NamedTuple, TypeAlias
 
 from gantryctl.drives.od.facts import DriveFacts
 from gantryctl.drives.od.verdicts import ParameterRow, ParameterVerdict
 from gantryctl.drives.profiles import DriveProfile
 from gantryctl.machine import Machine
+from gantryctl.program.alarms.words import Clauses, Said, Words
+
+_NOTHING_TO_SAY: Final = Clauses()
 
 
 class Standing(StrEnum):
@@ -23,13 +27,17 @@ class Standing(StrEnum):
     LACKING = "lacking"
 
 
+Spoken: TypeAlias = Words | Said | str
+"""Words of a language, or the name of an object, a key or a person, which has none."""
+
+
 class LedgerRow(NamedTuple):
     """One safety property.
 
     Attributes:
         what: key of the property; of an input the key of [can.inputs].
         by: the object, the step, what makes up for it, or the person's name; "" where it is lacking.
-        detail: the cost of what makes up, why it is lacking, or the person's reason.
+        detail: the cost of what makes up, why it is lacking, or the person's reason; one clause after the other.
         proof: step of commissioning that would show it, "" for none; a row that lacks it keeps power off, except for
             that step.
         acceptable: a person may take the lack upon himself.
@@ -39,8 +47,8 @@ class LedgerRow(NamedTuple):
 
     what: str
     standing: Standing
-    by: str = ""
-    detail: str = ""
+    by: Spoken = ""
+    detail: Clauses = _NOTHING_TO_SAY
     proof: str = ""
     acceptable: bool = False
     speed_max_deg_s: float | None = None
@@ -51,6 +59,16 @@ class LedgerRow(NamedTuple):
         """The row in one line."""
         line = f"{self.what}: {self.standing} {self.by}".rstrip()
         return f"{line} ({self.detail})" if self.detail else line
+
+    @property
+    def in_english(self) -> dict[str, object]:
+        """The row as a table of JSON."""
+        return {**self._asdict(), "by": str(self.by), "detail": str(self.detail)}
+
+    @property
+    def lack(self) -> Spoken:
+        """What is lacking and why, as words of the message of an alarm."""
+        return Words.LEDGER_LACK(what=self.what, detail=self.detail) if self.detail else self.what
 
     @property
     def lacking(self) -> bool:
@@ -112,19 +130,31 @@ class Question:
         row = self.parameters.get(place)
         return None if row is None else row.value
 
-    def why_not(self, *places: str) -> str:
-        """Say of each place that is not as wanted what it is."""
-        return ", ".join(_why(self, place) for place in places if not self.has(place))
+    def why_not(self, *places: str) -> Clauses:
+        """Say of each place that is not as wanted what it is, in one clause; none where all are."""
+        said = [_why(self, place) for place in places if not self.has(place)]
+        return Clauses((reduce(_both, said),)) if said else _NOTHING_TO_SAY
 
 
-def _why(question: Question, place: str) -> str:
+def _both(first: Said, second: Said) -> Said:
+    return Words.LEDGER_BOTH(first=first, second=second)
+
+
+def _why(question: Question, place: str) -> Said:
     name = place.removesuffix(":00")
-    match question.verdict(place):
-        case ParameterVerdict.ABSENT:
-            return f"no {name}"
-        case ParameterVerdict.FIXED:
-            row = question.parameters[place]
-            return f"{name} stays {row.have}, wanted {row.want}"
-        case _:
-            row = question.parameters[place]
-            return f"{name} = {row.have}, wanted {row.want}"
+    verdict = question.verdict(place)
+    if verdict is ParameterVerdict.ABSENT:
+        return Words.LEDGER_NO_OBJECT(object=name)
+    row = question.parameters[place]
+    words = Words.LEDGER_STAYS if verdict is ParameterVerdict.FIXED else Words.LEDGER_IS
+    return words(object=name, have=row.have, want=row.want)
+
+
+def costs(objects: object, cost: object) -> Said:
+    """What a lack of objects costs."""
+    return Words.LEDGER_COST(objects=objects, cost=cost)
+
+
+def step_failed(step: str) -> Said:
+    """A proof was tried, and failed."""
+    return Words.LEDGER_STEP_FAILED(step=step)

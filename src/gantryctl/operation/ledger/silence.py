@@ -6,7 +6,15 @@ import math
 from typing import Final
 
 from gantryctl.machine.rules.reaction import silent_angle_deg, silent_speed_max_deg_s
-from gantryctl.operation.ledger.rows import SILENT_STOP_S, LedgerRow, Question, Standing
+from gantryctl.operation.ledger.rows import (
+    SILENT_STOP_S,
+    LedgerRow,
+    Question,
+    Standing,
+    costs,
+    step_failed,
+)
+from gantryctl.program.alarms.words import Clauses, Said, Words
 
 COMMANDS: Final = "stops_without_commands"
 CONTROLLER: Final = "stops_without_controller"
@@ -28,26 +36,26 @@ def silence_rows(q: Question) -> tuple[LedgerRow, LedgerRow]:
     delay_ms = can.rpdo_deadline_ms if deadline else can.heartbeat_timeout_ms
     if not deadline:
         # Both go out in the same scan, so that commands end alone only where telegrams are lost on their way.
-        cost = f"{q.why_not(_DEADLINE)}: it misses the controller, not single commands"
+        cost = costs(q.why_not(_DEADLINE), Words.LEDGER_MISSES_CONTROLLER)
         return _row(q, COMMANDS, _HEARTBEAT, delay_ms, cost), _row(q, CONTROLLER, _HEARTBEAT, delay_ms)
     if not heartbeat:
-        cost = f"{q.why_not(_HEARTBEAT)}: a dead controller sends no commands either"
+        cost = costs(q.why_not(_HEARTBEAT), Words.LEDGER_DEAD_SENDS_NOTHING)
         return _row(q, COMMANDS, _DEADLINE, delay_ms), _row(q, CONTROLLER, _DEADLINE, delay_ms, cost)
     return _row(q, COMMANDS, _DEADLINE, delay_ms), _row(q, CONTROLLER, _HEARTBEAT, delay_ms)
 
 
-def _row(q: Question, what: str, by: str, delay_ms: float, cost: str = "") -> LedgerRow:
+def _row(q: Question, what: str, by: str, delay_ms: float, cost: Said | None = None) -> LedgerRow:
     """Row of a watch in the drive; `cost` where it makes up for the one that is meant for this."""
     angle, fastest = _way(q, delay_ms, _reaction(q))
-    detail = "; ".join(part for part in (cost, angle) if part)
+    detail = angle if cost is None else (cost, *angle)
     if SILENCE_STEP in q.proofs.failed:
-        return LedgerRow(what, Standing.LACKING, "", f"step {SILENCE_STEP} has failed", SILENCE_STEP)
+        return LedgerRow(what, Standing.LACKING, "", Clauses((step_failed(SILENCE_STEP),)), SILENCE_STEP)
     if SILENCE_STEP not in q.proofs.passed:
-        return LedgerRow(
-            what, Standing.LACKING, "", f"{by} is to be proven; {detail}", SILENCE_STEP, False, fastest
-        )
+        to_prove = Clauses((Words.LEDGER_TO_PROVE(by=by), *detail))
+        return LedgerRow(what, Standing.LACKING, "", to_prove, SILENCE_STEP, False, fastest)
     standing = Standing.MADE_UP if cost else Standing.PROVEN
-    return LedgerRow(what, standing, f"{by}, step {SILENCE_STEP}", detail, SILENCE_STEP, False, fastest)
+    shown = Words.LEDGER_BY_STEP(by=by, step=SILENCE_STEP)
+    return LedgerRow(what, standing, shown, Clauses(detail), SILENCE_STEP, False, fastest)
 
 
 def _reaction(q: Question) -> tuple[bool, ...]:
@@ -56,23 +64,27 @@ def _reaction(q: Question) -> tuple[bool, ...]:
     return _RAMP if q.has("605E:00") else _BRAKE if q.value("605E:00") == 0 else (*_RAMP, *_BRAKE)
 
 
-def _way(q: Question, delay_ms: float, ways: tuple[bool, ...]) -> tuple[str, float | None]:
+def _way(q: Question, delay_ms: float, ways: tuple[bool, ...]) -> tuple[tuple[Said, ...], float | None]:
     """Delay and way in words, and the highest speed where the way is too long."""
     m, dec = q.machine, ramp_deg_s2(q)
     angle = max(silent_angle_deg(m, delay_ms, brake=brake, dec_deg_s2=dec) for brake in ways)
-    how = " or ".join("torque off and brake" if brake else "its ramp" for brake in ways)
-    text = f"{delay_ms:g} ms, then {how}: {angle:.2f} deg from {m.speed.setting_max_deg_s:g} deg/s"
+    how = Words.LEDGER_BRAKE if ways == _BRAKE else Words.LEDGER_RAMP
+    if len(ways) > 1:
+        how = Words.LEDGER_RAMP_OR_BRAKE
+    way = Words.LEDGER_WAY(time_ms=delay_ms, how=how, angle=angle, speed=m.speed.setting_max_deg_s)
     permitted = m.axis.stopping_angle_max_deg
     if angle <= permitted:
-        return text, None
+        return (way,), None
     speed = min(silent_speed_max_deg_s(m, delay_ms, brake=brake, dec_deg_s2=dec) for brake in ways)
     fastest = math.floor(10.0 * speed) / 10.0
-    text += f", permitted {permitted:g} deg: not faster than {fastest:.1f} deg/s"
+    slower = Words.LEDGER_NOT_FASTER(limit=permitted, speed=fastest)
     # Where drive and computer hold a shorter one, it gives the speed back.
     top = m.speed.setting_max_deg_s
     stop = max(silent_angle_deg(m, 0.0, brake=brake, dec_deg_s2=dec) for brake in ways)
     longest_ms = math.floor(1e3 * (permitted - stop) / top)
-    return (f"{text}; {longest_ms} ms allow {top:g} deg/s" if longest_ms > 0 else text), fastest
+    if longest_ms <= 0:
+        return (way, slower), fastest
+    return (way, slower, Words.LEDGER_SHORTER_ALLOWS(time_ms=longest_ms, speed=top)), fastest
 
 
 def ramp_deg_s2(q: Question) -> float:
@@ -83,31 +95,26 @@ def ramp_deg_s2(q: Question) -> float:
 
 
 def _by_watchdog(q: Question, what: str) -> LedgerRow:
-    missing = (
-        f"{q.why_not(_DEADLINE, _HEARTBEAT)}: the drive goes on at its last speed when its controller is gone"
-    )
+    missing = costs(q.why_not(_DEADLINE, _HEARTBEAT), Words.LEDGER_GOES_ON)
     can, proofs = q.machine.can, q.proofs
     relay, enable = can.output_place("watchdog"), can.output_place("drive_enable")
     if not (relay or enable):
-        to_do = (
-            "only a watchdog outside of it makes up for that: a relay that the controller toggles, or the enable of "
-            "the drive on a node that takes it off by itself ([can.io.outputs] watchdog, drive_enable)"
-        )
-        return LedgerRow(what, Standing.LACKING, "", f"{missing}; {to_do}")
+        return LedgerRow(what, Standing.LACKING, "", Clauses((missing, Words.LEDGER_WATCHDOG_WANTED)))
     if WATCHDOG_STEP in proofs.failed:
-        detail = f"{missing}; step {WATCHDOG_STEP} has failed"
-        return LedgerRow(what, Standing.LACKING, "", detail, WATCHDOG_STEP)
+        return LedgerRow(
+            what, Standing.LACKING, "", Clauses((missing, step_failed(WATCHDOG_STEP))), WATCHDOG_STEP
+        )
     proven = WATCHDOG_STEP in proofs.passed
     # Its contact lies in the safe-torque-off circuit: it takes the torque off, and the brake falls.
     shown_s = proofs.measured.get(SILENT_STOP_S) if proven else None
     set_ms = can.watchdog_ms if relay else can.heartbeat_timeout_ms
     way, fastest = _way(q, set_ms if shown_s is None else 1e3 * shown_s, _BRAKE)
-    dog = f"the watchdog relay at {relay}" if relay else f"the enable relay at {enable} (1016, 6206, 6207)"
+    dog = Words.LEDGER_WATCHDOG_RELAY(place=relay) if relay else Words.LEDGER_ENABLE_RELAY(place=enable)
     if not proven:
-        detail = f"{missing}; {dog} is to be proven; {way}"
+        detail = Clauses((missing, Words.LEDGER_TO_PROVE(by=dog), *way))
         return LedgerRow(what, Standing.LACKING, "", detail, WATCHDOG_STEP, False, fastest)
-    by = f"{dog}, step {WATCHDOG_STEP}"
-    return LedgerRow(what, Standing.MADE_UP, by, f"{missing}; {way}", WATCHDOG_STEP, False, fastest)
+    by = Words.LEDGER_BY_STEP(by=dog, step=WATCHDOG_STEP)
+    return LedgerRow(what, Standing.MADE_UP, by, Clauses((missing, *way)), WATCHDOG_STEP, False, fastest)
 
 
 def watch_step(q: Question) -> str:

@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 from gantryctl.program.alarms.codes import Code, Definition, Reaction, Severity
 from gantryctl.program.alarms.reason import Reason
 from gantryctl.program.alarms.table import ALARMS
-from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.alarms.words import Clauses, Said, Words
 
 HISTORY_LENGTH: Final = 200
 
@@ -244,6 +244,8 @@ def from_wire(value: object) -> object:
     match value:
         case {"words": str(name), "values": dict(values)} if name in Words.__members__:
             return Words[name](**{key: from_wire(each) for key, each in values.items()})
+        case list():
+            return Clauses(map(from_wire, value))
     return value
 
 

@@ -373,6 +373,194 @@ class Words(Enum):
         "驱动器在 {date} 证明控制器静默时会停止轴之后已重新启动",
     )
 
+    # The ledger of a drive on a bus (CFG-CAN-04, CFG-CAN-05): what gives a safety property, and what it costs.
+    LEDGER_LACK = "{what} ({detail})", "缺少 {what}（{detail}）"
+    LEDGER_NO_OBJECT = "no {object}", "没有 {object}"
+    LEDGER_STAYS = "{object} stays {have}, wanted {want}", "{object} 固定为 {have}，应为 {want}"
+    LEDGER_IS = "{object} = {have}, wanted {want}", "{object} = {have}，应为 {want}"
+    LEDGER_BOTH = "{first}, {second}", "{first}且{second}"
+    LEDGER_COST = "{objects}: {cost}", "{objects}，因此{cost}"
+    LEDGER_STEP = "step {step}", "步骤 {step}"
+    LEDGER_BY_STEP = "{by}, step {step}", "{by}，步骤 {step}"
+    LEDGER_STEP_FAILED = "step {step} has failed", "步骤 {step} 未通过"
+    LEDGER_TO_PROVE = "{by} is to be proven", "{by} 尚待证明"
+    LEDGER_ENTERED_BY = "{because}; {date}, entered by {user}", "{because}；{date}，由 {user} 录入"
+    # A silent controller.
+    LEDGER_WAY = (
+        "{time_ms:g} ms, then {how}: {angle:.2f} deg from {speed:g} deg/s",
+        "{time_ms} ms 后{how}：从 {speed} °/s 起 {angle}°",
+    )
+    LEDGER_RAMP = "its ramp", "按自身斜坡减速"
+    LEDGER_BRAKE = "torque off and brake", "切断转矩并制动"
+    LEDGER_RAMP_OR_BRAKE = "its ramp or torque off and brake", "按自身斜坡减速，或切断转矩并制动"
+    LEDGER_NOT_FASTER = (
+        "permitted {limit:g} deg: not faster than {speed:.1f} deg/s",
+        "允许 {limit}°：速度不超过 {speed} °/s",
+    )
+    LEDGER_SHORTER_ALLOWS = "{time_ms:.0f} ms allow {speed:g} deg/s", "{time_ms} ms 则允许 {speed} °/s"
+    LEDGER_MISSES_CONTROLLER = (
+        "it misses the controller, not single commands",
+        "它能发现控制器消失，但不能发现个别指令丢失",
+    )
+    LEDGER_DEAD_SENDS_NOTHING = (
+        "a dead controller sends no commands either",
+        "失效的控制器也不再发送指令",
+    )
+    LEDGER_GOES_ON = (
+        "the drive goes on at its last speed when its controller is gone",
+        "控制器消失后，驱动器以最后的速度继续运行",
+    )
+    LEDGER_WATCHDOG_WANTED = (
+        "only a watchdog outside of it makes up for that: a relay that the controller toggles, or the enable of the "
+        "drive on a node that takes it off by itself ([can.io.outputs] watchdog, drive_enable)",
+        "只有驱动器之外的看门狗可以弥补：由控制器翻转的继电器，或由能自行撤销的节点给出的驱动器使能"
+        "（[can.io.outputs] watchdog、drive_enable）",
+    )
+    LEDGER_WATCHDOG_RELAY = "the watchdog relay at {place}", "{place} 处的看门狗继电器"
+    LEDGER_ENABLE_RELAY = (
+        "the enable relay at {place} (1016, 6206, 6207)",
+        "{place} 处的使能继电器（1016、6206、6207）",
+    )
+    # Limits, ramp, brake.
+    LEDGER_COMPUTED_TORQUE = (
+        "the stops are computed with [motor] torque_max_nm = {torque:g}: give there what the drive has",
+        "停止按 [motor] torque_max_nm = {torque} 计算：请在该处填写驱动器的值",
+    )
+    LEDGER_ENTER_LIMIT = (
+        "set the limit with the maker's tool and give it as [can] torque_limit_in_drive_nm",
+        "请用厂商工具设置限值，并填入 [can] torque_limit_in_drive_nm",
+    )
+    LEDGER_ENTERED = "{torque:g} N m set with the maker's tool", "用厂商工具设为 {torque} N m"
+    LEDGER_NOT_SHOWN = (
+        "{torque:g} N m set with the maker's tool, what lies above {shown:.0f} N m is not shown",
+        "用厂商工具设为 {torque} N m，{shown} N m 以上未经证明",
+    )
+    LEDGER_TOO_SLOW = (
+        "the drive does not reach [speed] setting_max_deg_s = {speed:g}",
+        "驱动器达不到 [speed] setting_max_deg_s = {speed}",
+    )
+    LEDGER_OVERSPEED_SEEN = (
+        "seen after {time_ms:.0f} ms at {speed:.1f} deg/s",
+        "{time_ms} ms 后在 {speed} °/s 时发现",
+    )
+    LEDGER_RAMP_UNKNOWN = "the drive's own ramp is to be measured", "驱动器自身的斜坡尚待测量"
+    LEDGER_OWN_RAMP = (
+        "{acceleration:.2f} deg/s2: {angle:.2f} deg from {speed:g} deg/s with {time_ms:g} ms",
+        "{acceleration} °/s²：含 {time_ms} ms，从 {speed} °/s 起 {angle}°",
+    )
+    LEDGER_NOBODY_BRAKES = (
+        "no 60FE: nobody commands the brake; another [brake] owner does",
+        "没有 60FE：无人控制制动器；请改用另一种 [brake] owner",
+    )
+    LEDGER_TORQUE_FIRST = (
+        "the torque may go before the brake has closed",
+        "制动器抱紧之前转矩可能已切断",
+    )
+    LEDGER_BRAKE_TO_PROVE = (
+        "the drive works the brake, which is to be proven",
+        "制动器由驱动器控制，尚待证明",
+    )
+    # Inputs, and the bit by which a drive says that it follows.
+    LEDGER_NO_60FD = "the drive has no 60FD", "驱动器没有 60FD"
+    LEDGER_SEEN_LATER = (
+        "seen after {time_ms:.0f} ms instead of {scan_ms:g} ms",
+        "{time_ms} ms 后发现，而非 {scan_ms} ms",
+    )
+    # Mode, telegrams, scales.
+    LEDGER_NOTHING_STANDS_IN = (
+        "nothing stands in for these in a CSV axis",
+        "在 CSV 轴中它们不可替代",
+    )
+    LEDGER_PROFILE_MODE = (
+        "a drive in a profile mode makes set-points of its own, and nothing here replaces CSV",
+        "轮廓模式下驱动器自行生成设定值，此处无可替代 CSV",
+    )
+    LEDGER_NO_CSV_BY_PROFILE = (
+        "no mode {number}, CSV, by the profile {profile}",
+        "按配置文件 {profile} 没有模式 {number}（CSV）",
+    )
+    LEDGER_NO_CSV_BIT = "6502 = {have} has no CSV (bit 8)", "6502 = {have} 不含 CSV（第 8 位）"
+    LEDGER_CSV_NOT_TAKEN = "6060 does not take {number}, CSV", "6060 不接受 {number}（CSV）"
+    LEDGER_CSV_SEEN = (
+        "no 6502; that it shows mode 9, and moves in it, is seen",
+        "没有 6502；由其显示模式 9 并在该模式下运动可见",
+    )
+    LEDGER_NOT_WRITABLE = "{objects} cannot be written", "{objects} 不可写"
+    LEDGER_NOT_MAPPABLE = "{objects} cannot be mapped", "{objects} 不可映射"
+    LEDGER_SDO_TOO_SLOW = "SDO is too slow for it", "SDO 对此太慢"
+    LEDGER_TELEGRAMS_STAY = (
+        "the telegrams stay as they are, and SDO is too slow for a speed each SYNC",
+        "报文保持不变，而 SDO 太慢，无法每个 SYNC 传送速度",
+    )
+    LEDGER_NOT_AT_SYNC = (
+        "1800:02 is fixed: feedback does not come at SYNC",
+        "1800:02 固定：反馈不随 SYNC 到来",
+    )
+    LEDGER_KIND_STAYS = "1400:02 stays {number}", "1400:02 固定为 {number}"
+    LEDGER_ON_ARRIVAL = (
+        "a command acts when it arrives, sooner than at the next SYNC",
+        "指令到达即生效，早于下一个 SYNC",
+    )
+    LEDGER_ONE_WRONG = "{said}: one of them is wrong", "{said}：其中一个有误"
+    LEDGER_AGAINST_FILE = (
+        "{object} = {have}, [can] {key} = {want}",
+        "{object} = {have}，而 [can] {key} = {want}",
+    )
+    LEDGER_AGAINST_PROFILE = (
+        "{object} = {have}, profile {profile} says {want}",
+        "{object} = {have}，配置文件 {profile} 为 {want}",
+    )
+    LEDGER_COUNTS_UNSEEN = (
+        "60FF counts increments: nothing in this drive shows those of a turn",
+        "60FF 以增量计：该驱动器无从显示每转增量数",
+    )
+    LEDGER_MOTION_TO_SHOW = "a short motion is to show it", "须由一次短距离运动证明"
+    # What stands in for an optional object, and what follows.
+    LEDGER_ANSWERS_TO_SYNC = "the answers to SYNC", "对 SYNC 的应答"
+    LEDGER_ITS_TELEGRAMS = "its telegrams", "其报文"
+    LEDGER_EMERGENCY_MESSAGES = "emergency messages", "紧急报文"
+    LEDGER_SAG = "the sag after release", "松开后的下沉"
+    LEDGER_BRAKE_SEQUENCE = "the drive's brake sequence", "驱动器的制动时序"
+    LEDGER_DIFFERENCES = "differences of 6064", "6064 的差分"
+    LEDGER_THE_BRAKE = "the brake", "制动器"
+    LEDGER_WITHOUT_1005 = (
+        "80h is taken for it; a drive without an answer is refused",
+        "按 80h 处理；无应答的驱动器被拒绝",
+    )
+    LEDGER_WITHOUT_1006 = (
+        "the drive has the period from 60C2, or from SYNC itself",
+        "驱动器由 60C2 或 SYNC 本身得知周期",
+    )
+    LEDGER_WITHOUT_1017 = (
+        "its loss is seen by missing telegrams, after 30 ms",
+        "由报文缺失发现其失联，30 ms 后",
+    )
+    LEDGER_WITHOUT_1029 = (
+        "what it does after lost communication is fixed by its maker",
+        "通信丢失后的动作由厂商固定",
+    )
+    LEDGER_WITHOUT_6007 = (
+        "its reaction is fixed by its maker: what the step sees",
+        "其反应由厂商固定：以该步骤所见为准",
+    )
+    LEDGER_WITHOUT_603F = "a fault without a message has no code", "没有报文的故障没有代码"
+    LEDGER_WITHOUT_6076 = (
+        "nothing in the drive confirms the scale of torque",
+        "驱动器中没有任何值可确认转矩比例",
+    )
+    LEDGER_WITHOUT_6077 = (
+        "no torque proof before the brake opens, no brake test",
+        "制动器松开前没有转矩证明，也没有制动器测试",
+    )
+    LEDGER_WITHOUT_60B2 = "the load sags a little when the brake opens", "制动器松开时负载略有下沉"
+    LEDGER_WITHOUT_606C = "speed has the steps of the encoder", "速度带有编码器的台阶"
+    LEDGER_WITHOUT_60FE = "no output of this drive can be set", "该驱动器的输出均不可设置"
+    LEDGER_WITHOUT_605E = "count on torque off and brake", "按切断转矩并制动考虑"
+    LEDGER_WITHOUT_60C2 = (
+        "a drive that needs it does not move, or moves in steps: seen by step velocity",
+        "需要它的驱动器不动，或一步一步地动：由步骤 velocity 发现",
+    )
+
     # Events of the service's processes: restarts, certificates, disk.
     STARTED_AGAIN = "{how}; started again in {pause_s:g} s", "{how}；{pause_s} 秒后重新启动"
     NO_SIGN_OF_LIFE = (
@@ -481,6 +669,15 @@ class Said(NamedTuple):
 
     def __str__(self) -> str:
         return self.words.english.format(**self.values)
+
+
+class Clauses(tuple[object, ...]):
+    """Words one after the other, with their values or without, each whole by itself; on the wire a list."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "; ".join(map(str, self))
 
 
 def drive_error_words(code: int, texts: Mapping[int, str]) -> Words | Said:

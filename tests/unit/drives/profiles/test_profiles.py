@@ -74,14 +74,14 @@ def test_what_contradicts_a_profile_is_told_with_both_values() -> None:
     found = facts(TABLES["Ingenia EVE-NET 1.8.1"])
     assert ingenia.contradictions(found, "mrev/s") == ()
     assert ingenia.contradictions(found, "inc/s") == (
-        '[can] velocity_unit = "inc/s", profile ingenia_everest says "mrev/s"',
+        ("[can] velocity_unit", '"inc/s"', "ingenia_everest", '"mrev/s"'),
     )
-    assert elmo.contradictions(found, "inc/s") == ("1018:01 = 29Ch, profile elmo_gold is for 9Ah",)
+    assert elmo.contradictions(found, "inc/s") == (("1018:01", "29Ch", "elmo_gold", "9Ah"),)
     # A drive with a fixed 60A9 is believed before its profile.
     units = example.units.model_copy(update={"velocity_by_60A9": False, "velocity": "r/min"})
     fixed = example.model_copy(update={"units": units})
     assert fixed.contradictions(facts(TABLES["e35 example"]), "r/min") == (
-        "60A9 = B50300h, profile e35 says B44700h (r/min)",
+        ("60A9", "B50300h", "e35", "B44700h (r/min)"),
     )
 
 
