@@ -10,6 +10,8 @@ from typing import Final
 # 10^(1/50) = 1.047: a quantile is rounded up by less than 5 %, from 1 us to 10 s. With bins that are fixed a scan
 # costs one bisection, however long the engine runs.
 _PER_DECADE: Final = 50
+# 10^(15/50) = 2.00, 10^(35/50) = 5.01.
+_STEPS: Final = (0, 15, 35)
 _EDGES_S: Final[list[float]] = [1e-6 * 10.0 ** (i / _PER_DECADE) for i in range(7 * _PER_DECADE + 1)]
 
 
@@ -43,6 +45,20 @@ class Histogram:
             if count and seen >= rank:
                 return min(edge_s, self.worst_s)
         return 0.0
+
+    def steps(self) -> list[tuple[float, int]]:
+        """Upper edge in s and count of coarser bins, three a decade (1, 2, 5, to 1 %), from the first to the last
+        that is not empty; the last of all ends at infinity.
+        """
+        found, seen = [], 0
+        for number, count in enumerate(self.counts):
+            seen += count
+            last = number == len(_EDGES_S)
+            if last or number % _PER_DECADE in _STEPS:
+                found.append((math.inf if last else _EDGES_S[number], seen))
+                seen = 0
+        filled = [number for number, (_, count) in enumerate(found) if count]
+        return found[filled[0] : filled[-1] + 1] if filled else []
 
     def since(self, counts: Sequence[int]) -> Histogram:
         """Values added after its `counts` were these; the worst is that of all."""

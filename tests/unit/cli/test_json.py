@@ -86,6 +86,7 @@ RUNS: dict[str, list[str]] = {
     "tune": ["tune", "--method", "margins"],
     "identify": ["identify", "--out", "found.toml"],
     "compare": ["compare", "paper", "paper"],
+    "doctor": ["doctor", "--period", "4", "--seconds", "0.1"],
     "config check": ["config", "check", "a.toml"],
     "config show": ["config", "show", "a.toml"],
     "config diff": ["config", "diff", "a.toml", "b.toml"],
@@ -120,7 +121,10 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
         machine_file(Path("epos4.toml"), {"drive.kind": "canopen", "control.scan_period_ms": 4.0, **drive})
     with LineServer(Level(), lambda: 0.0, port=47113) if command == "instrument read" else nullcontext():
         answer = cli(*RUNS[command], "--json")
-    assert (answer.code, answer.err) == (int(command == "drive diff"), "")  # as the drive comes, it differs
+    # As the drive comes, it differs; whether this computer is good enough is not asked here.
+    codes = {"drive diff": (1,), "doctor": (0, 1)}
+    assert answer.code in codes.get(command, (0,))
+    assert answer.err == ""
     value: Any = answer.json
     if isinstance(value, list):
         assert value

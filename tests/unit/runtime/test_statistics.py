@@ -32,6 +32,19 @@ def test_every_value_is_counted_once_and_the_worst_is_exact(values: list[float])
         assert histogram.worst_scan == values.index(max(values))
 
 
+@given(st.lists(st.floats(0.0, 1e4), max_size=50))
+def test_coarse_steps_count_every_value_below_their_edges(values: list[float]) -> None:
+    histogram = Histogram()
+    for scan, value in enumerate(values):
+        histogram.add(scan, value)
+    seen = 0
+    for edge_s, count in histogram.steps():
+        seen += count
+        # An edge belongs to the bin that it ends.
+        assert seen == sum(value <= edge_s for value in values)
+    assert seen == len(values)
+
+
 @given(st.lists(st.floats(1e-6, 10.0), max_size=50), st.lists(st.floats(1e-6, 10.0), max_size=50))
 def test_the_figures_since_a_moment_are_those_of_what_came_after(
     before: list[float], after: list[float]

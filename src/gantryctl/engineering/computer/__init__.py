@@ -1,0 +1,1 @@
+"""This computer: whether it keeps the time that a scan needs."""
