@@ -39,7 +39,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.bus_log import freeze
 from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
 from gantryctl.operation.ledger.acceptance import proven_hash
-from gantryctl.operation.ledger.judging import unproven
+from gantryctl.operation.ledger.judging import known_of_model, unproven
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
 from gantryctl.operation.ledger.limits import RAMP, TORQUE
 from gantryctl.operation.ledger.rows import MEASURED
@@ -239,6 +239,8 @@ class Commissioning:
         if again or (before[0] and before != (facts.key, facts.software, nodes)):
             self.progress = Progress(self.machine.name, proven_hash(self.machine))
         self.progress = replace(self.progress, drive=facts.key, software=facts.software, nodes=nodes)
+        for line in known_of_model(self.machine, facts):
+            self._say(f"  {line}")
         rows = self.ledger
         for row in rows:
             self._say(f"  {row.text}")

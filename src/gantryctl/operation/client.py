@@ -148,6 +148,11 @@ class AxisClient(Protocol):
         ...
 
     @property
+    def quick_dec_deg_s2(self) -> float:
+        """Quick-stop deceleration: as measured of a drive with a ramp of its own, else that of the machine file."""
+        ...
+
+    @property
     def angle_deg(self) -> float:
         """Measured angle, motor side; to look at, without any claim on the axis."""
         ...

@@ -26,7 +26,7 @@ from gantryctl.operation.home_reference import (
 )
 from gantryctl.operation.ledger.judging import speed_max_deg_s
 from gantryctl.operation.ledger.kept_facts import facts_path, store_facts
-from gantryctl.operation.proofs import bus_reasons, ledger_notes, ledger_of
+from gantryctl.operation.proofs import bus_reasons, ledger_notes, ledger_of, own_ramp_deg_s2
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
 from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
@@ -71,6 +71,7 @@ class OpenAxis(NamedTuple):
     Attributes:
         reasons: why power cannot be switched on, the gravest first; () when nothing is wrong.
         speed_max_deg_s: highest speed setting in force: of the machine file, or of the ledger where that is lower.
+        quick_dec_deg_s2: deceleration of a quick stop: the measured one of a drive with a ramp of its own.
     """
 
     drive: Drive
@@ -80,6 +81,7 @@ class OpenAxis(NamedTuple):
     notes: tuple[str, ...]
     reasons: tuple[Reason, ...]
     speed_max_deg_s: float
+    quick_dec_deg_s2: float
 
 
 class RunEnd(NamedTuple):
@@ -126,6 +128,7 @@ def open_axis(
         rows = ledger_of(machine, store, found.drive)
         fastest = min(machine.speed.setting_max_deg_s, speed_max_deg_s(rows))
         notes = (*notes, *ledger_notes(machine, rows))
+        own_ramp = None if store is None else own_ramp_deg_s2(machine, store.directory)
         made = build_program(
             controlled_as or machine,
             found.drive,
@@ -133,12 +136,14 @@ def open_axis(
             zero_counts=_zero_counts(found),
             holding_torque_nm=retained.holding_torque_nm or 0.0,
             speed_max_deg_s=fastest,
+            quick_dec_deg_s2=own_ramp,
         )
     restore_failure(made.axis, retained)
     restore_learned(made.axis, retained)
     # A reading in doubt is not sound because the power was off meanwhile: service compares the angle.
     made.axis.feedback.in_doubt = bool(retained.doubted_by)
-    return OpenAxis(found.drive, retained, found.reading, made, notes, reasons, fastest)
+    quick_dec = deg(made.axis.settings.ramps.quick_dec_rad_s2)
+    return OpenAxis(found.drive, retained, found.reading, made, notes, reasons, fastest, quick_dec)
 
 
 def open_machine(machine: Machine, store: StateStore | None, *, read_only: bool = False) -> OpenMachine:

@@ -16,7 +16,7 @@ from gantryctl.machine import Machine
 from gantryctl.operation.ledger.acceptance import ledger_path, load_acceptances, proven_hash
 from gantryctl.operation.ledger.judging import impossible, lacks, ledger, speed_max_deg_s, unproven, unset
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts
-from gantryctl.operation.ledger.rows import LedgerRow, Proofs, Standing
+from gantryctl.operation.ledger.rows import RAMP_DEG_S2, LedgerRow, Proofs, Standing
 from gantryctl.operation.ledger.silence import SILENCE_STEP
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
@@ -197,6 +197,22 @@ def _recorded(machine: Machine, facts: DriveFacts | None, record: CommissioningR
     if record.proven_hash != proven_hash(machine):
         return Proofs()
     return Proofs(frozenset(record.steps), frozenset(), record.measured)
+
+
+def own_ramp_deg_s2(machine: Machine, directory: Path) -> float | None:
+    """Quick-stop deceleration of a drive with a ramp of its own, as commissioning has measured it; None of any other.
+
+    Args:
+        directory: of the machine's retained state.
+
+    Raises:
+        StateError: a file is damaged.
+    """
+    if not machine.on_bus:
+        return None
+    record = load_record(record_path(directory, machine))
+    proofs = _recorded(machine, load_facts(facts_path(directory, machine)), record)
+    return proofs.measured.get(RAMP_DEG_S2)
 
 
 def ledger_of(machine: Machine, store: StateStore | None, drive: Drive) -> tuple[LedgerRow, ...]:

@@ -132,6 +132,11 @@ class AxisRun:
         return self._open.speed_max_deg_s
 
     @property
+    def quick_dec_deg_s2(self) -> float:
+        """Quick-stop deceleration: as measured of a drive with a ramp of its own, else that of the machine file."""
+        return self._open.quick_dec_deg_s2
+
+    @property
     def drive(self) -> Drive:
         """The open drive."""
         return self._open.drive

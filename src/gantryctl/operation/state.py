@@ -19,7 +19,7 @@ from gantryctl.operation.home_reference import (
     why_not_referenced,
 )
 from gantryctl.operation.opening import keep_machine, leave_bus, new_machine, read_only
-from gantryctl.operation.proofs import ledger_shown
+from gantryctl.operation.proofs import ledger_shown, own_ramp_deg_s2
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Code
 from gantryctl.runtime import AlarmEntry, Retained
@@ -67,6 +67,8 @@ class MachineStatus:
     travelled_deg: float
     brake_test: str
     directory: str
+    quick_dec_deg_s2: float
+    """Deceleration of a quick stop."""
     ledger: tuple[str, ...] = ()
     """What persons have accepted, what is lacking, and what limits the speed."""
     notes: tuple[str, ...] = ()
@@ -116,6 +118,7 @@ def machine_status(machine: Machine) -> MachineStatus:
         travelled_deg=deg(retained.travelled_rad),
         brake_test=brake_words(machine, retained, datetime.now(UTC)),
         directory=str(store.directory),
+        quick_dec_deg_s2=own_ramp_deg_s2(machine, store.directory) or machine.virtual_axis.quick_dec_deg_s2,
         ledger=ledger_shown(machine, store.directory),
         notes=notes,
     )

@@ -44,6 +44,7 @@ def build_program(
     zero_counts: float | None = None,
     holding_torque_nm: float = 0.0,
     speed_max_deg_s: float = math.inf,
+    quick_dec_deg_s2: float | None = None,
     keep_plans: bool = False,
 ) -> AxisProgram:
     """Program of a machine with its axis, standing with power off.
@@ -54,6 +55,7 @@ def build_program(
         zero_counts: encoder count at 0 deg (retained memory); that of a new machine when not given.
         holding_torque_nm: torque that held the load last time, the preload of the first release of the brake.
         speed_max_deg_s: nothing moves faster, whatever the machine file allows (ledger of a drive on a bus).
+        quick_dec_deg_s2: quick-stop ramp of a drive that has its own; that of the machine file when not given.
         keep_plans: keep every set-point plan with its start scan in `axis.virtual.plans`.
 
     Raises:
@@ -70,6 +72,7 @@ def build_program(
         holding_torque_nm,
         drive.torque_preload,
         speed_max_deg_s,
+        quick_dec_deg_s2,
         drive.identity().error_texts if machine.on_bus else {},
     )
     return program(Axis(settings, zero_counts, keep_plans=keep_plans))

@@ -40,6 +40,7 @@ def axis_settings(
     holding_torque_nm: float = 0.0,
     torque_preload: bool = True,
     speed_max_deg_s: float = math.inf,
+    quick_dec_deg_s2: float | None = None,
     error_texts: Mapping[int, str] = MappingProxyType({}),
 ) -> AxisSettings:
     """Settings of one axis.
@@ -49,6 +50,7 @@ def axis_settings(
             release of the brake.
         torque_preload: the drive takes a torque beside the speed.
         speed_max_deg_s: highest speed setting where it is below that of the machine file.
+        quick_dec_deg_s2: quick-stop ramp of the drive where it has its own; that of the machine file when not given.
         error_texts: the maker's words for error codes of the drive.
     """
     encoder = machine.encoder
@@ -56,7 +58,7 @@ def axis_settings(
         period_s=machine.control.scan_period_ms * _MS,
         travel=travel_settings(machine),
         speed=speed_settings(machine, speed_max_deg_s),
-        ramps=_ramps(machine),
+        ramps=_ramps(machine, quick_dec_deg_s2),
         law=LawSettings(
             kpp_per_s=machine.control.kpp_per_s,
             kvf=machine.control.kvf,
@@ -95,7 +97,7 @@ def speed_settings(machine: Machine, speed_max_deg_s: float = math.inf) -> Speed
     )
 
 
-def _ramps(machine: Machine) -> RampSettings:
+def _ramps(machine: Machine, quick_dec_deg_s2: float | None) -> RampSettings:
     virtual = machine.virtual_axis
     return RampSettings(
         acc_rad_s2=rad(virtual.acc_deg_s2),
@@ -103,7 +105,7 @@ def _ramps(machine: Machine) -> RampSettings:
         jerk_rad_s3=rad(virtual.jerk_deg_s3) if virtual.profile == "jerk_limited" else math.inf,
         jog_release_dec_rad_s2=rad(virtual.jog_release_dec_deg_s2),
         jog_release_jerk_rad_s3=rad(virtual.jog_release_jerk_deg_s3),
-        quick_dec_rad_s2=rad(virtual.quick_dec_deg_s2),
+        quick_dec_rad_s2=rad(quick_dec_deg_s2 or virtual.quick_dec_deg_s2),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,6 +13,7 @@ import pytest
 
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, StepResult, write_report
 from gantryctl.drives.od.facts import DriveFacts, ObjectFact
+from gantryctl.drives.virtual.personality import PERSONALITIES, Personality
 from gantryctl.errors import CommandRefused, StateError, UsageError
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
@@ -21,6 +23,7 @@ from gantryctl.operation.ledger.acceptance import (
     check_acceptance,
     ledger_path,
     load_acceptances,
+    proven_hash,
     store_acceptances,
 )
 from gantryctl.operation.ledger.inputs import SAFETY_INPUTS
@@ -28,8 +31,20 @@ from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unprov
 from gantryctl.operation.ledger.kept_facts import facts_path, load_facts, store_facts
 from gantryctl.operation.ledger.rows import INCREMENTS_PER_TURN
 from gantryctl.operation.opening import new_machine
-from gantryctl.operation.proofs import bus_reasons, ledger_reasons, load_record, must_be_proven, read_ledger
+from gantryctl.operation.proofs import (
+    CommissioningRecord,
+    bus_reasons,
+    ledger_of,
+    ledger_reasons,
+    load_record,
+    must_be_proven,
+    own_ramp_deg_s2,
+    read_ledger,
+    record_path,
+    store_record,
+)
 from gantryctl.operation.run import AxisRun
+from gantryctl.operation.state import machine_status
 from gantryctl.operation.store import StateStore
 from gantryctl.program.alarms.log import from_wire, to_wire
 from gantryctl.program.alarms.words import Clauses, Said, Words
@@ -558,6 +573,38 @@ def test_kept_facts_are_those_of_the_last_set_up(tmp_path: Path) -> None:
     store_facts(facts_path(tmp_path, REAL), changed(FACTS, o6080=None))
     rows = {row.what: row for row in read_ledger(REAL, tmp_path)}
     assert rows["limits_speed"].standing is Standing.MADE_UP
+
+
+def test_the_measured_ramp_is_the_one_that_everybody_tells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`move`, `status`, the page, the monitors of the program and the ledger: 5.2 deg/s2, not the 5.4 of the file."""
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path))
+    monkeypatch.setitem(PERSONALITIES, "no-ramp", Personality("no-ramp", "", absent=(0x6085,)))
+    machine = with_values(VIRTUAL, {"can.virtual_drive": "no-ramp"})
+    set_dec = machine.virtual_axis.quick_dec_deg_s2
+    record = CommissioningRecord(
+        machine=machine.name, proven_hash=proven_hash(machine), drive=FACTS.key, software=FACTS.software,
+        nodes=(), date="2026-01-01", by="somebody", report_hash="r", steps=("silence", "sign", "ramp"),
+        accepted=(), measured={"quick_stop_dec_deg_s2": 5.2},
+    )  # fmt: skip
+    with StateStore(machine) as store:
+        run = AxisRun(machine, store)
+        assert run.quick_dec_deg_s2 == pytest.approx(set_dec)
+        run.close("looked")
+        store_record(record_path(store.directory, machine), record)
+        run = AxisRun(machine, store)
+        assert run.quick_dec_deg_s2 == pytest.approx(5.2)
+        assert run.axis.settings.ramps.quick_dec_rad_s2 == pytest.approx(math.radians(5.2))
+        row = next(row for row in ledger_of(machine, store, run.drive) if row.what == "ramps_quick_stop")
+        # 36 / 10.4 and 60 ms at 6 deg/s.
+        assert "5.20 deg/s2: 3.82 deg from 6 deg/s" in str(row.detail)
+        run.close("looked")
+    assert machine_status(machine).quick_dec_deg_s2 == 5.2
+    # Of another configuration nothing is measured.
+    other = with_values(machine, {"motor.torque_max_nm": 380.0})
+    with StateStore(other) as store:
+        assert own_ramp_deg_s2(other, store.directory) is None
 
 
 def test_what_is_lacking_travels_as_words() -> None:

@@ -9,13 +9,13 @@ from typing import Final
 import pytest
 
 from gantryctl.commissioning import Commissioning
-from gantryctl.drives.od.facts import facts_of
+from gantryctl.drives.od.facts import DriveFacts, facts_of
 from gantryctl.drives.od.reading import parse_eds
 from gantryctl.drives.od.writing import write_eds
 from gantryctl.errors import CommandRefused
 from gantryctl.machine import Machine, configs_folder, load_machine, with_values
 from gantryctl.operation.ledger import LedgerRow, Standing
-from gantryctl.operation.ledger.judging import impossible, lacks, ledger, unset
+from gantryctl.operation.ledger.judging import impossible, known_of_model, lacks, ledger, unset
 from gantryctl.operation.store import StateStore
 from gantryctl.wiring.canopen import set_up_facts
 from gantryctl.wiring.virtual import virtual_node
@@ -111,9 +111,12 @@ def eds_of(name: str) -> str:
     return write_eds(node.od.visible)
 
 
+def facts_by_eds(name: str, machine: Machine) -> DriveFacts:
+    return facts_of(parse_eds(eds_of(name).encode(), node_id=machine.can.node))
+
+
 def rows_by_eds(name: str, machine: Machine) -> tuple[LedgerRow, ...]:
-    device = parse_eds(eds_of(name).encode(), node_id=machine.can.node)
-    return ledger(machine, set_up_facts(machine, facts_of(device)))
+    return ledger(machine, set_up_facts(machine, facts_by_eds(name, machine)))
 
 
 def said_by_commissioning(name: str, machine: Machine, folder: Path) -> tuple[list[str], str]:
@@ -147,7 +150,9 @@ def test_the_file_and_the_commissioning_of_the_drive_say_the_same(name: str, tmp
     machine = machine_of(name)
     rows = rows_by_eds(name, machine)
     said, refusal = said_by_commissioning(name, machine, tmp_path)
-    assert said == [f"  {row.text}" for row in rows]
+    known = known_of_model(machine, facts_by_eds(name, machine))
+    assert said == [f"  {line}" for line in (*known, *(row.text for row in rows))]
+    assert known[0].startswith("profile ")
     assert bool(impossible(rows)) == refusal.startswith("CFG-CAN-05")
     assert bool(refusal) == bool(impossible(rows) or unset(rows))
     # And as a user sees it: the same lines, the same refusal.

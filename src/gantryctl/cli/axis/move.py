@@ -158,7 +158,7 @@ def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:
     machine = axis.machine
     require(check_target(rad(here), rad(end), travel_settings(machine)))
     # Of the rigid body: what compliance adds is in `gantryctl stops`.
-    stop, _ = rigid_stop(speed, machine.virtual_axis.quick_dec_deg_s2, float("inf"))
+    stop, _ = rigid_stop(speed, axis.quick_dec_deg_s2, float("inf"))
     note = way_note(machine, here, end)
     return (
         f"{machine.machine.name} ({machine.drive.kind}): from {here:.3f} to {end:.3f} deg, way "

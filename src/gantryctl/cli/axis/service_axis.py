@@ -70,6 +70,11 @@ class ServiceAxis:
         """Highest speed setting in force: of the machine file, or of the ledger where that is lower."""
         return float((self.tags if self._connection else self.look())["speed_max_deg_s"])
 
+    @property
+    def quick_dec_deg_s2(self) -> float:
+        """Quick-stop deceleration: as measured of a drive with a ramp of its own, else that of the machine file."""
+        return float((self.tags if self._connection else self.look())["quick_dec_deg_s2"])
+
     def _check_speed(self, speed_deg_s: float) -> None:
         require(check_setting(rad(speed_deg_s), speed_settings(self.machine, self.speed_max_deg_s)))
 

@@ -32,6 +32,7 @@ def service_status(machine: Machine) -> tuple[MachineStatus, Tags]:
         travelled_deg=deg(kept.travelled_rad),
         brake_test=_brake_words(machine, tags),
         directory=str(directory_of(machine)),
+        quick_dec_deg_s2=tags["quick_dec_deg_s2"],
         ledger=ledger_shown(machine, directory_of(machine)),
     )
     return status, tags

@@ -21,6 +21,8 @@ from gantryctl.cli.options import (
 )
 
 if TYPE_CHECKING:
+    from gantryctl.machine import Machine
+    from gantryctl.operation.state import MachineStatus
     from gantryctl.runtime import AlarmEntry
 
 
@@ -58,6 +60,7 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
         ("power-ups, moves", f"{found.power_ups}, {found.moves}"),
         ("travelled", f"{found.travelled_deg:.1f} deg"),
         ("brake test", found.brake_test),
+        ("quick stop", _quick_stop(machine, found)),
         ("state kept in", found.directory),
         *(("ledger", row) for row in found.ledger),
         *(("note", note) for note in found.notes),
@@ -65,6 +68,15 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
     for name, value in rows:
         click.echo(f"  {name:<18}{value}")
     return 0
+
+
+def _quick_stop(machine: Machine, found: MachineStatus) -> str:
+    """Way of a quick stop from the highest setting, as `move` announces it of its own speed."""
+    from gantryctl.machine.derived import rigid_stop
+
+    top, dec = machine.speed.setting_max_deg_s, found.quick_dec_deg_s2
+    way_deg, _ = rigid_stop(top, dec, float("inf"))
+    return f"{way_deg:.2f} deg from {top:g} deg/s at {dec:.4g} deg/s2"
 
 
 @click.command()

@@ -36,7 +36,7 @@ def check(file: Path, config_file: Path | None, node_id: int | None, as_json: bo
     """
     from gantryctl.drives.od.facts import facts_of
     from gantryctl.drives.od.reading import read_eds
-    from gantryctl.operation.ledger.judging import impossible, ledger
+    from gantryctl.operation.ledger.judging import impossible, known_of_model, ledger
     from gantryctl.operation.proofs import ledger_reasons
     from gantryctl.wiring.canopen import set_up_facts
 
@@ -51,12 +51,15 @@ def check(file: Path, config_file: Path | None, node_id: int | None, as_json: bo
             {
                 **_about(device),
                 "usable": not impossible(rows),
+                "known_of_model": known_of_model(machine, facts),
                 "ledger": [row.in_english for row in rows],
                 "reasons": [reason.text for reason in reasons],
             }
         )
         return int(bool(impossible(rows)))
     _heading(device, file)
+    for line in known_of_model(machine, facts):
+        click.echo(f"  {line}")
     for row in rows:
         click.echo(f"  {row.text}")
     # Real files break the standard in many ways (decision 0008): read all the same, but not in silence.

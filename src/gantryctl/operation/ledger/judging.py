@@ -56,6 +56,21 @@ def ledger(
     return tuple(_accepted(row, acceptances, bound_to) for row in rows)
 
 
+def known_of_model(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:
+    """What the profile of a drive says of its model before anything is tried: its lacks and how it saves, in lines."""
+    # Only a machine on a bus loads the bus.
+    from gantryctl.wiring.canopen import profile_of_drive
+
+    profile = profile_of_drive(machine, facts)
+    if profile is None:
+        return ()
+    return (
+        f"profile {profile.name} ({profile.tried.value})",
+        *(f"known of the model: lacks {what}: {text}" for what, text in profile.lacks.items()),
+        f"known of the model: stores by {profile.saving.object}, {profile.saving.remark}",
+    )
+
+
 def _accepted(row: LedgerRow, acceptances: Iterable[Acceptance], bound_to: Binding) -> LedgerRow:
     """The row as a person has accepted it; a failed proof and what nobody may accept stay as they are."""
     if not (row.lacking and row.acceptable):

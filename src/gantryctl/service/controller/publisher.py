@@ -240,6 +240,7 @@ class Publisher:
             "speed_min_deg_s": speed.low,
             "speed_max_deg_s": speed.high,
             "speed_cap_deg_s": rounded(deg(cap_rad_s)),
+            "quick_dec_deg_s2": rounded(deg(self._axis.settings.ramps.quick_dec_rad_s2)),
             "acc_min_deg_s2": rounded(acc.low),
             "acc_max_deg_s2": acc.high,
             "increment_max_deg": ranges["increment_deg"].high,

@@ -188,6 +188,8 @@ _LIMITS: Final = (
     _out("speed_max_deg_s", "deg/s", "float", "on change", "Highest speed setting."),
     _out("speed_cap_deg_s", "deg/s", "float", "on change",
          "Keys and increments above this need the enabling switch."),
+    _out("quick_dec_deg_s2", "deg/s2", "float", "on change",
+         "Deceleration of a quick stop: as set, or as measured of a drive with a ramp of its own."),
     _out("acc_min_deg_s2", "deg/s2", "float", "on change", "Lowest acceleration setting."),
     _out("acc_max_deg_s2", "deg/s2", "float", "on change", "Highest acceleration setting, that of the machine file."),
     _out("increment_max_deg", "deg", "float", "on change", "Largest increment."),
