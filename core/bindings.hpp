@@ -3,6 +3,11 @@
 
 #include <nanobind/nanobind.h>
 
+#include "core/plant/drive.hpp"
+
+// 0 off, 1 speed, 2 quick stop; throws std::invalid_argument for anything else.
+gantry::DriveMode drive_mode(int mode);
+
 void bind_control(nanobind::module_& m);
 void bind_compensation(nanobind::module_& m);
 void bind_plant(nanobind::module_& m);

@@ -94,7 +94,8 @@ Params make_params(const Switches& switches, const Numbers& numbers, const std::
   return p;
 }
 
-Result run(Law& law, const PositionLawParams& position, const SetPoint& r, double counts, double ring) {
+Result run(Law& law, const PositionLawParams<double>& position, const SetPoint<double>& r, double counts,
+           double ring) {
   const auto out = compensated_law(position, law.p, law.s, r, counts, ring);
   return {out.law.vel_cmd_rad_s, out.law.pos_act_rad, out.law.pos_err_rad, out.torque_ff_nm,
           out.disagreement_rad};
@@ -154,8 +155,8 @@ void bind_compensation(nb::module_& m) {
           "angle;\nfast: (cycles per gantry turn, sine, cosine).")
       .def(
           "scan",
-          [](Law& law, const PositionLawParams& position, double pos, double vel, double acc, double counts,
-             double ring) {
+          [](Law& law, const PositionLawParams<double>& position, double pos, double vel, double acc,
+             double counts, double ring) {
             law.before = law.s;
             return run(law, position, {pos, vel, acc}, counts, ring);
           },
@@ -165,8 +166,8 @@ void bind_compensation(nb::module_& m) {
           "torque to feed forward (motor side, clamped), load-side encoder minus maps (gantry side).")
       .def(
           "scan_again",
-          [](Law& law, const PositionLawParams& position, double pos, double vel, double acc, double counts,
-             double ring) {
+          [](Law& law, const PositionLawParams<double>& position, double pos, double vel, double acc,
+             double counts, double ring) {
             law.s = law.before;
             return run(law, position, {pos, vel, acc}, counts, ring);
           },
@@ -179,7 +180,7 @@ void bind_compensation(nb::module_& m) {
           "After a new reference: what the load-side loop has learned no longer holds.")
       .def(
           "resting_position",
-          [](const Law& law, const PositionLawParams& position, double counts) {
+          [](const Law& law, const PositionLawParams<double>& position, double counts) {
             return resting_position(position, law.p, law.s, counts);
           },
           nb::arg("law"), nb::arg("counts"), "Where the load is at rest, by motor encoder and maps, rad.")

@@ -43,8 +43,8 @@ Column column(const Segments& s, Get get) {
   return values;
 }
 
-PositionLawParams make_law(double kpp_per_s, double kvf, double ratio, double counts_per_turn,
-                           double vel_max_rad_s) {
+PositionLawParams<double> make_law(double kpp_per_s, double kvf, double ratio, double counts_per_turn,
+                                   double vel_max_rad_s) {
   constexpr double kTwoPi = 6.283185307179586;
   for (double x : {kpp_per_s, kvf, ratio, counts_per_turn, vel_max_rad_s})
     if (!std::isfinite(x)) throw std::invalid_argument("PositionLaw: a parameter is not finite");
@@ -68,7 +68,7 @@ void bind_control(nb::module_& m) {
       .def(
           "sample",
           [](const Segments& s, double t) {
-            const SetPoint r = s.sample(t);
+            const SetPoint<double> r = s.sample(t);
             return Row(r.pos, r.vel, r.acc);
           },
           nb::arg("t"),
@@ -90,28 +90,29 @@ void bind_control(nb::module_& m) {
       .def_prop_ro("acc", [](const Segments& s) { return column(s, [](auto& x) { return x.acc; }); })
       .def_prop_ro("jerk", [](const Segments& s) { return column(s, [](auto& x) { return x.jerk; }); });
 
-  nb::class_<PositionLawParams>(m, "PositionLaw",
-                                "P position loop with velocity feed-forward: v = Kpp (i r - y) + Kvf i r'.")
+  nb::class_<PositionLawParams<double>>(
+      m, "PositionLaw", "P position loop with velocity feed-forward: v = Kpp (i r - y) + Kvf i r'.")
       .def(
           "__init__",
-          [](PositionLawParams* self, double kpp_per_s, double kvf, double ratio, double counts_per_turn,
-             double vel_max_rad_s) {
-            new (self) PositionLawParams(make_law(kpp_per_s, kvf, ratio, counts_per_turn, vel_max_rad_s));
+          [](PositionLawParams<double>* self, double kpp_per_s, double kvf, double ratio,
+             double counts_per_turn, double vel_max_rad_s) {
+            new (self)
+                PositionLawParams<double>(make_law(kpp_per_s, kvf, ratio, counts_per_turn, vel_max_rad_s));
           },
           nb::arg("kpp_per_s"), nb::arg("kvf"), nb::arg("ratio"), nb::arg("counts_per_turn"),
           nb::arg("vel_max_rad_s"))
       .def(
           "scan",
-          [](const PositionLawParams& p, double pos_ref_rad, double vel_ref_rad_s, double counts) {
+          [](const PositionLawParams<double>& p, double pos_ref_rad, double vel_ref_rad_s, double counts) {
             const auto r = position_law(p, pos_ref_rad, vel_ref_rad_s, counts);
             return Row(r.vel_cmd_rad_s, r.pos_act_rad, r.pos_err_rad);
           },
           nb::arg("pos_ref_rad"), nb::arg("vel_ref_rad_s"), nb::arg("counts"),
           "Speed command (motor side, clamped), actual position and following error (gantry side).\n\n"
           "counts is the encoder count minus its zero offset. NaN passes through the clamp.")
-      .def_ro("kpp_per_s", &PositionLawParams::kpp_per_s)
-      .def_ro("kvf", &PositionLawParams::kvf)
-      .def_ro("ratio", &PositionLawParams::ratio)
-      .def_ro("rad_per_count", &PositionLawParams::rad_per_count)
-      .def_ro("vel_max_rad_s", &PositionLawParams::vel_max_rad_s);
+      .def_ro("kpp_per_s", &PositionLawParams<double>::kpp_per_s)
+      .def_ro("kvf", &PositionLawParams<double>::kvf)
+      .def_ro("ratio", &PositionLawParams<double>::ratio)
+      .def_ro("rad_per_count", &PositionLawParams<double>::rad_per_count)
+      .def_ro("vel_max_rad_s", &PositionLawParams<double>::vel_max_rad_s);
 }

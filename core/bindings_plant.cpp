@@ -11,7 +11,7 @@
 #include <tuple>
 
 #include "core/bindings.hpp"
-#include "core/plant/gantry_sim.hpp"
+#include "core/isa/dispatch.hpp"
 
 namespace nb = nanobind;
 using namespace gantry;
@@ -33,22 +33,19 @@ Sim make_sim(const Plant1& plant, const Drive1& drive, double scan_period_s, con
   if (per_scan < 1 || std::fabs(per_scan * drive.cycle_s - scan_period_s) > 1e-9)
     throw std::invalid_argument("the scan period must be a whole number of drive cycles");
   if (rk4_steps < 1) throw std::invalid_argument("rk4_steps must be at least 1");
+  const auto native = scheme == "rk4" ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation;
   return {plant,
           drive,
-          scan_period_s,
-          per_scan,
-          cycles(drive.brake_close_s, drive.cycle_s),
-          cycles(drive.brake_open_s, drive.cycle_s),
-          drive.cycle_s,
-          scheme == "rk4" ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation,
-          rk4_steps};
+          static_cast<double>(cycles(drive.brake_close_s, drive.cycle_s)),
+          static_cast<double>(cycles(drive.brake_open_s, drive.cycle_s)),
+          {scan_period_s, drive.cycle_s, per_scan, native, rk4_steps}};
 }
 
 using ScaleTerms = std::vector<std::tuple<double, double, double>>;
 
-LoadEncoderParams make_load_encoder(double step_rad, double noise_rad, double latency_s,
-                                    const ScaleTerms& scale) {
-  LoadEncoderParams p;
+LoadEncoderParams<double> make_load_encoder(double step_rad, double noise_rad, double latency_s,
+                                            const ScaleTerms& scale) {
+  LoadEncoderParams<double> p;
   if (scale.size() > p.scale.size()) throw std::invalid_argument("the scale has at most 4 terms");
   for (double x : {step_rad, noise_rad, latency_s})
     if (!(std::isfinite(x) && x >= 0.0))
@@ -80,7 +77,7 @@ StateMap get_state(const Sim& sim) {
   m["report_vel"] = sim.report.vel;
   m["report_limited"] = sim.report.limited ? 1.0 : 0.0;
   m["count_offset"] = sim.count_offset;
-  m["scans_done"] = static_cast<double>(sim.scans_done);
+  m["scans_done"] = sim.scans_done;
   // Only where the encoder is faulty: the states of sound plants keep their form.
   if (sim.encoder.spoilt) {
     m["encoder_gain"] = sim.encoder.gain;
@@ -109,7 +106,7 @@ void set_state(Sim& sim, const StateMap& m) {
   const double countdown = value("brake_countdown");
   if (!(countdown >= 0.0 && countdown <= 1e9))
     throw std::invalid_argument("the state has a brake_countdown outside 0..1e9");
-  copy.brake.countdown = static_cast<int>(countdown);
+  copy.brake.countdown = std::trunc(countdown);
   copy.report.torque_mesh = value("report_torque_mesh");
   copy.report.vel = value("report_vel");
   copy.report.limited = value("report_limited") != 0.0;
@@ -117,7 +114,7 @@ void set_state(Sim& sim, const StateMap& m) {
   const double scans_done = value("scans_done");
   if (!(scans_done >= 0.0 && scans_done <= 1e15))
     throw std::invalid_argument("the state has scans_done outside 0..1e15");
-  copy.scans_done = static_cast<std::uint64_t>(scans_done);
+  copy.scans_done = std::trunc(scans_done);
   copy.encoder = EncoderFault<double>();
   if (m.count("encoder_gain") != 0)
     copy.encoder = {true, value("encoder_gain"), value("encoder_pos_start"), value("encoder_seen_start")};
@@ -134,7 +131,7 @@ using SampleRow = std::tuple<double, double, double, double, double, bool>;
 std::vector<SampleRow> samples_taken(const Sim& sim) {
   std::vector<SampleRow> rows;
   rows.reserve(sim.samples.size());
-  for (const Sim::Sample& s : sim.samples) rows.emplace_back(s[0], s[1], s[2], s[3], s[4], s[5] != 0.0);
+  for (const auto& [s] : sim.samples) rows.emplace_back(s[0], s[1], s[2], s[3], s[4], s[5] != 0.0);
   return rows;
 }
 
@@ -177,7 +174,7 @@ void bind_sim(nb::module_& m) {
       .def(
           "scan",
           [](Sim& sim, int mode, double vel_cmd_rad_s, double torque_ff_nm, bool brake_open) {
-            sim.scan({drive_mode(mode), vel_cmd_rad_s, torque_ff_nm}, brake_open);
+            kernels().scan(sim, {drive_mode(mode), vel_cmd_rad_s, torque_ff_nm}, brake_open);
           },
           nb::arg("mode"), nb::arg("vel_cmd_rad_s"), nb::arg("torque_ff_nm"), nb::arg("brake_open"),
           "Advance one scan. mode: 0 off, 1 speed, 2 quick stop; commands at the motor.")
@@ -294,6 +291,11 @@ void bind_equations(nb::module_& m) {
 }
 
 }  // namespace
+
+DriveMode drive_mode(int mode) {
+  if (mode < 0 || mode > 2) throw std::invalid_argument("mode must be 0 (off), 1 (speed) or 2 (quick stop)");
+  return static_cast<DriveMode>(mode);
+}
 
 void bind_plant(nb::module_& m) {
   bind_params(m);

@@ -5,7 +5,7 @@
 #include "core/control/compensation.hpp"
 #include "core/control/position_law.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 constexpr double kAnyAngleRad = 10.0;  // a reading beyond this is not an angle of a gantry
 constexpr double kScansMissing = 3.0;  // in a row, that the engine bridges
@@ -20,10 +20,10 @@ struct CompensatedResult {
 
 // Where the load is by motor encoder and maps, at rest: what the set-point starts from.
 template <class T>
-T resting_position(const PositionLawParams& law, const CompensationParams<T>& p,
+T resting_position(const PositionLawParams<T>& law, const CompensationParams<T>& p,
                    const CompensationState<T>& s, T counts) {
   const T zero = T(0.0);
-  const T y = T(law.rad_per_count) * counts / T(law.ratio);
+  const T y = law.rad_per_count * counts / law.ratio;
   const T first = y - map_correction(p, s.direction, zero, y, zero, zero, zero).pos;
   return y - map_correction(p, s.direction, zero, first, zero, zero, zero).pos - s.bias_rad;
 }
@@ -32,33 +32,35 @@ T resting_position(const PositionLawParams& law, const CompensationParams<T>& p,
 template <class T>
 T load_side_bias(const CompensationParams<T>& p, T bias, T error) {
   const auto acts = negate(vabs(error) <= p.encoder_dead_band_rad);
-  const T next = bias + select(acts, p.encoder_gain_per_s * error * p.period_s, T(0.0));
+  const T next = select(acts, bias + p.encoder_gain_per_s * error * p.period_s, bias);
   return clamp(next, -p.encoder_limit_rad, p.encoder_limit_rad);
 }
 
 // Speed, at the gantry, by which the motor yields to the swing of the load: g (Kpp (w - r') + w1^2 (twist -
 // resting twist)), w the filtered load speed.
 template <class T>
-T damping_speed(const CompensationParams<T>& p, double kpp_per_s, CompensationState<T>& s, T ring, T vel_ref,
+T damping_speed(const CompensationParams<T>& p, T kpp_per_s, CompensationState<T>& s, T ring, T vel_ref,
                 T twist) {
   s.vel_ring_rad_s =
       s.vel_ring_rad_s + p.damping_filter * ((ring - s.ring_last_rad) / p.period_s - s.vel_ring_rad_s);
   s.twist_slow_rad = s.twist_slow_rad + p.damping_slow * (twist - s.twist_slow_rad);
   const T swing = p.swing_rad_s * p.swing_rad_s * (twist - s.twist_slow_rad);
-  return p.damping_gain * (T(kpp_per_s) * (s.vel_ring_rad_s - vel_ref) + swing);
+  return p.damping_gain * (kpp_per_s * (s.vel_ring_rad_s - vel_ref) + swing);
 }
 
-// First scan after the axis began to follow; direction and bias are kept, they describe the machine.
+// First scan after the axis began to follow, in the lanes where it is; direction and bias are kept, they
+// describe the machine.
 template <class T>
-void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint& r, T y, T ring,
+void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint<T>& r, T y, T ring,
                      CompensationState<T>& s) {
-  s.started = true;
-  s.pos_last_rad = T(r.pos);
-  s.acc_last_rad_s2 = T(r.acc);
-  s.ring_last_rad = ring;
-  s.vel_ring_rad_s = T(r.vel);
-  s.twist_slow_rad = y - ring;
-  s.torque_zero_nm = feed_forward_torque(p, ratio, T(r.pos), T(r.acc));
+  const auto going = s.started;
+  s.pos_last_rad = select(going, s.pos_last_rad, r.pos);
+  s.acc_last_rad_s2 = select(going, s.acc_last_rad_s2, r.acc);
+  s.ring_last_rad = select(going, s.ring_last_rad, ring);
+  s.vel_ring_rad_s = select(going, s.vel_ring_rad_s, r.vel);
+  s.twist_slow_rad = select(going, s.twist_slow_rad, y - ring);
+  s.torque_zero_nm = select(going, s.torque_zero_nm, feed_forward_torque(p, ratio, r.pos, r.acc));
+  s.started = mask<T>(true);
 }
 
 // What the load-side encoder says without its own errors, and what the law takes of it. The load goes with
@@ -76,50 +78,49 @@ LoadSideReading<T> load_side_reading(const CompensationParams<T>& p, const Compe
                                      T lead, T vel_ref, T y) {
   const T seen = (p.scale_map ? ring - harmonics(p.scale, ring).value : ring) + lead;
   const auto valid = vabs(ring) < T(kAnyAngleRad);
-  if (!s.started) return {select(valid, seen, ring), select(valid, seen, y)};
   const T way = vel_ref * p.period_s;
   const T reckoned = s.ring_last_rad + way;
   const T swing = p.swing_speed_max_rad_s * p.period_s;
   const auto plausible = vabs(seen - reckoned) <= swing + T(kScansMissing) * vabs(way);
   const T most = select(plausible, swing, T(kStepShare) * swing);
-  return {select(valid, seen, ring), select(valid, clamp(seen, reckoned - most, reckoned + most), reckoned)};
+  const T followed = select(valid, clamp(seen, reckoned - most, reckoned + most), reckoned);
+  return {select(valid, seen, ring), select(s.started, followed, select(valid, seen, y))};
 }
 
 // One scan. counts: motor encoder minus its zero offset; ring: load-side encoder, rad (0 without one).
 // NaN of the motor side passes through to the command on purpose, as in position_law.
 template <class T>
-CompensatedResult<T> compensated_law(const PositionLawParams& law, const CompensationParams<T>& p,
-                                     CompensationState<T>& s, const SetPoint& r, T counts, T ring) {
-  const T ratio = T(law.ratio);
-  const T lead = T(r.vel) * p.latency_s;  // how far the motor went on since its encoder was read
-  const T y = T(law.rad_per_count) * counts / ratio + lead;
+CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const CompensationParams<T>& p,
+                                     CompensationState<T>& s, const SetPoint<T>& r, T counts, T ring) {
+  const T ratio = law.ratio;
+  const T lead = r.vel * p.latency_s;  // how far the motor went on since its encoder was read
+  const T y = law.rad_per_count * counts / ratio + lead;
   // Both encoders are latched at the same instant.
-  const LoadSideReading<T> reading = load_side_reading(p, s, ring, lead, T(r.vel), y);
+  const LoadSideReading<T> reading = load_side_reading(p, s, ring, lead, r.vel, y);
   ring = reading.taken;
-  if (!s.started) begin_following(p, ratio, r, y, ring, s);
+  if (any(negate(s.started))) begin_following(p, ratio, r, y, ring, s);
 
   const T before = s.direction;
-  const T way = (T(r.pos) - s.pos_last_rad) / p.reversal_length_rad;
+  const T way = (r.pos - s.pos_last_rad) / p.reversal_length_rad;
   s.direction = clamp(before + way, T(-1.0), T(1.0));
   const T turning = (s.direction - before) / p.period_s;
-  const T jerk = (T(r.acc) - s.acc_last_rad_s2) / p.period_s;
-  const Motion<T> c = map_correction(p, s.direction, turning, T(r.pos), T(r.vel), T(r.acc), jerk);
-  if (p.load_encoder) s.bias_rad = load_side_bias(p, s.bias_rad, T(r.pos) - ring);
+  const T jerk = (r.acc - s.acc_last_rad_s2) / p.period_s;
+  const Motion<T> c = map_correction(p, s.direction, turning, r.pos, r.vel, r.acc, jerk);
+  if (p.load_encoder) s.bias_rad = load_side_bias(p, s.bias_rad, r.pos - ring);
 
   const T shift = c.pos + s.bias_rad;
   CompensatedResult<T> out;
-  out.law = position_law(law, T(r.pos) + shift - lead, T(r.vel) + c.vel, counts);
+  out.law = position_law(law, r.pos + shift - lead, r.vel + c.vel, counts);
   out.law.pos_act_rad = out.law.pos_act_rad + lead - shift;
   if (p.damping) {
-    const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, T(r.vel), y - ring);
-    out.law.vel_cmd_rad_s =
-        clamp(out.law.vel_cmd_rad_s - yields, T(-law.vel_max_rad_s), T(law.vel_max_rad_s));
+    const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, r.vel, y - ring);
+    out.law.vel_cmd_rad_s = clamp(out.law.vel_cmd_rad_s - yields, -law.vel_max_rad_s, law.vel_max_rad_s);
   }
-  const T torque = feed_forward_torque(p, ratio, T(r.pos), T(r.acc)) - s.torque_zero_nm;
+  const T torque = feed_forward_torque(p, ratio, r.pos, r.acc) - s.torque_zero_nm;
   out.torque_ff_nm = clamp(torque, -p.torque_limit_nm, p.torque_limit_nm);
   out.disagreement_rad = reading.seen - (y - c.pos);
-  s.pos_last_rad = T(r.pos);
-  s.acc_last_rad_s2 = T(r.acc);
+  s.pos_last_rad = r.pos;
+  s.acc_last_rad_s2 = r.acc;
   s.ring_last_rad = ring;
   return out;
 }
@@ -133,4 +134,4 @@ struct Compensation {
   CompensationState<T> before;
 };
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -9,7 +9,7 @@
 #include "core/control/harmonics.hpp"
 #include "core/control/segments.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 constexpr int kMapHarmonics = 16;
 constexpr int kReversalHarmonics = 12;
@@ -78,7 +78,7 @@ struct CompensationState {
 #define X(name, meaning) T name = T(0.0);
   GANTRY_COMPENSATION_STATE(X)
 #undef X
-  bool started = false;
+  MaskOf<T> started = mask<T>(false);
 };
 
 template <class T>
@@ -148,4 +148,4 @@ T feed_forward_torque(const CompensationParams<T>& p, T ratio, T pos, T acc) {
   return torque;
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

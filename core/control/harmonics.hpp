@@ -6,7 +6,7 @@
 #include "core/lane/elementary.hpp"
 #include "core/lane/lane.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 template <class T>
 struct Curve {
@@ -51,4 +51,4 @@ Curve<T> fast_wave(const FastWave<T>& w, T x) {
   return {w.sine * s.sin + w.cosine * s.cos, w.cycles * (w.sine * s.cos - w.cosine * s.sin)};
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -3,14 +3,15 @@
 
 #include "core/lane/lane.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
+template <class T>
 struct PositionLawParams {
-  double kpp_per_s = 0.0;
-  double kvf = 0.0;
-  double ratio = 1.0;          // motor turns per gantry turn
-  double rad_per_count = 0.0;  // motor angle of one encoder count
-  double vel_max_rad_s = 0.0;  // command clamp, motor side
+  T kpp_per_s = T(0.0);
+  T kvf = T(0.0);
+  T ratio = T(1.0);          // motor turns per gantry turn
+  T rad_per_count = T(0.0);  // motor angle of one encoder count
+  T vel_max_rad_s = T(0.0);  // command clamp, motor side
 };
 
 template <class T>
@@ -22,11 +23,12 @@ struct PositionLawResult {
 
 // v_cmd = Kpp (i r - y) + Kvf i r'; counts is the encoder count minus its zero offset.
 template <class T>
-PositionLawResult<T> position_law(const PositionLawParams& p, T pos_ref_rad, T vel_ref_rad_s, T counts) {
-  const T y = T(p.rad_per_count) * counts;
-  const T error = T(p.ratio) * pos_ref_rad - y;
-  const T vel = T(p.kpp_per_s) * error + T(p.kvf) * (T(p.ratio) * vel_ref_rad_s);
-  return {clamp(vel, T(-p.vel_max_rad_s), T(p.vel_max_rad_s)), y / T(p.ratio), error / T(p.ratio)};
+GANTRY_INLINE PositionLawResult<T> position_law(const PositionLawParams<T>& p, T pos_ref_rad, T vel_ref_rad_s,
+                                                T counts) {
+  const T y = p.rad_per_count * counts;
+  const T error = p.ratio * pos_ref_rad - y;
+  const T vel = p.kpp_per_s * error + p.kvf * (p.ratio * vel_ref_rad_s);
+  return {clamp(vel, -p.vel_max_rad_s, p.vel_max_rad_s), y / p.ratio, error / p.ratio};
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

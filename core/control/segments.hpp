@@ -6,12 +6,15 @@
 #include <cstddef>
 #include <vector>
 
-namespace gantry {
+#include "core/lane/isa.hpp"
 
+namespace gantry::GANTRY_ISA {
+
+template <class T>
 struct SetPoint {
-  double pos;
-  double vel;
-  double acc;
+  T pos;
+  T vel;
+  T acc;
 };
 
 class Segments {
@@ -26,7 +29,7 @@ class Segments {
 
   // The set-point at time t; before the start its first state, after the end the final one (at vel_end for
   // ever).
-  SetPoint sample(double t) const {
+  SetPoint<double> sample(double t) const {
     if (!(t < duration_) || segments_.empty())
       return {t > duration_ ? pos_end_ + vel_end_ * (t - duration_) : pos_end_, vel_end_, 0.0};
     std::size_t k = segments_.size() - 1;
@@ -64,7 +67,7 @@ class Segments {
   double vel_end() const { return vel_end_; }
 
  private:
-  static SetPoint at(const Segment& s, double dt) {
+  static SetPoint<double> at(const Segment& s, double dt) {
     return {s.pos + dt * (s.vel + dt * (0.5 * s.acc + dt * (s.jerk / 6.0))),
             s.vel + dt * (s.acc + dt * (0.5 * s.jerk)), s.acc + dt * s.jerk};
   }
@@ -75,4 +78,4 @@ class Segments {
   double vel_end_ = 0.0;
 };
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

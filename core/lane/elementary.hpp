@@ -4,7 +4,7 @@
 
 #include "core/lane/lane.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 template <class T>
 struct SinCos {
@@ -92,4 +92,4 @@ GANTRY_INLINE SinCos<T> angle_sum(const SinCos<T>& a, const SinCos<T>& b) {
   return {a.sin * b.cos + a.cos * b.sin, a.cos * b.cos - a.sin * b.sin};
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -8,6 +8,8 @@
 #include <cstdint>
 #include <cstring>
 
+#include "core/lane/isa.hpp"
+
 // The kernels are one chain of arithmetic: a call in it costs more than what it calls.
 #if defined(_MSC_VER)
 #define GANTRY_INLINE __forceinline
@@ -15,33 +17,38 @@
 #define GANTRY_INLINE inline __attribute__((always_inline))
 #endif
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
-inline double select(bool mask, double a, double b) { return mask ? a : b; }
-inline bool any(bool mask) { return mask; }
-inline bool both(bool a, bool b) { return a && b; }
-inline bool either(bool a, bool b) { return a || b; }
-inline bool negate(bool a) { return !a; }
-inline double vabs(double x) { return std::fabs(x); }
-inline double vsqrt(double x) { return std::sqrt(x); }
+// What a comparison of two T gives: bool, or one truth per lane.
+template <class T>
+using MaskOf = decltype(T(0.0) < T(0.0));
+
+GANTRY_INLINE double select(bool mask, double a, double b) { return mask ? a : b; }
+GANTRY_INLINE bool any(bool mask) { return mask; }
+GANTRY_INLINE bool both(bool a, bool b) { return a && b; }
+GANTRY_INLINE bool either(bool a, bool b) { return a || b; }
+GANTRY_INLINE bool differ(bool a, bool b) { return a != b; }
+GANTRY_INLINE bool negate(bool a) { return !a; }
+GANTRY_INLINE double vabs(double x) { return std::fabs(x); }
+GANTRY_INLINE double vsqrt(double x) { return std::sqrt(x); }
 
 // +1 for x >= 0, -1 below.
 template <class T>
-T sign(T x) {
+GANTRY_INLINE T sign(T x) {
   return select(x < T(0.0), T(-1.0), T(1.0));
 }
 
 // Round half to even by adding and taking away 1.5 * 2^52: exact for |x| < 2^51, no library call, the same in
 // a pack.
 template <class T>
-T vround(T x) {
+GANTRY_INLINE T vround(T x) {
   constexpr double kMagic = 6755399441055744.0;
   return (x + T(kMagic)) - T(kMagic);
 }
 
 // 2^n for a whole number -1022 <= n <= 1023; something for anything else, NaN too. After adding 1.5 * 2^52
 // the lowest bits are those of n as an integer.
-inline double pow2(double n) {
+GANTRY_INLINE double pow2(double n) {
   const double shifted = n + 6755399441055744.0;
   std::uint64_t bits;
   std::memcpy(&bits, &shifted, sizeof bits);
@@ -54,7 +61,7 @@ inline double pow2(double n) {
 // Limits x to [lo, hi] and lets NaN through: every comparison with NaN is false, so x itself is returned.
 // (max(lo, min(hi, x)) would make full speed out of NaN.)
 template <class T>
-T clamp(T x, T lo, T hi) {
+GANTRY_INLINE T clamp(T x, T lo, T hi) {
   return select(x < lo, lo, select(x > hi, hi, x));
 }
 
@@ -62,9 +69,24 @@ T clamp(T x, T lo, T hi) {
 // Applied once per scan this makes a zero of anything below about 1e-216 and leaves every other number as it
 // is.
 template <class T>
-T flush_subnormal(T x) {
+GANTRY_INLINE T flush_subnormal(T x) {
   constexpr double kTiny = 1e-200;
   return (x + T(kTiny)) - T(kTiny);
 }
 
-}  // namespace gantry
+// The same truth in every lane.
+template <class T>
+GANTRY_INLINE MaskOf<T> mask(bool value) {
+  return T(value ? 1.0 : 0.0) > T(0.0);
+}
+
+// One lane of a number that is the same or not in every lane: to read, and to be set. A double has lane 0.
+GANTRY_INLINE double lane(double x, int) { return x; }
+GANTRY_INLINE bool lane(bool mask, int) { return mask; }
+GANTRY_INLINE void set_lane(double& x, int, double value) { x = value; }
+GANTRY_INLINE void set_lane(bool& mask, int, bool value) { mask = value; }
+
+template <class T>
+constexpr int kLanes = 1;
+
+}  // namespace gantry::GANTRY_ISA

@@ -2,17 +2,15 @@
 // scan engine calls the same functions one by one, so both give the same bits as long as no monitor acts.
 #pragma once
 
-#include <array>
 #include <cmath>
-#include <thread>
-#include <vector>
+#include <cstddef>
 
 #include "core/control/compensated_law.hpp"
 #include "core/control/position_law.hpp"
 #include "core/control/segments.hpp"
 #include "core/plant/gantry_sim.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 // clang-format off
 // One row of a log: the state at the start of the scan, the set-point sampled and the command computed from them.
@@ -29,14 +27,16 @@ namespace gantry {
   X(max_torque_mesh_nm)
 // clang-format on
 
+template <class T>
 struct LogRow {
-#define X(name) double name;
+#define X(name) T name = T(0.0);
   GANTRY_LOG_COLUMNS(X)
 #undef X
 };
 
+template <class T>
 struct LegResult {
-#define X(name) double name = 0.0;
+#define X(name) T name = T(0.0);
   GANTRY_LEG_COLUMNS(X)
 #undef X
 };
@@ -49,9 +49,19 @@ struct Leg {
   long average = 0;
 };
 
+// How one axis of a run is controlled; `compensation` may be null.
+template <class T>
+struct Control {
+  PositionLawParams<T> law;
+  T zero_counts = T(0.0);
+  Compensation<T>* compensation = nullptr;
+  T torque_ff_nm = T(0.0);  // on top of everything
+};
+
 // The state of the plant in a row; set-point and command are filled in by the caller.
-inline LogRow state_row(const GantrySim<double>& sim) {
-  LogRow row{};
+template <class T>
+GANTRY_INLINE LogRow<T> state_row(const GantrySim<T>& sim) {
+  LogRow<T> row;
   row.torque_act_nm = sim.x.torque_motor;
   row.pos_load_rad = sim.x.pos_load;
   row.vel_load_rad_s = sim.x.vel_load;
@@ -60,32 +70,23 @@ inline LogRow state_row(const GantrySim<double>& sim) {
   row.pos_base_rad = sim.x.pos_base;
   row.vel_base_rad_s = sim.x.vel_base;
   row.torque_mesh_nm = sim.torque_mesh();
-  row.torque_limited = sim.limited() ? 1.0 : 0.0;
+  row.torque_limited = select(sim.limited(), T(1.0), T(0.0));
   row.pos_ring_rad = sim.ring_reading();
   return row;
 }
 
-// How one axis of a run is controlled; `compensation` may be null.
-struct Control {
-  PositionLawParams law;
-  double zero_counts = 0.0;
-  Compensation<double>* compensation = nullptr;
-  double torque_ff_nm = 0.0;  // on top of everything
-};
-
-// One scan: log the state at t, compute the command, advance by one period.
-inline LogRow closed_loop_scan(GantrySim<double>& sim, const Control& control, const Segments& plan,
-                               double t) {
-  const PositionLawParams& law = control.law;
-  LogRow row = state_row(sim);
-  const SetPoint r = plan.sample(t);
+// One scan: log the state, compute the command that follows the set-point, advance by one period.
+template <class T>
+GANTRY_INLINE LogRow<T> closed_loop_scan(GantrySim<T>& sim, const Control<T>& control, const SetPoint<T>& r) {
+  const PositionLawParams<T>& law = control.law;
+  LogRow<T> row = state_row(sim);
   row.counts = sim.counts(law.rad_per_count) - control.zero_counts;
   row.torque_ff_nm = control.torque_ff_nm;
-  PositionLawResult<double> command;
-  if (Compensation<double>* c = control.compensation) {
+  PositionLawResult<T> command;
+  if (Compensation<T>* c = control.compensation) {
     const auto result = compensated_law(law, c->p, c->s, r, row.counts, row.pos_ring_rad);
     command = result.law;
-    row.torque_ff_nm += result.torque_ff_nm;
+    row.torque_ff_nm = row.torque_ff_nm + result.torque_ff_nm;
   } else {
     command = position_law(law, r.pos, r.vel, row.counts);
   }
@@ -95,57 +96,39 @@ inline LogRow closed_loop_scan(GantrySim<double>& sim, const Control& control, c
   row.pos_act_rad = command.pos_act_rad;
   row.pos_err_rad = command.pos_err_rad;
   row.vel_cmd_rad_s = command.vel_cmd_rad_s;
-  sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, row.torque_ff_nm}, true);
+  sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, row.torque_ff_nm}, mask<T>(true));
   return row;
 }
 
-// Runs `scans` scans of one plan and hands every row to `sink`.
-template <class Sink>
-void run_plan(GantrySim<double>& sim, const Control& control, const Segments& plan, long scans, Sink&& sink) {
-  const double period = sim.scan_period_s();
-  for (long k = 0; k < scans; ++k)
-    sink(k, closed_loop_scan(sim, control, plan, static_cast<double>(k) * period));
+// Where rows go: one piece of memory per log column, `scans` long.
+struct LogTable {
+  double* data;
+  std::size_t scans;
+
+  GANTRY_INLINE void put(std::size_t k, const LogRow<double>& row) const {
+    double* to = data + k;
+#define X(name)   \
+  *to = row.name; \
+  to += scans;
+    GANTRY_LOG_COLUMNS(X)
+#undef X
+  }
+};
+
+// Runs one plan for as many scans as the table is long.
+inline void run_plan(GantrySim<double>& sim, const Control<double>& control, const Segments& plan,
+                     const LogTable& table) {
+  for (std::size_t k = 0; k < table.scans; ++k)
+    table.put(k, closed_loop_scan(sim, control, plan.sample(static_cast<double>(k) * sim.scan_period_s())));
 }
 
-inline LegResult run_leg(GantrySim<double>& sim, const Control& control, const Leg& leg) {
-  LegResult r;
-  const auto largest = [](double& so_far, double x) { so_far = std::max(so_far, std::fabs(x)); };
-  run_plan(sim, control, leg.plan, leg.scans, [&](long k, const LogRow& row) {
-    largest(r.max_vel_err_motor_rad_s, row.vel_motor_rad_s / control.law.ratio - row.vel_ref_rad_s);
-    largest(r.max_vel_err_load_rad_s, row.vel_load_rad_s - row.vel_ref_rad_s);
-    largest(r.max_pos_err_motor_rad, row.pos_err_rad);
-    largest(r.max_pos_err_load_rad, row.pos_ref_rad - row.pos_load_rad);
-    largest(r.max_torque_motor_nm, row.torque_act_nm);
-    largest(r.max_torque_mesh_nm, row.torque_mesh_nm);
-    if (k < leg.scans - leg.average) return;
-    r.mean_pos_load_rad += row.pos_load_rad;
-    r.mean_pos_ring_rad += row.pos_load_rad - row.pos_base_rad;
-    r.mean_pos_act_rad += row.pos_act_rad;
-  });
-  const double n = static_cast<double>(leg.average);
-  r.mean_pos_load_rad /= n;
-  r.mean_pos_ring_rad /= n;
-  r.mean_pos_act_rad /= n;
-  return r;
+// The same with one command to the drive.
+inline void run_command(GantrySim<double>& sim, const DriveCommand<double>& command, bool brake_open,
+                        const LogTable& table) {
+  for (std::size_t k = 0; k < table.scans; ++k) {
+    table.put(k, state_row(sim));
+    sim.scan(command, brake_open);
+  }
 }
 
-// Every plant through every leg; plants are shared out to threads, so the result does not depend on their
-// number.
-inline std::vector<std::vector<LegResult>> run_legs(std::vector<GantrySim<double>*> sims,
-                                                    const std::vector<Control>& controls,
-                                                    const std::vector<Leg>& legs, int threads) {
-  std::vector<std::vector<LegResult>> results(sims.size());
-  if (sims.empty()) return results;
-  const std::size_t shares = std::min(sims.size(), static_cast<std::size_t>(threads));
-  const auto work = [&](std::size_t first) {
-    for (std::size_t n = first; n < sims.size(); n += shares)
-      for (const Leg& leg : legs) results[n].push_back(run_leg(*sims[n], controls[n], leg));
-  };
-  std::vector<std::thread> pool;
-  for (std::size_t k = 1; k < shares; ++k) pool.emplace_back(work, k);
-  work(0);
-  for (std::thread& t : pool) t.join();
-  return results;
-}
-
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

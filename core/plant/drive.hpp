@@ -2,18 +2,11 @@
 // evaluation. It is hardware to the controller; plant equations S7 give the order of operations.
 #pragma once
 
-#include <stdexcept>
-
 #include "core/lane/lane.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 enum class DriveMode { kOff, kSpeed, kQuickStop };
-
-inline DriveMode drive_mode(int mode) {
-  if (mode < 0 || mode > 2) throw std::invalid_argument("mode must be 0 (off), 1 (speed) or 2 (quick stop)");
-  return static_cast<DriveMode>(mode);
-}
 
 // clang-format off
 #define GANTRY_DRIVE_PARAMS(X)                                                                         \
@@ -79,11 +72,20 @@ struct DriveState {
 #undef X
 };
 
+// What a drive is told; in a pack each in its own mode.
 template <class T>
 struct DriveCommand {
-  DriveMode mode = DriveMode::kOff;
+  MaskOf<T> off = mask<T>(true);
+  MaskOf<T> quick_stop = mask<T>(false);
   T vel_cmd_rad_s = T(0.0);  // at the motor
   T torque_ff_nm = T(0.0);   // added to the output of the speed loop
+
+  DriveCommand() = default;
+  DriveCommand(DriveMode mode, T vel_cmd, T torque_ff)
+      : off(mask<T>(mode == DriveMode::kOff)),
+        quick_stop(mask<T>(mode == DriveMode::kQuickStop)),
+        vel_cmd_rad_s(vel_cmd),
+        torque_ff_nm(torque_ff) {}
 };
 
 // Position as the encoder gives it: `latency_s` old and in whole counts (0: ideal).
@@ -116,31 +118,36 @@ GANTRY_INLINE T torque_limit(const Drive<T>& drive, DriveState<T>& s) {
 // One drive cycle; returns the torque that acts now. `limited` becomes true where the torque limit acts.
 template <class T>
 GANTRY_INLINE T drive_cycle(const Drive<T>& drive, const DriveCommand<T>& command, DriveState<T>& s,
-                            T pos_motor, T vel_motor, bool& limited) {
+                            T pos_motor, T vel_motor, MaskOf<T>& limited) {
   const DriveParams<T>& p = drive.p;
   const T vel = speed_feedback(drive, s, pos_motor, vel_motor);
   const T limit = torque_limit(drive, s);
-  if (command.mode == DriveMode::kOff) {
-    s.integral = T(0.0);
-    s.torque_set = T(0.0);
-    s.ramp = vel;
-    return T(0.0);
-  }
-  if (command.mode == DriveMode::kSpeed) {
-    s.ramp = clamp(command.vel_cmd_rad_s, -p.vel_max_rad_s, p.vel_max_rad_s);
-  } else {
+  T ramp = clamp(command.vel_cmd_rad_s, -p.vel_max_rad_s, p.vel_max_rad_s);
+  if (any(command.quick_stop)) {
     const T step = p.quick_dec_rad_s2 * p.cycle_s;
-    s.ramp = select(vabs(s.ramp) > step, s.ramp - sign(s.ramp) * step, T(0.0));
+    const T slower = select(vabs(s.ramp) > step, s.ramp - sign(s.ramp) * step, T(0.0));
+    ramp = select(command.quick_stop, slower, ramp);
   }
-  const T error = s.ramp - vel;
+  const T error = ramp - vel;
   const T wanted = p.kvp_nm_s_per_rad * error + (p.kvp_nm_s_per_rad * s.integral + command.torque_ff_nm);
-  const T given = clamp(wanted, -limit, limit);
-  const auto free = either(given == wanted, (wanted - given) * error < T(0.0));
-  s.integral = select(free, s.integral + error * drive.integral_step, s.integral);
-  if (!limited) limited = any(negate(given == wanted));
-  const T acting = p.delay_cycles > 0 ? s.torque_set : given;
+  T given = clamp(wanted, -limit, limit);
+  const auto whole = given == wanted;
+  const auto free = either(whole, (wanted - given) * error < T(0.0));
+  T integral = select(free, s.integral + error * drive.integral_step, s.integral);
+  auto cut = negate(whole);
+  T acting = p.delay_cycles > 0 ? s.torque_set : given;
+  if (any(command.off)) {
+    ramp = select(command.off, vel, ramp);
+    integral = select(command.off, T(0.0), integral);
+    given = select(command.off, T(0.0), given);
+    acting = select(command.off, T(0.0), acting);
+    cut = both(cut, negate(command.off));
+  }
+  limited = either(limited, cut);
+  s.ramp = ramp;
+  s.integral = integral;
   s.torque_set = given;
   return acting;
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

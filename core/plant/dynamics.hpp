@@ -5,7 +5,7 @@
 #include "core/plant/gear_error.hpp"
 #include "core/plant/params.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 // Parameters and what follows from them, computed once.
 template <class T>
@@ -42,7 +42,7 @@ struct Plant {
   }
 
   // S(x), x >= 0: torque of the three-slope spring.
-  T spring(T x) const {
+  GANTRY_INLINE T spring(T x) const {
     const T first = p.stiffness_1_nm_per_rad * x;
     const T second = p.torque_1_nm + p.stiffness_2_nm_per_rad * (x - break_1);
     const T third = p.torque_2_nm + p.stiffness_3_nm_per_rad * (x - break_2);
@@ -123,7 +123,7 @@ GANTRY_INLINE RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>
 
 // Friction of the motor, brake and ripple: the torque on the motor shaft besides Te and the mesh.
 template <class T>
-GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, bool brake_closed,
+GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, MaskOf<T> brake_closed,
                                   T torque_mesh, Forces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
@@ -133,9 +133,9 @@ GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x,
                        p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse, p.friction_ep_ratio);
     torque = torque - f.motor.torque;
   }
-  if (brake_closed) {
+  if (any(brake_closed)) {
     f.brake = friction(plant.brake, x.vel_motor, x.brake_z, T(0.0), p.friction_ep_ratio);
-    torque = torque - f.brake.torque;
+    torque = select(brake_closed, torque - f.brake.torque, torque);
   }
   return torque;
 }
@@ -161,7 +161,7 @@ class EccentricTorque {
 template <class T>
 GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
                                const EccentricTorque<T>& eccentric, const RingPoint<T>& ring,
-                               bool brake_closed) {
+                               MaskOf<T> brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
   const T rho = x.pos_load - x.pos_base;
@@ -198,7 +198,7 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
 // it.
 template <class T>
 GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x,
-                                     const EccentricTorque<T>& eccentric, bool brake_closed) {
+                                     const EccentricTorque<T>& eccentric, MaskOf<T> brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
   T torque = eccentric(x.pos_load);
@@ -213,4 +213,4 @@ GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>&
   return f;
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

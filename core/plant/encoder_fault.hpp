@@ -3,7 +3,7 @@
 
 #include "core/lane/lane.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 // Shows `gain` x the motion of the shaft since the fault, beginning where the encoder showed the shaft then.
 // A fault of the reading alone, behind a sound speed loop, is made at the drive's port instead.
@@ -30,4 +30,4 @@ struct EncoderFault {
   }
 };
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

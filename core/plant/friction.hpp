@@ -4,7 +4,7 @@
 
 #include "core/lane/elementary.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 // How far the element slides: 0 elastic, 1 sliding, a sine blend between ep_ratio and 1.
 // inverse = 1/z_ss, z_ss being the state at which it slides steadily.
@@ -79,4 +79,4 @@ GANTRY_INLINE T friction_step(T z, const Friction<T>& f, T dt) {
   return z + f.z_rate * length;
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -1,8 +1,6 @@
 // Drive, brake and plant together: what hangs behind a simulated drive port. One call advances one scan.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <vector>
 
 #include "core/plant/drive.hpp"
@@ -10,29 +8,43 @@
 #include "core/plant/integration.hpp"
 #include "core/plant/load_encoder.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
-// The holding brake: commanded, and closed or open after its dead times.
+// The holding brake: commanded, and closed or open after its dead times; in a pack each for itself.
+template <class T>
 struct Brake {
-  bool closed = true;
-  int countdown = 0;  // drive cycles until `closed` follows the command; 0: it does
+  MaskOf<T> closed = mask<T>(true);
+  T countdown = T(0.0);  // drive cycles until `closed` follows the command; 0: it does
 
   // Start of a scan. A command taken back ends the dead time; a brake without one follows at once: true.
-  bool command(bool open, int close_cycles, int open_cycles) {
-    if (open != closed) countdown = 0;
-    if (open != closed || countdown > 0) return false;
-    countdown = closed ? open_cycles : close_cycles;
-    if (countdown > 0) return false;
-    closed = !closed;
-    return true;
+  MaskOf<T> command(MaskOf<T> open, T close_cycles, T open_cycles) {
+    const auto taken_back = differ(open, closed);
+    countdown = select(taken_back, T(0.0), countdown);
+    const auto starts = negate(either(taken_back, countdown > T(0.0)));
+    countdown = select(starts, select(closed, open_cycles, close_cycles), countdown);
+    const auto at_once = both(starts, negate(countdown > T(0.0)));
+    closed = differ(closed, at_once);
+    return at_once;
   }
 
   // End of a drive cycle; true when the brake has followed its command.
-  bool cycle() {
-    if (countdown == 0 || --countdown > 0) return false;
-    closed = !closed;
-    return true;
+  GANTRY_INLINE MaskOf<T> cycle() {
+    const auto counting = countdown > T(0.0);
+    if (!any(counting)) return counting;
+    countdown = select(counting, countdown - T(1.0), countdown);
+    const auto follows = both(counting, negate(countdown > T(0.0)));
+    closed = differ(closed, follows);
+    return follows;
   }
+};
+
+// How time passes for a plant; one and the same in a pack.
+struct Timing {
+  double scan_period_s = 1e-3;
+  double cycle_s = 125e-6;
+  int cycles_per_scan = 8;
+  Scheme scheme = Scheme::kOneEvaluation;
+  int rk4_steps = 2;
 };
 
 template <class T>
@@ -42,27 +54,31 @@ class GantrySim {
   struct Report {
     T torque_mesh = T(0.0);
     T vel = T(0.0);  // mean motor speed over the scan, from the encoder
-    bool limited = false;
+    MaskOf<T> limited = mask<T>(false);
   };
 
   // The true state after a drive cycle: motor angle and speed, load angle and speed, motor torque, brake
   // closed.
-  using Sample = std::array<T, 6>;
+  struct Sample {
+    T values[6];
+  };
 
   GantrySim() = default;
-  GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, double scan_period_s,
-            int cycles_per_scan, int brake_close_cycles, int brake_open_cycles, double cycle_s, Scheme scheme,
-            int rk4_steps)
-      : plant_(plant),
-        drive_(drive),
-        current_(plant, cycle_s),
-        cycle_s_(cycle_s),
-        scan_period_s_(scan_period_s),
-        cycles_per_scan_(cycles_per_scan),
-        close_cycles_(brake_close_cycles),
-        open_cycles_(brake_open_cycles),
-        scheme_(scheme),
-        rk4_steps_(rk4_steps) {}
+  GantrySim(const PlantParams<T>& plant, const DriveParams<T>& drive, T brake_close_cycles,
+            T brake_open_cycles, const Timing& timing) {
+    build(plant, drive, brake_close_cycles, brake_open_cycles, timing);
+  }
+
+  // Other parameters; the state stays.
+  void build(const PlantParams<T>& plant, const DriveParams<T>& drive, T brake_close_cycles,
+             T brake_open_cycles, const Timing& timing) {
+    plant_ = Plant<T>(plant);
+    drive_ = Drive<T>(drive);
+    current_ = CurrentLoop<T>(plant, timing.cycle_s);
+    close_cycles_ = brake_close_cycles;
+    open_cycles_ = brake_open_cycles;
+    timing_ = timing;
+  }
 
   // Standing still at theta0 (S8): servo on and holding the load, or drive off and the closed brake holding
   // it.
@@ -70,9 +86,9 @@ class GantrySim {
     const PlantParams<T>& p = plant_.p;
     x = PlantState<T>();
     s = DriveState<T>();
-    scans_done = 0;
-    brake.closed = !servo_on;
-    brake.countdown = 0;
+    scans_done = T(0.0);
+    brake.closed = mask<T>(!servo_on);
+    brake.countdown = T(0.0);
     encoder = EncoderFault<T>();
     const T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);
     const T torque_motor = torque_mesh / p.ratio;
@@ -92,23 +108,23 @@ class GantrySim {
   }
 
   // One scan: the drive cycles that fit into it, with the command held.
-  void scan(const DriveCommand<T>& command, bool brake_open) {
-    report.limited = false;
+  void scan(const DriveCommand<T>& command, MaskOf<T> brake_open) {
+    report.limited = mask<T>(false);
     samples.clear();
     const T start = s.pos_last;
-    const T dt = T(cycle_s_);
+    const T dt = T(timing_.cycle_s);
     const EccentricTorque<T> eccentric(plant_.p, x.pos_load);
-    if (brake.command(brake_open, close_cycles_, open_cycles_)) x.brake_z = brake_grip();
-    for (int k = 0; k < cycles_per_scan_; ++k) {
+    grip_where(brake.command(brake_open, close_cycles_, open_cycles_));
+    for (int k = 0; k < timing_.cycles_per_scan; ++k) {
       const T u = encoder.spoilt ? drive_cycle(drive_, command, s, encoder.position(x.pos_motor),
                                                encoder.speed(x.vel_motor), report.limited)
                                  : drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
       step(eccentric, u, dt);
-      if (brake.cycle()) x.brake_z = brake_grip();
+      grip_where(brake.cycle());
       if (sample_every > 0 && (k + 1) % sample_every == 0) samples.push_back(sample());
     }
-    report.vel = (s.pos_last - start) / (dt * T(cycles_per_scan_));
-    ++scans_done;
+    report.vel = (s.pos_last - start) / (dt * T(timing_.cycles_per_scan));
+    scans_done = scans_done + T(1.0);
     flush();
   }
 
@@ -140,38 +156,42 @@ class GantrySim {
     return select(has_budget, s.overload / select(has_budget, drive_.budget_s, T(1.0)), T(0.0));
   }
 
-  // The load-side encoder in this scan, rad; 0 without one. For one plant, not for a pack.
-  double ring_reading() const {
-    if (!ring_encoder.fitted) return 0.0;
+  // The load-side encoder in this scan, rad; 0 without one.
+  T ring_reading() const {
+    if (!ring_encoder.fitted) return T(0.0);
     return load_encoder_reading(ring_encoder, x.pos_load - x.pos_base, x.vel_load - x.vel_base, scans_done);
   }
 
   T torque_mesh() const { return report.torque_mesh; }
   T vel_report() const { return report.vel; }
-  bool limited() const { return report.limited; }
+  MaskOf<T> limited() const { return report.limited; }
   const Plant<T>& plant() const { return plant_; }
+  const Drive<T>& drive() const { return drive_; }
+  T brake_close_cycles() const { return close_cycles_; }
+  T brake_open_cycles() const { return open_cycles_; }
+  const Timing& timing() const { return timing_; }
 
   // As given, not cycle * cycles: a rounding error apart, and every time stamp of a run would differ.
-  double scan_period_s() const { return scan_period_s_; }
-  double cycle_s() const { return cycle_s_; }
+  double scan_period_s() const { return timing_.scan_period_s; }
 
   PlantState<T> x;
   DriveState<T> s;
-  Brake brake;
+  Brake<T> brake;
   Report report;
-  LoadEncoderParams ring_encoder;
+  LoadEncoderParams<T> ring_encoder;
   EncoderFault<T> encoder;
-  int sample_every = 0;          // drive cycles between two samples of a scan; 0: none are taken
-  std::vector<Sample> samples;   // of the last scan
-  std::uint64_t scans_done = 0;  // numbers the readings of the ring encoder
-  T count_offset = T(0.0);       // where the encoder is mounted on the shaft, counts; turns it has lost
+  int sample_every = 0;         // drive cycles between two samples of a scan; 0: none are taken
+  std::vector<Sample> samples;  // of the last scan
+  T scans_done = T(0.0);        // numbers the readings of the ring encoder
+  T count_offset = T(0.0);      // where the encoder is mounted on the shaft, counts; turns it has lost
 
  private:
   GANTRY_INLINE void step(const EccentricTorque<T>& eccentric, T u, T dt) {
-    if (scheme_ == Scheme::kOneEvaluation)
+    if (timing_.scheme == Scheme::kOneEvaluation)
       step_one_evaluation(plant_, current_, eccentric, u, brake.closed, dt, x, report.torque_mesh);
     else
-      step_runge_kutta(plant_, current_, eccentric, u, brake.closed, dt, rk4_steps_, x, report.torque_mesh);
+      step_runge_kutta(plant_, current_, eccentric, u, brake.closed, dt, timing_.rk4_steps, x,
+                       report.torque_mesh);
   }
 
   // Base deflection, wind-up and gear error for a static mesh torque, by fixed-point iteration.
@@ -190,15 +210,17 @@ class GantrySim {
   }
 
   Sample sample() const {
-    return {x.pos_motor, x.vel_motor, x.pos_load, x.vel_load, x.torque_motor, T(brake.closed ? 1.0 : 0.0)};
+    return {{x.pos_motor, x.vel_motor, x.pos_load, x.vel_load, x.torque_motor,
+             select(brake.closed, T(1.0), T(0.0))}};
   }
 
   // Where the brake element begins when it closes: on a turning shaft it slips at once, its pre-sliding
   // length is passed in microseconds. Opened, it is gone.
-  T brake_grip() const {
-    if (!brake.closed) return T(0.0);
+  GANTRY_INLINE void grip_where(MaskOf<T> followed) {
+    if (!any(followed)) return;
     const T slip = plant_.p.brake_presliding_rad * sign(x.vel_motor);
-    return select(vabs(x.vel_motor) * T(cycle_s_) > plant_.p.brake_presliding_rad, slip, T(0.0));
+    const auto turning = vabs(x.vel_motor) * T(timing_.cycle_s) > plant_.p.brake_presliding_rad;
+    x.brake_z = select(followed, select(both(brake.closed, turning), slip, T(0.0)), x.brake_z);
   }
 
   void flush() {
@@ -213,13 +235,9 @@ class GantrySim {
   Plant<T> plant_;
   Drive<T> drive_;
   CurrentLoop<T> current_;
-  double cycle_s_ = 125e-6;
-  double scan_period_s_ = 1e-3;
-  int cycles_per_scan_ = 8;
-  int close_cycles_ = 0;
-  int open_cycles_ = 0;
-  Scheme scheme_ = Scheme::kOneEvaluation;
-  int rk4_steps_ = 2;
+  T close_cycles_ = T(0.0);  // dead times of the brake, drive cycles
+  T open_cycles_ = T(0.0);
+  Timing timing_;
 };
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -6,7 +6,7 @@
 #include "core/lane/elementary.hpp"
 #include "core/plant/params.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 // A sin(n x + phase) = a sin(n x) + b cos(n x).
 template <class T>
@@ -19,8 +19,8 @@ struct Harmonic {
     a = amplitude * p.cos;
     b = amplitude * p.sin;
   }
-  T value(SinCos<T> x) const { return a * x.sin + b * x.cos; }
-  T slope(SinCos<T> x) const { return a * x.cos - b * x.sin; }  // per n x
+  GANTRY_INLINE T value(SinCos<T> x) const { return a * x.sin + b * x.cos; }
+  GANTRY_INLINE T slope(SinCos<T> x) const { return a * x.cos - b * x.sin; }  // per n x
 };
 
 template <class T>
@@ -51,7 +51,7 @@ struct GearError {
 
   // e_r(rho) = sum_n A_n sin(n rho + phase_n). The multiples of rho come from sums of angles, four at a time
   // and in four separate sums: a chain of twelve would wait for every product.
-  ErrorValue<T> ring_error(T rho) const {
+  GANTRY_INLINE ErrorValue<T> ring_error(T rho) const {
     static_assert(kRingHarmonics % 4 == 0, "harmonics are taken in fours");
     SinCos<T> x[4];
     x[0] = sincos(rho);
@@ -72,7 +72,7 @@ struct GearError {
   }
 
   // e_m(theta_m); motor = sine and cosine of theta_m.
-  ErrorValue<T> motor_error(T pos_motor, const SinCos<T>& motor) const {
+  GANTRY_INLINE ErrorValue<T> motor_error(T pos_motor, const SinCos<T>& motor) const {
     const SinCos<T> twice = angle_sum(motor, motor);
     const SinCos<T> four = angle_sum(twice, twice);
     const T pinion_angle = pos_motor * pinion_per_motor;
@@ -87,4 +87,4 @@ struct GearError {
   }
 };
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -3,7 +3,7 @@
 
 #include "core/plant/dynamics.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
 enum class Scheme { kOneEvaluation, kRungeKutta4 };
 
@@ -24,7 +24,14 @@ struct CurrentLoop {
     decay = vexp(-p.current_bandwidth_rad_s * T(dt));
   }
 
-  T at_start(T u, T torque) const { return some_ideal ? select(bandwidth > T(0.0), torque, u) : torque; }
+  GANTRY_INLINE T at_start(T u, T torque) const {
+    return some_ideal ? select(bandwidth > T(0.0), torque, u) : torque;
+  }
+  GANTRY_INLINE T at_end(T u, T torque) const {
+    if (!some_real) return torque;
+    const T later = u + (torque - u) * decay;
+    return some_ideal ? select(bandwidth > T(0.0), later, torque) : later;
+  }
 };
 
 // All forces at the start of the cycle; then the exact step of current and friction states, semi-implicit
@@ -32,17 +39,17 @@ struct CurrentLoop {
 // that.
 template <class T>
 GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current,
-                                       const EccentricTorque<T>& eccentric, T u, bool brake_closed, T dt,
+                                       const EccentricTorque<T>& eccentric, T u, MaskOf<T> brake_closed, T dt,
                                        PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
   x.torque_motor = current.at_start(u, x.torque_motor);
   const Forces<T> f = p.rigid ? forces_rigid(plant, x, eccentric, brake_closed)
                               : forces(plant, x, eccentric, ring_point(plant, x), brake_closed);
   torque_mesh = f.torque_mesh;
-  if (current.some_real) x.torque_motor = u + (x.torque_motor - u) * current.decay;
+  x.torque_motor = current.at_end(u, x.torque_motor);
   if (p.roller_friction) x.roller_z = friction_step(x.roller_z, f.roller, dt);
   if (p.motor_friction) x.motor_z = friction_step(x.motor_z, f.motor, dt);
-  if (brake_closed) x.brake_z = friction_step(x.brake_z, f.brake, dt);
+  if (any(brake_closed)) x.brake_z = select(brake_closed, friction_step(x.brake_z, f.brake, dt), x.brake_z);
   if (p.hysteresis) x.hysteresis = x.hysteresis + f.hysteresis_rate * dt;
   x.vel_motor = x.vel_motor + dt * f.acc_motor;
   x.pos_motor = x.pos_motor + dt * x.vel_motor;
@@ -62,7 +69,7 @@ GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<
 // x' = f(x): all states but that of the brake.
 template <class T>
 PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current,
-                         const EccentricTorque<T>& eccentric, T u, bool brake_closed,
+                         const EccentricTorque<T>& eccentric, T u, MaskOf<T> brake_closed,
                          const RingPoint<T>& ring, const PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
   const Forces<T> f = p.rigid ? forces_rigid(plant, x, eccentric, brake_closed)
@@ -96,7 +103,7 @@ PlantState<T> advanced(const PlantState<T>& x, const PlantState<T>& d, T dt) {
 // after the others.
 template <class T>
 void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current,
-                      const EccentricTorque<T>& eccentric, T u, bool brake_closed, T dt, int steps,
+                      const EccentricTorque<T>& eccentric, T u, MaskOf<T> brake_closed, T dt, int steps,
                       PlantState<T>& x, T& torque_mesh) {
   x.torque_motor = current.at_start(u, x.torque_motor);
   const RingPoint<T> ring = ring_point(plant, x);
@@ -113,12 +120,12 @@ void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current,
   x.name = x.name + h / T(6.0) * (k1.name + T(2.0) * k2.name + T(2.0) * k3.name + k4.name);
     GANTRY_PLANT_STATE(X)
 #undef X
-    if (brake_closed) {
+    if (any(brake_closed)) {
       const Friction<T> brake =
           friction(plant.brake, x.vel_motor, x.brake_z, T(0.0), plant.p.friction_ep_ratio);
-      x.brake_z = friction_step(x.brake_z, brake, h);
+      x.brake_z = select(brake_closed, friction_step(x.brake_z, brake, h), x.brake_z);
     }
   }
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -6,28 +6,34 @@
 
 #include "core/lane/elementary.hpp"
 
-namespace gantry {
+namespace gantry::GANTRY_ISA {
 
+template <class T>
 struct ScaleTerm {
-  double waves = 0.0;  // per turn
-  double amplitude_rad = 0.0;
-  double phase_rad = 0.0;
+  T waves = T(0.0);  // per turn
+  T amplitude_rad = T(0.0);
+  T phase_rad = T(0.0);
 };
 
+template <class T>
 struct LoadEncoderParams {
   bool fitted = false;
-  double step_rad = 0.0;  // 0: no steps
-  double noise_rad = 0.0;
-  double latency_s = 0.0;
-  std::array<ScaleTerm, 4> scale{};
+  T step_rad = T(0.0);  // 0: no steps
+  T noise_rad = T(0.0);
+  T latency_s = T(0.0);
+  std::array<ScaleTerm<T>, 4> scale{};
 };
 
 // Error of the scale at an angle; zeroed at 0.
-inline double scale_error(const LoadEncoderParams& p, double angle) {
-  double sum = 0.0;
-  for (const ScaleTerm& t : p.scale)
-    if (t.amplitude_rad != 0.0)
-      sum += t.amplitude_rad * (sincos(t.waves * angle + t.phase_rad).sin - sincos(t.phase_rad).sin);
+template <class T>
+T scale_error(const LoadEncoderParams<T>& p, T angle) {
+  T sum = T(0.0);
+  for (const ScaleTerm<T>& t : p.scale) {
+    const auto present = negate(t.amplitude_rad == T(0.0));
+    if (!any(present)) continue;
+    const T wave = sincos(t.waves * angle + t.phase_rad).sin - sincos(t.phase_rad).sin;
+    sum = select(present, sum + t.amplitude_rad * wave, sum);
+  }
   return sum;
 }
 
@@ -46,10 +52,15 @@ inline double reading_noise(std::uint64_t n) {
 }
 
 // The reading of the ring angle `pos` turning with `vel`; number n since the start.
-inline double load_encoder_reading(const LoadEncoderParams& p, double pos, double vel, std::uint64_t n) {
-  const double at = pos - vel * p.latency_s;
-  const double seen = at + scale_error(p, at) + p.noise_rad * reading_noise(n);
-  return p.step_rad > 0.0 ? p.step_rad * vround(seen / p.step_rad) : seen;
+template <class T>
+T load_encoder_reading(const LoadEncoderParams<T>& p, T pos, T vel, T n) {
+  const T at = pos - vel * p.latency_s;
+  T noise;
+  for (int k = 0; k < kLanes<T>; ++k)
+    set_lane(noise, k, reading_noise(static_cast<std::uint64_t>(lane(n, k))));
+  const T seen = at + scale_error(p, at) + p.noise_rad * noise;
+  const auto stepped = p.step_rad > T(0.0);
+  return select(stepped, p.step_rad * vround(seen / select(stepped, p.step_rad, T(1.0))), seen);
 }
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

@@ -4,7 +4,9 @@
 
 #include <array>
 
-namespace gantry {
+#include "core/lane/isa.hpp"
+
+namespace gantry::GANTRY_ISA {
 
 constexpr int kRingHarmonics = 12;
 
@@ -106,4 +108,4 @@ struct PlantState {
 #undef X
 };
 
-}  // namespace gantry
+}  // namespace gantry::GANTRY_ISA

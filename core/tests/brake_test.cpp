@@ -9,7 +9,7 @@ namespace {
 constexpr int kCyclesPerScan = 8;
 
 // Drive cycles that pass with the old state from the command on, before the new one acts.
-int cycles_until(Brake brake, bool open, int close_cycles, int open_cycles) {
+int cycles_until(Brake<double> brake, bool open, int close_cycles, int open_cycles) {
   const bool before = brake.closed;
   for (int k = 0; k < 100000; ++k) {
     if (k % kCyclesPerScan == 0 && brake.command(open, close_cycles, open_cycles)) return k;
@@ -20,25 +20,25 @@ int cycles_until(Brake brake, bool open, int close_cycles, int open_cycles) {
 }
 
 TEST(Brake, closes_after_exactly_its_dead_time) {
-  const Brake open{false, 0};
+  const Brake<double> open{false, 0};
   EXPECT_EQ(cycles_until(open, false, 1200, 800), 1200);
   for (int cycles : {1, 7, 8, 9, 1195}) EXPECT_EQ(cycles_until(open, false, cycles, 800), cycles);
   EXPECT_EQ(cycles_until(open, false, 0, 800), 0);
 }
 
 TEST(Brake, opens_after_exactly_its_dead_time) {
-  const Brake closed{true, 0};
+  const Brake<double> closed{true, 0};
   EXPECT_EQ(cycles_until(closed, true, 1200, 800), 800);
   EXPECT_EQ(cycles_until(closed, true, 1200, 0), 0);
 }
 
 TEST(Brake, stays_where_it_is_commanded) {
-  EXPECT_EQ(cycles_until(Brake{true, 0}, false, 5, 5), -1);
-  EXPECT_EQ(cycles_until(Brake{false, 0}, true, 5, 5), -1);
+  EXPECT_EQ(cycles_until(Brake<double>{true, 0}, false, 5, 5), -1);
+  EXPECT_EQ(cycles_until(Brake<double>{false, 0}, true, 5, 5), -1);
 }
 
 TEST(Brake, a_command_taken_back_starts_the_dead_time_anew) {
-  Brake brake{false, 0};
+  Brake<double> brake{false, 0};
   brake.command(false, 1200, 800);
   for (int k = 0; k < 1199; ++k) brake.cycle();
   EXPECT_FALSE(brake.command(true, 1200, 800));
@@ -48,7 +48,7 @@ TEST(Brake, a_command_taken_back_starts_the_dead_time_anew) {
 }
 
 TEST(Brake, a_closing_brake_can_open_again) {
-  Brake brake{false, 0};
+  Brake<double> brake{false, 0};
   brake.command(false, 1200, 800);
   for (int k = 0; k < 1200; ++k) brake.cycle();
   EXPECT_TRUE(brake.closed);

@@ -95,7 +95,7 @@ TEST(TorqueFeedForward, is_clamped_and_zero_where_the_axis_began) {
   p.inertia_kg_m2 = 2.65e6;
   p.torque_limit_nm = 20.0;
   State s;
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   EXPECT_EQ(compensated_law(law, p, s, {1.0, 0.0, 0.0}, 0.0, 0.0).torque_ff_nm, 0.0);
   const double up = compensated_law(law, p, s, {1.0, 0.0, 0.004}, 0.0, 0.0).torque_ff_nm;
   EXPECT_NEAR(up, 2.65e6 * 0.004 / law.ratio, 1e-9);
@@ -116,7 +116,7 @@ TEST(LoadSide, integral_goes_towards_the_error_and_is_limited) {
 }
 
 TEST(CompensatedLaw, with_everything_off_is_the_position_law) {
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   const Params p;
   State s;
   for (double counts : {0.0, 1e6, -3e7}) {
@@ -135,7 +135,7 @@ TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
   p.damping_gain = 0.05;
   p.swing_rad_s = 12.6;
   State s;
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 0.0);
   EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 9.0).law.vel_cmd_rad_s, -law.vel_max_rad_s);
 }
@@ -153,7 +153,7 @@ TEST(CompensatedLaw, reckons_on_without_a_load_side_reading_and_says_so) {
   p.encoder_limit_rad = 1e-4;
   p.damping_gain = 0.05;
   p.swing_rad_s = 12.6;
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   for (double lost : {kNaN, std::numeric_limits<double>::infinity(), 1e300}) {
     State s;
     compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3);
@@ -169,7 +169,7 @@ TEST(CompensatedLaw, takes_a_step_of_the_load_side_encoder_slowly_and_tells_it_w
   Params p;
   p.load_encoder = true;
   p.swing_speed_max_rad_s = 0.02;
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   for (double step : {1e-3, -1e-3}) {
     State s;
     compensated_law(law, p, s, {0.3, 0.01, 0.0}, 0.3 * law.ratio / law.rad_per_count, 0.3);
@@ -186,7 +186,7 @@ TEST(CompensatedLaw, takes_a_step_of_the_load_side_encoder_slowly_and_tells_it_w
 
 TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {
   const Params p = maps();
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   State s;
   s.direction = 1.0;
   const double counts = 0.9 * law.ratio / law.rad_per_count;
@@ -200,7 +200,9 @@ TEST(CompensatedLaw, starts_without_a_jump_at_the_resting_position) {
 // The same source over a pack gives every lane the bits of one axis alone.
 TEST(CompensatedLaw, in_a_pack_is_that_of_each_lane) {
   constexpr int kLanes = 4;
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
+  const PositionLawParams<Pack<kLanes>> laws{law.kpp_per_s, law.kvf, law.ratio, law.rad_per_count,
+                                             law.vel_max_rad_s};
   const Params one = maps();
   CompensationParams<Pack<kLanes>> many;
   many.gear_map = many.windup = many.reversal = many.load_encoder = many.damping = true;
@@ -217,13 +219,14 @@ TEST(CompensatedLaw, in_a_pack_is_that_of_each_lane) {
   CompensationState<Pack<kLanes>> states;
   State state[kLanes];
   for (int scan = 0; scan < 3; ++scan) {
-    const SetPoint r{0.4 + 1e-5 * scan, 0.01, 0.002};
+    const SetPoint<double> r{0.4 + 1e-5 * scan, 0.01, 0.002};
+    const SetPoint<Pack<kLanes>> points{r.pos, r.vel, r.acc};
     Pack<kLanes> counts, ring;
     for (int k = 0; k < kLanes; ++k) {
       counts.lane[k] = (0.4 + 1e-4 * k) * law.ratio / law.rad_per_count;
       ring.lane[k] = 0.4 - 1e-4 * k;
     }
-    const auto pack = compensated_law(law, many, states, r, counts, ring);
+    const auto pack = compensated_law(laws, many, states, points, counts, ring);
     for (int k = 0; k < kLanes; ++k) {
       Params alone = single;
       alone.lost_motion = {};
@@ -249,15 +252,15 @@ TEST(LoadEncoder, noise_has_mean_0_and_variance_1) {
 }
 
 TEST(LoadEncoder, reads_steps_of_an_older_angle_with_its_own_errors) {
-  LoadEncoderParams p;
+  LoadEncoderParams<double> p;
   p.fitted = true;
   p.step_rad = 1e-6;
   p.latency_s = 1e-3;
-  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.1, 7), 0.4999, 0.5e-6);
+  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.1, 7.0), 0.4999, 0.5e-6);
   p.step_rad = 0.0;
   p.scale[0] = {2.0, 4e-6, 1.0};
-  EXPECT_NEAR(load_encoder_reading(p, 0.0, 0.0, 7), 0.0, 1e-18);
-  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.0, 7), 0.5 + 4e-6 * (std::sin(2.0) - std::sin(1.0)), 1e-15);
+  EXPECT_NEAR(load_encoder_reading(p, 0.0, 0.0, 7.0), 0.0, 1e-18);
+  EXPECT_NEAR(load_encoder_reading(p, 0.5, 0.0, 7.0), 0.5 + 4e-6 * (std::sin(2.0) - std::sin(1.0)), 1e-15);
 }
 
 }  // namespace

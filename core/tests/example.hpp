@@ -91,7 +91,7 @@ inline DriveParams<double> drive() {
 template <class T>
 GantrySim<T> sim(const PlantParams<T>& plant, const DriveParams<T>& drive,
                  Scheme scheme = Scheme::kOneEvaluation) {
-  return {plant, drive, 1e-3, 8, 1200, 800, kCycle, scheme, 2};
+  return {plant, drive, T(1200.0), T(800.0), {1e-3, kCycle, 8, scheme, 2}};
 }
 
 inline GantrySim<double> sim() { return sim(plant(), drive()); }
@@ -120,7 +120,7 @@ inline DriveParams<double> varied(DriveParams<double> p, std::mt19937& random) {
   return p;
 }
 
-inline PositionLawParams law() { return {10.0, 1.0, kRatio, kFineCount, 125.0}; }
+inline PositionLawParams<double> law() { return {10.0, 1.0, kRatio, kFineCount, 125.0}; }
 
 // From rest to rest over `distance` with constant acceleration and deceleration.
 inline Segments triangle(double from, double distance, double acc) {

@@ -134,7 +134,7 @@ TEST(Clamp, limits_on_both_sides) {
 TEST(Clamp, lets_nan_through) {
   EXPECT_TRUE(std::isnan(clamp(kNaN, -1.0, 2.0)));
   const Pack<4> lanes = clamp(Pack<4>(kNaN), Pack<4>(-1.0), Pack<4>(2.0));
-  for (double lane : lanes.lane) EXPECT_TRUE(std::isnan(lane));
+  for (int k = 0; k < 4; ++k) EXPECT_TRUE(std::isnan(lanes.lane[k]));
 }
 
 TEST(FlushSubnormal, removes_what_is_tiny_and_nothing_else) {
@@ -154,7 +154,7 @@ template <int N>
 Pack<N> random_pack(std::mt19937_64& random) {
   std::uniform_real_distribution<double> number(-9.0, 9.0);
   Pack<N> p;
-  for (double& lane : p.lane) lane = number(random);
+  for (int k = 0; k < N; ++k) p.lane[k] = number(random);
   return p;
 }
 
@@ -165,7 +165,7 @@ void expect_lanes(const Pack<N>& pack, const Pack<N>& a, const Pack<N>& b, doubl
 
 template <class Width>
 class PackOf : public testing::Test {};
-using Widths = testing::Types<std::integral_constant<int, 1>, std::integral_constant<int, 4>,
+using Widths = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 4>,
                               std::integral_constant<int, 8>>;
 TYPED_TEST_SUITE(PackOf, Widths);
 
@@ -178,8 +178,6 @@ TYPED_TEST(PackOf, numbers_computes_lane_by_lane) {
   expect_lanes(a * b, a, b, [](double x, double y) { return x * y; });
   expect_lanes(a / b, a, b, [](double x, double y) { return x / y; });
   expect_lanes(-a, a, b, [](double x, double) { return -x; });
-  expect_lanes(a * 3.0, a, b, [](double x, double) { return x * 3.0; });
-  expect_lanes(3.0 / a, a, b, [](double x, double) { return 3.0 / x; });
   expect_lanes(vabs(a), a, b, [](double x, double) { return std::fabs(x); });
   expect_lanes(vsqrt(vabs(a)), a, b, [](double x, double) { return std::sqrt(std::fabs(x)); });
   expect_lanes(select(a < b, a, b), a, b, [](double x, double y) { return x < y ? x : y; });
@@ -189,9 +187,8 @@ TYPED_TEST(PackOf, numbers_computes_lane_by_lane) {
                [](double x, double y) { return x > 0.0 && y > 0.0 ? x : y; });
   expect_lanes(select(either(a > Pack<N>(0.0), b > Pack<N>(0.0)), a, b), a, b,
                [](double x, double y) { return x > 0.0 || y > 0.0 ? x : y; });
-  Pack<N> sum = a;
-  sum += b;
-  expect_lanes(sum, a, b, [](double x, double y) { return x + y; });
+  expect_lanes(select(differ(a > Pack<N>(0.0), b > Pack<N>(0.0)), a, b), a, b,
+               [](double x, double y) { return (x > 0.0) != (y > 0.0) ? x : y; });
 }
 
 TYPED_TEST(PackOf, numbers_has_the_elementary_functions_of_a_number) {
@@ -213,10 +210,14 @@ TYPED_TEST(PackOf, masks_is_any_lane) {
   constexpr int N = TypeParam::value;
   Pack<N> a(0.0);
   EXPECT_FALSE(any(a > Pack<N>(0.0)));
-  a.lane[N - 1] = 1.0;
-  EXPECT_TRUE(any(a > Pack<N>(0.0)));
+  for (int k = 0; k < N; ++k) {
+    set_lane(a, k, 1.0);
+    EXPECT_TRUE(any(a > Pack<N>(0.0)));
+    for (int other = 0; other < N; ++other) EXPECT_EQ(lane(a > Pack<N>(0.0), other), other == k);
+    set_lane(a, k, 0.0);
+  }
   EXPECT_FALSE(any(negate(a >= Pack<N>(0.0))));
-  EXPECT_EQ(any(a == Pack<N>(0.0)), N > 1);
+  EXPECT_TRUE(any(a == Pack<N>(0.0)));
 }
 
 }  // namespace

@@ -1,9 +1,10 @@
-// Many plants through many legs: any number of threads, the same bits; and the same as scan by scan.
+// Many plants through many legs. Whatever the instruction set, the threads and the plants beside it, each has
+// the bits that it has alone, scan after scan.
 #include <gtest/gtest.h>
 
 #include <cstring>
 
-#include "core/loop/closed_loop.hpp"
+#include "core/loop/threads.hpp"
 #include "example.hpp"
 
 namespace gantry {
@@ -11,80 +12,208 @@ namespace {
 
 constexpr double kAcc = 0.0069;
 
-std::vector<GantrySim<double>> plants(std::size_t n) {
-  std::mt19937 random(21);
+// Plants as different as a population may be: in switches, scheme, delay, encoders, brakes and control.
+struct Population {
   std::vector<GantrySim<double>> sims;
-  for (std::size_t k = 0; k < n; ++k) {
-    sims.push_back(example::sim(example::varied(example::plant(), random), example::drive()));
-    sims.back().static_start(0.1 * static_cast<double>(k), true);
+  std::vector<Compensation<double>> compensations;
+  std::vector<Control<double>> controls;
+  std::vector<std::vector<Leg>> legs;
+  std::vector<std::vector<LegResult<double>>> results;
+
+  explicit Population(std::size_t plants) {
+    std::mt19937 random(21);
+    compensations.resize(plants);
+    for (std::size_t k = 0; k < plants; ++k) {
+      PlantParams<double> plant = example::varied(example::plant(), random);
+      DriveParams<double> drive = example::varied(example::drive(), random);
+      if (k % 5 == 3) plant.backlash = plant.ripple = false;
+      if (k % 11 == 9) plant.rigid = true;
+      if (k % 7 == 5) drive.delay_cycles = 0;
+      const Scheme scheme = k % 13 == 11 ? Scheme::kRungeKutta4 : Scheme::kOneEvaluation;
+      GantrySim<double> sim = example::sim(plant, drive, scheme);
+      if (k % 3 == 1) fit_ring_encoder(sim, static_cast<double>(k));
+      sim.static_start(0.1 * static_cast<double>(k), k % 4 != 2);
+      sims.push_back(sim);
+      legs.push_back(legs_of(static_cast<double>(k), static_cast<long>(k)));
+      if (k % 3 == 1) compensate(compensations[k], static_cast<double>(k));
+    }
+    for (std::size_t k = 0; k < plants; ++k) {
+      PositionLawParams<double> law = example::law();
+      law.kpp_per_s += 0.1 * static_cast<double>(k);
+      const double zero = std::round(sims[k].counts(example::kFineCount) - 100.0 * static_cast<double>(k));
+      controls.push_back({law, zero, k % 3 == 1 ? &compensations[k] : nullptr, 0.1 * static_cast<double>(k)});
+      results.emplace_back(legs[k].size());
+    }
   }
-  return sims;
-}
 
-std::vector<Leg> legs() {
-  return {{example::triangle(0.0, 0.0002, kAcc), 400, 50},
-          {example::triangle(0.0002, -0.0003, kAcc), 300, 1}};
-}
-
-std::vector<std::vector<LegResult>> run(int threads, std::size_t n) {
-  std::vector<GantrySim<double>> sims = plants(n);
-  std::vector<GantrySim<double>*> pointers;
-  std::vector<Control> controls;
-  for (GantrySim<double>& sim : sims) {
-    pointers.push_back(&sim);
-    controls.push_back({example::law(), std::round(sim.counts(example::kFineCount))});
+  static void fit_ring_encoder(GantrySim<double>& sim, double k) {
+    sim.ring_encoder.fitted = true;
+    sim.ring_encoder.step_rad = k > 5.0 ? 1e-7 : 0.0;
+    sim.ring_encoder.noise_rad = 1e-7 * k;
+    sim.ring_encoder.latency_s = 1e-4;
+    sim.ring_encoder.scale[0] = {2.0, 1e-6 * k, 0.3};
+    if (k > 5.0) sim.ring_encoder.scale[1] = {37.0, 1e-6, k};
   }
-  return run_legs(pointers, controls, legs(), threads);
+
+  static void compensate(Compensation<double>& c, double k) {
+    CompensationParams<double>& p = c.p;
+    p.gear_map = p.windup = p.reversal = p.load_encoder = p.damping = p.torque_acceleration = true;
+    p.map.sine[0] = 1e-5 * k;
+    p.lost_motion.mean = 1e-6 * k;
+    p.fast[0] = {338.0, 1e-6, 2e-6};
+    p.inertia_kg_m2 = 2.6e6;
+    p.torque_limit_nm = 20.0;
+    p.moment_sine_nm = 1.6e4;
+    p.compliance_rad_per_nm = 1e-9;
+    p.pos_limit_rad = p.encoder_limit_rad = 1e-3;
+    p.encoder_gain_per_s = 1.0;
+    p.swing_speed_max_rad_s = 0.02;
+    p.damping_gain = 0.02;
+    p.swing_rad_s = 12.0;
+    p.damping_filter = 0.2;
+    p.damping_slow = 1e-3;
+  }
+
+  // Other plans and other lengths for every plant: the lanes of a pack never end together.
+  static std::vector<Leg> legs_of(double k, long scans) {
+    const double from = 0.1 * k;
+    return {{example::triangle(from, 0.0002 + 1e-5 * k, kAcc), 80 + 3 * scans, 20},
+            {example::triangle(from + 0.0002, -0.0003, kAcc), 60 + scans % 4, 1},
+            {example::triangle(from, 0.0, kAcc), 5, 5}};
+  }
+
+  std::vector<Job> jobs() {
+    std::vector<Job> all;
+    for (std::size_t k = 0; k < sims.size(); ++k)
+      all.push_back({&sims[k], controls[k], legs[k].data(), legs[k].size(), results[k].data()});
+    return all;
+  }
+
+  // The same by hand: one plant after the other, scan after scan, in the baseline.
+  void run_alone() {
+    for (std::size_t k = 0; k < sims.size(); ++k)
+      for (std::size_t leg = 0; leg < legs[k].size(); ++leg)
+        results[k][leg] = run_leg(sims[k], controls[k], legs[k][leg]);
+  }
+
+  static LegResult<double> run_leg(GantrySim<double>& sim, const Control<double>& control, const Leg& leg) {
+    LegResult<double> r;
+    const auto largest = [](double& so_far, double x) { so_far = std::max(so_far, std::fabs(x)); };
+    for (long k = 0; k < leg.scans; ++k) {
+      const auto row =
+          closed_loop_scan(sim, control, leg.plan.sample(static_cast<double>(k) * sim.scan_period_s()));
+      largest(r.max_vel_err_motor_rad_s, row.vel_motor_rad_s / control.law.ratio - row.vel_ref_rad_s);
+      largest(r.max_vel_err_load_rad_s, row.vel_load_rad_s - row.vel_ref_rad_s);
+      largest(r.max_pos_err_motor_rad, row.pos_err_rad);
+      largest(r.max_pos_err_load_rad, row.pos_ref_rad - row.pos_load_rad);
+      largest(r.max_torque_motor_nm, row.torque_act_nm);
+      largest(r.max_torque_mesh_nm, row.torque_mesh_nm);
+      if (k < leg.scans - leg.average) continue;
+      r.mean_pos_load_rad += row.pos_load_rad;
+      r.mean_pos_ring_rad += row.pos_load_rad - row.pos_base_rad;
+      r.mean_pos_act_rad += row.pos_act_rad;
+    }
+    const double n = static_cast<double>(leg.average);
+    r.mean_pos_load_rad /= n;
+    r.mean_pos_ring_rad /= n;
+    r.mean_pos_act_rad /= n;
+    return r;
+  }
+};
+
+void expect_bits(double a, double b, const char* name, std::size_t plant) {
+  EXPECT_EQ(std::memcmp(&a, &b, sizeof a), 0) << name << ", plant " << plant << ": " << a << " " << b;
 }
 
-void expect_same(const std::vector<std::vector<LegResult>>& a, const std::vector<std::vector<LegResult>>& b) {
-  ASSERT_EQ(a.size(), b.size());
-  for (std::size_t n = 0; n < a.size(); ++n) {
-    ASSERT_EQ(a[n].size(), b[n].size());
-    for (std::size_t k = 0; k < a[n].size(); ++k)
-      EXPECT_EQ(std::memcmp(&a[n][k], &b[n][k], sizeof(LegResult)), 0) << "plant " << n << ", leg " << k;
+// Figures and everything that a plant goes on from.
+void expect_same(const Population& a, const Population& b) {
+  for (std::size_t k = 0; k < a.sims.size(); ++k) {
+    for (std::size_t leg = 0; leg < a.legs[k].size(); ++leg) {
+#define X(name) expect_bits(a.results[k][leg].name, b.results[k][leg].name, #name, k);
+      GANTRY_LEG_COLUMNS(X)
+#undef X
+    }
+#define X(name, meaning) expect_bits(a.sims[k].x.name, b.sims[k].x.name, #name, k);
+    GANTRY_PLANT_STATE(X)
+#undef X
+#define X(name, meaning) expect_bits(a.sims[k].s.name, b.sims[k].s.name, #name, k);
+    GANTRY_DRIVE_STATE(X)
+#undef X
+#define X(name, meaning) expect_bits(a.compensations[k].s.name, b.compensations[k].s.name, #name, k);
+    GANTRY_COMPENSATION_STATE(X)
+#undef X
+    EXPECT_EQ(a.compensations[k].s.started, b.compensations[k].s.started);
+    EXPECT_EQ(a.sims[k].brake.closed, b.sims[k].brake.closed);
+    expect_bits(a.sims[k].brake.countdown, b.sims[k].brake.countdown, "brake countdown", k);
+    expect_bits(a.sims[k].torque_mesh(), b.sims[k].torque_mesh(), "torque_mesh", k);
+    expect_bits(a.sims[k].vel_report(), b.sims[k].vel_report(), "vel_report", k);
+    expect_bits(a.sims[k].scans_done, b.sims[k].scans_done, "scans_done", k);
+    EXPECT_EQ(a.sims[k].limited(), b.sims[k].limited());
   }
 }
 
-TEST(RunLegs, does_not_depend_on_the_number_of_threads) {
-  const auto one = run(1, 5);
-  EXPECT_NE(one[0][0].max_torque_motor_nm, one[1][0].max_torque_motor_nm);
-  for (int threads : {2, 3, 5, 16}) expect_same(one, run(threads, 5));
+TEST(RunJobs, gives_every_plant_the_bits_that_it_has_alone) {
+  constexpr std::size_t kPlants = 60;
+  Population alone(kPlants);
+  alone.run_alone();
+  EXPECT_NE(alone.results[0][0].max_torque_motor_nm, alone.results[7][0].max_torque_motor_nm);
+  for (const Kernels* kernels : supported_kernels())
+    for (int threads : {1, 3}) {
+      SCOPED_TRACE(kernels->name);
+      Population batch(kPlants);
+      run_jobs(*kernels, batch.jobs(), threads);
+      expect_same(alone, batch);
+    }
 }
 
-TEST(RunLegs, without_plants_returns_nothing) { EXPECT_TRUE(run(4, 0).empty()); }
+TEST(RunJobs, takes_any_number_of_plants) {
+  Population alone(19);
+  alone.run_alone();
+  for (std::size_t plants : {0u, 1u, 2u, 9u, 19u}) {
+    Population batch(plants);
+    run_jobs(kernels(), batch.jobs(), 2);
+    expect_same(batch, alone);
+  }
+}
 
-TEST(RunLegs, results_are_those_of_the_logged_rows) {
-  GantrySim<double> sim = plants(1)[0];
-  const double zero = std::round(sim.counts(example::kFineCount));
-  GantrySim<double> again = sim;
-  const Leg leg = legs()[0];
-  const LegResult result = run_leg(sim, {example::law(), zero}, leg);
-  double largest_error = 0.0, largest_torque = 0.0, mean = 0.0;
-  run_plan(again, {example::law(), zero}, leg.plan, leg.scans, [&](long k, const LogRow& row) {
-    largest_error = std::max(largest_error, std::fabs(row.vel_load_rad_s - row.vel_ref_rad_s));
-    largest_torque = std::max(largest_torque, std::fabs(row.torque_mesh_nm));
-    if (k >= leg.scans - leg.average) mean += row.pos_load_rad / static_cast<double>(leg.average);
-  });
-  EXPECT_EQ(result.max_vel_err_load_rad_s, largest_error);
-  EXPECT_EQ(result.max_torque_mesh_nm, largest_torque);
-  EXPECT_NEAR(result.mean_pos_load_rad, mean, 1e-16);
-  EXPECT_EQ(sim.x.pos_load, again.x.pos_load);
+// The entry points for one plant, over the instruction sets.
+TEST(Kernels, scan_and_run_with_the_same_bits) {
+  constexpr std::size_t kScans = 300;
+  constexpr std::size_t kColumns = sizeof(LogRow<double>) / sizeof(double);
+  std::vector<std::vector<double>> tables;
+  for (const Kernels* kernels : supported_kernels()) {
+    Population one(2);
+    GantrySim<double>& sim = one.sims[1];
+    std::vector<double> rows(2 * kScans * kColumns);
+    kernels->run_plan(sim, one.controls[1], one.legs[1][0].plan, {rows.data(), kScans});
+    kernels->run_command(sim, {DriveMode::kQuickStop, 0.0, 0.0}, false,
+                         {rows.data() + kScans * kColumns, kScans});
+    for (int k = 0; k < 100; ++k) {
+      kernels->scan(sim, {DriveMode::kSpeed, 3.0, 1.0}, k > 20);
+      rows.push_back(sim.x.pos_load);
+    }
+    tables.push_back(rows);
+  }
+  for (const auto& rows : tables)
+    EXPECT_EQ(std::memcmp(rows.data(), tables[0].data(), rows.size() * sizeof(double)), 0);
 }
 
 TEST(RunPlan, is_scan_after_scan_of_the_same_functions) {
-  GantrySim<double> sim = plants(1)[0], by_hand = sim;
+  constexpr std::size_t kScans = 300;
+  GantrySim<double> sim = Population(1).sims[0], by_hand = sim;
   const double zero = std::round(sim.counts(example::kFineCount));
-  const PositionLawParams law = example::law();
+  const PositionLawParams<double> law = example::law();
   const Segments plan = example::triangle(0.0, 0.0002, kAcc);
-  run_plan(sim, {law, zero}, plan, 300, [&](long k, const LogRow& row) {
-    const SetPoint r = plan.sample(static_cast<double>(k) * 1e-3);
+  std::vector<double> rows(kScans * sizeof(LogRow<double>) / sizeof(double));
+  run_plan(sim, {law, zero}, plan, {rows.data(), kScans});
+  for (std::size_t k = 0; k < kScans; ++k) {
+    const auto r = plan.sample(static_cast<double>(k) * 1e-3);
     const auto c = position_law(law, r.pos, r.vel, by_hand.counts(law.rad_per_count) - zero);
-    EXPECT_EQ(row.pos_ref_rad, r.pos);
-    EXPECT_EQ(row.vel_cmd_rad_s, c.vel_cmd_rad_s);
-    EXPECT_EQ(row.pos_load_rad, by_hand.x.pos_load);
+    EXPECT_EQ(rows[k], r.pos);
+    EXPECT_EQ(rows[5 * kScans + k], c.vel_cmd_rad_s);
+    EXPECT_EQ(rows[7 * kScans + k], by_hand.x.pos_load);
     by_hand.scan({DriveMode::kSpeed, c.vel_cmd_rad_s, 0.0}, true);
-  });
+  }
   EXPECT_EQ(sim.x.pos_load, by_hand.x.pos_load);
   EXPECT_EQ(sim.s.integral, by_hand.s.integral);
 }

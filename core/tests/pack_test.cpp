@@ -68,9 +68,13 @@ void expect_same(const GantrySim<Pack<N>>& pack, const std::vector<GantrySim<dou
     expect_bits(pack.overload().lane[k], one.overload(), "overload", k, scan);
     expect_bits(pack.counts(Pack<N>(example::kFineCount)).lane[k], one.counts(example::kFineCount), "counts",
                 k, scan);
-    EXPECT_EQ(pack.brake.closed, one.brake.closed);
+    EXPECT_EQ(lane(pack.brake.closed, k), one.brake.closed);
+    EXPECT_EQ(lane(pack.report.limited, k), one.report.limited);
   }
 }
+
+// Where in its day a lane is: each elsewhere, so that modes and brakes differ within the pack.
+int own_scan(int scan, int lane) { return scan + 37 * lane; }
 
 // A day in the life: standing, a fast swing into the torque limit, quick stop, brake, off, brake open, speed
 // again.
@@ -103,14 +107,17 @@ void expect_pack_equals_scalars(const std::vector<PlantParams<double>>& plants, 
   expect_same<N>(pack, ones, -1);
   for (int scan = 0; scan < scans; ++scan) {
     DriveCommand<Pack<N>> commands;
+    Mask<N> open = mask<Pack<N>>(true);
     for (int k = 0; k < N; ++k) {
-      const DriveCommand<double> c = command_of(scan, k);
-      commands.mode = c.mode;
-      commands.vel_cmd_rad_s.lane[k] = c.vel_cmd_rad_s;
-      commands.torque_ff_nm.lane[k] = c.torque_ff_nm;
-      ones[static_cast<std::size_t>(k)].scan(c, brake_open_at(scan));
+      const DriveCommand<double> c = command_of(own_scan(scan, k), k);
+      set_lane(commands.off, k, c.off);
+      set_lane(commands.quick_stop, k, c.quick_stop);
+      set_lane(commands.vel_cmd_rad_s, k, c.vel_cmd_rad_s);
+      set_lane(commands.torque_ff_nm, k, c.torque_ff_nm);
+      set_lane(open, k, brake_open_at(own_scan(scan, k)));
+      ones[static_cast<std::size_t>(k)].scan(c, brake_open_at(own_scan(scan, k)));
     }
-    pack.scan(commands, brake_open_at(scan));
+    pack.scan(commands, open);
     expect_same<N>(pack, ones, scan);
     if (testing::Test::HasFailure()) return;
   }

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-PositionLawParams law() { return {10.0, 0.75, 1144.0, 1.5e-6, 125.0}; }
+PositionLawParams<double> law() { return {10.0, 0.75, 1144.0, 1.5e-6, 125.0}; }
 
 TEST(PositionLaw, is_gain_times_error_plus_feed_forward) {
   const auto r = position_law(law(), 0.01, 0.02, 7e6);
@@ -49,7 +49,10 @@ TEST(PositionLaw, of_a_pack_is_that_of_each_number) {
     vel.lane[k] = 0.003 * k;
     counts.lane[k] = 1e6 * (k - 1);
   }
-  const auto pack = position_law(law(), pos, vel, counts);
+  const PositionLawParams<double> one_law = law();
+  const PositionLawParams<Pack<4>> laws{one_law.kpp_per_s, one_law.kvf, one_law.ratio, one_law.rad_per_count,
+                                        one_law.vel_max_rad_s};
+  const auto pack = position_law(laws, pos, vel, counts);
   for (int k = 0; k < 4; ++k) {
     const auto one = position_law(law(), pos.lane[k], vel.lane[k], counts.lane[k]);
     EXPECT_EQ(pack.vel_cmd_rad_s.lane[k], one.vel_cmd_rad_s);

@@ -19,7 +19,7 @@ Segments plan() {
           vel - 1.0};
 }
 
-void expect_point(const SetPoint& r, double pos, double vel, double acc) {
+void expect_point(const SetPoint<double>& r, double pos, double vel, double acc) {
   EXPECT_NEAR(r.pos, pos, 1e-15 * 10.0);
   EXPECT_NEAR(r.vel, vel, 1e-15 * 10.0);
   EXPECT_NEAR(r.acc, acc, 1e-15 * 10.0);
@@ -40,7 +40,7 @@ TEST(Segments, a_seam_belongs_to_the_later_segment) {
 
 TEST(Segments, position_and_speed_are_continuous_over_the_seams) {
   for (double seam : {1.0, 3.0, 4.0}) {
-    const SetPoint before = plan().sample(std::nextafter(seam, 0.0)), after = plan().sample(seam);
+    const SetPoint<double> before = plan().sample(std::nextafter(seam, 0.0)), after = plan().sample(seam);
     EXPECT_NEAR(before.pos, after.pos, 1e-14);
     EXPECT_NEAR(before.vel, after.vel, 1e-14);
   }
@@ -112,7 +112,7 @@ Segments random_plan(std::mt19937_64& random, double duration_factor = 1.0) {
   std::uniform_real_distribution<double> number(-1.0, 1.0), length(0.05, 1.0);
   std::vector<Segments::Segment> segments;
   double t = 0.0;
-  SetPoint x{number(random), number(random), number(random)};
+  SetPoint<double> x{number(random), number(random), number(random)};
   for (int k = 0; k < 5; ++k) {
     const double jerk = k % 2 ? 3.0 * number(random) : 0.0, dt = length(random);
     segments.push_back({t, x.pos, x.vel, x.acc, jerk});

@@ -118,19 +118,35 @@ class LegStatistics(NamedTuple):
     max_torque_mesh_nm: Floats
 
 
-def run_legs(loops: Sequence[ClosedLoop], legs: Sequence[Leg], threads: int = 1) -> list[LegStatistics]:
-    """Take every plant through every leg; one entry per leg. All loops share the law of the first; either all
-    have a compensation of their own or none has.
+def run_legs(
+    loops: Sequence[ClosedLoop], legs: Sequence[Leg] | Sequence[Sequence[Leg]], threads: int = 1
+) -> list[LegStatistics]:
+    """Take every plant through its legs, several plants at once; one entry per leg.
 
-    The number of threads has no effect on the result.
+    Args:
+        loops: what is run; either all have a compensation of their own or none has.
+        legs: the same for all plants, or one list for each with the same number of legs.
+        threads: has no effect on the result. Each plant has the bits that it has alone.
     """
-    sims = [loop.sim for loop in loops]
-    period_s = sims[0].scan_period_s
-    native = [(leg.plan, scans(leg.duration_s, period_s), scans(leg.average_s, period_s)) for leg in legs]
-    zero_counts = [loop.zero_counts for loop in loops]
-    own = [loop.compensation for loop in loops if loop.compensation is not None]
-    result = _core.run_legs(sims, loops[0].law, native, zero_counts, threads, own)
-    return [LegStatistics(*result[:, k, :].T) for k in range(len(legs))]
+    native = [
+        [(leg.plan, *(scans(t, loop.sim.scan_period_s) for t in (leg.duration_s, leg.average_s))) for leg in own]
+        for own, loop in zip(_per_plant(legs), loops, strict=False)
+    ]
+    result = _core.run_legs(
+        [loop.sim for loop in loops],
+        [loop.law for loop in loops],
+        native,
+        [loop.zero_counts for loop in loops],
+        threads,
+        [loop.compensation for loop in loops if loop.compensation is not None],
+    )
+    return [LegStatistics(*result[:, k, :].T) for k in range(result.shape[1])]
+
+
+def _per_plant(legs: Sequence[Leg] | Sequence[Sequence[Leg]]) -> list[list[Leg]]:
+    """One list for all or one list per plant."""
+    alike = [leg for leg in legs if isinstance(leg, Leg)]
+    return [alike] if alike else [list(own) for own in legs if not isinstance(own, Leg)]
 
 
 def scans(duration_s: float, period_s: float) -> int:

@@ -1,0 +1,324 @@
+// Many plants through their legs, as many at once as a pack has lanes. Every lane goes its own way through
+// the legs of its plant; when it is done the next plant takes its place. No lane ever sees another, so each
+// plant has the bits that it has alone.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <cstddef>
+
+#include "core/lane/pack.hpp"
+#include "core/loop/closed_loop.hpp"
+
+namespace gantry::GANTRY_ISA {
+
+// A plant, how it is controlled, where it goes, and where the figures of each leg are put.
+struct Job {
+  GantrySim<double>* sim;
+  Control<double> control;
+  const Leg* legs;
+  std::size_t leg_count;
+  LegResult<double>* results;
+};
+
+// Plants that may share a pack: equal in every switch, timing and form of control. Threads draw from it.
+struct JobGroup {
+  const Job* const* jobs;
+  std::size_t count;
+  std::atomic<std::size_t>* drawn;
+
+  const Job* draw() const {
+    const std::size_t next = drawn->fetch_add(1, std::memory_order_relaxed);
+    return next < count ? jobs[next] : nullptr;
+  }
+};
+
+template <class T>
+class Batch {
+ public:
+  // Until the group is exhausted; `first` is a job drawn from it.
+  void run(const JobGroup& group, const Job* first) {
+    begin(*first);
+    for (int k = 0; k < kWidth; ++k) {
+      const Job* job = k == 0 ? first : group.draw();
+      load(k, job != nullptr ? *job : *first);
+      if (job == nullptr) lanes_[k].job = nullptr;
+    }
+    build();
+    while (advance(scans_to_next_event())) end_of_legs(group);
+  }
+
+ private:
+  static constexpr int kWidth = kLanes<T>;
+
+  struct Lane {
+    const Job* job = nullptr;  // none: what the lane computes is not used
+    std::size_t leg = 0;
+    long scan = 0;  // of the leg
+
+    const Leg& now() const { return job->legs[leg]; }
+    bool averaging() const { return job != nullptr && scan >= now().scans - now().average; }
+  };
+
+  // What is common to the plants of a group.
+  void begin(const Job& job) {
+    const PlantParams<double>& plant = job.sim->plant().p;
+#define X(name, type, value, meaning) plant_.name = plant.name;
+    GANTRY_PLANT_SWITCHES(X)
+#undef X
+    drive_.delay_cycles = job.sim->drive().p.delay_cycles;
+    timing_ = job.sim->timing();
+    sim_.ring_encoder.fitted = job.sim->ring_encoder.fitted;
+    sim_.encoder.spoilt = job.sim->encoder.spoilt;
+    control_.compensation = nullptr;
+    if (const Compensation<double>* c = job.control.compensation) {
+      control_.compensation = &compensation_;
+#define X(name, meaning) compensation_.p.name = c->p.name;
+      GANTRY_COMPENSATION_SWITCHES(X)
+#undef X
+    }
+  }
+
+  void load(int k, const Job& job) {
+    lanes_[k] = {&job, 0, 0};
+    const GantrySim<double>& one = *job.sim;
+    load_parameters(k, one);
+    load_state(k, one);
+    load_control(k, job.control);
+    forget_figures(k);
+  }
+
+  void load_parameters(int k, const GantrySim<double>& one) {
+#define X(name, value, meaning) set_lane(plant_.name, k, one.plant().p.name);
+    GANTRY_PLANT_PARAMS(X)
+#undef X
+    for (std::size_t n = 0; n < kRingHarmonics; ++n) {
+      set_lane(plant_.error_ring_rad[n], k, one.plant().p.error_ring_rad[n]);
+      set_lane(plant_.phase_ring_rad[n], k, one.plant().p.phase_ring_rad[n]);
+    }
+#define X(name, value, meaning) set_lane(drive_.name, k, one.drive().p.name);
+    GANTRY_DRIVE_PARAMS(X)
+#undef X
+    set_lane(close_cycles_, k, one.brake_close_cycles());
+    set_lane(open_cycles_, k, one.brake_open_cycles());
+    LoadEncoderParams<T>& ring = sim_.ring_encoder;
+    set_lane(ring.step_rad, k, one.ring_encoder.step_rad);
+    set_lane(ring.noise_rad, k, one.ring_encoder.noise_rad);
+    set_lane(ring.latency_s, k, one.ring_encoder.latency_s);
+    for (std::size_t n = 0; n < ring.scale.size(); ++n) {
+      set_lane(ring.scale[n].waves, k, one.ring_encoder.scale[n].waves);
+      set_lane(ring.scale[n].amplitude_rad, k, one.ring_encoder.scale[n].amplitude_rad);
+      set_lane(ring.scale[n].phase_rad, k, one.ring_encoder.scale[n].phase_rad);
+    }
+  }
+
+  void load_state(int k, const GantrySim<double>& one) {
+#define X(name, meaning) set_lane(sim_.x.name, k, one.x.name);
+    GANTRY_PLANT_STATE(X)
+#undef X
+#define X(name, meaning) set_lane(sim_.s.name, k, one.s.name);
+    GANTRY_DRIVE_STATE(X)
+#undef X
+    set_lane(sim_.brake.closed, k, one.brake.closed);
+    set_lane(sim_.brake.countdown, k, one.brake.countdown);
+    set_lane(sim_.report.torque_mesh, k, one.report.torque_mesh);
+    set_lane(sim_.report.vel, k, one.report.vel);
+    set_lane(sim_.report.limited, k, one.report.limited);
+    set_lane(sim_.encoder.gain, k, one.encoder.gain);
+    set_lane(sim_.encoder.pos_start, k, one.encoder.pos_start);
+    set_lane(sim_.encoder.seen_start, k, one.encoder.seen_start);
+    set_lane(sim_.scans_done, k, one.scans_done);
+    set_lane(sim_.count_offset, k, one.count_offset);
+  }
+
+  void load_control(int k, const Control<double>& one) {
+    set_lane(control_.law.kpp_per_s, k, one.law.kpp_per_s);
+    set_lane(control_.law.kvf, k, one.law.kvf);
+    set_lane(control_.law.ratio, k, one.law.ratio);
+    set_lane(control_.law.rad_per_count, k, one.law.rad_per_count);
+    set_lane(control_.law.vel_max_rad_s, k, one.law.vel_max_rad_s);
+    set_lane(control_.zero_counts, k, one.zero_counts);
+    set_lane(control_.torque_ff_nm, k, one.torque_ff_nm);
+    if (one.compensation != nullptr) load_compensation(k, *one.compensation);
+  }
+
+  void load_compensation(int k, const Compensation<double>& one) {
+    CompensationParams<T>& p = compensation_.p;
+#define X(name, value, meaning) set_lane(p.name, k, one.p.name);
+    GANTRY_COMPENSATION_PARAMS(X)
+#undef X
+    load_harmonics(k, p.map, one.p.map);
+    load_harmonics(k, p.lost_motion, one.p.lost_motion);
+    load_harmonics(k, p.scale, one.p.scale);
+    for (std::size_t n = 0; n < p.fast.size(); ++n) {
+      set_lane(p.fast[n].cycles, k, one.p.fast[n].cycles);
+      set_lane(p.fast[n].sine, k, one.p.fast[n].sine);
+      set_lane(p.fast[n].cosine, k, one.p.fast[n].cosine);
+    }
+#define X(name, meaning) set_lane(compensation_.s.name, k, one.s.name);
+    GANTRY_COMPENSATION_STATE(X)
+#undef X
+    set_lane(compensation_.s.started, k, one.s.started);
+  }
+
+  template <int N>
+  static void load_harmonics(int k, Harmonics<T, N>& pack, const Harmonics<double, N>& one) {
+    set_lane(pack.mean, k, one.mean);
+    for (std::size_t n = 0; n < N; ++n) {
+      set_lane(pack.sine[n], k, one.sine[n]);
+      set_lane(pack.cosine[n], k, one.cosine[n]);
+    }
+  }
+
+  void build() { sim_.build(plant_, drive_, close_cycles_, open_cycles_, timing_); }
+
+  void unload(int k) const {
+    GantrySim<double>& one = *lanes_[k].job->sim;
+#define X(name, meaning) one.x.name = lane(sim_.x.name, k);
+    GANTRY_PLANT_STATE(X)
+#undef X
+#define X(name, meaning) one.s.name = lane(sim_.s.name, k);
+    GANTRY_DRIVE_STATE(X)
+#undef X
+    one.brake.closed = lane(sim_.brake.closed, k);
+    one.brake.countdown = lane(sim_.brake.countdown, k);
+    one.report.torque_mesh = lane(sim_.report.torque_mesh, k);
+    one.report.vel = lane(sim_.report.vel, k);
+    one.report.limited = lane(sim_.report.limited, k);
+    one.scans_done = lane(sim_.scans_done, k);
+    Compensation<double>* c = lanes_[k].job->control.compensation;
+    if (c == nullptr) return;
+#define X(name, meaning) c->s.name = lane(compensation_.s.name, k);
+    GANTRY_COMPENSATION_STATE(X)
+#undef X
+    c->s.started = lane(compensation_.s.started, k);
+  }
+
+  void forget_figures(int k) {
+#define X(name) set_lane(figures_.name, k, 0.0);
+    GANTRY_LEG_COLUMNS(X)
+#undef X
+  }
+
+  // Scans until a lane ends its leg or begins to average; 0: no lane has work.
+  long scans_to_next_event() const {
+    long least = 0;
+    for (const Lane& l : lanes_) {
+      if (l.job == nullptr) continue;
+      const long start = l.now().scans - l.now().average;
+      const long left = l.scan < start ? start - l.scan : l.now().scans - l.scan;
+      if (least == 0 || left < least) least = left;
+    }
+    return least;
+  }
+
+  // Runs so many scans, in none of which anything begins or ends; false: there are none.
+  bool advance(long scans) {
+    if (scans == 0) return false;
+    MaskOf<T> averaging = mask<T>(false);
+    for (int k = 0; k < kWidth; ++k) set_lane(averaging, k, lanes_[k].averaging());
+    const bool together = same_plan();
+    for (long n = 0; n < scans; ++n) {
+      sample(together);
+      add(closed_loop_scan(sim_, control_, point_), averaging);
+      for (Lane& l : lanes_) ++l.scan;
+    }
+    return true;
+  }
+
+  // All lanes that have work are at the same time of the same plan.
+  bool same_plan() const {
+    const Lane* first = nullptr;
+    for (const Lane& l : lanes_) {
+      if (l.job == nullptr) continue;
+      if (first == nullptr) first = &l;
+      if (&l.now() != &first->now() || l.scan != first->scan) return false;
+    }
+    return true;
+  }
+
+  // Set-points of this scan; a lane without work keeps its last.
+  void sample(bool together) {
+    for (int k = 0; k < kWidth; ++k) {
+      const Lane& l = lanes_[k];
+      if (l.job == nullptr) continue;
+      const SetPoint<double> r = l.now().plan.sample(static_cast<double>(l.scan) * timing_.scan_period_s);
+      if (together) {
+        point_ = {T(r.pos), T(r.vel), T(r.acc)};
+        return;
+      }
+      set_lane(point_.pos, k, r.pos);
+      set_lane(point_.vel, k, r.vel);
+      set_lane(point_.acc, k, r.acc);
+    }
+  }
+
+  // Figures of the legs, on the fly: nothing grows with the duration.
+  GANTRY_INLINE void add(const LogRow<T>& row, MaskOf<T> averaging) {
+    LegResult<T>& r = figures_;
+    largest(r.max_vel_err_motor_rad_s, row.vel_motor_rad_s / control_.law.ratio - row.vel_ref_rad_s);
+    largest(r.max_vel_err_load_rad_s, row.vel_load_rad_s - row.vel_ref_rad_s);
+    largest(r.max_pos_err_motor_rad, row.pos_err_rad);
+    largest(r.max_pos_err_load_rad, row.pos_ref_rad - row.pos_load_rad);
+    largest(r.max_torque_motor_nm, row.torque_act_nm);
+    largest(r.max_torque_mesh_nm, row.torque_mesh_nm);
+    if (!any(averaging)) return;
+    const auto sum = [averaging](T& so_far, T x) { so_far = select(averaging, so_far + x, so_far); };
+    sum(r.mean_pos_load_rad, row.pos_load_rad);
+    sum(r.mean_pos_ring_rad, row.pos_load_rad - row.pos_base_rad);
+    sum(r.mean_pos_act_rad, row.pos_act_rad);
+  }
+
+  static GANTRY_INLINE void largest(T& so_far, T x) {
+    const T size = vabs(x);
+    so_far = select(so_far < size, size, so_far);
+  }
+
+  // Lanes at the end of a leg put down its figures and go on: to the next leg, or with the next plant.
+  void end_of_legs(const JobGroup& group) {
+    bool other_plants = false;
+    for (int k = 0; k < kWidth; ++k) {
+      Lane& l = lanes_[k];
+      if (l.job == nullptr || l.scan < l.now().scans) continue;
+      put_figures(k);
+      l.scan = 0;
+      if (++l.leg < l.job->leg_count) continue;
+      unload(k);
+      const Job* next = group.draw();
+      if (next != nullptr) {
+        load(k, *next);
+        other_plants = true;
+      } else {
+        l.job = nullptr;
+      }
+    }
+    if (other_plants) build();
+  }
+
+  void put_figures(int k) {
+    const Lane& l = lanes_[k];
+    LegResult<double>& r = l.job->results[l.leg];
+#define X(name) r.name = lane(figures_.name, k);
+    GANTRY_LEG_COLUMNS(X)
+#undef X
+    const double n = static_cast<double>(l.now().average);
+    r.mean_pos_load_rad /= n;
+    r.mean_pos_ring_rad /= n;
+    r.mean_pos_act_rad /= n;
+    forget_figures(k);
+  }
+
+  Lane lanes_[kWidth];
+  PlantParams<T> plant_;
+  DriveParams<T> drive_;
+  T close_cycles_ = T(0.0);
+  T open_cycles_ = T(0.0);
+  Timing timing_;
+  GantrySim<T> sim_;
+  Compensation<T> compensation_;
+  Control<T> control_;
+  SetPoint<T> point_{T(0.0), T(0.0), T(0.0)};
+  LegResult<T> figures_;
+};
+
+}  // namespace gantry::GANTRY_ISA
