@@ -2,8 +2,8 @@
 
     python tools/kernel_symbols.py OBJECT...
 
-A function that several objects define (an inline one, a template) is linked once, from any of them: compiled for AVX-512 it
-would then run on processors without. So each weak symbol must bear the namespace of its set. And no fused
+A function that several objects define (an inline one, a template) is linked once, from any of them: compiled for
+AVX-512 it would then run on processors without. So each weak symbol must bear the namespace of its set. And no fused
 multiply-add may occur, or results would differ between the sets.
 """
 

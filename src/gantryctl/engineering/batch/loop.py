@@ -129,7 +129,7 @@ def run_legs(
         threads: has no effect on the result. Each plant has the bits that it has alone.
     """
     native = [
-        [(leg.plan, *(scans(t, loop.sim.scan_period_s) for t in (leg.duration_s, leg.average_s))) for leg in own]
+        [_native(leg, loop.sim.scan_period_s) for leg in own]
         for own, loop in zip(_per_plant(legs), loops, strict=False)
     ]
     result = _core.run_legs(
@@ -147,6 +147,10 @@ def _per_plant(legs: Sequence[Leg] | Sequence[Sequence[Leg]]) -> list[list[Leg]]
     """One list for all or one list per plant."""
     alike = [leg for leg in legs if isinstance(leg, Leg)]
     return [alike] if alike else [list(own) for own in legs if not isinstance(own, Leg)]
+
+
+def _native(leg: Leg, period_s: float) -> tuple[_core.Segments, int, int]:
+    return leg.plan, scans(leg.duration_s, period_s), scans(leg.average_s, period_s)
 
 
 def scans(duration_s: float, period_s: float) -> int:
