@@ -80,21 +80,14 @@ def oracle_taps() -> Iterator[None]:
 
 
 @pytest.fixture(autouse=True)
-def oracle(request: pytest.FixtureRequest) -> Iterator[Oracle]:
-    """Watches the true plant and the wire of every axis that the test moves (INV-1 to INV-7); on by default.
+def oracle() -> Iterator[Oracle]:
+    """Watches the true plant and the wire of every axis that a test moves (INV-1 to INV-7).
 
-    A test that breaks an invariant on purpose takes what it expects out (`oracle.caught`), or says why it is not held:
-    `@pytest.mark.no_oracle("reason", "INV-1", ...)`; without a name, none is.
+    No test is excused: one that breaks an invariant on purpose takes what it expects out (`oracle.caught`).
     """
     judge = Oracle()
-    excused = request.node.get_closest_marker("no_oracle")
-    if excused is not None and len(excused.args) == 1:
-        yield judge
-        return
     with watching(judge):
         yield judge
-    for invariant in () if excused is None else excused.args[1:]:
-        judge.caught(invariant)
     broken = "\n".join(map(str, judge.violations))
     if broken:
         pytest.fail(f"the oracle saw:\n{broken}", pytrace=False)

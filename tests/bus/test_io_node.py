@@ -17,6 +17,7 @@ from gantryctl.machine.rules.reaction import silent_angle_deg
 from gantryctl.program import PowerPhase
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_bus
+from support.oracle.taps import Oracle
 
 pytestmark = pytest.mark.can
 
@@ -135,13 +136,13 @@ def test_outputs_show_what_the_axis_does() -> None:
     rig.engine.close()
 
 
-@pytest.mark.no_oracle("the brake lets the load go on purpose", "INV-1", "INV-2")
 def test_the_horn_sounds_where_a_closed_brake_lets_the_load_go() -> None:
     rig = BusRig(io_machine(changes={"plant.load.eccentricity_m": CHECK_M}), 90.0)
     rig.run(0.2)
     rig.inject("brake_torque_share", value=0.02)
     rig.run(4.0)
     assert rig.levels["horn"], rig.told
+    rig.inject("brake_torque_share", value=1.0)
     rig.engine.close()
 
 
@@ -156,7 +157,6 @@ def test_outputs_without_effect_keep_the_brake_closed() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.no_oracle("the brake cannot be closed", "INV-6")
 def test_a_brake_relay_that_welds_is_told_and_the_load_stays() -> None:
     rig = BusRig(io_machine(), 60.0).power_up().cruise(3.0)
     rig.io.outputs_dead = True
@@ -166,10 +166,10 @@ def test_a_brake_relay_that_welds_is_told_and_the_load_stays() -> None:
     # The drive gives the torque back (HOLD): the load does not fall through the open brake.
     assert abs(rig.ticks[-1].vel_deg_s) < 0.05
     assert rig.levels["horn"] is False
+    rig.io.outputs_dead = False
     rig.engine.close()
 
 
-@pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-2", "INV-6")
 @pytest.mark.parametrize("where", ["node", pytest.param("drive", marks=pytest.mark.slow)])
 def test_a_controller_that_dies_leaves_a_braked_axis(where: str) -> None:
     """Not one frame more: the drive ramps by its own watch, the brake output falls by itself."""
@@ -188,7 +188,6 @@ def test_a_controller_that_dies_leaves_a_braked_axis(where: str) -> None:
     rig.engine.close()
 
 
-@pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-2", "INV-6")
 @pytest.mark.parametrize(
     "place", ["can.io.outputs.watchdog", pytest.param("can.outputs.watchdog", marks=pytest.mark.slow)]
 )
@@ -206,8 +205,7 @@ def test_a_watchdog_relay_stops_the_axis_of_a_dead_controller(place: str) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.no_oracle("the program is dead: it raises nothing", "INV-1", "INV-2", "INV-6")
-def test_without_the_relay_such_a_drive_goes_on() -> None:
+def test_without_the_relay_such_a_drive_goes_on(oracle: Oracle) -> None:
     """The test above can fail. The brake on the node closes against the drive, which does not care."""
     machine = io_machine(changes={"can.virtual_drive": "unwatched"})
     rig = BusRig(machine, 60.0).power_up().cruise(3.0)
@@ -216,6 +214,7 @@ def test_without_the_relay_such_a_drive_goes_on() -> None:
         rig.drive.link.pause(0.001)
     assert rig.ticks[-1].state is State.ENABLED
     assert rig.ticks[-1].torque_nm > 100.0 or rig.way_deg(begun - 1) > 4.0
+    assert oracle.caught("INV-1")
     rig.engine.close()
 
 

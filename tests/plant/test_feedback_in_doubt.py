@@ -129,16 +129,7 @@ def test_an_absurd_speed_is_torque_off_at_once(moving: bool, value: float) -> No
 @pytest.mark.parametrize("scan_ms", SCANS_MS)
 @pytest.mark.parametrize(
     "stop",
-    [
-        "quick stop",
-        "torque off",
-        pytest.param(
-            "brake in motion",
-            marks=pytest.mark.no_oracle(
-                "a quick stop into a closing brake: 4.3 deg from the command", "INV-1"
-            ),
-        ),
-    ],
+    ["quick stop", "torque off", "brake in motion"],
 )
 def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: float, at_deg: float) -> None:
     """The hardest stops: up to 10 deg/s2 by the drive, 56 deg/s2 by the brake."""

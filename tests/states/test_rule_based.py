@@ -10,7 +10,6 @@ from contextlib import ExitStack
 from functools import cache
 from typing import Any, Final
 
-import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
@@ -179,7 +178,6 @@ class AxisUnderRules(RuleBasedStateMachine):
             assert abs(deg(self.drive.truth()[2] / 1144.0)) < 181.0
 
 
-@pytest.mark.no_oracle("each example has an oracle of its own, and fails by it")
 class TestAxisUnderRules(AxisUnderRules.TestCase):
     settings = settings(
         max_examples=25, stateful_step_count=15, deadline=None, suppress_health_check=list(HealthCheck)

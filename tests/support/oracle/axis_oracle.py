@@ -8,10 +8,11 @@ from typing import Any, Final, NamedTuple
 
 from gantryctl.image import DriveRequest, OperatorCommand, OutputImage
 from gantryctl.program import GantryProgram
-from gantryctl.program.alarms.codes import Reaction
+from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import Alarm
 from support.oracle import limits
 from support.oracle.limits import StopClass
+from support.oracle.silence import Silence
 from support.oracle.words import Instant, Stop, judge_words
 
 _ENABLE: Final = DriveRequest.ENABLE
@@ -101,6 +102,9 @@ class AxisOracle:
         self._at_target_ms = 0
         self._lease_ms = -1_000_000
         self._operator = OperatorCommand()
+        self._commanded = (0.0, 0.0)
+        self._silent_from: float = math.inf
+        self._silence: Silence | None = None
         self._test_asked = False
         self._power_until = -1.0
         self._vel = 0.0
@@ -111,6 +115,7 @@ class AxisOracle:
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._disobeys = self._brake_fault = False
+        self._late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
         self._ratio = 1.0
@@ -163,14 +168,18 @@ class AxisOracle:
             self._seen.add(invariant)
             self._found(Violation(invariant, self.ms * 1e-3, text))
 
-    def fault_injected(self, *, feedback: bool, at_once: bool, brake: bool = False) -> None:
+    def fault_injected(
+        self, *, feedback: bool, at_once: bool, brake: bool = False, late_s: float = 0.0
+    ) -> None:
         """A test spoils something now; a cause that lasts keeps its first onset.
 
         Args:
             feedback: the reading is in doubt, or what the drive does with it.
             brake: a quick stop has no ramp: a brake in the way, or too little torque. Class torque off.
             at_once: it acts now; else only when something else happens, a quick stop for one.
+            late_s: the axis goes on for so long before it shows.
         """
+        self._late_s = max(self._late_s, late_s)
         onset = self._onset
         self._disobeys = self._disobeys or (feedback and not at_once)
         self._brake_fault = self._brake_fault or brake
@@ -193,6 +202,8 @@ class AxisOracle:
         """Judge one command before the drive takes it; `operator` is None when no program made it."""
         request, vel, torque, brake_open = output[:4]
         axis = self._axis
+        self._silence, self._silent_from = None, self.ms + limits.SILENT_MS
+        self._commanded = self.angle, self.speed
         if operator is not None and operator is not self._operator:
             self._levels(operator)
         if not (-self._vel_max <= vel <= self._vel_max and -self._torque_max <= torque <= self._torque_max):
@@ -329,8 +340,10 @@ class AxisOracle:
         return any(alarm.reaction is Reaction.HOLD for alarm in alarms)
 
     def _told_torque_off(self) -> bool:
-        alarms = self._axis.alarms.active.values()
-        return any(alarm.reaction >= Reaction.TORQUE_OFF for alarm in alarms)
+        alarms = self._axis.alarms.active
+        # Behind a brake that is told not to close only the torque that goes off shows whether it holds; HOLD follows.
+        told = any(alarm.reaction >= Reaction.TORQUE_OFF for alarm in alarms.values())
+        return told or Code.BRK_06 in alarms
 
     def _alarm(self, first: Alarm) -> None:
         """A stop-class alarm is told now: the stop begins."""
@@ -355,6 +368,9 @@ class AxisOracle:
         if not self.bound:
             self.energised, self.brake_open = energised, brake_open
             return
+        if now > self._silent_from:
+            self._silent(energised, brake_open)
+            return
         if energised is not self.energised or brake_open is not self.brake_open:
             self._switched(energised, brake_open)
         if not (-self._speed_max <= speed <= self._speed_max and self._low <= angle <= self._high):
@@ -372,6 +388,19 @@ class AxisOracle:
         if not energised and (brake_open or self._off_unjudged):
             self._unheld()
         elif self._unheld_ms:
+            self._unheld_ms = 0
+
+    def _silent(self, energised: bool, brake_open: bool) -> None:
+        """Judge one millisecond of an axis that nobody commands any more."""
+        self.energised, self.brake_open = energised, brake_open
+        if self._silence is None:
+            angle, speed = self._commanded
+            last = Instant(self.ms - limits.SILENT_MS, angle, speed, energised, brake_open)
+            self._silence, self._anchor, self._off_unjudged = Silence(last), None, False
+        self._silence.sample(self)
+        if brake_open and not energised:
+            self._unheld()
+        else:
             self._unheld_ms = 0
 
     def _moves(self, way: float) -> None:
@@ -442,11 +471,12 @@ class AxisOracle:
         slow = -self._rest <= speed <= self._rest
         stop.slow_ms = stop.slow_ms + 1 if slow else 0
         way = abs(self.angle - stop.onset.angle) / self._deg
-        allowed = limits.way_deg(stop.kind, stop.onset.speed / self._deg)
+        from_deg_s = stop.onset.speed / self._deg
+        allowed = limits.way_deg(stop.kind, from_deg_s) + abs(from_deg_s) * self._late_s
         if way > allowed and not stop.ended:
             self.say(
                 "INV-1",
-                f"{stop.alarm.code}, {stop.kind.value} from {stop.onset.speed / self._deg:.2f} deg/s: "
+                f"{stop.alarm.code}, {stop.kind.value} from {from_deg_s:.2f} deg/s: "
                 f"{way:.3f} deg, at most {allowed:.3f}",
             )
         if not slow and now - stop.told.ms > 1e3 * limits.REST_S[stop.kind]:

@@ -15,6 +15,7 @@ from gantryctl.drives.virtual.nodes.group import NodeGroup
 from gantryctl.image import DriveState, InputImage, OutputImage
 from gantryctl.program import AxisProgram
 from gantryctl.runtime import Engine
+from support.oracle import limits
 from support.oracle.axis_oracle import AxisOracle, Violation
 
 _ENERGISED: Final = (DriveState.OPERATION_ENABLED, DriveState.QUICK_STOP_ACTIVE)
@@ -198,6 +199,7 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
                     feedback=name in _FEEDBACK,
                     at_once=name not in _LATER,
                     brake=name.startswith("brake") or name == "torque_limit_share",
+                    late_s=limits.BRAKE_BEGINS_S if value == "closed" else 0.0,
                 )
 
     return set_fault
