@@ -110,9 +110,11 @@ class DigitalInputs(NamedTuple):
     collision_ok: bool | None = None
     """Collision sensors of gantry and couch free."""
     door_ok: bool | None = None
-    """Room door closed, or the permit that stands for it."""
+    """Room door closed."""
     estop_ok_2: bool | None = None
     """Second channel of the emergency-stop chain."""
+    motion_permit: bool | None = None
+    """The room permits motion; without it nothing moves, and torque may stay on."""
 
     @property
     def estop_closed(self) -> bool:

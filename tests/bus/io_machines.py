@@ -13,6 +13,7 @@ IO: Final[dict[str, object]] = {
     "can.io.inputs.enabling_switch": 1,
     "can.io.inputs.door_ok": 2,
     "can.io.inputs.collision_ok": 3,
+    "can.io.inputs.motion_permit": 4,
     "can.io.inputs.brake_open": 9,
     "can.io.outputs.brake_release": 0,
     "can.io.outputs.horn": 1,

@@ -52,6 +52,9 @@ def reaction_scans(rig: BusRig, code: str) -> int:
 def test_an_input_acts_with_the_first_sync_after_it(scan_ms: float) -> None:
     """Sampled at SYNC, answered and judged in that scan: one scan, whatever its length, for each input."""
     rig = BusRig(io_machine(scan_ms), 20.0).power_up()
+    rig.cruise(1.0)
+    rig.inject("motion_permit", value=False)
+    assert reaction_scans(rig, "INT-08") == 1
     for name, code in (("door_ok", "INT-07"), ("collision_ok", "INT-01"), ("estop_ok", "INT-03")):
         rig.inject(name, value=False)
         assert reaction_scans(rig, code) == 1, name

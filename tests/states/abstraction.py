@@ -300,14 +300,14 @@ RULES: Final[dict[type, Rules]] = {
         },
     ),
     Interlocks: Rules(
-        same="_code_known _inputs _some_open _was_minus _was_plus minus_open plus_open",
+        same="_code_known _inputs _some_open _was_minus _was_plus minus_open permitted plus_open",
         fixed="_alarms _feedback",
     ),
     SiteInterlocks: Rules(
         same="_inputs",
         count="_differ_count",
         # Chatter is switched off by these settings.
-        clock="_collision _door",
+        clock="_collision _door _permit",
         fixed="_alarms _chatter_max _chatter_s _differ_scans _door_reaction _feedback _period_s",
     ),
     MotorThermal: Rules(

@@ -220,6 +220,7 @@ export const en = {
   estop_ok_2: 'Emergency-stop chain, channel 2',
   collision_ok: 'No collision',
   door_ok: 'Room door closed',
+  motion_permit: 'Motion permitted',
   mains_ready: 'Mains ready',
   limit_minus_ok: 'Limit switch − free',
   limit_plus_ok: 'Limit switch + free',

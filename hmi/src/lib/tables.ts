@@ -126,6 +126,8 @@ export interface Tags {
   collision_ok: boolean | null;
   /** Room door closed; null where it is not fitted. */
   door_ok: boolean | null;
+  /** The room permits motion; null where it is not fitted. */
+  motion_permit: boolean | null;
   /** Second channel of the emergency-stop chain closed; null without one. */
   estop_ok_2: boolean | null;
   /** Time left of the hold-to-run lease; 0 without one. [ms] */

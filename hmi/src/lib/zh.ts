@@ -213,6 +213,7 @@ export const zh: Record<Key, string> = {
   estop_ok_2: '急停回路第二通道',
   collision_ok: '无碰撞',
   door_ok: '机房门关闭',
+  motion_permit: '允许运动',
   mains_ready: '主电源就绪',
   limit_minus_ok: '负限位未触发',
   limit_plus_ok: '正限位未触发',

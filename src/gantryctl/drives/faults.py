@@ -102,6 +102,7 @@ class Faults:
     """Second channel of the chain; False: safe torque off too. None here and below: not fitted."""
     collision_ok: bool | None = None
     door_ok: bool | None = None
+    motion_permit: bool | None = None
     limit_minus_ok: bool | None = None
     """None: by the load angle."""
     limit_plus_ok: bool | None = None

@@ -212,7 +212,7 @@ class SimDrive(BaseDrive):
         faults = self.faults
         now = DigitalInputs(
             faults.estop_ok, faults.enabling_switch, pos_load_rad > -limit, pos_load_rad < limit, faults.mains_ready,
-            faults.collision_ok, faults.door_ok, faults.estop_ok_2,
+            faults.collision_ok, faults.door_ok, faults.estop_ok_2, faults.motion_permit,
         )  # fmt: skip
         # The object of the scan before, while nothing has changed: whoever watches it compares no more than that.
         if now != self._inputs:

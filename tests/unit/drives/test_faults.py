@@ -296,12 +296,13 @@ def test_the_names_of_faults_in_force_are_kept() -> None:
         ("collision_ok", 20, 1),
         ("door_ok", 21, 1),
         ("estop_ok_2", 22, 1),
+        ("motion_permit", 24, 1),
     ],
 )
 def test_each_input_can_be_off_alone(name: str, bit: int, good: int) -> None:
     on_bus, drive = OnBus(0.0), sim_drive(MACHINE)
     before, sound = on_bus.bench.up(0x60FD), drive.read().inputs
-    # The last three are not on every machine: a simulated drive does not have them until a fault says otherwise.
+    # The last four are not on every machine: a simulated drive does not have them until a fault says otherwise.
     assert (before >> bit & 1, getattr(sound, name)) == (good, True if bit < 20 else None)
     on_bus.inject(name, False)
     set_fault(drive.faults, name, False)

@@ -2,13 +2,14 @@
 
 import pytest
 
-from gantryctl.image import DigitalInputs, DriveRequest
+from gantryctl.image import DigitalInputs, DriveRequest, Mode
 from gantryctl.program import AxisState, PowerPhase, Reaction
-from unit.program.rig import Rig, moving_rig, settings
+from gantryctl.units import rad
+from unit.program.rig import Rig, moving_rig, powered, press, settings
 from unit.program.spoiling import expect
 
 PERIODS_S = (0.001, 0.004, 0.01)
-CLOSED = DigitalInputs(collision_ok=True, door_ok=True, estop_ok_2=True)
+CLOSED = DigitalInputs(collision_ok=True, door_ok=True, estop_ok_2=True, motion_permit=True)
 
 
 def fitted(period_s=0.001, **monitors) -> Rig:
@@ -99,7 +100,78 @@ def test_g11_the_machine_file_makes_it_a_quick_stop():
 
 
 @pytest.mark.parametrize("period_s", PERIODS_S)
-@pytest.mark.parametrize("name", ["collision_ok", "door_ok"])
+def test_a_permit_taken_away_stops_on_the_ramp_and_nothing_goes_on_when_it_is_back(period_s):
+    rig = fitted(period_s)
+    shows(rig, motion_permit=False)
+    rig.step()
+    assert rig.codes == ["INT-08"]
+    shows(rig)  # it is back at once: the axis stops all the same, with power on
+    rig.until(lambda: rig.axis.at_rest, 5.0)
+    assert rig.axis.power.phase is PowerPhase.ON
+    rig.move(5.0)
+    assert "INT-08 is active" in rig.refused()
+    rig.op(reset=True)
+    rig.op(reset=False)
+    rig.run(1.0)
+    assert rig.axis.at_rest, "the reset alone moves nothing"
+    rig.move(rig.ref_deg + 1.0)
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.DISCRETE_MOTION
+
+
+def test_a_missing_permit_cannot_be_reset():
+    rig = fitted()
+    shows(rig, motion_permit=False)
+    rig.run(3.0)
+    rig.op(reset=True)
+    assert "the motion permit is not given" in rig.refused()
+    assert rig.codes == ["INT-08"]
+
+
+def test_a_held_key_does_not_go_on_when_the_permit_is_back():
+    """Hold-to-run: a new press is a new motion, a key that was held all the time is none."""
+    rig = powered()
+    rig.drive.inputs = CLOSED
+    rig.op(mode=Mode.CONTINUOUS, speed_rad_s=rad(0.6))
+    press(rig, forward=True)
+    rig.hold_key(2.0)
+    assert not rig.axis.at_rest
+    shows(rig, motion_permit=False)
+    rig.hold_key(2.0)
+    assert rig.axis.at_rest
+    shows(rig)
+    rig.hold_key(0.1)
+    rig.op(reset=True)
+    rig.op(reset=False)
+    assert not rig.codes
+    rig.hold_key(2.0)
+    assert rig.axis.at_rest
+    rig.op(forward=False)
+    rig.run(0.1)
+    press(rig, forward=True)
+    rig.hold_key(1.0)
+    assert not rig.axis.at_rest
+
+
+def test_at_standstill_a_missing_permit_refuses_motion_and_raises_nothing():
+    rig = Rig()
+    shows(rig, motion_permit=False)
+    rig.op(power=True)
+    rig.until(lambda: rig.axis.power.phase is PowerPhase.ON, 5.0)
+    rig.move(5.0)
+    assert "the motion permit is not given" in rig.refused()
+    rig.run(1.0)
+    assert not rig.codes
+    assert rig.axis.at_rest
+    shows(rig)
+    rig.run(0.1)
+    rig.move(5.0)
+    rig.run(0.1)
+    assert rig.axis.state is AxisState.DISCRETE_MOTION
+
+
+@pytest.mark.parametrize("period_s", PERIODS_S)
+@pytest.mark.parametrize("name", ["collision_ok", "door_ok", "motion_permit"])
 def test_g8_pulses_of_one_scan_are_latched_and_the_sixth_in_a_minute_is_a_loose_wire(name, period_s):
     rig = Rig(config=settings(period_s=period_s))
     for pulse in range(6):

@@ -313,7 +313,7 @@ ROWS: dict[str, Row] = {
         f"can.inputs.{name}": {f"bus.inputs.{name}": lambda m, name=name: bit(m, name)}
         for name in (
             "estop_ok", "enabling_switch", "mains_ready", "brake_open", "limit_minus", "limit_plus",
-            "collision_ok", "door_ok", "estop_ok_2", "watchdog_closed",
+            "collision_ok", "door_ok", "motion_permit", "estop_ok_2", "watchdog_closed",
         )
     },
     "can.watchdog_ms": {"bus.watchdog_s": MS},

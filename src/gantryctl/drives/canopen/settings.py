@@ -27,6 +27,7 @@ class InputBits(NamedTuple):
     limit_plus: int | None = 1
     collision_ok: int | None = None
     door_ok: int | None = None
+    motion_permit: int | None = None
     estop_ok_2: int | None = None
     watchdog_closed: int | None = None
 

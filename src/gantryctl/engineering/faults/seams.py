@@ -102,6 +102,7 @@ INPUTS: Final = (
     "limit_plus_ok",
     "collision_ok",
     "door_ok",
+    "motion_permit",
 )
 _NUMBER: Final = Argument(float, -1e12, 1e12)
 _SHARE: Final = Argument(float, 0.0, 1.0)

@@ -20,6 +20,7 @@ class CanInputsTable(Table):
     # Not on every machine: without a bit there is no such input, and nothing is watched.
     collision_ok: int = number(-1, -1, 31, "Bit that is 1 while no collision sensor is touched.")
     door_ok: int = number(-1, -1, 31, "Bit that is 1 while the room door is closed.")
+    motion_permit: int = number(-1, -1, 31, "Bit that is 1 while the room permits motion.")
     estop_ok_2: int = number(-1, -1, 31, "The same as `estop_ok` for a second channel of the chain.")
 
     watchdog_closed: int = number(
@@ -52,7 +53,8 @@ class IoInputsTable(Table):
     limit_minus: int = number(-1, -1, 63, "At the negative limit switch.")
     limit_plus: int = number(-1, -1, 63, "At the positive limit switch.")
     collision_ok: int = number(-1, -1, 63, "No collision sensor touched.")
-    door_ok: int = number(-1, -1, 63, "Room door closed, or the motion permit that stands for it.")
+    door_ok: int = number(-1, -1, 63, "Room door closed.")
+    motion_permit: int = number(-1, -1, 63, "The room permits motion.")
     estop_ok_2: int = number(-1, -1, 63, "Second channel of the emergency-stop chain closed.")
     watchdog_closed: int = number(-1, -1, 63, "Contact of the watchdog or enable relay closed.")
 

@@ -131,6 +131,7 @@ class Code(StrEnum):
     INT_05 = "INT-05"
     INT_06 = "INT-06"
     INT_07 = "INT-07"
+    INT_08 = "INT-08"
     PWR_01 = "PWR-01"
     PWR_03 = "PWR-03"
     PWR_04 = "PWR-04"

@@ -294,6 +294,15 @@ POWER: Final = (
         blocks_motion=True,
     ),
     Definition(
+        Code.INT_08, _WARN, Reaction.HLT,
+        Text("Motion permit", "The motion permit was taken away at {measured}",
+             "The room took its permit away while the gantry moved, or a wire of it is broken.",
+             "See why. When the permit is given again: reset, then press the key or give the command again."),
+        Text("运动许可", "运动许可在 {measured} 时被撤销", "机架运动时机房撤销了许可，或许可线路断开。",
+             "查明原因。许可恢复后：复位，然后重新按键或重新下达命令。"),
+        blocks_motion=True,
+    ),
+    Definition(
         Code.INT_06, _STOP, _QS,
         Text("Quick stop asked for",
              "Quick stop by the operator at {measured}",

@@ -211,6 +211,8 @@ class Words(Enum):
         "防碰撞联锁断开：请先排除障碍",
     )
     DOOR_OPEN = "the room door is open: close it first", "机房门打开：请先关门"
+    PERMIT_MISSING = "the motion permit is not given", "没有给出运动许可"
+    PERMIT_INPUT = "motion permit", "运动许可"
     COLLISION_INPUT = "collision interlock", "防碰撞联锁"
     DOOR_INPUT = "room door", "机房门"
     ESTOP_STILL_OPEN = "the emergency-stop chain is still open: release it first", "急停回路仍断开：请先松开"

@@ -162,7 +162,7 @@ class Axis:
             self.monitors.scan_released(pos)
         powered = power.phase is not _OFF
         if self.interlocks.scan(pos, powered):
-            self._site.scan(pos, powered)
+            self._site.scan(pos, powered, not self.at_rest)
         self.thermal.scan(time_s)
         power.step(pos)
         if virtual.at_rest and power.phase is not _OFF:

@@ -312,6 +312,7 @@ class MotionCommands:
         return (
             self.check_speed(command.speed_rad_s)
             or self._check_state()
+            or self._check_permit()
             or check_way(here, command.target_rad, self._settings.travel, self._interlocks)
         )
 
@@ -325,6 +326,9 @@ class MotionCommands:
         if blocking is not None:
             return refusal(Code.CTL_14, reason=blocking.active_words)
         return None
+
+    def _check_permit(self) -> Refusal | None:
+        return None if self._interlocks.permitted else refusal(Code.CTL_14, reason=Words.PERMIT_MISSING)
 
     def _not_ready(self) -> Refusal:
         first = self._alarms.first_out

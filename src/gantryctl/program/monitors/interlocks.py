@@ -24,11 +24,12 @@ class Interlocks:
 
     Attributes:
         plus_open, minus_open: the way forward or back is open (its limit switch is closed).
+        permitted: the room permits motion, or has no such input.
     """
 
     __slots__ = (
         "_alarms", "_code_known", "_feedback", "_inputs", "_some_open", "_was_minus", "_was_plus",
-        "minus_open", "plus_open",
+        "minus_open", "permitted", "plus_open",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -37,7 +38,7 @@ class Interlocks:
         self._inputs: DigitalInputs | None = None
         self._code_known = self._some_open = False
         self._was_plus = self._was_minus = True
-        self.plus_open = self.minus_open = True
+        self.plus_open = self.minus_open = self.permitted = True
 
     def scan(self, pos_rad: float, powered: bool) -> bool:
         """Check the inputs, the state of the drive and its warnings.
@@ -64,6 +65,7 @@ class Interlocks:
         if self._inputs is None and (inputs.limit_plus_ok or inputs.limit_minus_ok):
             self._was_plus, self._was_minus = inputs.limit_plus_ok, inputs.limit_minus_ok
         self._inputs, self._some_open = inputs, False in inputs
+        self.permitted = inputs.motion_permit is not False
         # No filter: a hard-wired input acts on the first scan.
         if not inputs.estop_closed:
             self._alarms.raise_(Code.INT_03, measured=self._feedback.where(pos_rad))

@@ -1,4 +1,4 @@
-"""Interlocks of the treatment room: collision, door, second channel of the emergency stop, loose wires."""
+"""Interlocks of the treatment room: collision, door, motion permit, second emergency-stop channel, loose wires."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ def why_site_keeps(active: Container[Code], inputs: DigitalInputs) -> Words | No
         return Words.ESTOP_CHANNELS_DIFFER
     if Code.INT_01 in active and inputs.collision_ok is False:
         return Words.COLLISION_OPEN
+    if Code.INT_08 in active and inputs.motion_permit is False:
+        return Words.PERMIT_MISSING
     return Words.DOOR_OPEN if Code.INT_07 in active and inputs.door_ok is False else None
 
 
@@ -37,7 +39,7 @@ class SiteInterlocks:
 
     __slots__ = (
         "_alarms", "_chatter_max", "_chatter_s", "_collision", "_differ_count", "_differ_scans", "_door",
-        "_door_reaction", "_feedback", "_inputs", "_period_s",
+        "_door_reaction", "_feedback", "_inputs", "_period_s", "_permit",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, feedback: Feedback, alarms: AlarmLog) -> None:
@@ -51,10 +53,16 @@ class SiteInterlocks:
         # The times at which an input has opened: one more than are permitted.
         self._collision: deque[float] = deque(maxlen=self._chatter_max + 1)
         self._door: deque[float] = deque(maxlen=self._chatter_max + 1)
+        self._permit: deque[float] = deque(maxlen=self._chatter_max + 1)
         self._inputs = DigitalInputs()
 
-    def scan(self, pos_rad: float, powered: bool) -> None:
-        """Check inputs of which one is open or has changed; `powered`: the drive is not switched off."""
+    def scan(self, pos_rad: float, powered: bool, moving: bool) -> None:
+        """Check inputs of which one is open or has changed.
+
+        Args:
+            powered: the drive is not switched off.
+            moving: a motion is under way, or waits for power or override.
+        """
         inputs = self._feedback.inputs
         before, self._inputs = self._inputs, inputs
         if inputs.collision_ok is False:
@@ -65,14 +73,19 @@ class SiteInterlocks:
             self._opened(Code.INT_07, self._door_reaction, pos_rad, powered)
             if before.door_ok is not False:
                 self._note_edge(self._door, Words.DOOR_INPUT)
+        if inputs.motion_permit is False:
+            # A room withdraws it between motions as a matter of course: then it only keeps the next one from beginning.
+            self._opened(Code.INT_08, None, pos_rad, moving)
+            if before.motion_permit is not False:
+                self._note_edge(self._permit, Words.PERMIT_INPUT)
         if inputs.estop_ok_2 is None or inputs.estop_ok is inputs.estop_ok_2:
             self._differ_count = 0
         else:
             self._differ()
 
-    def _opened(self, code: Code, reaction: Reaction | None, pos_rad: float, powered: bool) -> None:
+    def _opened(self, code: Code, reaction: Reaction | None, pos_rad: float, matters: bool) -> None:
         # With power off a door is opened all day: then it only keeps power from being switched on.
-        if powered:
+        if matters:
             self._alarms.raise_(code, reaction, measured=self._feedback.where_moving(pos_rad))
 
     def _note_edge(self, edges: deque[float], name: Words) -> None:

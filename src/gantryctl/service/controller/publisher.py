@@ -160,6 +160,7 @@ class Publisher:
             "mains_ready": feedback.inputs.mains_ready,
             "collision_ok": _fitted(feedback.inputs.collision_ok),
             "door_ok": _fitted(feedback.inputs.door_ok),
+            "motion_permit": _fitted(feedback.inputs.motion_permit),
             "estop_ok_2": _fitted(feedback.inputs.estop_ok_2),
         }
 

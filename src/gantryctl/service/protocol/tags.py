@@ -97,6 +97,7 @@ _STATE: Final = (
     _out("mains_ready", "", "bool", "20 Hz", "Mains ready."),
     _out("collision_ok", "", "bool", "20 Hz", "Collision interlock closed; null where it is not fitted."),
     _out("door_ok", "", "bool", "20 Hz", "Room door closed; null where it is not fitted."),
+    _out("motion_permit", "", "bool", "20 Hz", "The room permits motion; null where it is not fitted."),
     _out("estop_ok_2", "", "bool", "20 Hz", "Second channel of the emergency-stop chain closed; null without one."),
     _out("lease_left_ms", "ms", "float", "20 Hz", "Time left of the hold-to-run lease; 0 without one."),
     _out("alarm_count", "", "int", "20 Hz", "Active alarms."),

@@ -58,7 +58,7 @@ def test_every_input_of_a_lost_node_is_in_its_safe_state() -> None:
     bits = InputBits(*range(len(InputBits._fields)))
     reader = InputReader(NOTHING, bits)
     good = reader.read(None, ~(1 << bits.limit_minus | 1 << bits.limit_plus))
-    assert good == DigitalInputs(collision_ok=True, door_ok=True, estop_ok_2=True)
+    assert good == DigitalInputs(collision_ok=True, door_ok=True, estop_ok_2=True, motion_permit=True)
     assert not any(reader.read(None, None))
     assert reader.brake_contact() is None
 

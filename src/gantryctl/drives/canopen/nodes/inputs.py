@@ -81,4 +81,5 @@ class InputReader:
             self._fitted("collision_ok"),
             self._fitted("door_ok"),
             second,
+            self._fitted("motion_permit"),
         )

@@ -31,10 +31,12 @@ COLLISION_OK: Final = 1 << 20
 DOOR_OK: Final = 1 << 21
 ESTOP_OK_2: Final = 1 << 22
 WATCHDOG_CLOSED: Final = 1 << 23
+MOTION_PERMIT: Final = 1 << 24
 _BITS: Final = (
     ("limit_minus", LIMIT_MINUS), ("limit_plus", LIMIT_PLUS), ("estop_ok", ESTOP_OK), ("mains_ready", MAINS_READY),
     ("enabling_switch", ENABLING_SWITCH), ("brake_open", BRAKE_IS_OPEN), ("collision_ok", COLLISION_OK),
     ("door_ok", DOOR_OK), ("estop_ok_2", ESTOP_OK_2), ("watchdog_closed", WATCHDOG_CLOSED),
+    ("motion_permit", MOTION_PERMIT),
 )  # fmt: skip
 
 
@@ -165,7 +167,7 @@ class Signals:
         minus_ok = pos_load > -switch if faults.limit_minus_ok is None else faults.limit_minus_ok
         plus_ok = pos_load < switch if faults.limit_plus_ok is None else faults.limit_plus_ok
         brake_open = plant.brake_open if faults.brake_feedback is None else faults.brake_feedback
-        # Whether the machine has the last four is in its file, not in the drive.
+        # Whether the machine has the last five is in its file, not in the drive.
         return {
             "limit_minus": not minus_ok,
             "limit_plus": not plus_ok,
@@ -176,6 +178,7 @@ class Signals:
             "collision_ok": faults.collision_ok is not False,
             "door_ok": faults.door_ok is not False,
             "estop_ok_2": faults.estop_ok_2 is not False,
+            "motion_permit": faults.motion_permit is not False,
             "watchdog_closed": plant.cabinet.watchdog_contact,
         }
 
