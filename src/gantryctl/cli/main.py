@@ -80,8 +80,9 @@ COMMANDS: Final = {
     ),
     "eds": Entry("drive.eds", "eds", "EDS and DCF files of drives: check."),
     "sim": Entry("axis.state", "sim", "The simulated machine: reset."),
+    "bench": Entry("computer.bench", "bench", "How fast this computer is, as ratios, beside its last run."),
     "doctor": Entry(
-        "engineering.doctor", "doctor", "Is this computer good enough: lateness of the scan, in degrees."
+        "computer.doctor", "doctor", "Is this computer good enough: lateness of the scan, in degrees."
     ),
     "completion": Entry("completion", "completion", "Shell completion for bash, zsh or fish."),
 }

@@ -86,6 +86,7 @@ RUNS: dict[str, list[str]] = {
     "tune": ["tune", "--method", "margins"],
     "identify": ["identify", "--out", "found.toml"],
     "compare": ["compare", "paper", "paper"],
+    "bench": ["bench", "jitter", "--repeats", "1", "--scale", "0.01"],
     "doctor": ["doctor", "--period", "4", "--seconds", "0.1"],
     "config check": ["config", "check", "a.toml"],
     "config show": ["config", "show", "a.toml"],

@@ -1,6 +1,6 @@
 /* The rigid job as a plain C loop: the yardstick for the compiled closed loop. One inertia with an eccentric
    moment, ideal encoder, no friction; P position loop at 1 ms, PI speed loop at 125 us; trapezoid 0 to 90
-   deg, 60 s. Prints axis seconds per second and the final motor angle. */
+   deg. Prints the processor time, s, and the motor angle at every whole second, rad. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,7 +13,9 @@ static double now(void) {
 }
 
 int main(int argc, char** argv) {
-  const int repeats = argc > 1 ? atoi(argv[1]) : 1;
+  const int seconds = argc > 1 ? atoi(argv[1]) : 60;
+  const int repeats = argc > 2 ? atoi(argv[2]) : 1;
+  double* angles = malloc(sizeof(double) * (size_t)seconds);
   const double deg = 3.14159265358979323846 / 180.0;
   const double i = 1144.0, js = 2.18e6 / (i * i) + 0.362, tu = -15990.3;
   const double kpp = 10.0, kvf = 1.0, kvp = 77.6959, tvi = 0.01, limit = 385.0;
@@ -24,7 +26,7 @@ int main(int argc, char** argv) {
   for (int n = 0; n < repeats; ++n) {
     double wm = 0.0, integral = 0.0, last = 0.0;
     thm = 0.0;
-    for (long k = 0; k < 60000; ++k) {
+    for (long k = 0; k < 1000L * seconds; ++k) {
       const double t = (double)k * tp;
       double r, v;
       if (t < half) {
@@ -48,9 +50,11 @@ int main(int argc, char** argv) {
         wm += ts * (u + tu * sin(thm / i) / i) / js;
         thm += ts * wm;
       }
+      if (k % 1000 == 999) angles[k / 1000] = thm;
     }
   }
-  const double seconds = now() - start;
-  printf("%.1f %.12f\n", 60.0 * repeats / seconds, thm);
+  printf("%.9f\n", (now() - start) / repeats);
+  for (int n = 0; n < seconds; ++n) printf("%.15g\n", angles[n]);
+  free(angles);
   return 0;
 }

@@ -1,0 +1,111 @@
+"""The groups of `gantryctl bench`: each measures some figures in one run and holds them against their limits."""
+
+from __future__ import annotations
+
+import os
+import statistics
+from collections.abc import Callable
+from typing import Final
+
+from gantryctl.engineering.bench import jobs
+from gantryctl.engineering.bench.figures import Figure, medians
+from gantryctl.engineering.bench.peers.compare import peers
+from gantryctl.engineering.computer.scan_trial import scan_trial
+
+_RATE: Final = "axis s/s"
+
+
+def batch(repeats: int, scale: float) -> list[Figure]:
+    """The full plant: scheme against scheme, standing against moving, many against one."""
+    cores = os.cpu_count() or 1
+    seconds = max(1, round(30 * scale))
+    rate = medians(
+        {
+            "one": lambda: jobs.full("one_evaluation", seconds),
+            "rk4": lambda: jobs.full("rk4", max(1, seconds // 5)),
+            "rest": lambda: jobs.full("one_evaluation", seconds, moving=False),
+            "single": lambda: jobs.many(1, 1, seconds),
+            "pack": lambda: jobs.many(16, 1, max(1.0, seconds / 8)),
+            "all": lambda: jobs.many(16 * cores, cores, max(1.0, seconds / 8)),
+        },
+        repeats,
+    )
+    chord = [jobs.chord_test() for _ in range(max(1, repeats // 2))]
+    return [
+        Figure("one_plant", "full plant, one", rate["one"], _RATE),
+        Figure("one_over_rk4", "one evaluation / RK4, two sub-steps", rate["one"] / rate["rk4"], least=5.0),
+        Figure("rest_over_move", "cost of standing / cost of moving", rate["one"] / rate["rest"], most=1.2),
+        Figure("pack", "16 full plants, one thread", rate["pack"], _RATE),
+        Figure("pack_over_one", "16 plants / one plant, one thread", rate["pack"] / rate["single"]),
+        Figure("all", f"{16 * cores} full plants, {cores} threads", rate["all"], _RATE),
+        Figure("all_over_one", f"{16 * cores} plants on {cores} threads / one plant", rate["all"] / rate["single"]),
+        Figure("chord_s", "chord test A, compiled", statistics.median(c[0] for c in chord), "s", most=2.0),
+        Figure("chord_mb", "chord test A, memory at its peak", max(c[1] for c in chord), "MB", most=400.0),
+    ]  # fmt: skip
+
+
+def scan(repeats: int, scale: float) -> list[Figure]:
+    """The shipped program, scan by scan through Python."""
+    seconds = 10.0 * scale
+    rate = medians(
+        {
+            "1 ms": lambda: jobs.engine(1.0, seconds),
+            "4 ms": lambda: jobs.engine(4.0, seconds),
+            "rest": lambda: jobs.engine(1.0, seconds, moving=False),
+            "plant": lambda: jobs.full("one_evaluation", max(1, round(seconds))),
+        },
+        repeats,
+    )
+    return [
+        Figure("scan_1_ms", "engine, program and plant, 1 ms", rate["1 ms"], _RATE, least=50.0),
+        Figure("scan_4_ms", "engine, program and plant, 4 ms", rate["4 ms"], _RATE, least=150.0),
+        Figure("scan_us", "one scan of 1 ms", 1e3 / rate["1 ms"], "us"),
+        Figure("scan_over_plant", "scan of 1 ms / its plant alone", rate["plant"] / rate["1 ms"]),
+        Figure("rest_over_move", "cost of standing / cost of moving", rate["1 ms"] / rate["rest"], most=1.2),
+    ]
+
+
+def jitter(_repeats: int, scale: float) -> list[Figure]:
+    """Lateness of the scan in real time, as `gantryctl doctor` measures it."""
+    figures = []
+    for period_ms in (1.0, 4.0):
+        trial = scan_trial(period_ms, max(0.1, 10.0 * scale))
+        late, name = trial.statistics.lateness, f"{period_ms:g}_ms"
+        figures += [
+            Figure(
+                f"late_p50_{name}", f"scan of {period_ms:g} ms late, p50", late.quantile_s(0.5) * 1e6, "us"
+            ),
+            Figure(
+                f"late_p99_{name}", f"scan of {period_ms:g} ms late, p99", late.quantile_s(0.99) * 1e6, "us"
+            ),
+            Figure(f"late_worst_{name}", f"scan of {period_ms:g} ms late, worst", late.worst_s * 1e6, "us"),
+        ]
+    return figures
+
+
+def commands(repeats: int, _scale: float) -> list[Figure]:
+    """What a user waits for."""
+    wall = medians(
+        {
+            "python": jobs.python_s,
+            "help": lambda: jobs.command_s("--help"),
+            "move": lambda: jobs.command_s("move", "5"),
+        },
+        repeats,
+    )
+    return [
+        Figure("help_s", "gantryctl --help", wall["help"], "s", most=0.2),
+        Figure("help_over_python", "gantryctl --help / an empty Python", wall["help"] / wall["python"]),
+        Figure("move_s", "gantryctl move 5", wall["move"], "s", most=2.0),
+        Figure("move_over_python", "gantryctl move 5 / an empty Python", wall["move"] / wall["python"]),
+    ]
+
+
+GROUPS: Final[dict[str, Callable[[int, float], list[Figure]]]] = {
+    "peers": peers,
+    "batch": batch,
+    "scan": scan,
+    "jitter": jitter,
+    "cli": commands,
+}
+"""Each takes how often a job takes its turn, and the part of its usual length: 1, and less in tests."""
