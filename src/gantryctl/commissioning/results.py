@@ -76,7 +76,7 @@ class StepResult:
         proof: the observation, in a sentence.
         figures: by name, with the unit at its end; a passed step has none outside of its limits.
         to_do: what a person has to do, "" for nothing.
-        seconds: how long it took.
+        seconds: how long it took. axis_s: time of the axis in it; in virtual time the person waits less.
         by: user of the computer who ran it.
         pictures: of what moved. table: what was written or read, for the report.
     """
@@ -87,6 +87,7 @@ class StepResult:
     figures: dict[str, Figure] = field(default_factory=dict)
     to_do: str = ""
     seconds: float = 0.0
+    axis_s: float = 0.0
     at: str = ""
     by: str = ""
     pictures: tuple[Picture, ...] = ()
@@ -114,7 +115,9 @@ class Progress:
     def hash(self) -> str:
         """Hash over everything but persons, dates and durations: two equal commissionings have the same."""
         # Dates and durations differ between two commissionings that showed the same.
-        plain = {k: {**asdict(r), "seconds": 0, "at": "", "by": ""} for k, r in self.results.items()}
+        plain = {
+            k: {**asdict(r), "seconds": 0, "axis_s": 0, "at": "", "by": ""} for k, r in self.results.items()
+        }
         text = json.dumps([self.machine, self.proven_hash, self.drive, plain], sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()
 

@@ -96,7 +96,9 @@ class Step:
 def _travel_s(machine: Machine) -> float:
     """The slow turn: to one end, to the other, and to the middle."""
     travel_deg = machine.axis.pos_max_deg - machine.axis.pos_min_deg
-    return 2.0 * travel_deg / min(steps_motion.TURN_SPEED, machine.speed.setting_max_deg_s)
+    speed_deg_s = min(steps_motion.TURN_SPEED, machine.speed.setting_max_deg_s)
+    # Three moves, each with half a ramp up and half a ramp down more than at constant speed.
+    return 2.0 * travel_deg / speed_deg_s + 3.0 * speed_deg_s / machine.virtual_axis.acc_deg_s2
 
 
 def _chords_s(machine: Machine) -> float:
@@ -298,6 +300,7 @@ class Commissioning:
         result = replace(
             result,
             seconds=self._now_s() - begun_s,
+            axis_s=watch.meter.axis_s,
             at=now_text(),
             by=operator_name(),
             pictures=tuple(watch.pictures),

@@ -28,7 +28,8 @@ from gantryctl.errors import AlarmStop
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.store import now_text
 
-ORDER: Final = ChordOrder("A", 1, Chord.BASE)
+# Every base both ways, one chord each: half the time of procedure A, which `accuracy measure` runs.
+ORDER: Final = ChordOrder("E", 1, Chord.BASE)
 
 
 def accuracy(c: Context) -> StepResult:
@@ -72,15 +73,17 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
     known, model, limit = report.uncertainty, report.simulated, report.limit_deg
     assert known is not None
     assert model is not None
+    ratio = session.procedure.whole_ratio
+    test = f"chord test {ORDER.procedure} by {report.source}, {origin}"
     a_deg, chord_deg = report.a_as_measured_deg, report.statistics.largest_deg
     return judged(
         report.verdict.conformity is Conformity.PASS,
         "accuracy",
-        f"chord test A by {report.source}, {origin}: {report.verdict.text}; report in {page.parent.name}/{page.name}",
+        f"{test}: {report.verdict.text}; report in {page.parent.name}/{page.name}",
         "gear, bearings, calibration; a better instrument where the limit lies within its uncertainty",
-        a_deg=Figure(a_deg, high=limit),
+        a_deg=Figure(a_deg, high=limit / ratio),
         a_expanded_uncertainty_deg=COVERAGE_K * known.a_deg,
-        largest_chord_error_deg=Figure(chord_deg, high=limit),
+        largest_chord_error_deg=Figure(chord_deg, high=limit / ratio),
         chord_expanded_uncertainty_deg=COVERAGE_K * known.largest_chord_deg,
     )
 

@@ -195,12 +195,16 @@ def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> in
     if work.complete:
         # Before the report, whose ledger reads it.
         click.echo(f"record: {work.record()}")
+    spent_s = sum(result.axis_s for result in work.progress.results.values())
+    click.echo(f"time of the axis, all steps: {spent_s / 60.0:.1f} min")
     page = write_report(work.progress, work.ledger, folder)
     click.echo(f"report: {page.resolve()} ({work.progress.hash[:16]})")
     return int(ended_badly)
 
 
 def _print(result: StepResult) -> None:
-    click.echo(f"  {result.outcome.value}: {result.proof} ({result.seconds:.1f} s)")
+    click.echo(
+        f"  {result.outcome.value}: {result.proof} ({result.seconds:.1f} s; axis {result.axis_s:.1f} s)"
+    )
     if result.to_do:
         click.echo(f"  to do: {result.to_do}")

@@ -34,7 +34,9 @@ DEFAULT_OUT = Path("accuracy_measured")
 @click.command()
 @bus_log_option
 @config_option
-@click.option("--procedure", "name", type=click.Choice(["A", "B", "C", "D"]), default="A", show_default=True)
+@click.option(
+    "--procedure", "name", type=click.Choice(["A", "B", "C", "D", "E"]), default="A", show_default=True
+)
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
 @instrument_options(default=BY_HAND)

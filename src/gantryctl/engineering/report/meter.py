@@ -23,21 +23,24 @@ class Meter:
         say: a line for the person who watches.
         expected_s: time of the axis that it takes, about; in virtual time the person waits less.
         now_s: the clock of the person.
+
+    Attributes:
+        axis_s: time of the axis so far.
     """
 
     def __init__(self, say: Callable[[str], None], expected_s: float, now_s: Callable[[], float]) -> None:
         self._say, self._expected_s, self._now_s = say, expected_s, now_s
         self._begun_s = now_s()
         self._next_s = self._begun_s + FIRST_S
-        self._axis_s = 0.0
+        self.axis_s = 0.0
 
     def advance(self, axis_s: float) -> None:
         """So much time of the axis has passed."""
-        self._axis_s += axis_s
+        self.axis_s += axis_s
         now_s = self._now_s()
         if now_s < self._next_s:
             return
-        part = min(self._axis_s / self._expected_s, _MOST) if self._axis_s < self._expected_s else _MOST
+        part = min(self.axis_s / self._expected_s, _MOST) if self.axis_s < self._expected_s else _MOST
         left_s = max(1.0, (now_s - self._begun_s) * (1.0 - part) / max(part, 1e-6))
         self._next_s = now_s + max(FIRST_S, left_s / _LINES)
         self._say(f"  {100.0 * part:.0f} %, about {duration(left_s)} left")

@@ -1,4 +1,6 @@
-"""The four chord procedures and their evaluation."""
+"""The chord procedures and their evaluation."""
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -81,6 +83,24 @@ def test_adjacent_chords_are_single_steps() -> None:
     np.testing.assert_allclose(from_base.errors_deg[0], [0.0, 0.0, 0.01, 0.0, 0.0], atol=1e-12)
 
 
+def test_the_short_procedure_reaches_every_base_from_both_sides_without_a_way_back() -> None:
+    procedure = chord_procedure("E")
+    assert _targets(procedure) == [0, 90, 105, 90, 75, 0, -15, 0, 15, -90, -105, -90, -75]
+    assert len(procedure.rows) == 6
+    assert procedure.whole_ratio > 1.0
+    table = evaluate(procedure, procedure.targets_rad, RADIUS_M)
+    np.testing.assert_allclose(table.errors_deg, 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("bases", [(90.0, 75.0), (-90.0, -80.0), (0.0,), (20.0, 10.0, 35.0)])
+def test_the_short_procedure_takes_up_lost_motion_at_every_base(bases: tuple[float, ...]) -> None:
+    """A base is reached from 10 deg away at least, in the direction of its series."""
+    procedure = chord_procedure("E", bases_deg=bases)
+    for before, stop in pairwise(procedure.stops):
+        if stop.role is StopRole.BASE:
+            assert stop.direction.sign * (stop.target_deg - before.target_deg) >= 10.0
+
+
 @pytest.mark.parametrize("chord", list(Chord))
 @pytest.mark.parametrize("name", list("ABCD"))
 def test_a_perfect_axis_has_no_error(name: str, chord: Chord) -> None:
@@ -150,7 +170,7 @@ def test_one_draw_equals_the_evaluation_with_its_seed() -> None:
 @pytest.mark.parametrize(
     ("arguments", "what"),
     [
-        ({"name": "E"}, "there are A, B, C, D"),
+        ({"name": "F"}, "there are A, B, C, D, E"),
         ({"runs": 0}, "at least 1"),
         ({"bases_deg": []}, "at least one"),
         ({"bases_deg": [float("nan")]}, "at least one"),

@@ -48,6 +48,20 @@ def test_the_verdict_is_0_1_deg() -> None:
     assert "largest chord error" not in report.verdict.text  # what is inside is not listed among what is not
 
 
+def test_a_short_test_is_judged_by_what_the_whole_one_could_find() -> None:
+    """Within 0.1 deg as it stands, and not with what the places that it leaves out may add."""
+    short = chord_procedure("E", bases_deg=(0.0,))
+    wide = table_from_rows([(0.0, "ccw", (0.0, 0.08)), (0.0, "cw", (0.0, 0.08))], (0.0, 15.0))
+    report = dataclasses.replace(MEASURED, measured=wide, procedure=short)
+    assert report.verdict.passed is False
+    assert "largest chord error of the whole test, at most 0.1120 deg: outside 0.1 deg" in report.verdict.text
+    assert any(warning.startswith("short test: 2 series of 1 chord") for warning in report.warnings)
+    whole = dataclasses.replace(
+        report, procedure=chord_procedure("A", bases_deg=(0.0,), displacements_deg=(15.0,))
+    )
+    assert whole.verdict.passed is True
+
+
 def test_a_lost_turn_fails_though_chords_cannot_see_it(report: AccuracyReport) -> None:
     """One motor turn is 0.31 deg at the gantry: the same at every stop, so no chord changes."""
     assert report.procedure is not None

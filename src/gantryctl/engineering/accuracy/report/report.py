@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 
 A_MEASURED = "A as measured"
 LARGEST_CHORD = "largest chord error"
+# Ends the name of a figure that a short procedure was scaled to.
+OF_THE_WHOLE = " of the whole test, at most"
 # The paper's figure 5: speed error over the whole move, taken on the motor side.
 SPEED_ERROR_LIMIT_DEG_S = 0.01
 
@@ -219,21 +221,25 @@ class AccuracyReport:
         if not self.measures_load:
             text = "the readings are motor side: the gear is outside of what the motor encoder sees"
             return AccuracyVerdict(Conformity.NOT_JUDGED, {}, self.limit_deg, text)
+        # What a short procedure leaves out could be worse than what it visits.
+        ratio = 1.0 if self.procedure is None else self.procedure.whole_ratio
+        a_name, chord_name = (
+            name if ratio == 1.0 else name + OF_THE_WHOLE for name in (A_MEASURED, LARGEST_CHORD)
+        )
         figures = {
             # A is a spread, the requirement is on the angle itself: the largest errors are compared as well.
-            A_MEASURED: self.a_as_measured_deg,
-            LARGEST_CHORD: self._largest_chord_error(),
+            a_name: ratio * self.a_as_measured_deg,
+            chord_name: ratio * self._largest_chord_error(),
         }
         # A turn lost with the power off shifts all stops alike and changes no chord; only this figure shows
         # it.
         if self.angle_errors_deg is not None:
             figures["largest angle error at a stop"] = max(abs(error) for error in self.angle_errors_deg)
         known = self.uncertainty
-        expanded = (
-            {}
-            if known is None
-            else {A_MEASURED: COVERAGE_K * known.a_deg, LARGEST_CHORD: COVERAGE_K * known.largest_chord_deg}
-        )
+        if known is None:
+            return judge(figures, self.limit_deg, {})
+        k = COVERAGE_K * ratio
+        expanded = {a_name: k * known.a_deg, chord_name: k * known.largest_chord_deg}
         return judge(figures, self.limit_deg, expanded)
 
     def _largest_chord_error(self) -> float:
@@ -277,6 +283,13 @@ class AccuracyReport:
     def warnings(self) -> tuple[str, ...]:
         """Limits of the figures for the reader."""
         found = [*self.notes, *self.statistics.warnings, *self.iso.warnings]
+        if self.procedure is not None and self.procedure.whole_ratio > 1.0:
+            chords = len(self.table.displacements_deg) - 1
+            found.append(
+                f"short test: {len(self.table.rows)} series of {chords} chord{'s' if chords > 1 else ''}; judged by "
+                f"{self.procedure.whole_ratio:g} times its figures, which the whole test stays below with 19 of 20 "
+                "gears of this grade"
+            )
         if not self.measures_load:
             found.insert(0, "motor side: the readings do not contain gear error, wind-up or lost motion")
         # From here on the instrument decides A more than the axis does.
