@@ -8,6 +8,7 @@ import pytest
 
 from bus.bus_rig import TORQUE_OFF_DEG, BusRig, bus_machine
 from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.faults import frame_fault
 from gantryctl.errors import DeviceError
 from gantryctl.machine import Machine, with_values
 from gantryctl.program import PowerPhase
@@ -134,6 +135,17 @@ def test_a_ring_encoder_that_fails_stops_the_axis(spoil: str, code: str) -> None
     assert rig.axis.power.phase is PowerPhase.OFF
     # A reading that nobody believes, or none: seen after 50 ms at the most, then torque off and brake.
     assert rig.way_deg(begun - 1) < TORQUE_OFF_DEG[6.0] + 0.3
+    rig.engine.close()
+
+
+def test_a_late_reading_is_noticed_where_it_is_wrong_by_more_than_both_may_differ() -> None:
+    """20 ms at 6 deg/s are 0.12 deg; both encoders may differ by 0.05 deg."""
+    rig = BusRig(ring_machine(NODE), 20.0).power_up().cruise(6.0)
+    rig.ring.slave.tpdo[1] = frame_fault("delay", 5)
+    rig.run(1.0)
+    assert rig.stops[0] == "ENC-07", rig.told
+    assert not rig.axis.feedback.position_valid
+    rig.run(3.0)
     rig.engine.close()
 
 

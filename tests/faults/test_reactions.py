@@ -79,6 +79,8 @@ ALL = tuple(
 def against(case: FaultCase, variants: Iterable[Variant]) -> list[str]:
     """What is against a row, over all its variants."""
     found = []
+    if case.beside:  # the brake is an output of the I/O node, whoever owns it else
+        variants = {(each.kind, each.scan_ms, each.speed_deg_s): each for each in variants}.values()
     for variant in variants:
         if variant.kind not in case.buses:
             continue
@@ -106,8 +108,6 @@ EXCUSED = {
     "E5": (
         "INV-3",
     ),  # a telegram carries no time: two in the wrong order are a step of the reading for one scan
-    "E10": ("INV-2", "INV-6"),  # without a controller nothing can be told, and the drive stops by itself
-    "F3": ("INV-2", "INV-6"),  # as long as the controller is frozen
 }
 """What the oracle cannot know of a row."""
 

@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.drives.virtual.axis.cia402 import State
 from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.group import Neighbours
 from gantryctl.engineering.faults.case import Phase
 from gantryctl.engineering.faults.injection import Injection
 from gantryctl.engineering.faults.target import StallingClock, Target
 from gantryctl.errors import UsageError
 from gantryctl.image import DriveState, Mode
 from gantryctl.machine import Machine
+from gantryctl.ports import Drive
 from gantryctl.program import AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import Engine, FixedOperator, OverrunPolicy
 from gantryctl.units import deg, rad
-from gantryctl.wiring.engine import build_program, drive_of
+from gantryctl.wiring.engine import build_program
+from gantryctl.wiring.simulator import sim_drive
 
-BrakeOwner = Literal["drive", "object_60FE"]
+BrakeOwner = Literal["drive", "object_60FE", "controller_output"]
 SAMPLE_S: Final = 1e-3
 # Gentle enough to leave the load calm, short enough to be computed in some tenths of a second.
 _RAMP_UP_S: Final = 6.0
@@ -59,6 +62,20 @@ def bench_machine(machine: Machine, speed_deg_s: float) -> dict[str, float]:
     return {"virtual_axis.acc_deg_s2": acc, "virtual_axis.dec_deg_s2": dec}
 
 
+def _simulated(machine: Machine, angle_deg: float) -> tuple[Drive, SimDrive | DriveNode, Neighbours]:
+    """Drive of a machine, the simulated device in it, and the nodes beside that."""
+    if not machine.on_bus:
+        device = sim_drive(machine, angle_deg)
+        return device, device, Neighbours()
+    # A drive in process is not on a bus, and a run without one loads none.
+    from gantryctl.drives.canopen.drive import CanopenDrive
+    from gantryctl.wiring.canopen import canopen_settings
+    from gantryctl.wiring.virtual import virtual_bus
+
+    link, node, neighbours = virtual_bus(machine, angle_deg)
+    return CanopenDrive(link, canopen_settings(machine), node).open(), node, neighbours
+
+
 class FaultBench:
     """Axis that is brought into a phase, gets its faults, and is watched.
 
@@ -84,20 +101,19 @@ class FaultBench:
                 f"to be at {angle_deg:g} deg with {speed_deg_s:g} deg/s the axis would start at {start:.1f} deg, the "
                 f"travel is {low:g}..{high:g} deg"
             )
-        drive = drive_of(machine, start)
-        device = drive if isinstance(drive, SimDrive) else drive.truth_source
-        if not isinstance(device, SimDrive | DriveNode):
+        if machine.drive.kind != "sim" and not (machine.on_bus and machine.can.simulated):
             raise UsageError(
                 f'{machine.name}: faults are injected into a simulated drive ([drive] kind = "sim", or "canopen" with '
                 '[can] interface = "simulated")'
             )
+        drive, device, neighbours = _simulated(machine, start)
         program = build_program(machine, drive)
         assert isinstance(program, GantryProgram)
         self.program, self.axis = program, program.axis
         period_s = self.axis.settings.period_s
         clock, operator = StallingClock(period_s), FixedOperator()
         engine = Engine(drive, program, operator, clock, period_s, overrun_policy=OverrunPolicy.QUICK_STOP)
-        self.target = Target(machine, device, engine, operator, clock)
+        self.target = Target(machine, device, engine, operator, clock, neighbours)
         clock.goes_on = self.target.go_on
         self.engine, self.device = engine, device
         self._rows: list[tuple[float, ...]] = []

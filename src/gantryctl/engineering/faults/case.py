@@ -60,6 +60,7 @@ class FaultCase:
         reads: what the operator reads, in a few words.
         phase: where the fault begins.
         buses: drives on which it can be injected.
+        beside: it is of a node beside the drive, which the axis of the run has.
         position_valid: at the end; None: not judged.
         also: alarm that must come too. rests: False: nothing is left that could hold the load.
         hold: the drive may be enabled again to hold the load.
@@ -77,6 +78,7 @@ class FaultCase:
     reads: str = ""
     phase: Phase = Phase.CRUISE
     buses: tuple[Literal["sim", "bus"], ...] = ("sim", "bus")
+    beside: bool = False
     position_valid: bool | None = None
     also: Code | None = None
     rests: bool = True

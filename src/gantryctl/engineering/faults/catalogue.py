@@ -5,7 +5,16 @@ from __future__ import annotations
 from typing import Final
 
 from gantryctl.engineering.faults.case import FaultCase
-from gantryctl.engineering.faults.rows import brake, bus, control, drive, encoder, interlocks, process
+from gantryctl.engineering.faults.rows import (
+    brake,
+    bus,
+    control,
+    drive,
+    encoder,
+    interlocks,
+    nodes,
+    process,
+)
 from gantryctl.engineering.faults.table.row import Row
 from gantryctl.engineering.faults.table.table import ROWS, base
 from gantryctl.errors import UsageError
@@ -16,6 +25,7 @@ CATALOGUE: Final[tuple[FaultCase, ...]] = (
     *brake.ROWS,
     *drive.ROWS,
     *bus.ROWS,
+    *nodes.ROWS,
     *process.ROWS,
     *interlocks.ROWS,
 )

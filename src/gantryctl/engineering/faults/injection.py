@@ -11,7 +11,8 @@ from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
-from gantryctl.engineering.faults.seams import KINDS, Kind, Place, Value
+from gantryctl.engineering.faults.kinds.kind import Kind, Place, Value
+from gantryctl.engineering.faults.seams import KINDS
 from gantryctl.errors import UsageError
 
 _STRICT: Final = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)

@@ -97,8 +97,13 @@ def fault_machine(
     scan_ms: float,
     brake_owner: BrakeOwner = "drive",
     eccentric_knm: float = 16.0,
+    *,
+    beside: bool = False,
 ) -> Machine:
     """Machine for a run: the reference gantry on the simulator or on its bus, unless another one is given.
+
+    Args:
+        beside: with the nodes beside its drive. The brake is an output of the I/O node then, whoever owns it else.
 
     Raises:
         ConfigError: a machine file with these values is refused.
@@ -106,7 +111,8 @@ def fault_machine(
     """
     moment = finite(eccentric_knm, "eccentric moment in kN m", 0.0, 200.0) * 1e3
     if machine is None:
-        machine = default_machine() if kind == "sim" else load_machine(configs_folder() / "hust_can.toml")
+        on_bus = "hust_can_nodes.toml" if beside else "hust_can.toml"
+        machine = default_machine() if kind == "sim" else load_machine(configs_folder() / on_bus)
     if machine.on_bus is not (kind == "bus"):
         raise UsageError(
             f'{machine.name} has [drive] kind = "{machine.drive.kind}": {"leave out" if kind == "bus" else "add"} --bus'
@@ -122,15 +128,15 @@ def fault_machine(
     if kind == "bus":
         # Three quarters of a scan at most.
         answer_ms = min(machine.can.answer_ms, 0.5 * scan_ms)
-        values |= {
-            "brake.owner": brake_owner,
-            "can.commissioning_required": False,
-            "can.answer_ms": answer_ms,
+        values |= {"can.commissioning_required": False, "can.answer_ms": answer_ms}
+        if not beside:
             # Inputs that not every machine has: the bits of the virtual drive.
-            "can.inputs.collision_ok": 20,
-            "can.inputs.door_ok": 21,
-            "can.inputs.estop_ok_2": 22,
-        }
+            values |= {
+                "brake.owner": brake_owner,
+                "can.inputs.collision_ok": 20,
+                "can.inputs.door_ok": 21,
+                "can.inputs.estop_ok_2": 22,
+            }
     return with_values(machine, values)
 
 
@@ -159,7 +165,7 @@ def run_fault(
     if kind not in case.buses:
         needed = "a drive on a bus: --bus" if kind == "sim" else "the simulated drive"
         raise UsageError(f"{case.number} '{case.title}' needs {needed}")
-    built = fault_machine(machine, kind, speed_deg_s, scan_ms, brake_owner, eccentric_knm)
+    built = fault_machine(machine, kind, speed_deg_s, scan_ms, brake_owner, eccentric_knm, beside=case.beside)
     bench = FaultBench(built, case.phase, speed_deg_s, finite(angle_deg, "angle in deg", -180.0, 180.0))
     try:
         bench.reach()

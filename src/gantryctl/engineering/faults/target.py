@@ -10,6 +10,9 @@ from typing import Any
 from gantryctl.drives.faults import Faults
 from gantryctl.drives.simulated import SimDrive
 from gantryctl.drives.virtual.node import DriveNode
+from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
+from gantryctl.drives.virtual.nodes.group import Neighbours
+from gantryctl.drives.virtual.nodes.io_node import IoNode
 from gantryctl.errors import UsageError
 from gantryctl.image import DriveState
 from gantryctl.machine import Machine
@@ -54,6 +57,7 @@ class Target:
 
     Attributes:
         device: the simulated drive in process, or the virtual one behind a bus.
+        neighbours: virtual nodes beside it.
         repeated: actions of every scan, by name.
         silent: the controller makes no scan any more.
     """
@@ -63,6 +67,7 @@ class Target:
     engine: Engine
     operator: FixedOperator
     clock: StallingClock
+    neighbours: Neighbours
     repeated: dict[str, Callable[[], None]] = field(default_factory=dict)
     silent: bool = False
 
@@ -81,6 +86,21 @@ class Target:
         if not isinstance(self.device, DriveNode):
             raise UsageError("this fault needs a drive on a bus: --bus")
         return self.device
+
+    def beside(self, which: str) -> IoNode | EncoderNode:
+        """A virtual node beside the drive.
+
+        Args:
+            which: "io" or "encoder".
+
+        Raises:
+            UsageError: the machine has none.
+        """
+        node = self.neighbours.io if which == "io" else self.neighbours.encoder
+        if node is None:
+            key = "[can.io] node" if which == "io" else '[can.load_encoder] source = "node"'
+            raise UsageError(f"this fault needs a node beside the drive: {key} of the machine file")
+        return node
 
     def plant_value(self, name: str) -> float:
         """Present value of a plant parameter.

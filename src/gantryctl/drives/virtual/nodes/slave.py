@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
+from gantryctl.drives.faults import FrameFault
 from gantryctl.drives.od.model import DeviceInfo, ObjectSpec, described
 from gantryctl.drives.virtual.communication.dictionary import Dictionary
 from gantryctl.drives.virtual.communication.emergency import Emergency
@@ -22,6 +23,7 @@ from gantryctl.drives.virtual.communication.objects import VENDOR_ID, communicat
 from gantryctl.drives.virtual.communication.pdo import ProcessData
 from gantryctl.drives.virtual.communication.sdo import SdoServer
 from gantryctl.drives.virtual.personality import Personality
+from gantryctl.drives.virtual.side_channel.frame_gate import FrameGate
 
 _TICK_US: Final = 1000
 # The default mapping of CiA 402, which such a node has not.
@@ -45,6 +47,7 @@ class Slave:
         silent: off the bus: nothing is sent, nothing is heard; its own time goes on.
         heartbeat_deaf: 1016 is taken and has no effect.
         mapping_ignored: writes to 1A00 and 1600 are acknowledged and not kept.
+        tpdo: what happens to its telegrams, by the number of the TPDO.
     """
 
     def __init__(
@@ -73,9 +76,9 @@ class Slave:
         self.od = od = Dictionary(device, device, node_id)
         self.emergency = Emergency(od, self._send_emcy, short=False)
         report = self.emergency.report
-        self.process_data = ProcessData(
-            od, lambda _number, can_id, data: self._send(can_id, data), report, failed, lambda: self.time_us
-        )  # fmt: skip
+        self.tpdo: dict[int, FrameFault] = {}
+        self._gate = FrameGate(self.tpdo, self._send)
+        self.process_data = ProcessData(od, self._send_tpdo, report, failed, lambda: self.time_us)
         self._sdo = SdoServer(od, False, lambda: self.time_us * 1e-6)
         self._producer = HeartbeatProducer(od, self._send_heartbeat)
         self._consumer = HeartbeatConsumer(od, report, self._heartbeat_lost)
@@ -89,6 +92,7 @@ class Slave:
         self.od.reset({}, communication_only=False)
         self._sdo.reset()
         self.emergency.reset()
+        self._gate.reset()
         self.process_data.reload()
         self._consumer.reload()
         self._failed()
@@ -172,6 +176,10 @@ class Slave:
     def _send(self, can_id: int, data: bytes) -> None:
         if not self.silent:
             self._out(can_id, data)
+
+    def _send_tpdo(self, number: int, can_id: int, data: bytes) -> None:
+        """Send one TPDO (number 0 is the first)."""
+        self._gate.send(number + 1, can_id, data)
 
     def _send_heartbeat(self) -> None:
         if self.state is not NmtState.INITIALISING:

@@ -11,6 +11,7 @@ from gantryctl.engineering.faults.table.control import CONTROL
 from gantryctl.engineering.faults.table.drive import DRIVE
 from gantryctl.engineering.faults.table.encoder import ENCODER
 from gantryctl.engineering.faults.table.interlocks import INTERLOCKS
+from gantryctl.engineering.faults.table.nodes import NODES
 from gantryctl.engineering.faults.table.people import PEOPLE
 from gantryctl.engineering.faults.table.process import PROCESS
 from gantryctl.engineering.faults.table.row import Row
@@ -20,7 +21,7 @@ GROUPS: Final[tuple[tuple[str, tuple[Row, ...]], ...]] = (
     ("B. Control loop, command and motion", CONTROL),
     ("C. Brake and torque", BRAKE),
     ("D. Drive and CiA 402", DRIVE),
-    ("E. CAN bus", BUS),
+    ("E. CAN bus", (*BUS, *NODES)),
     ("F. Process, time and storage", PROCESS),
     ("G. Limits, interlocks, people and power", INTERLOCKS),
     ("H. Operators, network, files and configuration", PEOPLE),

@@ -32,10 +32,12 @@ class Setup(NamedTuple):
 
 _IN_PROCESS: Final = (Setup("sim", 1.0, "drive"), Setup("sim", 10.0, "drive"))
 _ON_BUS: Final = (Setup("bus", 4.0, "object_60FE"),)
+_WITH_NODES: Final = (Setup("bus", 4.0, "controller_output"),)
 _CONDITIONS: Final = (
     "Conditions: the reference machine with its eccentric moment of 16 kN m at 90 deg; the simulated drive with scans "
     "of 1 and 10 ms, and the virtual drive behind its bus with scans of 4 ms and its brake worked by the controller "
-    "(60FE), at 6 deg/s, and at every speed for what only a bus has. The worst of these counts. Measured by "
+    "(60FE), at 6 deg/s, and at every speed for what only a bus has; nodes beside the drive have the brake on the I/O "
+    "node. The worst of these counts. Measured by "
     "`python -m gantryctl.engineering.faults.table.ways docs/evidence/fault_ways.json`; every other scan period, "
     "speed and owner of the brake is run by the slow tests, which hold the same limits."
 )
@@ -43,6 +45,8 @@ _CONDITIONS: Final = (
 
 def setups(case: FaultCase, speed_deg_s: float) -> tuple[Setup, ...]:
     """Setups in which a case is run at a speed."""
+    if case.beside:
+        return _WITH_NODES
     if "sim" not in case.buses:
         return _ON_BUS
     with_bus = "bus" in case.buses and (speed_deg_s == SPEEDS_DEG_S[0] or not case.phase.moves)
