@@ -108,27 +108,13 @@ class VcanBus:
         done = self.run("encoder", "set-zero", "--angle", f"{angle_deg:.4f}", "--witness", "virtual drive")
         assert done.code == 0, done.err
 
-    def commission(self, until: str) -> list[str]:
-        """Commission up to a step, and be killed there; what was printed."""
-        command = [
-            *COMMAND,
-            "commission",
-            "--yes",
-            "--out",
-            str(self.folder / "report"),
-            "--config",
-            str(self.config),
-        ]
-        work = subprocess.Popen(command, env=self.environment, text=True, stdout=subprocess.PIPE)
-        assert work.stdout is not None
-        said = []
-        for line in work.stdout:
-            said.append(line.rstrip())
-            if line.startswith(until):
-                break
-        work.kill()
-        work.communicate()
-        return said
+    def commission(self, answers: str) -> tuple[int, str]:
+        """Commission with these answers to what is asked; exit code, and what was printed."""
+        command = [*COMMAND, "commission", "--out", str(self.folder / "report"), "--config", str(self.config)]
+        done = subprocess.run(
+            command, env=self.environment, text=True, input=answers, capture_output=True, check=False
+        )
+        return done.returncode, done.stdout + done.stderr
 
     def speed_deg_s(self) -> float:
         """Of the motor side, at the gantry."""

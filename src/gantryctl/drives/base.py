@@ -42,6 +42,10 @@ class SimulatedPlant(Truth, Protocol):
         """Let the load come to rest after the master has left, where nothing else advances it."""
         ...
 
+    def release(self) -> None:
+        """Leave a gantry of another process alone from now on."""
+        ...
+
 
 class BaseDrive:
     """Answers of a drive without a bus and without a simulated load."""

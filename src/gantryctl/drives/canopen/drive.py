@@ -120,7 +120,7 @@ class CanopenDrive:
             self._set_up(open_node(self.node, self.settings), None)
         except BaseException:
             self._closed = True
-            self.link.close()
+            self._leave()
             raise
         return self
 
@@ -204,8 +204,11 @@ class CanopenDrive:
     def look(self) -> DriveFeedback:
         """Send SYNC and no command: what a drive shows before the controller speaks again."""
         silent, self.silent_process_data = self.silent_process_data, False
-        self._exchange(self.settings.answer_s)
+        # Of a drive that has left OPERATIONAL no telegram comes: a stepped one is then waited for by its SDO answer.
+        self._exchange(self._patience_s)
         self.silent_process_data = silent
+        if self.link.stepped:
+            self.requests.wait(_SILENT_ANSWER_S)
         self._last = self._feedback()
         return self._last
 
@@ -470,9 +473,14 @@ class CanopenDrive:
                 self._take_the_watch_off()
         finally:
             self._closed = True
-            self.link.close()
-        if self.plant is not None and self.commanded:
-            self.plant.settle()
+            self._leave()
+
+    def _leave(self) -> None:
+        self.link.close()
+        if self.plant is not None:
+            if self.commanded:
+                self.plant.settle()
+            self.plant.release()
 
     def _take_the_watch_off(self) -> None:
         """Stop process data and the drive's heartbeat consumer (1016): silence is no fault any more."""

@@ -168,6 +168,9 @@ class DriveNode:
         """Let the load come to rest after the master has left."""
         settle(lambda: self.advance(_SETTLE_STEP_US), lambda: self.truth()[1], _SETTLE_STEP_US * 1e-6)
 
+    def release(self) -> None:
+        """Nothing: the gantry is of this process."""
+
     # --- frames in ---------------------------------------------------------------------------------------------
 
     def on_frame(self, can_id: int, data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""SDO requests of the running axis: sent behind the process data, never waited for, one at a time."""
+"""SDO requests of the running axis: sent behind the process data, one at a time; no scan waits for an answer."""
 
 from __future__ import annotations
 
@@ -47,6 +47,15 @@ class SdoRequests:
     def waiting(self) -> bool:
         """A request is under way."""
         return self._then is not None
+
+    def wait(self, seconds: float) -> None:
+        """Dispatch frames until the answer to the request under way has come, for a time at most."""
+        link = self._node.link
+        end = link.now_s() + seconds
+        while self.waiting and (left := end - link.now_s()) > 0.0:
+            frame = link.receive(left)
+            if frame is not None:
+                self._node.dispatch(frame)
 
     def read(self, index: int, sub: int, then: Answer) -> None:
         """Ask for an object of up to four bytes."""

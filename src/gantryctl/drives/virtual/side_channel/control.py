@@ -145,7 +145,13 @@ class ControlClient:
         return self
 
     def __exit__(self, *_raised: object) -> None:
-        self._lines.close()
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection; may be called twice."""
+        # What is still to be sent to a drive that has gone is lost.
+        with contextlib.suppress(OSError):
+            self._lines.close()
         self._socket.close()
 
 
@@ -233,6 +239,10 @@ class RemotePlant:
 
     def settle(self) -> None:
         """Nothing: the other process goes on by itself."""
+
+    def release(self) -> None:
+        """Close the side channel."""
+        self._channel.close()
 
     def _values(self, answer: Mapping[str, float]) -> tuple[float, ...]:
         return tuple(float(answer[name]) for name in self.truth_columns)
