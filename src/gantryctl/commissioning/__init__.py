@@ -4,6 +4,16 @@ from __future__ import annotations
 
 from gantryctl.commissioning.report import write_report
 from gantryctl.commissioning.results import Figure, Outcome, Progress, StepResult
-from gantryctl.commissioning.run import STEPS, Commissioning, Step
+from gantryctl.commissioning.run import STEPS, Commissioning, Step, void_control_proofs
 
-__all__ = ["STEPS", "Commissioning", "Figure", "Outcome", "Progress", "Step", "StepResult", "write_report"]
+__all__ = [
+    "STEPS",
+    "Commissioning",
+    "Figure",
+    "Outcome",
+    "Progress",
+    "Step",
+    "StepResult",
+    "void_control_proofs",
+    "write_report",
+]

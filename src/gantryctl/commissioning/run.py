@@ -56,6 +56,8 @@ from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.wiring.canopen import can_link, canopen_settings
 
+_RESULTS: Final = "commissioning.json"
+
 
 class Reach(IntEnum):
     """How far a step can move the gantry: a person who has agreed to one need not be asked for less."""
@@ -168,6 +170,25 @@ def complete(results: Mapping[str, StepResult], steps: Iterable[Step]) -> bool:
     )
 
 
+def void_control_proofs(machine: Machine, store: StateStore) -> None:
+    """Forget what was proven with the drive's control as it was: the record, and each step from `sign` on.
+
+    Args:
+        store: locked by the caller.
+
+    Raises:
+        StateError: the results of before are damaged.
+    """
+    record_path(store.directory, machine).unlink(missing_ok=True)
+    path = store.directory / _RESULTS
+    kept = load_progress(path)
+    if kept is not None:
+        # Each step rests on those before it, and `sign` is the first that moves by the speed loop.
+        before = {step.key for step in STEPS[: [step.key for step in STEPS].index("sign")]}
+        results = {key: result for key, result in kept.results.items() if key in before}
+        store_progress(path, replace(kept, results=results))
+
+
 class Commissioning:
     """Commissioning of one machine; resumes where an earlier run in the same configuration ended.
 
@@ -197,7 +218,7 @@ class Commissioning:
         self.machine, self.store, self.folder = machine, store, folder
         self._say, self._confirm, self._instrument, self._now_s = say, confirm, instrument, now_s
         self._agreed = Reach.NOTHING
-        self._path = store.directory / "commissioning.json"
+        self._path = store.directory / _RESULTS
         kept = load_progress(self._path)
         # A change of [axis], [control], [motor], [encoder], [brake], [drive] or [can] begins anew.
         fits = kept is not None and kept.proven_hash == proven_hash(machine)

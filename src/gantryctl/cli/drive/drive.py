@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,20 +10,20 @@ import click
 
 from gantryctl.cli.drive.drive_sim import sim
 from gantryctl.cli.drive.field import field
+from gantryctl.cli.drive.gains import gains
+from gantryctl.cli.drive.node import drive_node
 from gantryctl.cli.drive.profiles import profiles
+from gantryctl.cli.drive.saving import save
 from gantryctl.cli.options import (
     PATH,
     bus_log_option,
     config_option,
     json_option,
-    machine_of,
     print_json,
     write_text,
 )
 
 if TYPE_CHECKING:
-    from gantryctl.drives.canopen.bus.node import RemoteNode
-    from gantryctl.drives.canopen.settings import CanopenSettings
     from gantryctl.drives.od.model import DeviceDescription
     from gantryctl.machine import Machine
 
@@ -39,25 +36,8 @@ def drive() -> None:
 drive.add_command(sim)
 drive.add_command(field)
 drive.add_command(profiles)
-
-
-@contextmanager
-def _node(config_file: Path | None) -> Iterator[tuple[RemoteNode, CanopenSettings, Machine]]:
-    """SDO access to the drive of a machine file, within a with block."""
-    from gantryctl.drives.canopen.bus.node import RemoteNode
-    from gantryctl.errors import UsageError
-    from gantryctl.wiring.canopen import can_link, canopen_settings
-
-    machine = machine_of(config_file)
-    if not machine.on_bus:
-        raise UsageError(f'{machine.name}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"')
-    # The lock of the drive is taken with the link: no second master beside a running controller.
-    settings = canopen_settings(machine)
-    link = can_link(machine)
-    try:
-        yield RemoteNode(link, settings.node, settings.master_node, settings.sdo_timeout_s), settings, machine
-    finally:
-        link.close()
+drive.add_command(gains)
+drive.add_command(save)
 
 
 @drive.command()
@@ -70,7 +50,7 @@ def status(config_file: Path | None, as_json: bool) -> int:
     from gantryctl.drives.canopen.emergency import emergency_text
     from gantryctl.operation.store import last_bus
 
-    with _node(config_file) as (node, settings, machine):
+    with drive_node(config_file) as (node, settings, machine):
         who, sdo = node.identity(), node.sdo
         word = sdo.number(0x6041)
         # 603F and 6061 are not in every drive: None then.
@@ -117,7 +97,7 @@ def diff(config_file: Path | None, as_json: bool) -> int:
     from gantryctl.drives.canopen.setup.opening import facts_as_found, parameter_rows
 
     # The same table by which a controller refuses to enable a drive (CFG-CAN-01).
-    with _node(config_file) as (node, settings, _):
+    with drive_node(config_file) as (node, settings, _):
         rows = parameter_rows(settings, facts_as_found(node, settings)[1])
     if as_json:
         print_json([{**row._asdict(), "verdict": row.verdict.value} for row in rows])
@@ -139,7 +119,7 @@ def objects(config_file: Path | None, eds_file: Path | None, as_json: bool) -> i
     """Read the objects of an EDS from the drive; without one, those of a CSV axis."""
     from gantryctl.drives.canopen.setup.parameters import read_objects
 
-    with _node(config_file) as (node, _, machine):
+    with drive_node(config_file) as (node, _, machine):
         found = read_objects(node.sdo, _entries(machine, eds_file))
     if as_json:
         print_json([value._asdict() for value in found])
@@ -158,7 +138,7 @@ def backup(config_file: Path | None, eds_file: Path | None, file: Path) -> int:
     """Read every writable object from the drive into FILE (JSON)."""
     from gantryctl.drives.canopen.setup.parameters import backup as read_all
 
-    with _node(config_file) as (node, _, machine):
+    with drive_node(config_file) as (node, _, machine):
         kept = read_all(node, _entries(machine, eds_file))
     write_text(file, json.dumps(kept, indent=1) + "\n")
     click.echo(f"wrote {file}: {len(kept['values'])} values of {kept['drive']}")
@@ -181,79 +161,12 @@ def restore(config_file: Path | None, yes: bool, file: Path) -> int:
     kept = _backup_file(file)
     if not yes:
         click.confirm(f"write {len(kept['values'])} values of {kept['drive']} to the drive?", abort=True)
-    with _node(config_file) as (node, _, _machine):
+    with drive_node(config_file) as (node, _, _machine):
         failed = write_all(node, kept)
     for line in failed:
         click.echo(f"! {line}")
     click.echo(f"{len(kept['values']) - len(failed)} of {len(kept['values'])} values are in the drive")
     return int(bool(failed))
-
-
-@drive.command()
-@bus_log_option
-@config_option
-@json_option
-def gains(config_file: Path | None, as_json: bool) -> int:
-    """Show the gains of the drive's speed loop, where its profile names their objects.
-
-    They are set with the maker's tool; then measure: `speed-test`, `analyse --measure`.
-    """
-    from gantryctl.drives.canopen.setup.gains import read_gains
-    from gantryctl.drives.canopen.setup.opening import facts_as_found
-    from gantryctl.errors import DeviceError
-
-    with _node(config_file) as (node, settings, machine):
-        profile = settings.of_drive(facts_as_found(node, settings)[1]).profile
-        if profile is None or profile.speed_loop is None:
-            who = (
-                "no profile fits this drive" if profile is None else f"profile {profile.name} names no gains"
-            )
-            raise DeviceError(f"{who}: read and set them with the maker's tool, then measure")
-        found = read_gains(node.sdo, profile.speed_loop)
-    # Torque per ampere at the rated point.
-    nm_per_a = machine.motor.torque_rated_nm / machine.motor.current_rated_a
-    shown = [
-        {
-            "name": each.name,
-            "object": each.gain.object,
-            "value": each.value,
-            "unit": each.gain.unit,
-            "at_the_motor": None if math.isnan(each.si) else each.si * nm_per_a,
-        }
-        for each in found
-    ]
-    if as_json:
-        print_json(shown)
-        return 0
-    click.echo(f"profile {profile.name} ({profile.tried.value})")
-    for row, unit in zip(shown, ("N m s/rad", "N m/rad"), strict=False):
-        value, motor = row["value"], row["at_the_motor"]
-        what = (
-            "the drive does not have it"
-            if value is None
-            else f"{value:g} {row['unit'] or 'units of the drive'}"
-        )
-        click.echo(
-            f"  {row['name']}  {row['object']}  {what}"
-            + (f" = {motor:.4g} {unit}" if motor is not None else "")
-        )
-    return 0
-
-
-@drive.command()
-@bus_log_option
-@config_option
-@click.option("--yes", is_flag=True, help="Do not ask.")
-def save(config_file: Path | None, yes: bool) -> int:
-    """Let the drive store its parameters (1010), so that they survive a power off; refused while it is enabled."""
-    from gantryctl.drives.canopen.setup.parameters import save as store
-
-    if not yes:
-        click.confirm("store the drive's present parameters for good?", abort=True)
-    with _node(config_file) as (node, _, _machine):
-        seconds = store(node)
-    click.echo(f"stored in {seconds:.1f} s")
-    return 0
 
 
 def _entries(machine: Machine, eds_file: Path | None) -> DeviceDescription | None:

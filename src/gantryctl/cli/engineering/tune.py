@@ -168,9 +168,10 @@ def _show_on_bus(session: TuningSession, folder: Path) -> None:
         )
         paragraph(
             f"proposed: Kvp {wanted.kvp_nm_s_per_rad:.4g} N m s/rad, Tvi {1e3 * wanted.tvi_s:.3g} ms, Kpp "
-            f"{wanted.kpp_per_s:.4g} /s. Enter in the maker's tool: proportional gain x {kvp:.3f}, integral gain "
-            f"(where it is one of its own) x {ki:.3f}, save them there; then gantryctl tune --config "
-            f"{folder / PROPOSAL} --out {folder} measures what the drive has."
+            f"{wanted.kpp_per_s:.4g} /s. Write them: gantryctl drive gains --kp-times {kvp:.3f} --ki-times {ki:.3f} "
+            f"--save, where the profile of the drive names their objects; else enter in the maker's tool: proportional "
+            f"gain x {kvp:.3f}, integral gain (where it is one of its own) x {ki:.3f}, save them there. Then gantryctl "
+            f"tune --config {folder / PROPOSAL} --out {folder} measures what the drive has."
         )
         return
     for check in session.checks:

@@ -13,8 +13,10 @@ from gantryctl.drives.profiles.profile import (
     DangerousDefault,
     DriveProfile,
     Gain,
+    Saving,
     SpeedLoop,
     Tried,
+    key_of,
 )
 
 __all__ = [
@@ -22,8 +24,10 @@ __all__ = [
     "DangerousDefault",
     "DriveProfile",
     "Gain",
+    "Saving",
     "SpeedLoop",
     "Tried",
+    "key_of",
     "load_profile",
     "places_of_maker",
     "profile_names",

@@ -52,7 +52,7 @@ def profile_lines(profile: DriveProfile) -> tuple[tuple[str, str], ...]:
         ("torque", f"{units.torque}; 6076 in {_rated(units.rated_torque_per_nm)}"),
         ("modes", ", ".join(map(str, profile.modes)) + ("" if _CSV in profile.modes else ": no CSV (9)")),
         *((f"gain {name}", f"{gain.object}, {gain.unit or 'unit not known'}") for name, gain in gains),
-        ("stores by", f"{profile.saving.object}, {profile.saving.remark}"),
+        ("stores by", profile.saving.text),
         *((f"default {bad.object} = {bad.value}", bad.because) for bad in profile.dangerous_defaults),
         *((f"lacks {what}", text) for what, text in profile.lacks.items()),
         *((f"error {code}h", text) for code, text in profile.error_texts.items()),

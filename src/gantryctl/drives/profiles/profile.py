@@ -35,6 +35,10 @@ def _place(text: str) -> str:
     return text
 
 
+def _place_or_nothing(text: str) -> str:
+    return _place(text) if text else text
+
+
 def _code(text: str) -> str:
     if _CODE.fullmatch(text) is None:
         raise ValueError(f"'{text}' is no error code: write four hexadecimal digits, 8130")
@@ -108,13 +112,14 @@ class DangerousDefault(_Part):
     because: Words
 
 
+_RATE: Final = "Hz"
 # Size of a gain unit in SI with current in A: kp in A s/rad, ki in A/rad, both at the motor shaft. An integral gain in
 # Hz is a rate, and not one of these.
 GAIN_UNITS: Final[dict[str, float]] = {
     "uA s/rad": 1e-6,
     "uA/rad": 1e-6,
     "A/(rev/s)": 1.0 / (2.0 * math.pi),
-    "Hz": math.nan,
+    _RATE: math.nan,
     "": math.nan,
 }
 
@@ -142,6 +147,11 @@ class Gain(_Part):
         return key_of(self.object)
 
     @property
+    def rate(self) -> bool:
+        """The integral part is a rate: the integral gain is kp times it."""
+        return self.unit == _RATE
+
+    @property
     def si(self) -> float:
         """One unit in A s/rad (kp) or A/rad (ki); NaN where the unit is another or not known."""
         return GAIN_UNITS[self.unit]
@@ -157,8 +167,18 @@ class SpeedLoop(_Part):
 class Saving(_Part):
     """How the drive stores its parameters."""
 
-    object: Place = "1010:01"
+    object: Annotated[str, AfterValidator(_place_or_nothing)] = "1010:01"
+    """Empty: nothing that the bus writes is stored, or only the maker's tool stores it, as the remark says."""
+    signature: Annotated[int, Field(ge=0, le=0xFFFF_FFFF)] = 0x6576_6173
+    """What is written there; by CiA 301 "save"."""
+    longest_s: Positive = 5.0
+    """The drive has answered after this time."""
     remark: Words = "by the text of CiA 301"
+
+    @property
+    def text(self) -> str:
+        """Object and remark for people."""
+        return f"{self.object or 'no object'}, {self.remark}"
 
 
 class Contradiction(NamedTuple):

@@ -67,7 +67,7 @@ def known_of_model(machine: Machine, facts: DriveFacts) -> tuple[str, ...]:
     return (
         f"profile {profile.name} ({profile.tried.value})",
         *(f"known of the model: lacks {what}: {text}" for what, text in profile.lacks.items()),
-        f"known of the model: stores by {profile.saving.object}, {profile.saving.remark}",
+        f"known of the model: stores by {profile.saving.text}",
     )
 
 

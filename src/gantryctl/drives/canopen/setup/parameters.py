@@ -11,11 +11,12 @@ from gantryctl.drives.canopen.setup.opening import write_restart_marker
 from gantryctl.drives.od.model import DeviceDescription, Entry
 from gantryctl.drives.od.standard import STANDARD
 from gantryctl.drives.od.types import decode
+from gantryctl.drives.profiles import Saving, key_of
 from gantryctl.errors import CommandRefused, DeviceError
 
-# The signature of 1010 (CiA 301), "save". Drives take more than 1 s to store.
-_SAVE: Final = 0x65766173
-_SAVE_S: Final = 5.0
+# What 1010 says of itself when it is read (CiA 301).
+_ON_COMMAND: Final = 1
+_BY_ITSELF: Final = 2
 _LONGEST: Final = 4096
 # Commands, actual values, and what acts when it is written: never kept and never written back.
 _LEFT_OUT: Final = frozenset(
@@ -101,7 +102,12 @@ def _place_of(text: str) -> tuple[int, int]:
     return found
 
 
-def _refuse_energised(node: RemoteNode) -> None:
+def refuse_energised(node: RemoteNode) -> None:
+    """Refuse a drive that has torque.
+
+    Raises:
+        CommandRefused: it has.
+    """
     state = decode_statusword(node.sdo.number(0x6041))
     if state in ENERGISED:
         raise CommandRefused(
@@ -115,7 +121,7 @@ def restore(node: RemoteNode, kept: dict[str, Any]) -> tuple[str, ...]:
     Raises:
         CommandRefused: the drive has torque, or it is another kind of drive.
     """
-    _refuse_energised(node)
+    refuse_energised(node)
     key = node.identity().key
     if key.rpartition("-")[0] != str(kept["drive"]).rpartition("-")[0]:
         raise CommandRefused(f"the backup is of {kept['drive']}, the drive is {key}: another kind of drive")
@@ -139,22 +145,48 @@ def restore(node: RemoteNode, kept: dict[str, Any]) -> tuple[str, ...]:
     return tuple(wrong)
 
 
-def save(node: RemoteNode) -> float:
-    """Store all parameters in the drive (1010:01); return how long it took, s.
+class Saved(NamedTuple):
+    """Parameters stored in a drive.
+
+    Attributes:
+        remark: why that may not be believed; "" for nothing.
+    """
+
+    seconds: float
+    remark: str
+
+
+def save(node: RemoteNode, saving: Saving) -> Saved:
+    """Store all parameters in the drive, as its profile says.
 
     Raises:
-        CommandRefused: the drive has torque. DeviceError: it does not store.
+        CommandRefused: the drive has torque, stores by itself, or does not store what the bus writes. DeviceError: it
+            does not store.
     """
-    _refuse_energised(node)
+    if not saving.object:
+        raise CommandRefused(f"this drive stores nothing on a command of the bus: {saving.remark}")
+    refuse_energised(node)
+    index, sub = key_of(saving.object)
+    told = node.sdo.optional(index, sub)
+    if told is None:
+        raise DeviceError(
+            f"the drive has no {saving.object}: it forgets at power off what the bus has written; the controller "
+            "writes its own parameters at every start, what else must last is stored with the maker's tool"
+        )
+    if told & _BY_ITSELF and not told & _ON_COMMAND:
+        raise CommandRefused(
+            f"{saving.object} = {told:X}h: the drive stores by itself and takes no command for it"
+        )
     # A stored marker would outlive the boot-ups that it is to reveal.
     write_restart_marker(node.sdo, node.node, None)
     # Some drives leave the bus for 0.4 s while they store.
     before, timeout = node.link.now_s(), node.sdo.timeout_s
-    node.sdo.timeout_s = _SAVE_S
+    node.sdo.timeout_s = saving.longest_s
     try:
-        node.sdo.set(0x1010, 1, _SAVE)
+        node.sdo.write(index, sub, saving.signature.to_bytes(4, "little"))
     except SdoError as refused:
         raise DeviceError(f"the drive does not store its parameters: {refused}") from None
     finally:
         node.sdo.timeout_s = timeout
-    return node.link.now_s() - before
+    doubt = f"{saving.object} = 0 says that it does not store on command: switch it off and on, and compare"
+    return Saved(node.link.now_s() - before, "" if told & _ON_COMMAND else doubt)
