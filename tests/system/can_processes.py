@@ -41,10 +41,10 @@ FAST = "\n[virtual_axis]\nacc_deg_s2 = 2.0\ndec_deg_s2 = 2.0\n"
 class Bus:
     """The drive's process, and a machine file for the controller."""
 
-    def __init__(self, folder: Path, period_ms: float, *options: str) -> None:
+    def __init__(self, folder: Path, period_ms: float, *options: str, machine: str = "hust_can.toml") -> None:
         self.folder = folder
         self.socket = folder / "drive.sock"
-        text = (configs_folder() / "hust_can.toml").read_text(encoding="utf-8")
+        text = (configs_folder() / machine).read_text(encoding="utf-8")
         text = text.replace('interface = "simulated"', 'interface = "udp_multicast"')
         text = text.replace(
             "commissioning_required = true\n", "commissioning_required = false\nanswer_ms = 4.0\n"
@@ -125,6 +125,45 @@ def move(folder: Path) -> dict[str, object]:
         "load_deg": angle,
         "brake_open": status["brake_open"],
     }
+
+
+def nodes(folder: Path) -> dict[str, object]:
+    """Brake test, move, Ctrl-C and a lost I/O node of an axis with nodes beside its drive, 100 Hz."""
+    bus = Bus(folder, 10.0, "--with-io", "--with-encoder", machine="hust_can_nodes.toml")
+    try:
+        tested = bus.run("brake-test", "--yes", "--json")
+        moved = bus.run("move", "5", "--json", "--no-trace")
+        load_deg = bus.truth()[1]
+        stopped = bus.start("move", "40", "--json", "--no-trace")
+        bus.wait_for_speed(3.0, stopped)
+        stopped.send_signal(signal.SIGINT)
+        ended = json.loads(stopped.communicate()[0])
+        lost = _lost_node(bus)
+        reset = bus.run("reset")
+        again = bus.run("move", "0", "--json", "--no-trace")
+        return {
+            "brake_test": tested.returncode, "move": json.loads(moved.stdout), "load_deg": load_deg,
+            "stop": ended, **lost, "reset": reset.returncode, "again": json.loads(again.stdout),
+        }  # fmt: skip
+    finally:
+        bus.end()
+
+
+def _lost_node(bus: Bus) -> dict[str, object]:
+    """The I/O node off the bus at 3 deg/s, and back after the stop."""
+    for _ in range(_TRIES):
+        master = bus.start("move", "-40", "--json", "--no-trace")
+        bus.wait_for_speed(3.0, master)
+        begun = bus.truth()[1]
+        bus.ask("node", node=3, fault="silent", value=True)
+        alarms = json.loads(master.communicate()[0])["alarms"]
+        bus.ask("node", node=3, fault="silent", value=False)
+        if alarms[0].split()[0] not in _BUSY:
+            status = bus.ask("status")
+            way = abs(bus.truth()[1] - begun)
+            return {"alarms": alarms, "way_deg": way, "brake_open": status["brake_open"]}
+        bus.run("reset")
+    raise SystemExit(f"this computer was late by itself {_TRIES} times")
 
 
 def kill_master(folder: Path) -> dict[str, object]:
@@ -271,6 +310,7 @@ def stalled(path: Path) -> dict[str, float]:
 if __name__ == "__main__":
     scenarios = {
         "move": move,
+        "nodes": nodes,
         "kill_master": kill_master,
         "kill_drive": kill_drive,
         "stall": stall,

@@ -52,6 +52,22 @@ def test_a_move_over_the_bus_in_real_time(tmp_path: Path) -> None:
     assert found["brake_open"] is False
 
 
+def test_nodes_beside_the_drive_in_real_time(tmp_path: Path) -> None:
+    """I/O node with the brake, encoder on the ring: a brake test, a move, a stop, a node lost and found again."""
+    found = scenario("nodes", tmp_path)
+    assert found["brake_test"] == 0
+    assert found["move"]["result"] == found["again"]["result"] == "done", found
+    # The loop through the ring puts the load there; it swings for some seconds after the brake has closed.
+    assert found["load_deg"] == pytest.approx(5.0, abs=0.03)
+    assert found["stop"]["result"] == "stopped by the operator", found["stop"]
+    assert found["alarms"][0].startswith("CAN-16 STOP · The node with inputs and outputs"), found
+    # Brake and watchdog relay are on the node: torque off and brake from up to 3.3 deg/s, and 0.2 s of the relay; the
+    # node fell silent some ms after the angle was asked for.
+    assert found["way_deg"] < 1.4 * 3.3 / 3.0 + 0.2 * 3.3
+    assert found["brake_open"] is False
+    assert found["reset"] == 0
+
+
 def test_a_killed_controller_does_not_leave_the_gantry_turning(
     tmp_path: Path, evidence: Callable[[str, dict[str, object]], None]
 ) -> None:
