@@ -34,6 +34,7 @@ NOT_RUN = {
     "gantryctl tune": "has tests of its own",
     "gantryctl analyse": "has tests of its own",
     "gantryctl size": "has tests of its own",
+    "gantryctl campaign": "has tests of its own; hours",
     "gantryctl identify": "has tests of its own; 15 s",
     "gantryctl compare": "has tests of its own; half a minute",
     "gantryctl drive-sim": "a server that runs until it is stopped; has tests of its own",

@@ -55,6 +55,11 @@ COMMANDS: Final = {
     "compare": Entry(
         "engineering.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
     ),
+    "campaign": Entry(
+        "campaign",
+        "campaign",
+        "Figures of many plants: run, show, plot, compare, on one computer or a cluster.",
+    ),
     "faults": Entry(
         "engineering.faults", "faults", "Faults on a simulated axis: list, show, run with a picture."
     ),

@@ -59,7 +59,15 @@ def load_table(model: type[TableT], path: Path | str) -> TableT:
         ConfigError: one line per problem, all of them; rules between keys are the caller's.
     """
     name = str(path)
-    data = parse_toml(read_text(Path(path), ""), name)
+    return check_table(model, parse_toml(read_text(Path(path), ""), name), name)
+
+
+def check_table(model: type[TableT], data: Data, name: str) -> TableT:
+    """Check plain data as strictly as a machine file; `name` stands in front of every problem.
+
+    Raises:
+        ConfigError: as `load_table`.
+    """
     try:
         return model.model_validate_json(_as_json(data), strict=True)
     except ValidationError as error:

@@ -30,7 +30,9 @@ _MUST_BE: Final[dict[str, tuple[type | UnionType, str]]] = {
     "word": (str, "one word in quotes"),
     "text": (str, "text in quotes"),
     "numbers": (list, "an array of numbers"),
+    "texts": (list, "an array of words in quotes"),
 }
+_ELEMENTS: Final = {"numbers": "number", "texts": "text"}
 # Python's bool is an int: it must come first.
 _TYPE_NAMES: Final = {
     bool: "a boolean", str: "text", int: "a whole number", float: "a number with a point",
@@ -186,13 +188,13 @@ def _wrong(where: Location, data: Data, root: type[Table]) -> str:
         return f"{_place(where, root)} = {show_value(value)}: is {_type_name(value)}, must be a table"
     element = isinstance(where[-1], int)
     start = f"{_place(where, root)} = {show_value(value)}: "
-    types, must_be = _MUST_BE["number" if element else spec.kind]
+    types, must_be = _MUST_BE[_ELEMENTS.get(spec.kind, spec.kind) if element else spec.kind]
     if not isinstance(value, types) or isinstance(value, bool) != (types is bool):
         return f"{start}is {_type_name(value)}, must be {must_be}; allowed {spec.allowed}"
     if isinstance(value, float) and not math.isfinite(value):
         return f"{start}is not a finite number; allowed {spec.allowed}"
     if isinstance(value, list):
-        start += f"has {len(value)} numbers; "
+        start += f"has {len(value)} {'words' if spec.kind == 'texts' else 'numbers'}; "
     return f"{start}allowed {spec.allowed}{_unit_hint(spec, value, data)}"
 
 

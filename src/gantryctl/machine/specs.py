@@ -12,7 +12,7 @@ from pydantic.fields import FieldInfo
 from gantryctl.machine.tables.fields import SOURCE, Table, unit_of
 from gantryctl.machine.tables.model import Machine
 
-Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers"]
+Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers", "texts"]
 Value: TypeAlias = "float | int | bool | str | tuple[float, ...]"
 
 
@@ -21,7 +21,8 @@ class FieldSpec:
     """One key: where it stands, what it accepts, what it means.
 
     `low` and `high` are in `unit`, both included; for "numbers" they hold for each element and `lengths` for
-    the array; for "text" `lengths` counts characters. `usual` is the default, or the reference machine's.
+    the array; for "text" `lengths` counts characters, for "texts" the elements. `usual` is the default, or the
+    reference machine's.
     """
 
     table: str
@@ -59,6 +60,8 @@ class FieldSpec:
                 least, most = self.lengths
                 count = f"{most}" if least == most else f"{least} to {most}"
                 return f"{count} numbers, each {self.low:.10g}..{self.high:.10g}{self.unit_text}"
+            case "texts":
+                return f"{self.lengths[0]} to {self.lengths[1]} words in quotes"
             case "switch":
                 return "true, false"
             case "word":
@@ -120,6 +123,8 @@ def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
     words: tuple[str, ...] = ()
     if get_origin(annotation) is Literal:
         kind, words = "word", get_args(annotation)
+    elif get_origin(annotation) is tuple and get_args(annotation)[0] is str:
+        kind = "texts"
     elif get_origin(annotation) is tuple:
         kind = "numbers"
         metadata += get_args(annotation)[0].__metadata__

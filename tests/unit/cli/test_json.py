@@ -43,6 +43,13 @@ def prepare() -> None:
     next(Path("traces").iterdir()).rename("run.parquet")
 
 
+def campaign_file() -> None:
+    """A campaign of two plants."""
+    Path("small.toml").write_text(
+        '[campaign]\nname = "small"\ntests = ["move"]\ncount = 2\n[move]\nto_deg = 0.1\n[vary.gear]\nlaw = "phases"\n'
+    )
+
+
 class Level:
     """An instrument."""
 
@@ -88,6 +95,11 @@ RUNS: dict[str, list[str]] = {
     "compare": ["compare", "paper", "paper"],
     "bench": ["bench", "jitter", "--repeats", "1", "--scale", "0.01"],
     "doctor": ["doctor", "--period", "4", "--seconds", "0.1"],
+    "campaign run": ["campaign", "run", "small.toml"],
+    "campaign show": ["campaign", "show", "small.result"],
+    "campaign compare": ["campaign", "compare", "small.result", "small.result"],
+    "campaign plot": ["campaign", "plot", "small.result"],
+    "campaign plan": ["campaign", "plan", "small.toml", "--measure", "0.01"],
     "config check": ["config", "check", "a.toml"],
     "config show": ["config", "show", "a.toml"],
     "config diff": ["config", "diff", "a.toml", "b.toml"],
@@ -117,6 +129,10 @@ def test_the_keys_are_those_of_the_page(command: str) -> None:
     if command == "accuracy measure":
         values = {"accuracy.dwell_s": 0.5, "accuracy.average_s": 0.2, "virtual_axis.acc_deg_s2": 2.0}
         machine_file(Path("quick.toml"), values | {"virtual_axis.dec_deg_s2": 2.0})
+    if command.startswith("campaign"):
+        campaign_file()
+        if command not in ("campaign run", "campaign plan"):
+            done("campaign", "run", "small.toml", "--threads", "1")
     if command == "drive gains":
         drive = {"can.virtual_drive": "maxon EPOS4@", "can.encoder.index": 0}
         machine_file(Path("epos4.toml"), {"drive.kind": "canopen", "control.scan_period_ms": 4.0, **drive})

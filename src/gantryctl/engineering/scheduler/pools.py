@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import multiprocessing
 import os
@@ -149,6 +150,8 @@ def _begin(job: Job) -> None:
     with contextlib.suppress(ValueError):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    # What that thread still holds at the end would be told as leaks of compiled modules.
+    atexit.register(os._exit, 0)
     _JOB[:] = [job]
 
 

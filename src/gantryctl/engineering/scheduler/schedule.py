@@ -12,8 +12,8 @@ from gantryctl.errors import DeviceError
 
 # Handing out a chunk costs some milliseconds on a cluster (1.6 ms a task).
 CHUNK_MIN_S: Final = 1.0
-# What a killed client or worker loses at most.
-CHUNK_MAX_S: Final = 30.0
+# What a killed worker loses at most, and only in runs of many hours: shorter ones are cut finer.
+CHUNK_MAX_S: Final = 300.0
 # A long run is cut into so many chunks for each worker: few enough for their files, enough to end together.
 _PARTS: Final = 100
 # Before the first chunk nobody knows how long a row takes.
@@ -36,8 +36,9 @@ class _Backlog:
     def measured(self, count: int, elapsed_s: float) -> None:
         """So many rows took a worker so long."""
         row_s = elapsed_s / count
-        # Half of the newest: the first chunks pay for imports and caches.
-        self._row_s = row_s if self._row_s is None else 0.5 * (self._row_s + row_s)
+        # The first chunks pay for imports and caches: what is faster counts at once, what is slower by half.
+        known_s = row_s if self._row_s is None else self._row_s
+        self._row_s = 0.5 * (known_s + row_s) if row_s > known_s else row_s
 
     def put_back(self, chunk: Chunk) -> None:
         """These rows are still missing."""
@@ -65,7 +66,7 @@ class _Backlog:
 def run_job(
     missing: Iterable[Chunk], pool: Pool, stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[tuple[Chunk, Rows]]:
-    """Every missing row once, in chunks of a second to half a minute, in any order.
+    """Every missing row once, in chunks of a second to five minutes, in any order.
 
     Args:
         missing: ranges of rows, apart from each other.

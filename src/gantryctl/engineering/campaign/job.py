@@ -1,0 +1,114 @@
+"""Rows of a campaign, as a job of the scheduler."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from gantryctl.engineering.campaign.measures import TESTS, Figures, Subject
+from gantryctl.engineering.campaign.population import Campaign, Control, Plant, column_name
+from gantryctl.engineering.identification import SimulatedAxis, calibrate
+from gantryctl.engineering.scheduler.job import Rows
+from gantryctl.errors import GantryctlError
+from gantryctl.machine import Calibration, Machine
+from gantryctl.machine.variation import RefusedValue, Variation
+
+INDEX: Final = "row"
+REFUSED: Final = "refused_by"
+IDENTIFICATION: Final = "identification"
+DRIFT: Final = "drift"
+
+
+@dataclass(frozen=True)
+class CampaignJob:
+    """Figures of the plants of a campaign.
+
+    A plant that the checks of the machine refuse, or a test that cannot be computed, has a row too: its column
+    "refused_by" names why, and its figures are NaN.
+    """
+
+    campaign: Campaign
+
+    def rows(self, first: int, count: int) -> Rows:
+        """Columns "row", "refused_by", a number per key that varies, and the figures."""
+        plants = list(self.campaign.plants(first, count))
+        runs = [_Run(plant) for plant in plants]
+        self._identify(runs)
+        for control in self.campaign.controls:
+            self._measure(control, runs)
+        found: Rows = {
+            INDEX: np.arange(first, first + count),
+            REFUSED: np.array([run.refused_by for run in runs], dtype=object),
+        }
+        for key in self.campaign.varied_keys:
+            # Arrays, such as phases, follow from the campaign and the number of the row.
+            if not isinstance(plants[0].values[key], tuple):
+                found[key] = np.array([plant.drifted[key] for plant in plants], dtype=np.float64)
+        nothing = dict.fromkeys(self.campaign.columns, np.nan)
+        table = [nothing if run.refused_by else run.figures for run in runs]
+        return found | {name: np.array([row[name] for row in table]) for name in nothing}
+
+    def _identify(self, runs: Sequence[_Run]) -> None:
+        """Refuse plants, and identify those whose control lives on measured values."""
+        calibrated = [each for each in self.campaign.controls if _needs_calibration(each.machine)]
+        if not calibrated:
+            return
+        variation = Variation(calibrated[-1].machine, self.campaign.varied_keys)
+        for run in runs:
+            machine = variation.of(run.plant.values)
+            if isinstance(machine, RefusedValue):
+                run.refused_by = str(machine)
+                continue
+            try:
+                # Compensations know only what was measured on this plant, before it drifts (decision 0010).
+                run.calibration = calibrate(SimulatedAxis(machine, seed=run.plant.row))
+            except (GantryctlError, ValueError, ArithmeticError, np.linalg.LinAlgError):
+                run.refused_by = IDENTIFICATION
+
+    def _measure(self, control: Control, runs: Sequence[_Run]) -> None:
+        variation = Variation(control.machine, self.campaign.varied_keys)
+        subjects = []
+        for run in runs:
+            if run.refused_by:
+                continue
+            machine = variation.of(run.plant.drifted)
+            if isinstance(machine, RefusedValue):
+                before = variation.of(run.plant.values)
+                drifts = not isinstance(before, RefusedValue)
+                run.refused_by = f"{DRIFT}: {machine}" if drifts else str(before)
+                continue
+            if _needs_calibration(control.machine):
+                machine = machine.calibrated(run.calibration)
+            subjects.append(Subject(run.plant.row, machine))
+        by_row = {run.plant.row: run for run in runs}
+        settings, wanted = self.campaign.settings, self.campaign.figures
+        for name in settings.campaign.tests:
+            test = TESTS[name]
+            if subjects and not set(wanted).isdisjoint(test.outputs):
+                figures = test.measure(subjects, settings, wanted)
+                for subject, found in zip(subjects, figures, strict=True):
+                    by_row[subject.row].keep(name, control.name, found)
+
+
+class _Run:
+    """One plant on its way through the tests."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.plant = plant
+        self.refused_by = ""
+        self.calibration: Calibration | None = None
+        self.figures: Figures = {}
+
+    def keep(self, test: str, control: str, found: Figures | None) -> None:
+        """Keep what a test has found; a figure that is not finite is none."""
+        if found is None or not np.all(np.isfinite(list(found.values()))):
+            self.refused_by = self.refused_by or test
+        else:
+            self.figures |= {column_name(control, name): value for name, value in found.items()}
+
+
+def _needs_calibration(machine: Machine) -> bool:
+    return machine.control.compensation.needs_calibration

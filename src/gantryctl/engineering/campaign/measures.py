@@ -1,0 +1,197 @@
+"""What is measured on a plant: each test takes machines and gives a few figures of each."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import Final, NamedTuple, TypeAlias
+
+import numpy as np
+
+from gantryctl.engineering.accuracy.noise import a_draws
+from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.speed_test import speed_test
+from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.campaign.tables import CampaignFile
+from gantryctl.engineering.comparison.key_figures import move_figures
+from gantryctl.engineering.stops.limits import hardest_quick_stop
+from gantryctl.errors import GantryctlError
+from gantryctl.machine import Machine
+from gantryctl.machine.rules.reaction import REACTION_S
+
+Figures: TypeAlias = "dict[str, float]"
+
+
+class Output(NamedTuple):
+    """A figure of one plant.
+
+    Attributes:
+        digits: after the point, for people.
+    """
+
+    unit: str
+    meaning: str
+    digits: int = 4
+
+
+class Subject(NamedTuple):
+    """A plant under test.
+
+    Attributes:
+        row: number of its row: seed of the instrument's noise.
+    """
+
+    row: int
+    machine: Machine
+
+
+class PlantTest(NamedTuple):
+    """A test that a campaign can order.
+
+    Attributes:
+        measure: figures of every subject, None for one that cannot be computed; at least those that are wanted.
+    """
+
+    outputs: dict[str, Output]
+    measure: Callable[[Sequence[Subject], CampaignFile, Collection[str]], list[Figures | None]]
+
+
+def _chord_test(
+    subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
+) -> list[Figures | None]:
+    procedure = chord_procedure(settings.chord_test.procedure, runs=settings.chord_test.runs)
+
+    def measured(group: Sequence[Subject]) -> list[Figures | None]:
+        readings = run_procedure([each.machine for each in group], procedure, threads=1)
+        found: list[Figures | None] = []
+        for k, (row, machine) in enumerate(group):
+            angles, radius_m = readings.load_rad[k], machine.accuracy.chord_radius_m
+            if not np.all(np.isfinite(angles)):
+                found.append(None)
+                continue
+            figures = {
+                "angle_error_deg": float(np.max(np.abs(np.degrees(angles - procedure.targets_rad)))),
+                "a_true_deg": float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg)),
+                "chord_speed_error_load_deg_s": float(np.degrees(np.max(readings.vel_err_load_rad_s[k]))),
+            }
+            if "a_measured_deg" in wanted:
+                sigma_m = machine.accuracy.tracker_noise_um * 1e-6
+                draws = a_draws(procedure, angles, radius_m, sigma_m, seed=row)
+                figures["a_measured_deg"] = float(np.median(draws))
+            found.append(figures)
+        return found
+
+    return _in_groups(subjects, measured)
+
+
+def _speed_test(
+    subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
+) -> list[Figures | None]:
+    def measured(machine: Machine) -> Figures:
+        runs = speed_test(machine, settings.speed_test.speeds_r_min)
+        return {
+            "speed_error_load_deg_s": max(run.load_error_deg_s or 0.0 for run in runs),
+            "speed_error_motor_deg_s": max(run.motor_error_deg_s for run in runs),
+            "stick_slip": float(any(run.stick_slip for run in runs)),
+        }
+
+    return [_tried(measured, each.machine) for each in subjects]
+
+
+def _move(
+    subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
+) -> list[Figures | None]:
+    def measured(machine: Machine) -> Figures:
+        move = move_figures(machine, settings.move.from_deg, settings.move.to_deg)
+        return {f"move_{name}": value for name, value in move._asdict().items()}
+
+    return [_tried(measured, each.machine) for each in subjects]
+
+
+def _stops(
+    subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
+) -> list[Figures | None]:
+    def measured(machine: Machine) -> Figures:
+        stop = hardest_quick_stop(machine)
+        return {
+            "quick_stop_angle_deg": stop.angle_deg + machine.speed.setting_max_deg_s * REACTION_S,
+            "quick_stop_load_angle_deg": stop.load_angle_deg,
+            "quick_stop_reducer_nm": stop.torque_reducer_nm,
+            "quick_stop_torque_limited": float(stop.torque_limited),
+        }
+
+    return [_tried(measured, each.machine) for each in subjects]
+
+
+def _tried(measured: Callable[[Machine], Figures], machine: Machine) -> Figures | None:
+    try:
+        return measured(machine)
+    except (
+        GantryctlError,
+        ValueError,
+        ArithmeticError,
+    ):  # a plant that swings up, a speed that is not reached
+        return None
+
+
+def _in_groups(
+    subjects: Sequence[Subject], measured: Callable[[Sequence[Subject]], Iterable[Figures | None]]
+) -> list[Figures | None]:
+    """Subjects of one controller and profile together, in the order of all."""
+    groups: dict[tuple[int, ...], list[int]] = defaultdict(list)
+    for k, (_, m) in enumerate(subjects):
+        # Variations share the tables that do not vary.
+        tables = (m.control, m.axis, m.speed, m.virtual_axis, m.encoder, m.accuracy, m.can)
+        groups[tuple(map(id, tables))].append(k)
+    found: list[Figures | None] = [None] * len(subjects)
+    for places in groups.values():
+        try:
+            figures = measured([subjects[k] for k in places])
+        except GantryctlError:
+            continue
+        for k, figure in zip(places, figures, strict=True):
+            found[k] = figure
+    return found
+
+
+TESTS: Final = {
+    "chord_test": PlantTest(
+        {
+            "a_true_deg": Output("deg", "A by eq. (6), true angles"),
+            "a_measured_deg": Output("deg", "A as the tracker sees it, median of its noise"),
+            "angle_error_deg": Output("deg", "largest angle error at a stop"),
+            "chord_speed_error_load_deg_s": Output("deg/s", "speed error of the load in the chord test"),
+        },
+        _chord_test,
+    ),
+    "speed_test": PlantTest(
+        {
+            "speed_error_load_deg_s": Output("deg/s", "largest speed error of the load"),
+            "speed_error_motor_deg_s": Output("deg/s", "largest speed error of the motor"),
+            "stick_slip": Output("-", "1: the load sticks and slips", 0),
+        },
+        _speed_test,
+    ),
+    "move": PlantTest(
+        {
+            "move_time_s": Output("s", "time of the profile", 2),
+            "move_load_error_deg_s": Output("deg/s", "speed error of the load in a move"),
+            "move_motor_error_deg_s": Output("deg/s", "speed error of the motor in a move"),
+            "move_base_um": Output("um", "base motion of a move, peak to peak", 1),
+            "move_residual_um": Output("um", "base motion after a move", 2),
+            "move_settling_s": Output("s", "time until the load settles to 0.001 deg", 2),
+            "move_reducer_knm": Output("kN m", "torque at the reducer in a move", 2),
+        },
+        _move,
+    ),
+    "stops": PlantTest(
+        {
+            "quick_stop_angle_deg": Output("deg", "quick stop from the highest speed, reaction included", 3),
+            "quick_stop_load_angle_deg": Output("deg", "the same at the load, without reaction", 3),
+            "quick_stop_reducer_nm": Output("N m", "torque at the reducer in a quick stop", 0),
+            "quick_stop_torque_limited": Output("-", "1: the motor cannot give the deceleration", 0),
+        },
+        _stops,
+    ),
+}

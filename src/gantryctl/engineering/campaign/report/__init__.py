@@ -1,0 +1,1 @@
+"""A population as tables, JSON, figures and one HTML page."""

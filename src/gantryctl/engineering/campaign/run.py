@@ -1,0 +1,115 @@
+"""One run of a campaign: what is missing in its result is computed and kept."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+from typing import Final, NamedTuple
+
+from gantryctl.engineering.campaign.job import CampaignJob
+from gantryctl.engineering.campaign.population import Campaign
+from gantryctl.engineering.campaign.result import ResultFolder
+from gantryctl.engineering.report.text import duration
+from gantryctl.engineering.scheduler.job import Job
+from gantryctl.engineering.scheduler.pools import Pool
+from gantryctl.engineering.scheduler.schedule import run_job
+from gantryctl.files import remove_drafts
+from gantryctl.machine.variation import RefusedValue, Variation
+from gantryctl.runtime import StateLock
+
+# Plants that are tried against the checks of the machine before a run: a tenth of a second.
+SURVEY: Final = 1000
+# Lines of progress: the first after some seconds, then rarer and rarer.
+_FIRST_LINE_S: Final = 3.0
+_LINE_PART: Final = 0.1
+
+
+class RunEnd(NamedTuple):
+    """End of a run.
+
+    Attributes:
+        rows: of the campaign. there: rows in the result now. computed: by this run.
+    """
+
+    rows: int
+    there: int
+    computed: int
+
+    @property
+    def complete(self) -> bool:
+        """Every row is there."""
+        return self.there == self.rows
+
+
+def survey(campaign: Campaign) -> tuple[int, Counter[str]]:
+    """How many of the first plants were tried, and how many of them the checks of the machine refuse, by name."""
+    count = min(SURVEY, campaign.design.rows)
+    variation = Variation(campaign.controls[0].machine, campaign.varied_keys)
+    answers = (variation.of(plant.values) for plant in campaign.plants(0, count))
+    return count, Counter(str(answer) for answer in answers if isinstance(answer, RefusedValue))
+
+
+class _Progress:
+    """Tells how many rows are missing and how long they take."""
+
+    def __init__(self, say: Callable[[str], None], left: int, now_s: Callable[[], float]) -> None:
+        self._say, self._left, self._now_s = say, left, now_s
+        self._begun_s = self._next_s = math.inf
+        self._counted = 0
+
+    def advance(self, rows: int) -> None:
+        """So many rows more are there."""
+        now_s = self._now_s()
+        self._left -= rows
+        if self._begun_s == math.inf:
+            # The first chunk pays for imports: it says nothing about the others.
+            self._begun_s, self._next_s = now_s, now_s + _FIRST_LINE_S
+            return
+        self._counted += rows
+        if now_s < self._next_s or not self._left:
+            return
+        left_s = (now_s - self._begun_s) / self._counted * self._left
+        self._next_s = now_s + max(_FIRST_LINE_S, _LINE_PART * (now_s - self._begun_s))
+        self._say(f"  {self._left} rows left, about {duration(left_s)}")
+
+
+def run_campaign(
+    campaign: Campaign,
+    folder: Path,
+    pool_of: Callable[[Job], Pool],
+    *,
+    say: Callable[[str], None],
+    now_s: Callable[[], float],
+    stopped: Callable[[], bool] = lambda: False,
+) -> RunEnd:
+    """Compute what is missing in a result.
+
+    Args:
+        pool_of: workers for a job.
+        say: a line for the person who watches. now_s: the clock of that person.
+        stopped: asked between chunks; what is under way then is still kept.
+
+    Raises:
+        UsageError: the result is of another campaign or of other code. StateError: its folder cannot be used.
+        DeviceError: no worker is left.
+    """
+    result = ResultFolder(folder)
+    with StateLock(folder, lambda: "another `campaign run` writes this result"):
+        remove_drafts(folder)
+        head = result.begin(campaign)
+        missing = result.missing(head)
+        rows, left = head.design.rows, sum(chunk.size for chunk in missing)
+        if left < rows:
+            say(f"{rows - left} of {rows} rows are there")
+        computed = 0
+        if left:
+            progress = _Progress(say, left, now_s)
+            with closing(pool_of(CampaignJob(campaign))) as pool:
+                for chunk, found in run_job(missing, pool, stopped):
+                    result.write(head, chunk, found)
+                    computed += chunk.size
+                    progress.advance(chunk.size)
+        return RunEnd(rows, rows - left + computed, computed)

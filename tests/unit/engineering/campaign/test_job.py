@@ -1,0 +1,201 @@
+"""Rows of a campaign: each the figures of its plant, in whatever chunk, and a name where there are none."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
+from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.campaign import job as job_module
+from gantryctl.engineering.campaign.job import CampaignJob
+from gantryctl.engineering.campaign.population import Campaign
+from gantryctl.engineering.comparison.key_figures import move_figures
+from gantryctl.engineering.identification import SimulatedAxis, calibrate
+from gantryctl.engineering.scheduler.job import Chunk, collected
+from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine.specs import value_at
+from support.improved import improved_machine
+
+from .conftest import INERTIA, ORDER
+
+Made = Callable[..., Campaign]
+
+FRICTION = """
+[vary.friction]
+law = "normal"
+keys = ["plant.motor_friction.coulomb_nm", "plant.motor_friction.breakaway_nm"]
+relative = true
+mean = 1.0
+deviation = 0.2
+"""
+PHASES = '[vary.gear]\nlaw = "phases"\n'
+
+
+def same(ours: dict[str, Any], theirs: dict[str, Any]) -> bool:
+    """Equal bit for bit, NaN included."""
+    return list(ours) == list(theirs) and all(
+        ours[name].tolist() == theirs[name].tolist()
+        if ours[name].dtype == object
+        else ours[name].tobytes() == theirs[name].tobytes()
+        for name in ours
+    )
+
+
+def test_rows_are_the_same_in_any_chunks_and_after_a_journey(made: Made) -> None:
+    job = CampaignJob(made(INERTIA + FRICTION + PHASES))
+    whole = job.rows(0, 8)
+    parts = [(Chunk(5, 3), job.rows(5, 3)), (Chunk(0, 1), job.rows(0, 1)), (Chunk(1, 4), job.rows(1, 4))]
+    assert same(collected(parts), whole)
+    assert same(pickle.loads(pickle.dumps(job)).rows(0, 8), whole)
+    assert len(set(whole["move_load_error_deg_s"])) == 8
+
+
+def test_a_row_is_what_a_machine_file_with_its_values_gives(made: Made) -> None:
+    campaign = made(INERTIA + FRICTION + PHASES)
+    rows = CampaignJob(campaign).rows(0, 3)
+    for plant in campaign.plants(0, 3):
+        machine = with_values(default_machine(), plant.values)
+        assert move_figures(machine, 0.0, 0.2).load_error_deg_s == rows["move_load_error_deg_s"][plant.row]
+        assert rows["plant.load.inertia_kg_m2"][plant.row] == value_at(machine, "plant.load.inertia_kg_m2")
+
+
+def test_keys_of_one_table_move_together(made: Made) -> None:
+    for plant in made(FRICTION).plants(0, 20):
+        coulomb, breakaway = (
+            float(str(plant.values[f"plant.motor_friction.{key}_nm"])) for key in ("coulomb", "breakaway")
+        )
+        assert coulomb / 5.5 == pytest.approx(breakaway / 6.5)
+        assert coulomb != 5.5
+
+
+def test_a_plant_that_the_checks_refuse_has_a_row_with_the_name_of_the_key_or_rule(made: Made) -> None:
+    limits = '[vary.x]\nlaw = "normal"\nkeys = ["plant.load.mass_kg"]\nmean = 2e5\ndeviation = 2e5\n'
+    rule = INERTIA.replace("0.8", "0.1").replace("inertia_kg_m2", "eccentric_check_moment_nm")
+    for rest, name in (
+        (limits, "plant.load.mass_kg: limits"),
+        (rule, "plant.load.eccentric_check_moment_nm: check_moment_covers_nominal"),
+    ):
+        order = ORDER.replace("count = 8", "count = 40")
+        rows = CampaignJob(made(rest, order)).rows(0, 40)
+        refused = rows["refused_by"] == name
+        assert 2 <= int(refused.sum()) <= 30, rows["refused_by"]
+        assert np.array_equal(np.isnan(rows["move_load_error_deg_s"]), rows["refused_by"] != "")
+
+
+def test_a_plant_that_a_test_cannot_judge_is_named_by_the_test(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def swings_up(machine: Machine, *_: float) -> Any:
+        raise ValueError("not finite")
+
+    monkeypatch.setattr("gantryctl.engineering.campaign.measures.move_figures", swings_up)
+    assert set(CampaignJob(made()).rows(0, 2)["refused_by"]) == {"move"}
+
+
+# A chord test of 40 s instead of 537 s: harder ramps, shorter rests.
+QUICK = """
+[set]
+"accuracy.dwell_s" = 0.5
+"accuracy.average_s" = 0.2
+"virtual_axis.acc_deg_s2" = 2.0
+"virtual_axis.dec_deg_s2" = 2.0
+"""
+GAIN = '[vary.gain]\nlaw = "discrete"\nkeys = ["control.kpp_per_s"]\nrelative = true\nvalues = [1.0, 0.9]\n'
+
+
+def test_the_chord_test_of_a_campaign_is_that_of_each_plant_alone(made: Made) -> None:
+    order = 'tests = ["chord_test"]\ncount = 3\nseed = 5'
+    campaign = made(QUICK + PHASES + GAIN, order)
+    rows = CampaignJob(campaign).rows(0, 3)
+    assert len(set(rows["control.kpp_per_s"])) == 2  # different controllers in one chunk
+    procedure = chord_procedure("A")
+    for plant in campaign.plants(0, 3):
+        machine = with_values(campaign.controls[0].machine, plant.values)
+        angles = run_procedure([machine], procedure, threads=1).load_rad[0]
+        errors = evaluate(procedure, angles, machine.accuracy.chord_radius_m).errors_deg
+        assert rows["a_true_deg"][plant.row] == float(accuracy_a(errors))
+
+
+IMPROVED = """
+[improved]
+machine = "hust_improved.toml"
+variants = ["hust_gantry_as_it_is", "gear_map_alone", "hust_improved_as_it_is"]
+
+[drift.stiffness]
+law = "discrete"
+keys = ["plant.transmission.rest_stiffness_nm_per_rad"]
+relative = true
+values = [0.8]
+"""
+
+
+def test_a_plant_is_identified_before_it_drifts_and_measured_after(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = improved_machine().calibration
+    assert known is not None
+    identified: list[Machine] = []
+
+    def recorded(axis: SimulatedAxis) -> Any:
+        identified.append(axis.machine)
+        return known
+
+    monkeypatch.setattr(job_module, "calibrate", recorded)
+    campaign = made(INERTIA + IMPROVED)
+    rows = CampaignJob(campaign).rows(0, 2)
+    assert not any(rows["refused_by"]), rows["refused_by"]
+    key = "plant.transmission.rest_stiffness_nm_per_rad"
+    for plant, machine in zip(campaign.plants(0, 2), identified, strict=True):
+        assert value_at(machine, key) == 1.5e9
+        assert value_at(machine, "plant.load.inertia_kg_m2") == plant.values["plant.load.inertia_kg_m2"]
+        drifted = plant.values | {key: 0.8 * 1.5e9}
+        paper = with_values(default_machine(), drifted)
+        improved = with_values(improved_machine(), drifted).calibrated(known)
+        for name, control in (("hust_gantry_as_it_is", paper), ("hust_improved_as_it_is", improved)):
+            wanted = move_figures(control, 0.0, 0.2).load_error_deg_s
+            assert rows[f"{name}.move_load_error_deg_s"][plant.row] == wanted
+
+
+def test_a_plant_that_cannot_be_identified_is_named(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(axis: SimulatedAxis) -> Any:
+        raise np.linalg.LinAlgError("singular")
+
+    monkeypatch.setattr(job_module, "calibrate", fails)
+    assert CampaignJob(made(INERTIA + IMPROVED)).rows(3, 1)["refused_by"].tolist() == ["identification"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_identification_in_a_campaign_is_that_of_the_plant_alone(made: Made) -> None:
+    campaign = made(INERTIA + IMPROVED)
+    rows = CampaignJob(campaign).rows(0, 1)
+    (plant,) = campaign.plants(0, 1)
+    own = with_values(improved_machine(), plant.values)
+    drifted = with_values(improved_machine(), plant.drifted).calibrated(calibrate(SimulatedAxis(own, seed=0)))
+    wanted = move_figures(drifted, 0.0, 0.2).load_error_deg_s
+    assert rows["hust_improved_as_it_is.move_load_error_deg_s"][0] == wanted
+
+
+def test_the_hash_knows_what_decides_a_row(made: Made) -> None:
+    plain = made()
+    assert made().hash == plain.hash
+    # A longer campaign goes on with the rows of the shorter one.
+    assert made(order=ORDER.replace("count = 8", "count = 80")).hash == plain.hash
+    assert made(INERTIA + "[limits]\nmove_load_error_deg_s = [0.1]").hash == plain.hash
+    others = [
+        made(INERTIA.replace("1.2", "1.3")),
+        made(INERTIA.replace("vary.inertia", "vary.load")),
+        made(order=ORDER + "\nseed = 1"),
+        made(order=ORDER + '\nsampling = "sobol"'),
+        made(order=ORDER.replace("load", "motor")),
+        made('[set]\n"plant.load.mass_kg" = 1.9e5\n' + INERTIA),
+        made(order=ORDER + '\nsampling = "latin_hypercube"'),
+        made(order=ORDER.replace("count = 8", "count = 16") + '\nsampling = "latin_hypercube"'),
+    ]
+    assert len({each.hash for each in (plain, *others)}) == 1 + len(others)
