@@ -27,4 +27,5 @@ NB_MODULE(_core, m) {
   bind_compensation(m);
   bind_plant(m);
   bind_loop(m);
+  bind_image(m);
 }

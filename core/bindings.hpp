@@ -12,3 +12,4 @@ void bind_control(nanobind::module_& m);
 void bind_compensation(nanobind::module_& m);
 void bind_plant(nanobind::module_& m);
 void bind_loop(nanobind::module_& m);
+void bind_image(nanobind::module_& m);

@@ -9,6 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from gantryctl._core import new_image
 from gantryctl.errors import AlarmStop, DeviceError, GantryctlError, UsageError
 from gantryctl.image import (
     SAFE_OUTPUT,
@@ -28,9 +29,6 @@ from gantryctl.runtime.overrun import OverrunLimits, OverrunPolicy, RecentOverru
 from gantryctl.runtime.statistics import ScanStatistics
 from gantryctl.runtime.stopping import StopProgram, quick_stop_output
 from gantryctl.trace.columns import TIME_COLUMN
-
-# Builds an image in half the time of its constructor.
-_new = tuple.__new__
 
 NOTHING_READ: Final = InputImage(
     scan=-1,
@@ -199,7 +197,7 @@ class Engine:
         drive, scan, stop = self.drive, self.scan, self.system_stop
         time_s = scan * self.period_s
         feedback, command = drive.read(), self.operator.poll(time_s)
-        self.image = image = _new(InputImage, (scan, time_s, feedback, command, stop))
+        self.image = image = new_image(InputImage, scan, time_s, feedback, command, stop)
         output = self._active.scan(image)
         # A custom program may not look: where it would move, the drive stops all the same.
         if stop is not None and output.request is DriveRequest.ENABLE:

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from gantryctl._core import PositionLaw
+from gantryctl._core import PositionLaw, new_image
 from gantryctl.image import DriveFeedback, InputImage, OutputImage, StopCause, SystemStop
 from gantryctl.program.alarms.codes import Code, Reaction
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
@@ -42,8 +42,6 @@ _ON: Final = PowerPhase.ON
 _TRIED: Final = (PowerPhase.ON, PowerPhase.SAG_WATCH)
 _STOPPING: Final = (PowerPhase.QUICK_STOPPING, PowerPhase.CLOSING)
 _NO_TORQUE: Final = (PowerPhase.OFF, PowerPhase.PARKED, PowerPhase.TORQUE_OFF)
-# Builds an image in half the time of its constructor.
-_new = tuple.__new__
 
 
 class Axis:
@@ -209,18 +207,16 @@ class Axis:
             self._decide(AxisEvents(*events))
         vel = self.feedback.vel_rad_s
         at_rest = virtual.at_rest and -REST_RAD_S < vel < REST_RAD_S and self.feedback.speed_known
-        return _new(
+        return new_image(
             OutputImage,
-            (
-                power.request,
-                vel_cmd,
-                torque,
-                power.brake_open,
-                self.alarms.horn,
-                power.phase is not _OFF,
-                virtual.following and self.monitors.in_position,
-                at_rest,
-            ),
+            power.request,
+            vel_cmd,
+            torque,
+            power.brake_open,
+            self.alarms.horn,
+            power.phase is not _OFF,
+            virtual.following and self.monitors.in_position,
+            at_rest,
         )
 
     def _control_again(self) -> None:
