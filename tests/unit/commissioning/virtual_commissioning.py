@@ -45,9 +45,10 @@ class VirtualCommissioning:
         quirk: str,
         *keys: str,
         changes: dict[str, object] | None = None,
+        base: Machine = MACHINE,
         spoil: Callable[[DriveNode], None] = lambda node: None,
     ) -> Done:
-        machine = with_values(MACHINE, changes) if changes else MACHINE
+        machine = with_values(base, changes) if changes else base
 
         def node_with(machine: Machine, angle_deg=0.0, state=None, _quirks=()):
             link, node = self._made(machine, angle_deg, state, (quirk,) if quirk else ())
