@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import click
 
-from gantryctl.cli.options import directory, json_option, out_option, print_json
+from gantryctl.cli.options import directory, json_option, number_option, out_option, print_json
 
 if TYPE_CHECKING:
     from gantryctl.engineering.bench.figures import Figure
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 # The table is in `engineering.bench.groups`; a test compares.
 _GROUPS: Final = ("peers", "batch", "scan", "jitter", "cli")
+_SCALE_MIN: Final = 0.001
+_SCALE_MAX: Final = 10.0
 
 
 @click.command()
@@ -26,13 +28,7 @@ _GROUPS: Final = ("peers", "batch", "scan", "jitter", "cli")
     show_default=True,
     help="Turns of each job; medians count.",
 )
-@click.option(
-    "--scale",
-    type=click.FloatRange(0.001, 10.0),
-    default=1.0,
-    show_default=True,
-    help="Part of the usual length of each job.",
-)
+@number_option(("--scale",), 1.0, "Part of the usual length of each job, 0.001 to 10.")
 @out_option
 @json_option
 def bench(groups: tuple[str, ...], repeats: int, scale: float, out: Path | None, as_json: bool) -> int:
@@ -52,6 +48,8 @@ def bench(groups: tuple[str, ...], repeats: int, scale: float, out: Path | None,
     from gantryctl.errors import UsageError
 
     chosen = tuple(dict.fromkeys(groups)) or _GROUPS
+    if not _SCALE_MIN <= scale <= _SCALE_MAX:
+        raise UsageError(f"--scale must be {_SCALE_MIN:g} to {_SCALE_MAX:g}, got {scale:g}")
     if out is not None and "peers" not in chosen:
         raise UsageError("--out: only the peers have a table and a plot")
     results = load_results()
