@@ -115,7 +115,7 @@ WRONG = [
     (["speed-test", "--speed", "2"], "speed 2 r/min: the setting goes from 0.1 to 1 r/min"),
     (["speed-test", "--speed", "-0.5"], "from 0.1 to 1 r/min"),
     (["speed-test", "--out", "a_file"], "--out a_file"),
-    (["accuracy", "run", "--procedure", "E"], "'E' is not one of 'A', 'B', 'C', 'D'"),
+    (["accuracy", "run", "--procedure", "F"], "'F' is not one of 'A', 'B', 'C', 'D', 'E'"),
     (["accuracy", "run", "--chord", "x"], "'base', 'adjacent'"),
     (["accuracy", "run", "--runs", "0"], "1<=x<=100"),
     (["accuracy", "run", "--radius-m", "0"], "chord_radius_m = 0.0: allowed 0.1..20 m"),
