@@ -13,8 +13,10 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
+from types import MappingProxyType
 
 import can
 import numpy as np
@@ -41,7 +43,14 @@ FAST = "\n[virtual_axis]\nacc_deg_s2 = 2.0\ndec_deg_s2 = 2.0\n"
 class Bus:
     """The drive's process, and a machine file for the controller."""
 
-    def __init__(self, folder: Path, period_ms: float, *options: str, machine: str = "hust_can.toml") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        period_ms: float,
+        *options: str,
+        machine: str = "hust_can.toml",
+        changes: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.folder = folder
         self.socket = folder / "drive.sock"
         text = (configs_folder() / machine).read_text(encoding="utf-8")
@@ -52,6 +61,9 @@ class Bus:
         text = text.replace("scan_period_ms = 4.0", f"scan_period_ms = {period_ms}")
         if period_ms < 6.0:
             text = text.replace("answer_ms = 4.0", "answer_ms = 2.0")
+        for old, new in changes.items():
+            assert old in text
+            text = text.replace(old, new)
         self.config = folder / "machine.toml"
         self.config.write_text(text + FAST, encoding="utf-8")
         self.environment = {**os.environ, "GANTRYCTL_STATE": str(folder / "state")}
@@ -145,6 +157,22 @@ def nodes(folder: Path) -> dict[str, object]:
             "brake_test": tested.returncode, "move": json.loads(moved.stdout), "load_deg": load_deg,
             "stop": ended, **lost, "reset": reset.returncode, "again": json.loads(again.stdout),
         }  # fmt: skip
+    finally:
+        bus.end()
+
+
+def killed_watchdog(folder: Path) -> dict[str, object]:
+    """The step `watchdog` in real time, 100 Hz, with a drive that watches nothing and its enable on the I/O node."""
+    bus = Bus(
+        folder, 10.0, "--with-io", "--with-encoder", "--personality", "unwatched",
+        machine="hust_can_nodes.toml", changes={"\nwatchdog = 1\n": "\ndrive_enable = 1\n"},
+    )  # fmt: skip
+    step = ("commission", "--only", "watchdog", "--yes", "--out", str(folder / "report"))
+    try:
+        found = {"sound": bus.run(*step).stdout, "load_deg": bus.truth()[1]}
+        bus.ask("node", node=3, fault="error_values_ignored", value=True)
+        found["liar"] = bus.run(*step).stdout
+        return found
     finally:
         bus.end()
 
@@ -309,6 +337,7 @@ def stalled(path: Path) -> dict[str, float]:
 
 if __name__ == "__main__":
     scenarios = {
+        "killed_watchdog": killed_watchdog,
         "move": move,
         "nodes": nodes,
         "kill_master": kill_master,

@@ -52,6 +52,15 @@ def test_a_move_over_the_bus_in_real_time(tmp_path: Path) -> None:
     assert found["brake_open"] is False
 
 
+def test_a_killed_controller_proves_the_watchdog(tmp_path: Path) -> None:
+    """The process that runs the axis gets SIGKILL; the node takes the enable off, and one that does not is refused."""
+    found = scenario("killed_watchdog", tmp_path)
+    assert "controller killed: left operation enabled after" in found["sound"], found
+    assert "passed: heartbeat silent" in found["sound"], found
+    assert abs(found["load_deg"]) < 0.1
+    assert "failed: heartbeat silent: no EMCY, still operation enabled" in found["liar"], found
+
+
 def test_nodes_beside_the_drive_in_real_time(tmp_path: Path) -> None:
     """I/O node with the brake, encoder on the ring: a brake test, a move, a stop, a node lost and found again."""
     found = scenario("nodes", tmp_path)

@@ -7,6 +7,7 @@ from typing import Final, NamedTuple
 
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, passed
+from gantryctl.commissioning.stopping.controller_death import can_be_killed, kill_controller
 from gantryctl.commissioning.stopping.silence import (
     Silence,
     SilentDrive,
@@ -140,8 +141,9 @@ def _watchdog_of(machine: Machine, by_node_s: float) -> _Watchdog | None:
 
 
 def watchdog(c: Context) -> StepResult:
-    """Fall silent whole, as a controller that is killed: the watchdog beside the drive must take the torque off.
+    """Kill the controller, or fall silent whole: the watchdog beside the drive must take the torque off.
 
+    On a bus of the kernel a copy of this process runs the axis and gets SIGKILL; elsewhere silence stands for it.
     An output that an I/O node takes off by itself is shown by a silent heartbeat first, alone.
     """
     if _watchdog_of(c.machine, 0.0) is None:
@@ -181,12 +183,15 @@ def _fall(
     if beside.inputs.watchdog_contact() is False:
         proof = f"the drive is enabled, and the contact of {dog.what} shows open"
         return failed("watchdog", proof, "look at the bit watchdog_closed and its wire"), math.nan
+    killed = len(fall.ways) > 1 and can_be_killed(c.machine)
+    if killed:
+        kill_controller(axis)
     seen = fall_silent(axis, Silence(fall.ways, fall.limit_s, _SAG_DEG))
     closed = beside.ask_watchdog_contact()
     if seen.stopped:
         axis.wake()
-    what = "all" if len(fall.ways) > 1 else str(fall.ways[0])
-    said = f"{what} silent: {_told(seen)}"
+    what = "all silent" if len(fall.ways) > 1 else f"{fall.ways[0]} silent"
+    said = f"{'controller killed' if killed else what}: {_told(seen)}"
     c.say(f"  {said}")
     figures[f"{fall.name}_ms"] = Figure(
         1e3 * seen.stopped_s, high=1e3 * seen_by_s(fall.limit_s, axis.period_s)

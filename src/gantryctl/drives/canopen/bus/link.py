@@ -208,6 +208,18 @@ class BusLink:
                 return frame
         return None
 
+    def take_over(self) -> None:
+        """Go on after a copy of this process that has had the bus: what it has sent and got is not for this one."""
+        while self._next(0.0) is not None:
+            pass
+        if self._echoes is not None:
+            self._echoes.clear()
+        self.unseen = 0
+
+    def log_nothing(self) -> None:
+        """From now on no frame is logged: a copy of this process must not write into the file of the original."""
+        self._log = None
+
     def _next(self, timeout_s: float) -> can.Message | None:
         try:
             message = self._bus.recv(0.0 if self._advance is not None else timeout_s)
