@@ -129,7 +129,7 @@ STEPS: Final = (
     Step("silence", "Silence", "stops commands, then the heartbeat, each alone, enabled at standstill",
          "the gantry may sag by less than 0.05 deg when the brake closes", steps_silence.silence, Reach.STANDSTILL,
          lambda machine: 3.0),
-    Step("watchdog", "Watchdog", "falls silent whole: the watchdog beside the drive takes the torque off",
+    Step("watchdog", "Watchdog", "kills the controller: the watchdog beside the drive takes the torque off",
          "the gantry may sag by less than 0.05 deg when the brake closes", steps_silence.watchdog, Reach.STANDSTILL,
          lambda machine: 4.0),
     Step("brake", "Brake", "pushes against the closed brake with the proof torque", "less than 0.02 deg",
