@@ -88,6 +88,15 @@ def test_a_cruising_axis_leaves_nothing_behind() -> None:
     assert peak_bytes(engine) < _PEAK_BYTES
 
 
+def test_a_standing_axis_leaves_nothing_behind() -> None:
+    operator = FixedOperator(OperatorCommand(power=True))
+    engine = build_engine(default_machine(), program=GantryProgram, operator=operator)
+    engine.run_for(10.0)
+    assert engine.output.at_rest
+    assert blocks_left(engine) < _BLOCKS
+    assert peak_bytes(engine) < _PEAK_BYTES
+
+
 def test_the_measure_sees_what_is_kept() -> None:
     # An image is made of at least three tuples.
     assert blocks_left(cruising(Hoarder)) > 3 * _SCANS

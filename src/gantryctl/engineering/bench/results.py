@@ -8,6 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
+from gantryctl import _core
 from gantryctl.engineering.bench.figures import Figure
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
@@ -40,6 +41,7 @@ class Results(NamedTuple):
             "version": _own_version(),
             "python": platform.python_version(),
             "processor": platform.machine(),
+            "instructions": _core.isa(),
             "figures": {figure.key: figure.value for figure in figures},
         }
         self.runs[group] = [*self.runs.get(group, []), run][-KEPT:]

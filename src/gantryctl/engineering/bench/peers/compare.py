@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from gantryctl import _core
 from gantryctl.engineering.bench.figures import Figure, medians
 from gantryctl.engineering.bench.peers.building import compiler_version
 from gantryctl.engineering.bench.peers.table import OWN, PEERS, Peer
@@ -104,6 +105,5 @@ def peer_figures(results: list[PeerResult]) -> list[Figure]:
 
 def where() -> str:
     """The computer of a run, for its table."""
-    return (
-        f"{platform.machine()}, {platform.system()}, Python {platform.python_version()}, {compiler_version()}"
-    )
+    python, compiled = platform.python_version(), compiler_version()
+    return f"{platform.machine()} ({_core.isa()}), {platform.system()}, Python {python}, {compiled}"
