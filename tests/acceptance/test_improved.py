@@ -36,14 +36,14 @@ ENSEMBLE_FACTOR = 1.5
 
 @pytest.mark.parametrize("procedure", ["A", "B"])
 def test_with_the_load_encoder_the_chords_are_right(procedure: str) -> None:
-    true, seen = chord_figures(improved_machine(), procedure)
+    ((true, seen),) = chord_figures([improved_machine()], procedure, [0])
     assert true <= A_WITH_ENCODER_DEG
     assert seen <= A_SEEN_DEG
 
 
 @pytest.mark.parametrize("procedure", ["A", "B"])
 def test_without_the_load_encoder_the_maps_do_it(procedure: str) -> None:
-    true, _ = chord_figures(without_load_encoder(improved_machine()), procedure)
+    ((true, _),) = chord_figures([without_load_encoder(improved_machine())], procedure, [0])
     assert true <= A_WITHOUT_ENCODER_DEG
 
 
@@ -194,7 +194,7 @@ def test_the_readme_says_what_a_moment_after_the_identification_costs() -> None:
     identified = without_load_encoder(improved_machine())
     arm_m = identified.plant.load.eccentricity_m * 36.0 / 16.0
     changed = with_values(identified, {"plant.load.eccentricity_m": arm_m})
-    known, other = (chord_figures(machine, "B")[0] for machine in (identified, changed))
+    known, other = (found.true for found in chord_figures([identified, changed], "B", [0, 0]))
     readme = README.read_text(encoding="utf-8")
     assert f"{known:.4f} without (procedures A and B" in readme
     assert f"A = {other:.4f} deg without load-side encoder (procedure B)" in readme

@@ -7,6 +7,7 @@ import signal
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,8 @@ class Squares:
     """Row k is k and its square; each row takes `row_s`."""
 
     row_s: float = 0.0
+
+    pack: ClassVar[int] = 1
 
     def rows(self, first: int, count: int) -> Rows:
         time.sleep(self.row_s * count)
@@ -32,6 +35,8 @@ class KillsItsWorker:
     at: int
     remembered: Path | None = None
 
+    pack: ClassVar[int] = 1
+
     def rows(self, first: int, count: int) -> Rows:
         if first <= self.at < first + count and not (self.remembered and self.remembered.exists()):
             if self.remembered:
@@ -45,6 +50,8 @@ class Fails:
     """Row `at` cannot be computed."""
 
     at: int
+
+    pack: ClassVar[int] = 1
 
     def rows(self, first: int, count: int) -> Rows:
         if first <= self.at < first + count:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,8 @@ INDEX: Final = "row"
 REFUSED: Final = "refused_by"
 IDENTIFICATION: Final = "identification"
 DRIFT: Final = "drift"
+# Two packs of the widest instruction set.
+_LANES: Final = 16
 
 
 @dataclass(frozen=True)
@@ -32,13 +35,17 @@ class CampaignJob:
 
     campaign: Campaign
 
+    @property
+    def pack(self) -> int:
+        """Plants whose controls fill the packs of the compiled core a few times."""
+        return math.ceil(_LANES / len(self.campaign.controls))
+
     def rows(self, first: int, count: int) -> Rows:
         """Columns "row", "refused_by", a number per key that varies, and the figures."""
         plants = list(self.campaign.plants(first, count))
         runs = [_Run(plant) for plant in plants]
         self._identify(runs)
-        for control in self.campaign.controls:
-            self._measure(control, runs)
+        self._measure(runs)
         found: Rows = {
             INDEX: np.arange(first, first + count),
             REFUSED: np.array([run.refused_by for run in runs], dtype=object),
@@ -68,9 +75,25 @@ class CampaignJob:
             except (GantryctlError, ValueError, ArithmeticError, np.linalg.LinAlgError):
                 run.refused_by = IDENTIFICATION
 
-    def _measure(self, control: Control, runs: Sequence[_Run]) -> None:
+    def _measure(self, runs: Sequence[_Run]) -> None:
+        """All plants under all controls at once: they go through the compiled core side by side."""
+        made = [
+            _Measured(run, control.name, Subject(run.plant.row, machine))
+            for control in self.campaign.controls
+            for run, machine in self._drifted(control, runs)
+        ]
+        made = [each for each in made if not each.run.refused_by]
+        settings, wanted = self.campaign.settings, self.campaign.figures
+        for name in settings.campaign.tests:
+            test = TESTS[name]
+            if made and not set(wanted).isdisjoint(test.outputs):
+                figures = test.measure([each.subject for each in made], settings, wanted)
+                for each, found in zip(made, figures, strict=True):
+                    each.run.keep(name, each.control, found)
+
+    def _drifted(self, control: Control, runs: Sequence[_Run]) -> Iterator[tuple[_Run, Machine]]:
+        """Machines of the plants as they are after the drift, under one control; refuses plants."""
         variation = Variation(control.machine, self.campaign.varied_keys)
-        subjects = []
         for run in runs:
             if run.refused_by:
                 continue
@@ -80,17 +103,8 @@ class CampaignJob:
                 drifts = not isinstance(before, RefusedValue)
                 run.refused_by = f"{DRIFT}: {machine}" if drifts else str(before)
                 continue
-            if _needs_calibration(control.machine):
-                machine = machine.calibrated(run.calibration)
-            subjects.append(Subject(run.plant.row, machine))
-        by_row = {run.plant.row: run for run in runs}
-        settings, wanted = self.campaign.settings, self.campaign.figures
-        for name in settings.campaign.tests:
-            test = TESTS[name]
-            if subjects and not set(wanted).isdisjoint(test.outputs):
-                figures = test.measure(subjects, settings, wanted)
-                for subject, found in zip(subjects, figures, strict=True):
-                    by_row[subject.row].keep(name, control.name, found)
+            calibrated = _needs_calibration(control.machine)
+            yield run, machine.calibrated(run.calibration) if calibrated else machine
 
 
 class _Run:
@@ -108,6 +122,14 @@ class _Run:
             self.refused_by = self.refused_by or test
         else:
             self.figures |= {column_name(control, name): value for name, value in found.items()}
+
+
+class _Measured(NamedTuple):
+    """A plant under one control."""
+
+    run: _Run
+    control: str
+    subject: Subject
 
 
 def _needs_calibration(machine: Machine) -> bool:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -61,28 +60,26 @@ def _chord_test(
     subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
 ) -> list[Figures | None]:
     procedure = chord_procedure(settings.chord_test.procedure, runs=settings.chord_test.runs)
-
-    def measured(group: Sequence[Subject]) -> list[Figures | None]:
-        readings = run_procedure([each.machine for each in group], procedure, threads=1)
-        found: list[Figures | None] = []
-        for k, (row, machine) in enumerate(group):
-            angles, radius_m = readings.load_rad[k], machine.accuracy.chord_radius_m
-            if not np.all(np.isfinite(angles)):
-                found.append(None)
-                continue
-            figures = {
-                "angle_error_deg": float(np.max(np.abs(np.degrees(angles - procedure.targets_rad)))),
-                "a_true_deg": float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg)),
-                "chord_speed_error_load_deg_s": float(np.degrees(np.max(readings.vel_err_load_rad_s[k]))),
-            }
-            if "a_measured_deg" in wanted:
-                sigma_m = machine.accuracy.tracker_noise_um * 1e-6
-                draws = a_draws(procedure, angles, radius_m, sigma_m, seed=row)
-                figures["a_measured_deg"] = float(np.median(draws))
-            found.append(figures)
-        return found
-
-    return _in_groups(subjects, measured)
+    machines = [subject.machine for subject in subjects]
+    readings = run_procedure(machines, procedure, threads=1)
+    found: list[Figures | None] = []
+    for k, (row, machine) in enumerate(subjects):
+        angles, radius_m = readings.load_rad[k], machine.accuracy.chord_radius_m
+        if not np.all(np.isfinite(angles)):
+            found.append(None)
+            continue
+        figures = {
+            "angle_error_deg": float(np.max(np.abs(np.degrees(angles - procedure.targets_rad)))),
+            "a_true_deg": float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg)),
+            "chord_speed_error_load_deg_s": float(np.degrees(np.max(readings.vel_err_load_rad_s[k]))),
+        }
+        if "a_measured_deg" in wanted:
+            sigma_m = machine.accuracy.tracker_noise_um * 1e-6
+            figures["a_measured_deg"] = float(
+                np.median(a_draws(procedure, angles, radius_m, sigma_m, seed=row))
+            )
+        found.append(figures)
+    return found
 
 
 def _speed_test(
@@ -133,26 +130,6 @@ def _tried(measured: Callable[[Machine], Figures], machine: Machine) -> Figures 
         ArithmeticError,
     ):  # a plant that swings up, a speed that is not reached
         return None
-
-
-def _in_groups(
-    subjects: Sequence[Subject], measured: Callable[[Sequence[Subject]], Iterable[Figures | None]]
-) -> list[Figures | None]:
-    """Subjects of one controller and profile together, in the order of all."""
-    groups: dict[tuple[int, ...], list[int]] = defaultdict(list)
-    for k, (_, m) in enumerate(subjects):
-        # Variations share the tables that do not vary.
-        tables = (m.control, m.axis, m.speed, m.virtual_axis, m.encoder, m.accuracy, m.can)
-        groups[tuple(map(id, tables))].append(k)
-    found: list[Figures | None] = [None] * len(subjects)
-    for places in groups.values():
-        try:
-            figures = measured([subjects[k] for k in places])
-        except GantryctlError:
-            continue
-        for k, figure in zip(places, figures, strict=True):
-            found[k] = figure
-    return found
 
 
 TESTS: Final = {

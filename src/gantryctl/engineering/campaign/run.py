@@ -107,8 +107,9 @@ def run_campaign(
         computed = 0
         if left:
             progress = _Progress(say, left, now_s)
-            with closing(pool_of(CampaignJob(campaign))) as pool:
-                for chunk, found in run_job(missing, pool, stopped):
+            job = CampaignJob(campaign)
+            with closing(pool_of(job)) as pool:
+                for chunk, found in run_job(missing, pool, job.pack, stopped):
                     result.write(head, chunk, found)
                     computed += chunk.size
                     progress.advance(chunk.size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -108,16 +108,23 @@ class EnsembleJob:
     improved: Machine
     seed: int
 
+    # Each has up to three controls: plants that go through the compiled core side by side.
+    pack: ClassVar[int] = 8
+
     def rows(self, first: int, count: int) -> Rows:
         """Columns of `key_columns`, by the name of the control."""
-        plants = [self._plant(self.seed + 1 + row) for row in range(first, first + count)]
-        return key_columns({name: [plant[name] for plant in plants] for name in plants[0]})
+        seeds = [self.seed + 1 + row for row in range(first, first + count)]
+        plants = [self._controls(seed) for seed in seeds]
+        names = list(plants[0])
+        machines = [plant[name] for name in names for plant in plants]
+        figures = measure_key_figures(machines, seeds * len(names))
+        return key_columns({name: figures[k * count : (k + 1) * count] for k, name in enumerate(names)})
 
-    def _plant(self, seed: int) -> dict[str, KeyFigures]:
+    def _controls(self, seed: int) -> dict[str, Machine]:
         own = random_plant(self.improved, seed)
         # Each plant is identified anew: compensations know only what was measured (decision 0010).
         own = own.calibrated(calibrate(SimulatedAxis(own, seed=seed)))
-        rows = {self.paper.name: measure_key_figures(random_plant(self.paper, seed), seed)}
+        controls = {self.paper.name: random_plant(self.paper, seed)}
         if self.improved.control.compensation.load_encoder.active:
-            rows["without the load encoder"] = measure_key_figures(without_load_encoder(own), seed)
-        return rows | {self.improved.name: measure_key_figures(own, seed)}
+            controls["without the load encoder"] = without_load_encoder(own)
+        return controls | {self.improved.name: own}

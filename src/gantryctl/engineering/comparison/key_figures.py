@@ -95,10 +95,15 @@ KEY_FIGURES: Final = {
 }
 
 
-def measure_key_figures(machine: Machine, seed: int = 0) -> KeyFigures:
-    """Run everything on one machine; `seed` draws the tracker's noise."""
+def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> list[KeyFigures]:
+    """Run everything on every machine; its seed draws the tracker's noise."""
+    chords = zip(*(chord_figures(machines, name, seeds) for name in "AB"), strict=True)
+    return [_key_figures(machine, *found) for machine, found in zip(machines, chords, strict=True)]
+
+
+def _key_figures(machine: Machine, chord_a: ChordFigures, chord_b: ChordFigures) -> KeyFigures:
     quarter, half = move_figures(machine, 0.0, 90.0), move_figures(machine, -90.0, 90.0)
-    (true_a, seen_a), (true_b, seen_b) = (chord_figures(machine, name, seed) for name in "AB")
+    (true_a, seen_a), (true_b, seen_b) = chord_a, chord_b
     return KeyFigures(
         a_true_a=true_a,
         a_true_b=true_b,
@@ -142,14 +147,24 @@ def figures_of(columns: Rows) -> dict[str, tuple[KeyFigures, ...]]:
     }
 
 
-def chord_figures(machine: Machine, name: str, seed: int = 0) -> tuple[float, float]:
-    """A of the true angles, and the median of A as the tracker sees it, deg."""
+class ChordFigures(NamedTuple):
+    """A of one machine, deg: of the true angles, and the median of A as the tracker sees it."""
+
+    true: float
+    seen: float
+
+
+def chord_figures(machines: Sequence[Machine], name: str, seeds: Sequence[int]) -> list[ChordFigures]:
+    """A of every machine by a chord procedure."""
     procedure = chord_procedure(name)
-    angles = run_procedure([machine], procedure, threads=1).load_rad[0]
-    radius_m = machine.accuracy.chord_radius_m
-    true = float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg))
-    sigma_m = machine.accuracy.tracker_noise_um * 1e-6
-    return true, float(np.median(a_draws(procedure, angles, radius_m, sigma_m, seed=seed)))
+    found = []
+    angles_of = run_procedure(machines, procedure, threads=1).load_rad
+    for machine, seed, angles in zip(machines, seeds, angles_of, strict=True):
+        radius_m, sigma_m = machine.accuracy.chord_radius_m, machine.accuracy.tracker_noise_um * 1e-6
+        true = float(accuracy_a(evaluate(procedure, angles, radius_m).errors_deg))
+        seen = float(np.median(a_draws(procedure, angles, radius_m, sigma_m, seed=seed)))
+        found.append(ChordFigures(true, seen))
+    return found
 
 
 def move_figures(machine: Machine, from_deg: float, to_deg: float) -> MoveFigures:

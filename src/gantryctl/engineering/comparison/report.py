@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
 from gantryctl.engineering.comparison.key_figures import (
@@ -51,10 +51,12 @@ class VariantsJob:
     variants: tuple[Variant, ...]
     seed: int
 
+    pack: ClassVar[int] = 8
+
     def rows(self, first: int, count: int) -> Rows:
         """Columns of `key_columns`."""
-        chosen = self.variants[first : first + count]
-        return key_columns({_OWN: [measure_key_figures(each.machine, self.seed) for each in chosen]})
+        chosen = [each.machine for each in self.variants[first : first + count]]
+        return key_columns({_OWN: measure_key_figures(chosen, [self.seed] * len(chosen))})
 
 
 def compare_report(

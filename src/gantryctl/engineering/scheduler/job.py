@@ -20,6 +20,11 @@ class Job(Protocol):
     bit, in whatever range it is asked for, on whatever thread, process or computer.
     """
 
+    @property
+    def pack(self) -> int:
+        """Rows that cost little more together than one alone; 1 where there is no such number."""
+        ...
+
     def rows(self, first: int, count: int) -> Rows:
         """Rows `first` to `first + count - 1`."""
         ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator
 from typing import Final
@@ -18,8 +19,6 @@ CHUNK_MAX_S: Final = 300.0
 _PARTS: Final = 100
 # Before the first chunk nobody knows how long a row takes.
 _FIRST_ROWS: Final = 2
-# Plants go through the compiled core side by side: whole packs.
-_PACK: Final = 16
 # A row that takes its worker with it each time would go round for ever.
 _LOST_MAX: Final = 8
 _POLL_S: Final = 0.5
@@ -28,9 +27,11 @@ _POLL_S: Final = 0.5
 class _Backlog:
     """Rows that nobody has been given yet, and how many of them make a chunk."""
 
-    def __init__(self, missing: Iterable[Chunk]) -> None:
+    def __init__(self, missing: Iterable[Chunk], slots: int, pack: int) -> None:
         self._ranges = deque(missing)
         self.rows = sum(each.size for each in self._ranges)
+        # A short run still has work for everybody.
+        self._pack = max(1, min(pack, math.ceil(self.rows / slots)))
         self._row_s: float | None = None
 
     def measured(self, count: int, elapsed_s: float) -> None:
@@ -56,26 +57,27 @@ class _Backlog:
 
     def _size(self, slots: int) -> int:
         if self._row_s is None:
-            return _FIRST_ROWS
+            return max(_FIRST_ROWS, self._pack)
         ahead_s = self._row_s * self.rows / slots
         target_s = min(max(ahead_s / _PARTS, CHUNK_MIN_S), CHUNK_MAX_S)
-        size = max(1, round(target_s / max(self._row_s, 1e-9)))
-        return size if size < _PACK else size // _PACK * _PACK
+        size = round(target_s / max(self._row_s, 1e-9))
+        return max(1, size // self._pack) * self._pack
 
 
 def run_job(
-    missing: Iterable[Chunk], pool: Pool, stopped: Callable[[], bool] = lambda: False
+    missing: Iterable[Chunk], pool: Pool, pack: int = 1, stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[tuple[Chunk, Rows]]:
     """Every missing row once, in chunks of a second to five minutes, in any order.
 
     Args:
         missing: ranges of rows, apart from each other.
+        pack: rows that are best computed together; chunks are whole multiples.
         stopped: asked between chunks; when true, chunks that are being computed are still ended and given.
 
     Raises:
         DeviceError: rows that were lost with their worker again and again, or no worker is left.
     """
-    backlog = _Backlog(missing)
+    backlog = _Backlog(missing, pool.slots, pack)
     lost: Counter[int] = Counter()
     under_way = 0
     while under_way or (backlog.rows and not stopped()):
@@ -113,7 +115,7 @@ def all_rows(
     parts: list[tuple[Chunk, Rows]] = []
     done = 0
     try:
-        for part in run_job([Chunk(0, count)], pool):
+        for part in run_job([Chunk(0, count)], pool, job.pack):
             parts.append(part)
             done += part[0].size
             if progress is not None:

@@ -27,6 +27,12 @@ Made = Callable[..., Campaign]
 FIGURE = "move_load_error_deg_s"
 
 
+@pytest.fixture(autouse=True)
+def _small_chunks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Eight rows in several files."""
+    monkeypatch.setattr(CampaignJob, "pack", 1)
+
+
 def run(campaign: Campaign, folder: Path, most: int | None = None) -> RunEnd:
     """Run; after `most` asks nothing new is begun."""
     asked = 0

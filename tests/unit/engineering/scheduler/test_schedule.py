@@ -77,13 +77,20 @@ def test_every_missing_row_comes_once_and_no_other(
 def test_chunks_are_a_second_to_five_minutes_of_work() -> None:
     for row_s, rows in ((0.001, 50_000), (0.1, 2000), (0.1, 10_000_000)):
         pool = Unsteady(Squares(), 2, 1, row_s, 0.0)
-        for number, _ in enumerate(run_job([Chunk(0, rows)], pool)):
+        for number, _ in enumerate(run_job([Chunk(0, rows)], pool, 16)):
             if number == 200:
                 break
-        # The first ones are tries, and packs of 16 plants are whole.
+        assert all(size % 16 == 0 for size in pool.sizes[:-2])
+        # Packs of 16 are whole.
         longest = max(pool.sizes) * row_s
         assert CHUNK_MIN_S - 16 * row_s <= longest <= CHUNK_MAX_S
         assert (longest > 0.9 * CHUNK_MAX_S) == (rows == 10_000_000)
+
+
+def test_a_short_run_of_long_packs_has_work_for_everybody() -> None:
+    pool = Unsteady(Squares(), 2, 1, 5.0, 0.0)
+    list(run_job([Chunk(0, 10)], pool, 8))
+    assert pool.sizes == [5, 5]
 
 
 @pytest.mark.parametrize("pool_of", [ThreadPool, ProcessPool])
@@ -128,7 +135,7 @@ def test_what_a_job_raises_ends_the_run() -> None:
 def test_a_stop_ends_what_is_under_way_and_begins_nothing() -> None:
     pool = ThreadPool(Squares(0.01), 2)
     found: list[Chunk] = []
-    for chunk, _ in run_job([Chunk(0, 1000)], pool, lambda: len(found) >= 3):
+    for chunk, _ in run_job([Chunk(0, 1000)], pool, stopped=lambda: len(found) >= 3):
         found.append(chunk)
     pool.close()
     assert 3 <= len(found) <= 3 + 2 * pool.slots

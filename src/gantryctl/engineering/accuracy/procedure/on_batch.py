@@ -11,7 +11,7 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.engineering.accuracy.table import FloatArray
-from gantryctl.engineering.batch import ClosedLoop, Leg, run_legs
+from gantryctl.engineering.batch import ClosedLoop, Leg, LegStatistics, run_legs
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
@@ -110,29 +110,60 @@ def run_procedure(
     """Take every machine through the procedure, in one continuous run each, from standing still at its start.
 
     Args:
-        machines: differing in [plant] and calibration only; profile and loop are those of the first.
+        machines: any, each with its own profile and control.
         threads: 1 to the number of processors (default: all); no effect on the result.
         between: called as `between(stop index, loop)` before the move to each stop: for what happens to a
             real machine in mid-test, such as a power-off.
     """
-    legs = legs_of(machines[0], procedure)
-    law = position_law(machines[0])
     start = rad(procedure.start_deg)
-    loops = [ClosedLoop.standing_at(gantry_sim(m), law, start, compensation(m)) for m in machines]
+    legs = _legs_of_each(machines, procedure)
+    loops = [ClosedLoop.standing_at(gantry_sim(m), position_law(m), start, compensation(m)) for m in machines]
     workers = min(threads or os.cpu_count() or 1, len(loops))
+    found = np.empty((len(_MEASURED), len(machines), len(procedure.stops)))
+    # A batch has compensations in all of its loops or in none.
+    for compensated in (False, True):
+        places = [k for k, loop in enumerate(loops) if (loop.compensation is not None) is compensated]
+        if places:
+            own = [loops[k] for k in places]
+            statistics = _statistics(own, [legs[k] for k in places], workers, between)
+            # The first leg is the rest before the run, not a stop.
+            found[:, places] = np.array(
+                [[getattr(stop, name) for stop in statistics[1:]] for name in _MEASURED]
+            ).transpose(0, 2, 1)
+    load, ring, motor, vel_motor, vel_load = found
+    return Readings(load, ring, motor, vel_motor, vel_load, sum(leg.duration_s for leg in legs[0]))
+
+
+def _legs_of_each(machines: Sequence[Machine], procedure: Procedure) -> list[list[Leg]]:
+    """Legs by machine; plans of equal profiles are made once."""
+    made: dict[tuple[object, ...], list[Leg]] = {}
+    found = []
+    for machine in machines:
+        axis, times = machine.axis, machine.accuracy
+        profile = (
+            motion_limits(machine), times.dwell_s, times.average_s, machine.control.scan_period_ms,
+            axis.pos_min_deg, axis.pos_max_deg,
+        )  # fmt: skip
+        if profile not in made:
+            made[profile] = legs_of(machine, procedure)
+        found.append(made[profile])
+    return found
+
+
+def _statistics(
+    loops: Sequence[ClosedLoop],
+    legs: Sequence[Sequence[Leg]],
+    workers: int,
+    between: Callable[[int, ClosedLoop], None] | None,
+) -> list[LegStatistics]:
     if between is None:
-        statistics = run_legs(loops, legs, workers)
-    else:
-        statistics = run_legs(loops, legs[:1], workers)
-        for index, leg in enumerate(legs[1:]):
-            for loop in loops:
-                between(index, loop)
-            statistics += run_legs(loops, [leg], workers)
-    # The first leg is the rest before the run, not a stop.
-    load, ring, motor, vel_motor, vel_load = (
-        np.array([getattr(stop, name) for stop in statistics[1:]]).T for name in _MEASURED
-    )
-    return Readings(load, ring, motor, vel_motor, vel_load, sum(leg.duration_s for leg in legs))
+        return run_legs(loops, legs, workers)
+    statistics = run_legs(loops, [own[:1] for own in legs], workers)
+    for index in range(len(legs[0]) - 1):
+        for loop in loops:
+            between(index, loop)
+        statistics += run_legs(loops, [[own[1 + index]] for own in legs], workers)
+    return statistics
 
 
 def lose_turns(loop: ClosedLoop, turns: int) -> None:
