@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-# SYNCs whose telegrams are missing may still be answered, so many of them and for so many scans: the answer to one of
-# them that comes behind a newer one is late, and no second sender.
-_OWED_MAX: Final = 3
-_OWED_SCANS: Final = 10
+# SYNCs whose telegrams are missing may still be answered, those of so long a time and for so long: the answer to one of
+# them that comes behind a newer one is late, and no second sender. At least so many scans of each.
+_OWED_S: Final = 0.030
+_OWED_MIN: Final = 3
+_KEPT_S: Final = 0.1
+_KEPT_MIN: Final = 10
+_CROWDED_FACTOR: Final = 10
 
 
 class TpdoWatch:
@@ -20,16 +23,20 @@ class TpdoWatch:
 
     Args:
         size: bytes of the mapping.
+        period_s: SYNC period.
 
     Attributes:
+        behind: SYNCs before this one whose telegrams may still come: so many scans old may the one of this scan be.
         data: of the newest telegram; None before the first.
         wrong_in_row: telegrams of the wrong length since the last right one.
         age: scans since it was sampled; 0 when it belongs to this scan.
         contradicted: telegrams beyond one for each SYNC that differ from the answer.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, period_s: float = 0.010) -> None:
         self.size = size
+        self._owed_max = max(_OWED_MIN, round(_OWED_S / period_s))
+        self._kept_scans = max(_KEPT_MIN, round(_KEPT_S / period_s))
         self.data: bytes | None = None
         self.age = 0
         self.waiting = False
@@ -38,10 +45,15 @@ class TpdoWatch:
         self._answer: bytes | None = None
         self._newest = b""
         self._doubted = False
-        self._owed = self._answered_scans = 0
+        self._owed = self._answered_scans = self.behind = 0
 
-    def begin(self, periods: int = 1) -> None:
-        """SYNC goes out, `periods` after the one before: a telegram still outstanding is missed."""
+    def begin(self, periods: int = 1, *, crowded: bool = False) -> None:
+        """SYNC goes out: a telegram still outstanding is missed.
+
+        Args:
+            periods: since the SYNC before.
+            crowded: frames of others may hold telegrams up for long, one behind the other.
+        """
         # Whatever waits on the bus is read before SYNC goes out: only a telegram that takes longer than a period
         # could be taken for the answer to a later SYNC.
         if self.waiting:
@@ -49,12 +61,18 @@ class TpdoWatch:
             self._answered_scans = 0
         else:
             self._answered_scans += 1
-            if self._answered_scans >= _OWED_SCANS:
+            if self._answered_scans >= self._kept_scans * (_CROWDED_FACTOR if crowded else 1):
                 self._owed = 0
-        self._owed = min(self._owed, _OWED_MAX) + 1
+        self.behind = min(self._owed, self._owed_max)
+        self._owed = self.behind + 1
         self.waiting = True
         self.age += periods
         self._answer, self._doubted = None, False
+
+    def pass_over(self) -> None:
+        """Count a telegram whose age cannot be told, and leave it."""
+        self.late += 1
+        self._owed = max(0, self._owed - 1)
 
     def take(self, data: bytes, in_time: bool) -> bool:
         """Take one telegram; True if it is a late answer, which counts at once. `settle` judges one that is in time.

@@ -20,6 +20,10 @@ _TIMES_KEPT: Final = 5000
 _CARRIED_S: Final = 0.030
 
 
+# Way within a scan, in increments, below which the age of a position makes no difference.
+_WAY_MIN: Final = 1.0
+
+
 # 6064 is a 32-bit number; some drives wrap it at their multiturn range instead (CiA 402 leaves it open).
 SPAN_32: Final = 1 << 32
 
@@ -97,6 +101,7 @@ class ProcessImage:
         answer_times_s: from SYNC to the last of its answers, of the latest scans with all answers.
         counts: continuous position of the last telegram in increments, in the gantry's direction.
         congested: more frames wait than the scan takes; no telegram is believed before all have been read.
+        crowded: frames of others take a good part of the bus.
     """
 
     def __init__(
@@ -114,7 +119,7 @@ class ProcessImage:
         # id.
         self._identifiers = [0x200 + 0x100 * pdo.number + settings.node for pdo in mapping.rpdos]
         self._rpdos = mapping.rpdos
-        self.watches = tuple(TpdoWatch(pdo.size) for pdo in mapping.tpdos)
+        self.watches = tuple(TpdoWatch(pdo.size, settings.period_s) for pdo in mapping.tpdos)
         self._neighbours = others
         self._awaited = (*self.watches, *others)
         self._first = self.watches[0]
@@ -134,7 +139,8 @@ class ProcessImage:
         self._counts_before: int | None = None
         self._vel_rad_s = 0.0
         self._span_s = settings.period_s
-        self.in_time = self.congested = False
+        self._expected_from, self._periods = 0, 1
+        self.in_time = self.congested = self.crowded = False
         """The scan still waits for telegrams; frames that could not be read in time wait before them."""
         self._ring = self.watches[_telegram_of(m.RING_POSITION, mapping)]
         for number, (pdo, watch) in enumerate(zip(mapping.tpdos, self.watches, strict=True)):
@@ -147,7 +153,7 @@ class ProcessImage:
             # Behind frames that could not be read in time there may be several telegrams of one SYNC after another:
             # which of them is how old cannot be told.
             if self.congested:
-                watch.late += 1
+                watch.pass_over()
             elif watch.take(data, self.in_time):
                 self._unpack(number, data)
 
@@ -174,8 +180,9 @@ class ProcessImage:
     def begin(self, periods: int) -> None:
         """SYNC goes out, `periods` after the one before."""
         self._counts_before = self.counts if self.complete else None
+        self._expected_from, self._periods = self.position, periods
         for watch in self.watches:
-            watch.begin(periods)
+            watch.begin(periods, crowded=self.crowded)
         self._span_s = self._first.age * self._period_s
 
     def collect(self, answer_s: float) -> None:
@@ -201,6 +208,8 @@ class ProcessImage:
                 self._unpack(number, watch.data)
         for watch in self._neighbours:
             watch.settle()
+        if self._first.behind and not self._first.age:
+            self._first.age = self._age_by_way(self._first.behind)
         # Without 606C, or its telegram, the speed is the difference of 6064 over the time between two telegrams.
         if (
             (self._speed.age or not self._has_velocity)
@@ -209,6 +218,17 @@ class ProcessImage:
         ):
             step = self.counts - self._counts_before
             self._vel_rad_s = step / self._span_s * self._units.rad_per_increment
+
+    def _age_by_way(self, behind: int) -> int:
+        """Age of a position, in scans, that may answer one of some earlier SYNCs.
+
+        The bus keeps the order of a drive's telegrams: one that was held up comes in the place of the next. Nothing in
+        it says which SYNC it answers, but the axis has gone on by a known way since.
+        """
+        way = self.vel_rad_s / self._units.rad_per_increment * self._period_s
+        lacking = self._expected_from + self._periods * way - self.counts
+        # At rest they are all the same.
+        return min(behind, max(0, round(lacking / way))) if abs(way) >= _WAY_MIN else 0
 
     def send(self, word: int, vel_rad_s: float, torque_nm: float, outputs: int) -> None:
         """Send the RPDOs."""

@@ -25,8 +25,14 @@ _UNSEEN_S: Final = 0.030
 # Load of the bus in frames without stuff bits, over so long a time; 0.95 leaves no room for ours (E13).
 _LOAD_MAX: Final = 0.95
 _LOAD_S: Final = 0.020
-# Scans one after the other before which not all frames could be read: one may be a computer that was held up.
+# Scans before which not all frames could be read, one after the other or among the latest: one may be a computer that
+# was held up. Frames that just fit the time for reading leave a rest in every few scans only.
 _CONGESTED_SCANS: Final = 2
+_CONGESTED_OFTEN: Final = 3
+_CONGESTED_AMONG: Final = 10
+# Frames of others, without data, in this part of the bus may hold telegrams up one behind the other.
+_CROWDED: Final = 0.2
+_EMPTY_BITS: Final = 47
 # Telegrams that contradict another one of the same SYNC, and the scans in which they come: one may be a frame that an
 # adapter spoilt, two are another sender. Of 500 forged frames a second a scan of 1 ms sees every other one.
 _CONTRADICTIONS: Final = 2
@@ -81,6 +87,8 @@ class Supervision:
         self._contradicted_at: deque[int] = deque(maxlen=_CONTRADICTIONS)
         self._contradicted = process.contradicted
         self._congested_scans, self._queue_full = 0, self._link.queue_full
+        self._congested_at: deque[int] = deque(maxlen=_CONGESTED_OFTEN)
+        self._others = node.unknown + self._link.traffic.filtered
         self._wrong_mode = self._stale_target = self._asks_target = self._enabled = False
         self._flags = LinkFlag.NONE
         self.complaint = 0
@@ -132,8 +140,12 @@ class Supervision:
             self._measure_load(scan)
         flags = self._flags
         process = self._process
-        self._congested_scans = self._congested_scans + 1 if process.congested else 0
-        if self._congested_scans >= _CONGESTED_SCANS:
+        if process.congested:
+            self._congested_scans += 1
+            self._congested_at.append(scan)
+        else:
+            self._congested_scans = 0
+        if self._congested_scans >= _CONGESTED_SCANS or self._often_congested(scan):
             flags |= LinkFlag.OVERLOADED
         if process.contradicted != self._contradicted:
             self._contradictions(scan)
@@ -153,15 +165,23 @@ class Supervision:
         return flags
 
     def _measure_load(self, scan: int) -> None:
-        bits, self._bits = self._bits, self._link.traffic.bits
+        traffic = self._link.traffic
+        bits, self._bits = self._bits, traffic.bits
+        others, self._others = self._others, self._node.unknown + traffic.filtered
         # Scans that were missed are part of the time.
         scans = self._load_scans + scan - self._load_until if self._load_until else self._load_scans
+        free_bits = _CROWDED * self._load_bits / _LOAD_MAX * scans / self._load_scans
+        self._process.crowded = _EMPTY_BITS * (self._others - others) > free_bits
         overloaded = self._bits - bits > self._load_bits * scans / self._load_scans
         self._flags = LinkFlag.OVERLOADED if overloaded and self._load_until else LinkFlag.NONE
         self._load_until = scan + self._load_scans
         if scan >= self._window_until:
             self._window_until = scan + self._second
             self._window_count = self._node.emergencies.count
+
+    def _often_congested(self, scan: int) -> bool:
+        seen = self._congested_at
+        return len(seen) == _CONGESTED_OFTEN and scan - seen[0] < _CONGESTED_AMONG
 
     def _contradictions(self, scan: int) -> None:
         """Note the scan of each new telegram that contradicts another one."""

@@ -86,7 +86,7 @@ class BusNode:
         self._flags = LinkFlag.NONE
         self.identity: NodeIdentity | None = None
         self.lost = False
-        self.watch = TpdoWatch(mapping.tpdos[0].size)
+        self.watch = TpdoWatch(mapping.tpdos[0].size, settings.period_s)
 
     # --- before the first scan -----------------------------------------------------------------------------------
 
@@ -109,7 +109,7 @@ class BusNode:
         if refused is not None:
             raise DeviceError(f"{who}: {refused.text}")
         check_mapping(remote.sdo, remote.node, self._mapping)
-        self.watch = TpdoWatch(self._mapping.tpdos[0].size)
+        self.watch = TpdoWatch(self._mapping.tpdos[0].size, self._settings.period_s)
         remote.listen(_TPDO_1 + remote.node, self._take)
         if self._mapping.rpdos:
             remote.reserve(_RPDO_1 + remote.node)
