@@ -190,7 +190,8 @@ void bind_sim(nb::module_& m) {
           },
           nb::arg("count_rad"),
           "(counts, speed rad/s, torque N m, brake open, torque limited, overload 0..1, speed ramp rad/s), "
-          "motor side; then the load-side encoder, rad, 0 without one, and the true load angle, rad, for limit "
+          "motor side; then the load-side encoder, rad, 0 without one, and the true load angle, rad, for "
+          "limit "
           "switches.\n\n"
           "count_rad is the motor angle of one count; counts are whole numbers unless the encoder is ideal.")
       .def(
@@ -255,7 +256,7 @@ void bind_equations(nb::module_& m) {
   m.def(
       "motor_error",
       [](const Plant1& p, double pos_motor) {
-        const auto e = GearError<double>(p).motor_error(pos_motor, sincos(pos_motor));
+        const auto e = GearError<double>(p).motor_error(pos_motor);
         return Pair(e.error, e.slope);
       },
       nb::arg("plant"), nb::arg("pos_motor_rad"), "Gear error of reducer and pinion and its slope (S2).");
@@ -273,9 +274,7 @@ void bind_equations(nb::module_& m) {
       "Wind-up of the three-slope transmission, rad: inverse of spring_torque.");
   m.def(
       "sliding_gate",
-      [](double v, double z, double z_ss, double ep_ratio) {
-        return sliding_gate(v, z, 1.0 / z_ss, ep_ratio);
-      },
+      [](double v, double z, double z_ss, double ep_ratio) { return gate_of(ep_ratio)(v, z, 1.0 / z_ss); },
       nb::arg("v"), nb::arg("z"), nb::arg("z_ss"), nb::arg("ep_ratio"),
       "Elasto-plastic gate alpha(v, z, z_ss): 0 elastic, 1 sliding (S3).");
   m.def("clamp", &clamp<double>, nb::arg("x"), nb::arg("lo"), nb::arg("hi"),

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/isa/kernels.hpp"
+#include "core/lane/twin.hpp"
 
 #define GANTRY_TEXT_OF(name) #name
 #define GANTRY_TEXT(name) GANTRY_TEXT_OF(name)
@@ -20,7 +21,7 @@ inline void run_group(const JobGroup& group) {
   if (group.count == 1)
     Batch<double>().run(group, first);
   else
-    Batch<Pack<GANTRY_ISA_LANES>>().run(group, first);
+    Batch<Twin<Pack<GANTRY_ISA_LANES>>>().run(group, first);
 }
 
 constexpr Kernels kTable = {

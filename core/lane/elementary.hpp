@@ -44,26 +44,37 @@ GANTRY_INLINE SinCos<T> sincos(T x) {
   return {flip * select(odd, c, s), flip * select(odd, -s, c)};
 }
 
-// Sine in the neighbourhood of a point: rotated from there, a third of the latency of sincos. Error below
-// 1e-14 while |x - at| < 0.07 rad.
+// sin(pi t) for |t| <= 1/2 needs no reduction; error below 1e-15.
 template <class T>
-class SineNear {
- public:
-  explicit SineNear(T at) : at_(at), value_(sincos(at)) {}
+GANTRY_INLINE T sin_pi(T t) {
+  const T z = t * t;
+  const T z2 = z * z;
+  const T z4 = z2 * z2;
+  const T low = (T(0x1.921fb54442d17p+1) - T(0x1.4abbce625bd83p+2) * z) +
+                (T(0x1.466bc677522bdp+1) - T(0x1.32d2cce1ea145p-1) * z) * z2;
+  const T high = (T(0x1.5078327046959p-4) - T(0x1.e30631bdf732dp-8) * z) +
+                 (T(0x1.e89f6fe44fe7bp-12) - T(0x1.62903d02bb153p-16) * z) * z2;
+  return t * (low + high * z4);
+}
 
-  GANTRY_INLINE T operator()(T x) const {
-    const T d = x - at_;
-    const T z = d * d;
+// Sine and cosine of a small angle by the first terms of their series: kTerms of the sine, as many after the
+// 1 of the cosine but for 2, where the second would be less than what the sine leaves out.
+template <int kTerms, class T>
+GANTRY_INLINE SinCos<T> sincos_small(T d) {
+  const T z = d * d;
+  if constexpr (kTerms == 2) {
+    return {d * (T(1.0) - T(1.0 / 6.0) * z), T(1.0) - T(0.5) * z};
+  } else if constexpr (kTerms == 3) {
     const T z2 = z * z;
-    const T s = (T(1.0) + T(-1.0 / 6.0) * z) + (T(1.0 / 120.0) + T(-1.0 / 5040.0) * z) * z2;
-    const T c = (T(1.0) + T(-1.0 / 2.0) * z) + (T(1.0 / 24.0) + T(-1.0 / 720.0) * z) * z2;
-    return value_.sin * c + value_.cos * (d * s);
+    return {d * ((T(1.0) - T(1.0 / 6.0) * z) + T(1.0 / 120.0) * z2),
+            (T(1.0) - T(0.5) * z) + T(1.0 / 24.0) * z2};
+  } else {
+    static_assert(kTerms == 4);
+    const T z2 = z * z;
+    return {d * ((T(1.0) - T(1.0 / 6.0) * z) + (T(1.0 / 120.0) - T(1.0 / 5040.0) * z) * z2),
+            (T(1.0) - T(0.5) * z) + (T(1.0 / 24.0) - T(1.0 / 720.0) * z) * z2};
   }
-
- private:
-  T at_;
-  SinCos<T> value_;
-};
+}
 
 // exp(x) for x <= 709; below -708 the result stays at exp(-708), so nothing becomes subnormal.
 template <class T>
@@ -90,6 +101,25 @@ GANTRY_INLINE T vexp(T x) {
 template <class T>
 GANTRY_INLINE SinCos<T> angle_sum(const SinCos<T>& a, const SinCos<T>& b) {
   return {a.sin * b.cos + a.cos * b.sin, a.cos * b.cos - a.sin * b.sin};
+}
+
+// Of 2 a from those of a.
+template <class T>
+GANTRY_INLINE SinCos<T> twice(const SinCos<T>& a) {
+  const T s = a.sin + a.sin;
+  return {s * a.cos, T(1.0) - s * a.sin};
+}
+
+// Of n a from those of a, n >= 1, by doubling.
+template <class T>
+GANTRY_INLINE SinCos<T> multiple(SinCos<T> a, int n) {
+  for (; n % 2 == 0; n /= 2) a = twice(a);
+  SinCos<T> sum = a;
+  for (n /= 2; n > 0; n /= 2) {
+    a = twice(a);
+    if (n % 2 == 1) sum = angle_sum(sum, a);
+  }
+  return sum;
 }
 
 }  // namespace gantry::GANTRY_ISA

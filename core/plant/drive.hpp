@@ -49,6 +49,7 @@ struct Drive {
   T cycle_inverse = T(0.0);         // 1/Ts
   T integral_step = T(0.0);         // Ts/Tvi
   T speed_fresh = T(1.0);           // 1 - speed_filter
+  T speed_count_inverse = T(0.0);   // 1/count of the speed feedback; 0: ideal
   T rated_inverse = T(0.0);         // 1/T_rated
   T budget_s = T(0.0);              // I2t account at which the limit falls
   T torque_continuous_nm = T(0.0);  // the limit then
@@ -58,6 +59,8 @@ struct Drive {
     cycle_inverse = T(1.0) / p.cycle_s;
     integral_step = p.cycle_s / p.tvi_s;
     speed_fresh = T(1.0) - p.speed_filter;
+    const auto counts = p.speed_count_rad > T(0.0);
+    speed_count_inverse = select(counts, T(1.0) / select(counts, p.speed_count_rad, T(1.0)), T(0.0));
     rated_inverse = T(1.0) / p.torque_rated_nm;
     const T ratio = p.torque_max_nm * rated_inverse;
     budget_s = (ratio * ratio - T(1.0)) * p.overload_time_s;
@@ -88,19 +91,24 @@ struct DriveCommand {
         torque_ff_nm(torque_ff) {}
 };
 
-// Position as the encoder gives it: `latency_s` old and in whole counts (0: ideal).
+// Position as the encoder sees it, `latency_s` old.
 template <class T>
-GANTRY_INLINE T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor, T count) {
-  const T pos = pos_motor - vel_motor * p.latency_s;
-  const auto real = count > T(0.0);
-  if (!any(real)) return pos;
-  return select(real, count * vround(pos / select(real, count, T(1.0))), pos);
+GANTRY_INLINE T encoder_position(const DriveParams<T>& p, T pos_motor, T vel_motor) {
+  return pos_motor - vel_motor * p.latency_s;
+}
+
+// The same in whole counts of the speed feedback (0: ideal).
+template <class T>
+GANTRY_INLINE T counted_position(const Drive<T>& drive, T pos_motor, T vel_motor) {
+  const T pos = encoder_position(drive.p, pos_motor, vel_motor);
+  const auto real = drive.p.speed_count_rad > T(0.0);
+  return select(real, drive.p.speed_count_rad * vround(pos * drive.speed_count_inverse), pos);
 }
 
 // Speed feedback by backward difference of the encoder over one cycle, filtered if asked for.
 template <class T>
 GANTRY_INLINE T speed_feedback(const Drive<T>& drive, DriveState<T>& s, T pos_motor, T vel_motor) {
-  const T pos = encoder_position(drive.p, pos_motor, vel_motor, drive.p.speed_count_rad);
+  const T pos = counted_position(drive, pos_motor, vel_motor);
   const T raw = (pos - s.pos_last) * drive.cycle_inverse;
   s.pos_last = pos;
   s.vel_filtered = raw * drive.speed_fresh + s.vel_filtered * drive.p.speed_filter;

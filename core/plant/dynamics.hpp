@@ -1,9 +1,8 @@
 // Torques and accelerations of the plant (plant equations S3 to S6).
 #pragma once
 
+#include "core/plant/anchor.hpp"
 #include "core/plant/friction.hpp"
-#include "core/plant/gear_error.hpp"
-#include "core/plant/params.hpp"
 
 namespace gantry::GANTRY_ISA {
 
@@ -13,6 +12,7 @@ struct Plant {
   PlantParams<T> p;
   GearError<T> gear;
   FrictionParams<T> roller, motor, brake;
+  Gate<T> gate;
   T break_1, break_2;                                          // wind-up at which the slope changes, rad
   T ratio_inverse;                                             // 1/i
   T motor_inverse, load_inverse, base_inverse, rigid_inverse;  // 1/Jm, 1/J, 1/Jb, 1/(J/i^2 + Jm)
@@ -30,6 +30,7 @@ struct Plant {
     // speed.
     brake = {p.brake_torque_nm,    p.brake_torque_nm, T(1e9), T(0.0), p.brake_presliding_rad, T(1.4),
              p.inertia_motor_kg_m2};
+    gate = gate_of(p.friction_ep_ratio);
     break_1 = p.torque_1_nm / p.stiffness_1_nm_per_rad;
     break_2 = break_1 + (p.torque_2_nm - p.torque_1_nm) / p.stiffness_2_nm_per_rad;
     ratio_inverse = T(1.0) / p.ratio;
@@ -84,7 +85,7 @@ GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, 
   m.torque = side * spring + p.damping_nm_s_per_rad * twist_rate + hysteresis;
   if (p.hysteresis) {
     const T h = p.hysteresis_torque_nm + p.hysteresis_load_ratio * spring;
-    const T gate = sliding_gate(twist_rate, hysteresis, T(1.0) / h, p.friction_ep_ratio);
+    const T gate = plant.gate(twist_rate, hysteresis, T(1.0) / h);
     m.hysteresis_rate = plant.hysteresis_inverse * (h * twist_rate - gate * vabs(twist_rate) * hysteresis);
   }
   if (p.backlash) {
@@ -97,70 +98,62 @@ GANTRY_INLINE Mesh<T> mesh_torque(const Plant<T>& plant, T twist, T twist_rate, 
   return m;
 }
 
+// Torque ripple; `wave` is the sine of its multiple of the motor angle.
 template <class T>
-GANTRY_INLINE T ripple_torque(const Plant<T>& plant, T pos_motor, T torque_motor) {
+GANTRY_INLINE T ripple_torque(const Plant<T>& plant, T wave, T torque_motor) {
   const T load = vabs(torque_motor) * plant.ripple_inverse;
-  const T wave = sincos(pos_motor * T(plant.p.ripple_order)).sin;
   return plant.p.ripple_torque_nm * wave * select(load < T(1.0), load, T(1.0));
-}
-
-// Where the gear error of the ring is evaluated once per drive cycle and continued linearly inside it (S9).
-template <class T>
-struct RingPoint {
-  T rho = T(0.0);
-  ErrorValue<T> value;
-};
-
-template <class T>
-GANTRY_INLINE RingPoint<T> ring_point(const Plant<T>& plant, const PlantState<T>& x) {
-  RingPoint<T> point;
-  if (plant.p.gear_error) {
-    point.rho = x.pos_load - x.pos_base;
-    point.value = plant.gear.ring_error(point.rho);
-  }
-  return point;
 }
 
 // Friction of the motor, brake and ripple: the torque on the motor shaft besides Te and the mesh.
 template <class T>
 GANTRY_INLINE T motor_side_torque(const Plant<T>& plant, const PlantState<T>& x, MaskOf<T> brake_closed,
-                                  T torque_mesh, Forces<T>& f) {
+                                  T torque_mesh, T ripple, Forces<T>& f) {
   const PlantParams<T>& p = plant.p;
   T torque = x.torque_motor;
-  if (p.ripple) torque = torque + ripple_torque(plant, x.pos_motor, x.torque_motor);
+  if (p.ripple) torque = torque + ripple_torque(plant, ripple, x.torque_motor);
   if (p.motor_friction) {
-    f.motor = friction(plant.motor, x.vel_motor, x.motor_z,
-                       p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse, p.friction_ep_ratio);
+    f.motor = friction<true>(plant.motor, plant.gate, x.vel_motor, x.motor_z,
+                             p.motor_load_ratio * vabs(torque_mesh) * plant.ratio_inverse);
     torque = torque - f.motor.torque;
   }
   if (any(brake_closed)) {
-    f.brake = friction(plant.brake, x.vel_motor, x.brake_z, T(0.0), p.friction_ep_ratio);
+    f.brake = friction<false>(plant.brake, plant.gate, x.vel_motor, x.brake_z);
     torque = select(brake_closed, torque - f.brake.torque, torque);
   }
   return torque;
 }
 
-// Torque of the eccentric moment on the load. The load turns little within a scan, so the sine is taken once
-// and rotated from there.
+// What the motor angle contributes: gear error of reducer and pinion, sine of the ripple.
 template <class T>
-class EccentricTorque {
- public:
-  EccentricTorque(const PlantParams<T>& p, T pos_load)
-      : moment_(p.eccentric_moment_nm),
-        angle_(p.eccentric_angle_rad),
-        sine_(pos_load - p.eccentric_angle_rad) {}
-
-  GANTRY_INLINE T operator()(T pos_load) const { return moment_ * sine_(pos_load - angle_); }
-
- private:
-  T moment_;
-  T angle_;
-  SineNear<T> sine_;
+struct MotorSide {
+  ErrorValue<T> error;
+  T ripple = T(0.0);
 };
 
 template <class T>
-GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
-                               const EccentricTorque<T>& eccentric, const RingPoint<T>& ring,
+GANTRY_INLINE MotorSide<T> motor_side(const Plant<T>& plant, MotorWaves<T>& waves, T pos_motor) {
+  const PlantParams<T>& p = plant.p;
+  MotorSide<T> side;
+  if (!p.gear_error && !p.ripple) return side;
+  waves.reach(plant.gear, pos_motor);
+  const T way = pos_motor - waves.pos;
+  const SinCos<T> motor = angle_sum(waves.motor, sincos_small<4>(way));
+  const SinCos<T> two = twice(motor);
+  const SinCos<T> four = twice(two);
+  if (p.gear_error) {
+    const T turn = way * plant.gear.pinion_per_motor;
+    side.error = plant.gear.motor_error(motor, two, four, waves.turn.rotated(sincos_small<2>(turn)),
+                                        waves.tooth.rotated(sincos_small<3>(turn * plant.gear.teeth)));
+  }
+  if (p.ripple)
+    side.ripple = p.ripple_order % 4 == 0 ? multiple(four, p.ripple_order / 4).sin
+                                          : multiple(motor, p.ripple_order).sin;
+  return side;
+}
+
+template <class T>
+GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, Anchor<T>& anchor,
                                MaskOf<T> brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
@@ -169,24 +162,25 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
   T slope_motor = plant.ratio_inverse;
   T slope_ring = T(1.0);
   T twist = x.pos_motor * plant.ratio_inverse - rho;
+  const MotorSide<T> motor = motor_side(plant, anchor.waves, x.pos_motor);
   if (p.gear_error) {
-    const ErrorValue<T> em = plant.gear.motor_error(x.pos_motor, sincos(x.pos_motor));
-    twist = twist + em.error + (ring.value.error + ring.value.slope * (rho - ring.rho));
-    slope_motor = slope_motor + em.slope;
-    slope_ring = slope_ring - ring.value.slope;
+    const ErrorValue<T> ring = anchor.ring.at(rho);
+    twist = twist + motor.error.error + ring.error;
+    slope_motor = slope_motor + motor.error.slope;
+    slope_ring = slope_ring - ring.slope;
   }
   const Mesh<T> mesh =
       mesh_torque(plant, twist, x.vel_motor * slope_motor - vel_ring * slope_ring, x.hysteresis);
   f.torque_mesh = mesh.torque;
   f.hysteresis_rate = mesh.hysteresis_rate;
-  const T motor_torque = motor_side_torque(plant, x, brake_closed, mesh.torque, f);
+  const T motor_torque = motor_side_torque(plant, x, brake_closed, mesh.torque, motor.ripple, f);
   f.acc_motor = (motor_torque - mesh.torque * slope_motor) * plant.motor_inverse;
   T on_ring = mesh.torque * slope_ring;
   if (p.roller_friction) {
-    f.roller = friction(plant.roller, vel_ring, x.roller_z, T(0.0), p.friction_ep_ratio);
+    f.roller = friction<false>(plant.roller, plant.gate, vel_ring, x.roller_z);
     on_ring = on_ring - f.roller.torque;
   }
-  f.acc_load = (on_ring + eccentric(x.pos_load)) * plant.load_inverse;
+  f.acc_load = (on_ring + anchor.eccentric(x.pos_load)) * plant.load_inverse;
   if (p.base)
     f.acc_base =
         (-on_ring - p.base_stiffness_nm_per_rad * x.pos_base - p.base_damping_nm_s_per_rad * x.vel_base) *
@@ -197,16 +191,18 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x,
 // The rigid switch (S6): one inertia on the motor shaft, theta = theta_m / i; friction of both sides acts on
 // it.
 template <class T>
-GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x,
-                                     const EccentricTorque<T>& eccentric, MaskOf<T> brake_closed) {
+GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>& x, Anchor<T>& anchor,
+                                     MaskOf<T> brake_closed) {
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
-  T torque = eccentric(x.pos_load);
+  T torque = anchor.eccentric(x.pos_load);
   if (p.roller_friction) {
-    f.roller = friction(plant.roller, x.vel_load, x.roller_z, T(0.0), p.friction_ep_ratio);
+    f.roller = friction<false>(plant.roller, plant.gate, x.vel_load, x.roller_z);
     torque = torque - f.roller.torque;
   }
-  const T on_motor = motor_side_torque(plant, x, brake_closed, torque, f) + torque * plant.ratio_inverse;
+  const T on_motor = motor_side_torque(plant, x, brake_closed, torque,
+                                       motor_side(plant, anchor.waves, x.pos_motor).ripple, f) +
+                     torque * plant.ratio_inverse;
   f.acc_motor = on_motor * plant.rigid_inverse;
   f.acc_load = f.acc_motor * plant.ratio_inverse;
   f.torque_mesh = p.inertia_load_kg_m2 * f.acc_load - torque;

@@ -45,6 +45,7 @@ struct Timing {
   int cycles_per_scan = 8;
   Scheme scheme = Scheme::kOneEvaluation;
   int rk4_steps = 2;
+  double anchor_period_s = 1e-3;  // waves are evaluated in full at most this far apart (anchor.hpp)
 };
 
 template <class T>
@@ -78,6 +79,8 @@ class GantrySim {
     close_cycles_ = brake_close_cycles;
     open_cycles_ = brake_open_cycles;
     timing_ = timing;
+    cycles_per_anchor_ = static_cast<int>(timing.anchor_period_s / timing.cycle_s + 1e-6);
+    if (cycles_per_anchor_ < 1) cycles_per_anchor_ = 1;
   }
 
   // Standing still at theta0 (S8): servo on and holding the load, or drive off and the closed brake holding
@@ -104,7 +107,7 @@ class GantrySim {
     } else {
       x.brake_z = -torque_motor / plant_.brake.stiffness;
     }
-    s.pos_last = encoder_position(drive_.p, x.pos_motor, x.vel_motor, drive_.p.speed_count_rad);
+    s.pos_last = counted_position(drive_, x.pos_motor, x.vel_motor);
   }
 
   // One scan: the drive cycles that fit into it, with the command held.
@@ -113,13 +116,18 @@ class GantrySim {
     samples.clear();
     const T start = s.pos_last;
     const T dt = T(timing_.cycle_s);
-    const EccentricTorque<T> eccentric(plant_.p, x.pos_load);
+    Anchor<T> anchor = here();
+    int anchored = 0;  // drive cycles since then
     grip_where(brake.command(brake_open, close_cycles_, open_cycles_));
     for (int k = 0; k < timing_.cycles_per_scan; ++k) {
+      if (anchored++ == cycles_per_anchor_) {
+        anchor = here();
+        anchored = 1;
+      }
       const T u = encoder.spoilt ? drive_cycle(drive_, command, s, encoder.position(x.pos_motor),
                                                encoder.speed(x.vel_motor), report.limited)
                                  : drive_cycle(drive_, command, s, x.pos_motor, x.vel_motor, report.limited);
-      step(eccentric, u, dt);
+      step(anchor, u, dt);
       grip_where(brake.cycle());
       if (sample_every > 0 && (k + 1) % sample_every == 0) samples.push_back(sample());
     }
@@ -129,15 +137,18 @@ class GantrySim {
   }
 
   // One drive cycle of the plant alone, torque u; for tests without a controller.
-  void advance(T u, T dt) { step(EccentricTorque<T>(plant_.p, x.pos_load), u, dt); }
+  void advance(T u, T dt) {
+    Anchor<T> anchor = here();
+    step(anchor, u, dt);
+  }
 
   // Encoder counts since its own zero; whole numbers unless the encoder is ideal. A resolution of several
   // counts must be a whole number of them.
   T counts(T count) const {
     const DriveParams<T>& p = drive_.p;
     const T pos = encoder.spoilt
-                      ? encoder_position(p, encoder.position(x.pos_motor), encoder.speed(x.vel_motor), T(0.0))
-                      : encoder_position(p, x.pos_motor, x.vel_motor, T(0.0));
+                      ? encoder_position(p, encoder.position(x.pos_motor), encoder.speed(x.vel_motor))
+                      : encoder_position(p, x.pos_motor, x.vel_motor);
     const auto real = p.position_count_rad > T(0.0);
     const T steps = vround(pos / select(real, p.position_count_rad, T(1.0)));
     return select(real, steps * (p.position_count_rad / count), pos / count) + count_offset;
@@ -186,11 +197,13 @@ class GantrySim {
   T count_offset = T(0.0);      // where the encoder is mounted on the shaft, counts; turns it has lost
 
  private:
-  GANTRY_INLINE void step(const EccentricTorque<T>& eccentric, T u, T dt) {
+  Anchor<T> here() const { return Anchor<T>(plant_.p, plant_.gear, x); }
+
+  GANTRY_INLINE void step(Anchor<T>& anchor, T u, T dt) {
     if (timing_.scheme == Scheme::kOneEvaluation)
-      step_one_evaluation(plant_, current_, eccentric, u, brake.closed, dt, x, report.torque_mesh);
+      step_one_evaluation(plant_, current_, anchor, u, brake.closed, dt, x, report.torque_mesh);
     else
-      step_runge_kutta(plant_, current_, eccentric, u, brake.closed, dt, timing_.rk4_steps, x,
+      step_runge_kutta(plant_, current_, anchor, u, brake.closed, dt, timing_.rk4_steps, x,
                        report.torque_mesh);
   }
 
@@ -204,7 +217,7 @@ class GantrySim {
         sign(torque_mesh) * (plant_.windup(vabs(torque_mesh)) + select(loaded, p.half_backlash_rad, T(0.0)));
     const T ring = p.gear_error ? plant_.gear.ring_error(rho).error : T(0.0);
     for (int k = 0; k < 50; ++k) {
-      const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor, sincos(x.pos_motor)).error : T(0.0);
+      const T em = p.gear_error ? plant_.gear.motor_error(x.pos_motor).error : T(0.0);
       x.pos_motor = p.ratio * (rho + twist - em - ring);
     }
   }
@@ -238,6 +251,7 @@ class GantrySim {
   T close_cycles_ = T(0.0);  // dead times of the brake, drive cycles
   T open_cycles_ = T(0.0);
   Timing timing_;
+  int cycles_per_anchor_ = 8;
 };
 
 }  // namespace gantry::GANTRY_ISA

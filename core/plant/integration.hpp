@@ -39,12 +39,12 @@ struct CurrentLoop {
 // that.
 template <class T>
 GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<T>& current,
-                                       const EccentricTorque<T>& eccentric, T u, MaskOf<T> brake_closed, T dt,
-                                       PlantState<T>& x, T& torque_mesh) {
+                                       Anchor<T>& anchor, T u, MaskOf<T> brake_closed, T dt, PlantState<T>& x,
+                                       T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
   x.torque_motor = current.at_start(u, x.torque_motor);
-  const Forces<T> f = p.rigid ? forces_rigid(plant, x, eccentric, brake_closed)
-                              : forces(plant, x, eccentric, ring_point(plant, x), brake_closed);
+  const Forces<T> f =
+      p.rigid ? forces_rigid(plant, x, anchor, brake_closed) : forces(plant, x, anchor, brake_closed);
   torque_mesh = f.torque_mesh;
   x.torque_motor = current.at_end(u, x.torque_motor);
   if (p.roller_friction) x.roller_z = friction_step(x.roller_z, f.roller, dt);
@@ -68,12 +68,11 @@ GANTRY_INLINE void step_one_evaluation(const Plant<T>& plant, const CurrentLoop<
 
 // x' = f(x): all states but that of the brake.
 template <class T>
-PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current,
-                         const EccentricTorque<T>& eccentric, T u, MaskOf<T> brake_closed,
-                         const RingPoint<T>& ring, const PlantState<T>& x, T& torque_mesh) {
+PlantState<T> derivative(const Plant<T>& plant, const CurrentLoop<T>& current, Anchor<T>& anchor, T u,
+                         MaskOf<T> brake_closed, const PlantState<T>& x, T& torque_mesh) {
   const PlantParams<T>& p = plant.p;
-  const Forces<T> f = p.rigid ? forces_rigid(plant, x, eccentric, brake_closed)
-                              : forces(plant, x, eccentric, ring, brake_closed);
+  const Forces<T> f =
+      p.rigid ? forces_rigid(plant, x, anchor, brake_closed) : forces(plant, x, anchor, brake_closed);
   torque_mesh = f.torque_mesh;
   PlantState<T> d;
   d.pos_motor = x.vel_motor;
@@ -102,14 +101,12 @@ PlantState<T> advanced(const PlantState<T>& x, const PlantState<T>& d, T dt) {
 // in 4 us, far beyond what an explicit method survives: that one state takes the exact step for held speed,
 // after the others.
 template <class T>
-void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current,
-                      const EccentricTorque<T>& eccentric, T u, MaskOf<T> brake_closed, T dt, int steps,
-                      PlantState<T>& x, T& torque_mesh) {
+void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current, Anchor<T>& anchor, T u,
+                      MaskOf<T> brake_closed, T dt, int steps, PlantState<T>& x, T& torque_mesh) {
   x.torque_motor = current.at_start(u, x.torque_motor);
-  const RingPoint<T> ring = ring_point(plant, x);
   const T h = dt / T(steps);
   const auto slope = [&](const PlantState<T>& at) {
-    return derivative(plant, current, eccentric, u, brake_closed, ring, at, torque_mesh);
+    return derivative(plant, current, anchor, u, brake_closed, at, torque_mesh);
   };
   for (int k = 0; k < steps; ++k) {
     const PlantState<T> k1 = slope(x);
@@ -121,8 +118,7 @@ void step_runge_kutta(const Plant<T>& plant, const CurrentLoop<T>& current,
     GANTRY_PLANT_STATE(X)
 #undef X
     if (any(brake_closed)) {
-      const Friction<T> brake =
-          friction(plant.brake, x.vel_motor, x.brake_z, T(0.0), plant.p.friction_ep_ratio);
+      const Friction<T> brake = friction<false>(plant.brake, plant.gate, x.vel_motor, x.brake_z);
       x.brake_z = select(brake_closed, friction_step(x.brake_z, brake, h), x.brake_z);
     }
   }

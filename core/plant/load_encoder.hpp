@@ -55,7 +55,7 @@ inline double reading_noise(std::uint64_t n) {
 template <class T>
 T load_encoder_reading(const LoadEncoderParams<T>& p, T pos, T vel, T n) {
   const T at = pos - vel * p.latency_s;
-  T noise;
+  T noise = T(0.0);
   for (int k = 0; k < kLanes<T>; ++k)
     set_lane(noise, k, reading_noise(static_cast<std::uint64_t>(lane(n, k))));
   const T seen = at + scale_error(p, at) + p.noise_rad * noise;

@@ -11,6 +11,10 @@ namespace {
 
 constexpr double kRatio = 0.6;
 
+double sliding_gate(double v, double z, double inverse, double ep_ratio) {
+  return gate_of(ep_ratio)(v, z, inverse);
+}
+
 TEST(SlidingGate, is_elastic_below_the_break_away_ratio) {
   for (double a : {0.0, 0.1, 0.59, 0.6}) {
     EXPECT_EQ(sliding_gate(1.0, a, 1.0, kRatio), 0.0) << a;
@@ -60,7 +64,7 @@ TEST(Friction, slides_steadily_at_the_stribeck_curve) {
   for (double v : {1e-3, 0.1, 0.5, 1.0, 2.0, 4.0, 8.0, 30.0, 120.0}) {
     const double g = 5.5 + 1.0 * std::exp(-v * v);
     const double z_ss = g / (5.5 / 0.005);
-    const Friction<double> f = friction(motor(), v, z_ss * (1.0 + 1e-15), 0.0, kRatio);
+    const Friction<double> f = friction<false>(motor(), gate_of(kRatio), v, z_ss * (1.0 + 1e-15));
     EXPECT_NEAR(f.z_rate, 0.0, 1e-12 * v) << v;
     EXPECT_NEAR(f.torque, g + 0.03 * v, 1e-11) << v;
   }
@@ -69,8 +73,8 @@ TEST(Friction, slides_steadily_at_the_stribeck_curve) {
 TEST(Friction, is_odd_in_speed_and_state) {
   for (double v : {0.01, 1.0, 6.0})
     for (double z : {0.001, 0.0047, 0.0059}) {
-      const Friction<double> a = friction(motor(), v, z, 0.0, kRatio),
-                             b = friction(motor(), -v, -z, 0.0, kRatio);
+      const Friction<double> a = friction<false>(motor(), gate_of(kRatio), v, z),
+                             b = friction<false>(motor(), gate_of(kRatio), -v, -z);
       EXPECT_EQ(a.torque, -b.torque);
       EXPECT_EQ(a.z_rate, -b.z_rate);
       EXPECT_EQ(a.slip_rate, b.slip_rate);
@@ -79,7 +83,7 @@ TEST(Friction, is_odd_in_speed_and_state) {
 
 TEST(Friction, is_a_spring_with_micro_damping_before_it_slides) {
   const double v = 1e-4, z = 0.002, stiffness = 1100.0;
-  const Friction<double> f = friction(motor(), v, z, 0.0, kRatio);
+  const Friction<double> f = friction<false>(motor(), gate_of(kRatio), v, z);
   EXPECT_EQ(f.slip_rate, 0.0);
   EXPECT_EQ(f.z_rate, v);
   EXPECT_NEAR(f.torque, stiffness * z + (0.3 * std::sqrt(stiffness * 0.362) + 0.03) * v, 1e-12);
@@ -88,50 +92,56 @@ TEST(Friction, is_a_spring_with_micro_damping_before_it_slides) {
 TEST(Friction, micro_damping_falls_with_speed) {
   for (double v : {1.0, 5.0, 10.0}) {
     const double s1 = 0.3 * std::sqrt(1100.0 * 0.362) * std::exp(-(v / 5.0) * (v / 5.0));
-    const Friction<double> f = friction(motor(), v, 0.0, 0.0, kRatio);
+    const Friction<double> f = friction<false>(motor(), gate_of(kRatio), v, 0.0);
     EXPECT_NEAR(f.torque, (s1 + 0.03) * v, 1e-12) << v;
   }
   // beyond five times vs times the root of 28 nothing of it is left
-  EXPECT_EQ(friction(motor(), 27.0, 0.0, 0.0, kRatio).torque, 0.03 * 27.0);
+  EXPECT_EQ(friction<false>(motor(), gate_of(kRatio), 27.0, 0.0).torque, 0.03 * 27.0);
 }
 
 TEST(Friction, load_torque_raises_the_level) {
   const double extra = 1.4, v = 50.0;
   const double z_ss = (5.5 + extra) / 1100.0;
-  EXPECT_NEAR(friction(motor(), v, z_ss * (1.0 + 1e-15), extra, kRatio).torque, 5.5 + extra + 0.03 * v,
-              1e-11);
+  EXPECT_NEAR(friction<true>(motor(), gate_of(kRatio), v, z_ss * (1.0 + 1e-15), extra).torque,
+              5.5 + extra + 0.03 * v, 1e-11);
 }
 
 TEST(Friction, step_is_the_exact_solution_for_held_speed) {
   const double v = 2.0, dt = 125e-6;
   const double g = 5.5 + std::exp(-4.0), lambda = v * 1100.0 / g;
   const double z0 = 1.05 * g / 1100.0;  // sliding: the gate is 1
-  const Friction<double> f = friction(motor(), v, z0, 0.0, kRatio);
+  const Friction<double> f = friction<false>(motor(), gate_of(kRatio), v, z0);
   EXPECT_NEAR(f.slip_rate, lambda, 1e-10);
   const double z1 = v / lambda + (z0 - v / lambda) * std::exp(-lambda * dt);
-  EXPECT_NEAR(friction_step(z0, f, dt), z1, 1e-17);
+  EXPECT_NEAR(friction_step(z0, f, dt), z1, 1e-16);  // 1e-13 of the way v dt
 }
 
 TEST(Friction, step_stays_at_the_steady_state_however_stiff_it_is) {
   const double v = 120.0, dt = 125e-6;  // lambda dt = 3: beyond what an explicit step survives
   double z = 0.0;
-  for (int k = 0; k < 1000; ++k) z = friction_step(z, friction(motor(), v, z, 0.0, kRatio), dt);
+  for (int k = 0; k < 1000; ++k) z = friction_step(z, friction<false>(motor(), gate_of(kRatio), v, z), dt);
   EXPECT_NEAR(z, 0.005, 1e-15);
 }
 
-TEST(Friction, step_has_no_seam_where_the_exponential_begins) {
-  // the exact step is z + z' dt (1 - x/2 + ...), so the seam at x = 1e-5 is at most 5e-6 of z' dt
-  Friction<double> f;
-  f.z_rate = 1.0;
-  f.slip_rate = 1.0;
-  const double below = friction_step(0.0, f, 0.9999e-5), above = friction_step(0.0, f, 1.0001e-5);
-  EXPECT_NEAR(above / 1.0001e-5, below / 0.9999e-5, 5.1e-6);
+TEST(Friction, mean_of_a_decay_agrees_with_libm) {
+  EXPECT_EQ(decayed_mean(0.0), 1.0);
+  for (double x : {1e-12, 1e-6, 1e-3, 0.1, 0.5, 1.0, 2.0, 3.0, 4.0})
+    EXPECT_NEAR(decayed_mean(x), -std::expm1(-x) / x, 1e-13) << x;
+}
+
+TEST(Friction, step_is_exact_on_both_sides_of_the_range_of_the_mean) {
+  for (double x : {3.999999, 4.0, 4.000001, 30.0, 1e5}) {
+    Friction<double> f;
+    f.z_rate = 1.0;
+    f.slip_rate = x;
+    EXPECT_NEAR(friction_step(0.0, f, 1.0), -std::expm1(-x) / x, 1e-13) << x;
+  }
 }
 
 TEST(Friction, of_nan_is_nan) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_TRUE(std::isnan(friction(motor(), nan, 0.0, 0.0, kRatio).torque));
-  EXPECT_TRUE(std::isnan(friction(motor(), 1.0, nan, 0.0, kRatio).torque));
+  EXPECT_TRUE(std::isnan(friction<false>(motor(), gate_of(kRatio), nan, 0.0).torque));
+  EXPECT_TRUE(std::isnan(friction<false>(motor(), gate_of(kRatio), 1.0, nan).torque));
 }
 
 }  // namespace

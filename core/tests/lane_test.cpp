@@ -47,15 +47,32 @@ TEST(SinCos, agrees_with_libm_up_to_its_stated_limit) {
   for (double x : {1e5, -1e5, 3.3e5, 999999.0, -999999.5}) expect_sincos(x);
 }
 
-// The truncated series leaves d^8/40320: 1.4e-14 at the end of the range, and rounding.
-TEST(SineNear, agrees_with_libm_around_its_point) {
-  std::mt19937_64 random(5);
-  std::uniform_real_distribution<double> at(-4.0, 4.0), distance(-0.07, 0.07);
-  for (int k = 0; k < 100000; ++k) {
-    const double a = at(random), x = a + distance(random);
-    EXPECT_NEAR(SineNear<double>(a)(x), std::sin(x), 2e-14) << a << ' ' << x;
+TEST(SinPi, agrees_with_libm_over_its_range) {
+  for (int k = -500; k <= 500; ++k)
+    EXPECT_NEAR(sin_pi(0.001 * k), std::sin(kPi * 0.001 * k), kSinCosError) << k;
+}
+
+// What the series leave out: the next term.
+TEST(SinCosSmall, is_off_by_the_next_term_of_the_series) {
+  for (double d : {-0.5, -0.1, -0.003, 0.0, 1e-9, 0.02, 0.2, 0.5}) {
+    const double z = d * d, rounding = 2e-16;
+    const SinCos<double> two = sincos_small<2>(d), three = sincos_small<3>(d), four = sincos_small<4>(d);
+    EXPECT_NEAR(two.sin, std::sin(d), std::fabs(d) * z * z / 120 + rounding) << d;
+    EXPECT_NEAR(two.cos, std::cos(d), z * z / 24 + rounding) << d;
+    EXPECT_NEAR(three.sin, std::sin(d), std::fabs(d) * z * z * z / 5040 + rounding) << d;
+    EXPECT_NEAR(three.cos, std::cos(d), z * z * z / 720 + rounding) << d;
+    EXPECT_NEAR(four.sin, std::sin(d), std::fabs(d) * z * z * z * z / 362880 + rounding) << d;
+    EXPECT_NEAR(four.cos, std::cos(d), z * z * z * z / 40320 + rounding) << d;
   }
-  EXPECT_EQ(SineNear<double>(0.3)(0.3), sincos(0.3).sin);
+}
+
+TEST(SinCos, multiples_come_from_one_sine_and_cosine) {
+  for (double x : {-2.0, 0.3, 1.7})
+    for (int n : {1, 2, 3, 4, 7, 12, 26, 48}) {
+      const SinCos<double> r = multiple(sincos(x), n);
+      EXPECT_NEAR(r.sin, std::sin(n * x), 1e-15 * n);
+      EXPECT_NEAR(r.cos, std::cos(n * x), 1e-15 * n);
+    }
 }
 
 TEST(SinCos, is_exact_where_it_must_be) {

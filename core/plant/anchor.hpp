@@ -1,0 +1,76 @@
+// Waves of the plant near an anchor. They are evaluated in full at most once in a millisecond and continued
+// from there: in it the load turns less than 1e-3 rad, the motor some tenths.
+#pragma once
+
+#include "core/plant/gear_error.hpp"
+#include "core/plant/params.hpp"
+
+namespace gantry::GANTRY_ISA {
+
+// Torque of the eccentric moment on the load; the sine to the third order, 1e-13 of it after 1e-3 rad.
+template <class T>
+class EccentricTorque {
+ public:
+  EccentricTorque() = default;
+  EccentricTorque(const PlantParams<T>& p, T pos_load) : pos_(pos_load) {
+    const SinCos<T> s = sincos(pos_load - p.eccentric_angle_rad);
+    value_ = p.eccentric_moment_nm * s.sin;
+    slope_ = p.eccentric_moment_nm * s.cos;
+  }
+
+  GANTRY_INLINE T operator()(T pos_load) const {
+    const SinCos<T> by = sincos_small<2>(pos_load - pos_);
+    return value_ * by.cos + slope_ * by.sin;
+  }
+
+ private:
+  T pos_ = T(0.0);
+  T value_ = T(0.0);
+  T slope_ = T(0.0);
+};
+
+// What passes with the motor: its own turn, the pinion's and its teeth. Continued by the addition theorem,
+// with sine and cosine of the way by their series, exact to 1e-10 of each wave within the reach.
+template <class T>
+struct MotorWaves {
+  T pos = T(0.0);
+  SinCos<T> motor{T(0.0), T(1.0)};
+  ErrorValue<T> turn, tooth;
+
+  MotorWaves() = default;
+  MotorWaves(const GearError<T>& gear, T pos_motor) : pos(pos_motor), motor(sincos(pos_motor)) {
+    const T pinion_angle = pos_motor * gear.pinion_per_motor;
+    turn = gear.pinion.at(pinion_angle);
+    tooth = gear.mesh.at(pinion_angle * gear.teeth);
+  }
+
+  // Begins anew in the lanes where the motor has left the reach: a motor out of control.
+  GANTRY_INLINE void reach(const GearError<T>& gear, T pos_motor) {
+    const auto far = vabs(pos_motor - pos) > gear.reach;
+    if (!any(far)) return;
+    const MotorWaves fresh(gear, pos_motor);
+    const auto take = [far](T& old, T other) { old = select(far, other, old); };
+    take(pos, fresh.pos);
+    take(motor.sin, fresh.motor.sin);
+    take(motor.cos, fresh.motor.cos);
+    take(turn.error, fresh.turn.error);
+    take(turn.slope, fresh.turn.slope);
+    take(tooth.error, fresh.tooth.error);
+    take(tooth.slope, fresh.tooth.slope);
+  }
+};
+
+template <class T>
+struct Anchor {
+  EccentricTorque<T> eccentric;
+  RingError<T> ring;
+  MotorWaves<T> waves;
+
+  Anchor(const PlantParams<T>& p, const GearError<T>& gear, const PlantState<T>& x)
+      : eccentric(p, x.pos_load) {
+    if (p.gear_error) ring = gear.ring_error(x.pos_load - x.pos_base);
+    if (p.gear_error || p.ripple) waves = MotorWaves<T>(gear, x.pos_motor);
+  }
+};
+
+}  // namespace gantry::GANTRY_ISA
