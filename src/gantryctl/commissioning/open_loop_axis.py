@@ -48,6 +48,7 @@ class OpenLoopAxis:
 
     Args:
         feedback: what the drive showed when it was opened.
+        start_deg: angle of the gantry there; NaN without a zero offset.
         leash_deg: way from there at which the axis is switched off.
         meter: is told of the time that passes.
         following: the gantry must follow the speed command, as a drive of proven sign and scale does.
@@ -55,6 +56,7 @@ class OpenLoopAxis:
     Attributes:
         retained: the controller's memory, kept at the end; a step may change it.
         samples: what was commanded and seen, reading by reading.
+        start_counts, deg_per_count: motor encoder at the start, and the gantry's angle of a count.
     """
 
     def __init__(
@@ -62,6 +64,7 @@ class OpenLoopAxis:
         machine: Machine,
         drive: CanopenDrive,
         feedback: DriveFeedback,
+        start_deg: float,
         leash_deg: float,
         retained: Retained,
         meter: Meter,
@@ -74,8 +77,8 @@ class OpenLoopAxis:
         self._ref_deg_s, self._sample_s = 0.0, 0.0
         self.drive, self.period_s = drive, drive.settings.period_s
         self.ratio = machine.axis.ratio
-        self._leash_deg = leash_deg
-        self._deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
+        self.start_deg, self._leash_deg = start_deg, leash_deg
+        self.deg_per_count = 360.0 / (drive.identity().counts_per_turn * self.ratio)
         self._clock = RealClock(self.period_s) if machine.paced_by_clock else VirtualClock()
         self._deadline = 0
         self._feedback, self.start_counts = feedback, feedback.pos_act_counts
@@ -107,7 +110,7 @@ class OpenLoopAxis:
     @property
     def angle_deg(self) -> float:
         """Way of the gantry since the start, motor side."""
-        return (self.feedback.pos_act_counts - self.start_counts) * self._deg_per_count
+        return (self.feedback.pos_act_counts - self.start_counts) * self.deg_per_count
 
     @property
     def speed_deg_s(self) -> float:
@@ -328,8 +331,16 @@ def open_loop_axis(
     opened = open_machine(machine, store)
     drive = opened.drive
     assert isinstance(drive, CanopenDrive)
+    known_deg = opened.reading.angle_deg
     axis = OpenLoopAxis(
-        machine, drive, opened.feedback, leash_deg, opened.retained, c.watch.meter, following=following
+        machine,
+        drive,
+        opened.feedback,
+        math.nan if known_deg is None else known_deg,
+        leash_deg,
+        opened.retained,
+        c.watch.meter,
+        following=following,
     )
     try:
         for reason in bus_reasons(machine, store, drive, commissioning=True):

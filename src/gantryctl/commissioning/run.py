@@ -10,13 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from gantryctl.commissioning import (
-    step_accuracy,
     steps_bus,
     steps_lacks,
     steps_motion,
     steps_power,
     steps_sign,
 )
+from gantryctl.commissioning.load_side import chord_test
+from gantryctl.commissioning.load_side.ring import ring
 from gantryctl.commissioning.results import (
     Context,
     InstrumentMaker,
@@ -105,7 +106,7 @@ def _travel_s(machine: Machine) -> float:
 
 def _chords_s(machine: Machine) -> float:
     """The chord test: every move and dwell."""
-    return run_time_s(machine, step_accuracy.ORDER.made())
+    return run_time_s(machine, chord_test.ORDER.made())
 
 
 # What moves nothing comes first, what turns the whole travel last: each step rests on those before it.
@@ -140,6 +141,8 @@ STEPS: Final = (
          "at most 0.05 deg", steps_sign.sign, Reach.STANDSTILL, lambda machine: 3.3),
     Step("velocity", "Velocity step", "a step to creep speed, position loop open", "at most 1 deg",
          steps_power.velocity, Reach.NEAR, lambda machine: 7.0),
+    Step("ring", "Ring encoder", "turns both ways, position loop open: the encoder on the ring beside the motor's",
+         "1.5 deg forward and back", ring, Reach.NEAR, lambda machine: 15.0),
     Step("ramp", "Quick-stop ramp", "measures the drive's own ramp, from 0.3 deg/s upwards",
          "about 7 deg forward and back", steps_lacks.ramp, Reach.NEAR, lambda machine: 20.0, makes_up=RAMP),
     Step("loop", "Position loop", "closes the position loop: 1 deg forward and back at the lowest speed",
@@ -151,7 +154,7 @@ STEPS: Final = (
     Step("bands", "Bands", "proposes in-position and following-error bands from what was measured", "",
          steps_motion.bands),
     Step("accuracy", "Accuracy", "the chord test by an instrument at the load", "the whole travel",
-         step_accuracy.accuracy, Reach.TRAVEL, _chords_s, required=False),
+         chord_test.accuracy, Reach.TRAVEL, _chords_s, required=False),
 )  # fmt: skip
 
 

@@ -9,9 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from gantryctl.commissioning.load_side.ring import BothEncoders, has_ring
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
 from gantryctl.commissioning.pictures import POINTS, MotionSample, Panel, Picture, line
-from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged, passed
+from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged
 from gantryctl.commissioning.stopping.quick_stop import (
     computed_way_deg,
     measure_quick_stop,
@@ -21,6 +22,7 @@ from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, 
 from gantryctl.errors import AlarmStop
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
+from gantryctl.operation.client import Snapshot
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, SILENT_STOP_S
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import MemoryRecorder
@@ -239,7 +241,17 @@ def slow_turn(c: Context) -> StepResult:
     low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
     speed = min(TURN_SPEED, c.machine.speed.setting_max_deg_s)
     # Forward from the middle to the end and from the other end to the middle: both ways are whole.
-    trace, _ = _move(c, "the whole travel", (high, low, 0.0), speed)
+    with _recorded_run(c, "the whole travel") as (run, recorder):
+        encoders, progress = BothEncoders(run), c.watch.meter.observer()
+
+        def look(snapshot: Snapshot) -> None:
+            progress(snapshot)
+            encoders.look()
+
+        run.observe(look)
+        for target in (high, low, 0.0):
+            run.move(target, speed)
+    trace = recorder.trace()
     ratio = c.machine.axis.ratio
     vel = trace["vel_ref_rad_s"]
     # Constant speed only: inertia has no part in it.
@@ -247,10 +259,14 @@ def slow_turn(c: Context) -> StepResult:
     angle, torque = trace["pos_act_rad"][steady], trace["torque_act_nm"][steady] * ratio
     direction = np.sign(vel[steady])
     error = deg(float(np.max(np.abs(trace["pos_err_rad"]))))
+    beside, compared = encoders.compared() if has_ring(c.machine) else ("", {})
+    to_do = "[can.load_encoder]: zero_counts as proposed, counts_per_turn, its coupling to the ring"
     # A drive without 6077 shows no torque in any scan.
     if not np.any(torque):
         proof = f"the whole travel at {speed:g} deg/s; the drive tells no torque: moment and friction are not measured"
-        return passed("turn", proof, following_error_deg=error, speed_deg_s=speed)
+        return judged(
+            True, "turn", proof + beside, to_do, following_error_deg=error, speed_deg_s=speed, **compared
+        )
     # Torque at the gantry over the angle: friction changes sign with the direction, the moment is sine and
     # cosine.
     model = np.column_stack((direction, np.sin(angle), np.cos(angle), np.ones_like(angle)))
@@ -279,7 +295,7 @@ def slow_turn(c: Context) -> StepResult:
     lines += [line(f"{way}, fitted", degrees[chosen], fitted[chosen]) for way, chosen in both]
     panel = Panel("angle, deg", "torque at the gantry, kN m", tuple(lines))
     c.watch.pictures.append(Picture("torque over the angle", (panel,)))
-    return passed("turn", proof, **figures)
+    return judged(True, "turn", proof + beside, to_do, **figures, **compared)
 
 
 # Bands are proposed at twice what was measured, and refused below one and a half.
