@@ -36,8 +36,14 @@ T load_side_bias(const CompensationParams<T>& p, T bias, T error) {
   return clamp(next, -p.encoder_limit_rad, p.encoder_limit_rad);
 }
 
+// Twist without the wind-up of the set-point: a load that is accelerated as planned does not swing.
+template <class T>
+T unplanned_twist(const CompensationParams<T>& p, const SetPoint<T>& r, T twist) {
+  return twist - windup_correction(p, r.pos, r.vel, r.acc, T(0.0)).pos;
+}
+
 // Speed, at the gantry, by which the motor yields to the swing of the load: g (Kpp (w - r') + w1^2 (twist -
-// resting twist)), w the filtered load speed.
+// resting twist)), w the filtered load speed, the twist without what is planned.
 template <class T>
 T damping_speed(const CompensationParams<T>& p, T kpp_per_s, CompensationState<T>& s, T ring, T vel_ref,
                 T twist) {
@@ -58,7 +64,7 @@ void begin_following(const CompensationParams<T>& p, T ratio, const SetPoint<T>&
   s.acc_last_rad_s2 = select(going, s.acc_last_rad_s2, r.acc);
   s.ring_last_rad = select(going, s.ring_last_rad, ring);
   s.vel_ring_rad_s = select(going, s.vel_ring_rad_s, r.vel);
-  s.twist_slow_rad = select(going, s.twist_slow_rad, y - ring);
+  s.twist_slow_rad = select(going, s.twist_slow_rad, unplanned_twist(p, r, y - ring));
   s.torque_zero_nm = select(going, s.torque_zero_nm, feed_forward_torque(p, ratio, r.pos, r.acc));
   s.started = mask<T>(true);
 }
@@ -113,7 +119,8 @@ CompensatedResult<T> compensated_law(const PositionLawParams<T>& law, const Comp
   out.law = position_law(law, r.pos + shift - lead, r.vel + c.vel, counts);
   out.law.pos_act_rad = out.law.pos_act_rad + lead - shift;
   if (p.damping) {
-    const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, r.vel, y - ring);
+    const T twist = unplanned_twist(p, r, y - ring);
+    const T yields = ratio * damping_speed(p, law.kpp_per_s, s, ring, r.vel, twist);
     out.law.vel_cmd_rad_s = clamp(out.law.vel_cmd_rad_s - yields, -law.vel_max_rad_s, law.vel_max_rad_s);
   }
   const T torque = feed_forward_torque(p, ratio, r.pos, r.acc) - s.torque_zero_nm;

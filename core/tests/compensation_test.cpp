@@ -140,6 +140,32 @@ TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
   EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 9.0).law.vel_cmd_rad_s, -law.vel_max_rad_s);
 }
 
+// An acceleration winds the transmission up as planned: the motor must not yield to it, or the load would lag.
+TEST(CompensatedLaw, yields_to_no_wind_up_that_is_planned) {
+  Params p;
+  p.damping = true;
+  p.damping_gain = 0.05;
+  p.swing_rad_s = 12.6;
+  p.damping_slow = 1e-3;
+  p.moment_sine_nm = 1.6e4;
+  p.compliance_rad_per_nm = 2.8e-9;
+  p.windup_per_acc_s2 = 6.2e-3;
+  Params stiff = p;
+  stiff.damping = false;
+  const PositionLawParams<double> law = example::law();
+  State s, without;
+  const double jerk = 0.02;
+  for (double t = 0.0; t < 0.5; t += p.period_s) {
+    const SetPoint<double> r{0.3 + jerk * t * t * t / 6, jerk * t * t / 2, jerk * t};
+    const double windup = windup_correction(p, r.pos, r.vel, r.acc, jerk).pos;
+    const double counts = (r.pos + windup) * law.ratio / law.rad_per_count;
+    const double apart = compensated_law(law, p, s, r, counts, r.pos).law.vel_cmd_rad_s -
+                         compensated_law(law, stiff, without, r, counts, r.pos).law.vel_cmd_rad_s;
+    // Kpp x gain x half a scan of the acceleration; the wind-up taken for a swing would be 5e-4 rad/s in the end.
+    EXPECT_NEAR(apart / law.ratio, 0.0, 4e-6);
+  }
+}
+
 TEST(CompensatedLaw, lets_a_motor_side_that_is_no_number_through_to_the_guard) {
   State s;
   EXPECT_TRUE(

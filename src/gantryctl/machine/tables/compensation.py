@@ -77,10 +77,10 @@ class DampingTable(Table):
     active: bool = switch(False, "Damp the swing.")
     gain: float = number(0.05, 0.0, 0.3, "Part of the swing that the motor yields to.")
     filter_ms: float = number(5.0, 0.1, 100.0, "Filter of the load speed.")
-    # Wind-up under a standing moment or a planned acceleration is no swing: a filter of one period of the first mode
-    # takes it out. With 1 s the motor yields to its own start (0.021 deg/s of the load from -90 deg, now 0.017); with
-    # 0.3 s and half the gain the swing of a gear of 0.3e9 N m/rad lasts too long.
-    slow_s: float = number(0.5, 0.1, 50.0, "Twist that lasts longer is no swing.")
+    # Wind-up under a standing moment is no swing. Shorter than a swing (0.5 s): what lost motion leaves after a stop is
+    # gone before the load-side loop has integrated it. With 0.3 s and half the gain the swing of a gear of 0.3e9
+    # N m/rad lasts too long.
+    slow_s: float = number(0.4, 0.1, 50.0, "Twist that lasts longer is no swing.")
 
 
 class CompensationTable(Table):
