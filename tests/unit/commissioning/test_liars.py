@@ -146,7 +146,7 @@ def test_the_word_does_not_change_while_the_heartbeat_is_silent(commission: Virt
         node.od.actions[0x6040, 0] = seen
         # It stays in OPERATIONAL (1029), so that the telegrams of a living controller reach it.
         node._heartbeat_lost = lambda: None
-        node._consumer._lost = lambda: node.axis.communication_lost(0x8130)
+        node.stack._consumer._lost = lambda: node.axis.communication_lost(0x8130)
 
     assert commission("", "silence", spoil=spy).result.outcome is Outcome.PASSED
     # In the fault by the heartbeat the drive still gets the word of before.

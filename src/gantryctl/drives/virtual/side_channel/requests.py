@@ -187,7 +187,7 @@ class Requests:
         name = str(request.get("state"))
         if name not in ("STOPPED", "OPERATIONAL", "PRE_OPERATIONAL"):
             raise UsageError(f"state is STOPPED, OPERATIONAL or PRE_OPERATIONAL, got {name!r}")
-        self._node.enter(NmtState[name])
+        self._node.stack.enter(NmtState[name])
 
     def _reset(self, request: Mapping[str, Any]) -> None:
         """off_s: the drive restarts by itself, as after a power failure, and is away that long."""

@@ -126,4 +126,4 @@ def _flood(target: Target, can_id: int, share: float) -> Undo:
 )
 def _nmt(target: Target, state: str) -> None:
     """Drive changes its NMT state by itself."""
-    target.node.enter(NmtState[state])
+    target.node.stack.enter(NmtState[state])
