@@ -169,14 +169,14 @@ def run_fault(
     bench = FaultBench(built, case.phase, speed_deg_s, finite(angle_deg, "angle in deg", -180.0, 180.0))
     try:
         bench.reach()
-        before, refusals = len(bench.axis.alarms.history), bench.axis.refusal_count
+        before = _Before(len(bench.axis.alarms.history), bench.axis.refusal_count)
         bench.record()
         if not case.phase.moves:
             bench.run_for(_BEFORE_S)
         bench.inject(case.injections)
         bench.go_on()
         _watch(bench, case)
-        return _judged(case, bench, built, kind, speed_deg_s, angle_deg, bench.offset_deg, before, refusals)
+        return _judged(case, bench, before, kind, speed_deg_s, angle_deg)
     finally:
         bench.close()
 
@@ -189,18 +189,22 @@ def _watch(bench: FaultBench, case: FaultCase) -> None:
     bench.run_for(_WATCH_S)
 
 
+class _Before(NamedTuple):
+    """How many alarms and refusals there were before the fault."""
+
+    alarms: int
+    refusals: int
+
+
 def _judged(
     case: FaultCase,
     bench: FaultBench,
-    machine: Machine,
+    before: _Before,
     kind: DriveKind,
     speed_deg_s: float,
     angle_deg: float,
-    offset_deg: float,
-    before: int,
-    refusals: int,
 ) -> FaultResult:
-    axis, log = bench.axis, bench.log()
+    axis, log, machine, offset_deg = bench.axis, bench.log(), bench.machine, bench.offset_deg
     time_s, pos, vel = log["time_s"], log["pos_deg"], log["vel_deg_s"]
     onset_s = bench.onset_s if bench.onset_s is not None else math.nan
     begin = int(np.searchsorted(time_s, onset_s - 1e-9)) if math.isfinite(onset_s) else 0
@@ -214,10 +218,10 @@ def _judged(
     moving = np.nonzero(np.abs(vel[begin:]) > AT_REST_DEG_S)[0]
     rests = not len(moving) or begin + int(moving[-1]) < len(vel) - 1
     rest_s = float((moving[-1] + 1) * 1e-3) if len(moving) else 0.0
-    alarms = list(axis.alarms.history)[before:]
+    alarms = list(axis.alarms.history)[before.alarms :]
     first = axis.alarms.first_out
     refusal = axis.refusal
-    refused = () if refusal is None or axis.refusal_count == refusals else (refusal.code.value,)
+    refused = () if refusal is None or axis.refusal_count == before.refusals else (refusal.code.value,)
     first_out = first.code.value if first is not None else ""
     speed = abs(speed_deg_s) if case.phase.moves else 0.0
     limit = limit_deg(machine, case.reaction, speed) + speed * case.seen_after_s

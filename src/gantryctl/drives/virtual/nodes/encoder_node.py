@@ -60,19 +60,6 @@ class EncoderNode:
         readers[0x6004, 0] = self._position
         readers[0x6503, 0] = lambda: _POSITION_ERROR if self.alarm else 0
 
-    @property
-    def node_id(self) -> int:
-        """1..127."""
-        return self.slave.node_id
-
-    def advance(self, us: int) -> None:
-        """Advance the node's own time."""
-        self.slave.advance(us)
-
-    def on_frame(self, can_id: int, data: bytes) -> None:
-        """Take one frame."""
-        self.slave.on_frame(can_id, data)
-
     def boot(self) -> None:
         """Power on."""
         self.slave.boot()

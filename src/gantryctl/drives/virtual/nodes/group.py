@@ -7,27 +7,21 @@ from typing import Final, NamedTuple, Protocol
 from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.nodes.encoder_node import EncoderNode
 from gantryctl.drives.virtual.nodes.io_node import IoNode
+from gantryctl.drives.virtual.nodes.slave import Slave
 from gantryctl.errors import UsageError
 
 
 class Neighbour(Protocol):
-    """Node beside the drive."""
+    """Node beside the drive.
 
-    @property
-    def node_id(self) -> int:
-        """1..127."""
-        ...
+    Attributes:
+        slave: its CANopen side.
+    """
+
+    slave: Slave
 
     def boot(self) -> None:
         """Power on."""
-        ...
-
-    def advance(self, us: int) -> None:
-        """Advance the node's own time."""
-        ...
-
-    def on_frame(self, can_id: int, data: bytes) -> None:
-        """Take one frame."""
         ...
 
 
@@ -52,7 +46,7 @@ def spoil(node: IoNode | EncoderNode, fault: str, value: object) -> None:
     """
     known = IO_FAULTS if isinstance(node, IoNode) else ENCODER_FAULTS
     if fault not in known:
-        raise UsageError(f"node {node.node_id} has no fault '{fault}'; it has: {', '.join(known)}")
+        raise UsageError(f"node {node.slave.node_id} has no fault '{fault}'; it has: {', '.join(known)}")
     if fault == "jump":
         if not isinstance(value, int) or isinstance(value, bool) or abs(value) > _JUMP_MAX:
             raise UsageError(f"a jump is a whole number of steps up to {_JUMP_MAX}, got {value!r}")
@@ -75,7 +69,7 @@ class NodeGroup:
     @property
     def node_ids(self) -> tuple[int, ...]:
         """Node ids of all."""
-        return (self.drive.node_id, *(node.node_id for node in self.neighbours))
+        return (self.drive.node_id, *(node.slave.node_id for node in self.neighbours))
 
     @property
     def time_us(self) -> int:
@@ -97,13 +91,13 @@ class NodeGroup:
         """Advance every node's time."""
         self.drive.advance(us)
         for node in self.neighbours:
-            node.advance(us)
+            node.slave.advance(us)
 
     def on_frame(self, can_id: int, data: bytes) -> None:
         """Hand a frame to every node."""
         self.drive.on_frame(can_id, data)
         for node in self.neighbours:
-            node.on_frame(can_id, data)
+            node.slave.on_frame(can_id, data)
 
 
 def group_of(drive: DriveNode, neighbours: Neighbours) -> DriveNode | NodeGroup:

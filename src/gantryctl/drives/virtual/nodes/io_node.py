@@ -82,19 +82,6 @@ class IoNode:
             self.slave.od.readers[0x6000, n] = partial(self._group, n)
             self.slave.od.actions[0x6200, n] = lambda _value: self._commanded()
 
-    @property
-    def node_id(self) -> int:
-        """1..127."""
-        return self.slave.node_id
-
-    def advance(self, us: int) -> None:
-        """Advance the node's own time."""
-        self.slave.advance(us)
-
-    def on_frame(self, can_id: int, data: bytes) -> None:
-        """Take one frame."""
-        self.slave.on_frame(can_id, data)
-
     def boot(self) -> None:
         """Power on."""
         self._word = 0

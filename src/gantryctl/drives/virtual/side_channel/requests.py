@@ -46,7 +46,7 @@ class Requests:
 
     def __init__(self, node: DriveNode, neighbours: Neighbours | None = None) -> None:
         self._node = node
-        self._beside = {each.node_id: each for each in neighbours or () if each is not None}
+        self._beside = {each.slave.node_id: each for each in neighbours or () if each is not None}
         self._commands: dict[str, Callable[[Mapping[str, Any]], Answer]] = {
             "hello": self._hello,
             "truth": self._truth,
