@@ -19,6 +19,7 @@ from gantryctl.engineering.faults.injection import (
 from gantryctl.engineering.faults.kinds.kind import Place
 from gantryctl.engineering.faults.seams import KINDS
 from gantryctl.errors import UsageError
+from support.frames_left import leaves_frames
 
 
 def refusal(**data: object) -> str:
@@ -88,6 +89,12 @@ def test_a_wrong_file_is_one_sentence(tmp_path: Path, text: str, said: str) -> N
         load_injections(path)
     with pytest.raises(UsageError, match="cannot be read"):
         load_injections(tmp_path / "none.toml")
+
+
+def test_a_refused_injection_leaves_no_frames() -> None:
+    """A context error that holds its traceback, inside an error of compiled code, was never collected."""
+    wrong = {"where": "encoder", "kind": "gain", "args": {"value": "x"}}
+    assert not leaves_frames(lambda: parse_injection(wrong), UsageError)
 
 
 def test_every_standing_fault_of_a_drive_can_be_injected_by_some_kind() -> None:

@@ -72,7 +72,8 @@ def check_table(model: type[TableT], data: Data, name: str) -> TableT:
         return model.model_validate_json(_as_json(data), strict=True)
     except ValidationError as error:
         errors = error.errors(include_url=False, include_input=False)
-        raise ConfigError(describe(errors, data, name, model)[0]) from None
+        lines = describe(errors, data, name, model)[0]
+    raise ConfigError(lines)  # not inside: see `check`
 
 
 def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
@@ -103,11 +104,13 @@ def check(data: Data, name: str) -> Machine:
         # The rules run as well, with stand-ins for what was refused: one run reports all problems (decision 0004).
         lines, unusable = describe(error.errors(include_url=False, include_input=False), data, name)
         lines += contradictions(_without(error, data), printable(name, 300), unusable)
-        raise ConfigError(lines) from None
-    lines = contradictions(machine, printable(name, 300))
-    if lines:
-        raise ConfigError(lines)
-    return machine
+    else:
+        lines = contradictions(machine, printable(name, 300))
+        if not lines:
+            return machine
+    # Not inside: a `ValidationError` that a raised error keeps as its context is never collected, nor is any frame that
+    # it reaches, for Python cannot look into it.
+    raise ConfigError(lines)
 
 
 def configs_folder() -> Path:

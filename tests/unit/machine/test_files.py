@@ -6,8 +6,15 @@ import time
 import pytest
 
 from gantryctl.errors import ConfigError
-from gantryctl.machine import default_machine, default_machine_path, load_machine, parse_machine
+from gantryctl.machine import (
+    default_machine,
+    default_machine_path,
+    load_machine,
+    parse_machine,
+    with_values,
+)
 from gantryctl.machine.reading import MAX_BYTES, MAX_LINE
+from support.frames_left import leaves_frames
 
 TEXT = default_machine_path().read_text(encoding="utf-8")
 
@@ -21,6 +28,11 @@ def only_problem(call, *arguments):
     assert caught.value.exit_code == 2
     assert str(caught.value).isprintable()
     return caught.value.problems[0]
+
+
+def test_a_refused_machine_leaves_no_frames() -> None:
+    wrong = {"plant.load.eccentric_sign": 0.5}
+    assert not leaves_frames(lambda: with_values(default_machine(), wrong), ConfigError)
 
 
 @pytest.mark.parametrize(

@@ -266,6 +266,9 @@ def read_profile(path: Path) -> DriveProfile:
     try:
         return DriveProfile.model_validate({**data, "name": path.stem})
     except ValidationError as error:
-        raise ConfigError(
-            [f"{path}: {'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors(include_url=False)]
-        ) from None
+        lines = [
+            f"{path}: {'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors(include_url=False)
+        ]
+    raise ConfigError(
+        lines
+    )  # not inside: the context of a raised error keeps its frames (machine/loading.py)

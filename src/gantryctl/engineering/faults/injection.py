@@ -125,9 +125,10 @@ def parse_injection(data: Mapping[str, Any], name: str = "injection") -> Injecti
     try:
         return Injection.model_validate(dict(data))
     except ValidationError as wrong:
-        first = wrong.errors()[0]
-        place = ".".join(str(part) for part in (name, *first["loc"]))
-        raise UsageError(f"{place}: {first['msg'].removeprefix('Value error, ')}") from None
+        first = wrong.errors(include_context=False)[0]
+    # Not inside: the context of a raised error keeps its frames (machine/loading.py).
+    place = ".".join(str(part) for part in (name, *first["loc"]))
+    raise UsageError(f"{place}: {first['msg'].removeprefix('Value error, ')}")
 
 
 def load_injections(path: Path) -> tuple[Injection, ...]:
