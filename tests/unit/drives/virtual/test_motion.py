@@ -179,14 +179,14 @@ def test_the_overload_warns_then_limits_to_rated_torque() -> None:
 
 
 def test_digital_inputs_show_limit_switches_chain_mains_and_brake(bench: Bench) -> None:
-    assert bench.up(0x60FD) == 0x77_0008
+    assert bench.up(0x60FD) == 0x177_0008
     bench.enable()
-    assert bench.up(0x60FD) == 0x7F_0008
+    assert bench.up(0x60FD) == 0x17F_0008
     bench.inject("limit_plus_ok", False)
     bench.inject("brake_feedback", False)
-    assert bench.up(0x60FD) == 0x77_000A
+    assert bench.up(0x60FD) == 0x177_000A
     bench.inject("estop_ok", False)
-    assert bench.up(0x60FD) == 0x76_0002
+    assert bench.up(0x60FD) == 0x176_0002
 
 
 def test_a_threshold_of_0_leaves_the_drives_own_standstill(bench: Bench) -> None:
