@@ -192,7 +192,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
         own = watched_ways(axis)
         if own:
             # The way that acts first counts.
-            delay_s = min(way.limit_s(c.machine) for way in own)
+            delay_s = min(way.limit_s(axis.drive) for way in own)
             computed = computed_way_deg(speed, dec, delay_s) + _unbraked_way_deg(c)
         else:
             # A watchdog beside the drive takes the torque off, and there is no ramp.

@@ -65,6 +65,7 @@ def canopen_settings(machine: Machine) -> CanopenSettings:
         brake_close_s=machine.brake.close_time_ms * 1e-3,
         heartbeat_s=c.heartbeat_ms * 1e-3,
         heartbeat_timeout_s=c.heartbeat_timeout_ms * 1e-3,
+        lone_heartbeat_s=c.lone_heartbeat_ms * 1e-3,
         rpdo_deadline_s=c.rpdo_deadline_ms * 1e-3,
         answer_s=answer_s,
         sdo_timeout_s=c.sdo_timeout_ms * 1e-3,

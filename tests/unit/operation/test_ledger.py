@@ -290,8 +290,8 @@ def test_a_heartbeat_alone_costs_angle_and_limits_the_speed() -> None:
 
     v^2 / 10.8 + 0.15 v = 4 has the root 5.81 deg/s, told and enforced to the tenth below.
     """
-    facts = changed(FACTS, o1400_5=None)
-    row = row_of("stops_without_commands", facts)
+    slow = with_values(REAL, {"can.heartbeat_alone_ms": 150.0})
+    row = row_of("stops_without_commands", changed(FACTS, o1400_5=None), slow)
     assert (row.standing, str(row.by)) == (Standing.MADE_UP, "1016:01, step silence")
     assert row.speed_max_deg_s == 5.8
     assert "no 1400:05" in str(row.detail)
@@ -300,11 +300,20 @@ def test_a_heartbeat_alone_costs_angle_and_limits_the_speed() -> None:
         "150 ms, then its ramp: 4.23 deg from 6 deg/s; permitted 4 deg: not faster than 5.8 deg/s; "
         "111 ms allow 6 deg/s" in str(row.detail)
     )
-    # 100 ms: 3.93 deg.
-    quick = with_values(REAL, {"can.heartbeat_timeout_ms": 100.0})
-    row = row_of("stops_without_controller", changed(facts_of_virtual(quick), o1400_5=None), quick)
+    # 100 ms, the default where the heartbeat is alone: 3.93 deg.
+    row = row_of("stops_without_controller", changed(FACTS, o1400_5=None, o1016_1=127 << 16 | 100))
     assert (row.standing, row.speed_max_deg_s) == (Standing.PROVEN, None)
     assert "100 ms, then its ramp: 3.93 deg" in str(row.detail)
+
+
+def test_a_drive_that_watches_the_heartbeat_alone_gets_the_shorter_time_where_it_takes_it() -> None:
+    """EPOS4 has no 1400:05. Set up, it holds 100 ms; one that takes at least 120 ms keeps the 150 of both watches."""
+    assert facts_of_virtual(EPOS).value(0x1016, 1) == 127 << 16 | 100
+    assert FACTS.value(0x1016, 1) == 127 << 16 | 150
+    least = dict(changed(FACTS, o1400_5=None).objects)
+    least[0x1016, 1] = replace(least[0x1016, 1], low=127 << 16 | 120, default=0)
+    row = row_of("stops_without_controller", canopen_wiring.set_up_facts(REAL, replace(FACTS, objects=least)))
+    assert row.speed_max_deg_s == 5.8
 
 
 def test_a_deadline_alone_stops_the_axis_of_a_dead_controller() -> None:
@@ -457,8 +466,9 @@ def test_fixed_telegrams_are_no_csv_axis() -> None:
 
 
 def test_the_highest_speed_of_the_ledger_is_enforced(tmp_path: Path) -> None:
-    with StateStore(EPOS, tmp_path) as store:
-        run = AxisRun(EPOS, store)
+    slow = with_values(EPOS, {"can.heartbeat_alone_ms": 150.0})
+    with StateStore(slow, tmp_path) as store:
+        run = AxisRun(slow, store)
         try:
             assert run.speed_max_deg_s == 5.8
             assert any("not faster than 5.8 deg/s" in note for note in run.notes)

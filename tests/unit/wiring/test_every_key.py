@@ -304,8 +304,13 @@ ROWS: dict[str, Row] = {
         f"can.encoder.{name}": {f"bus.encoder.{name}": 1.0}
         for name in ("sub", "length", "checksum_error", "alarm", "warning", "battery")
     },
-    "can.heartbeat_ms": {"bus.heartbeat_s": MS},
+    # Two heartbeats at least.
+    "can.heartbeat_ms": {
+        "bus.heartbeat_s": MS,
+        "bus.lone_heartbeat_s": lambda machine: 2.0 * MS * machine.can.heartbeat_ms,
+    },
     "can.heartbeat_timeout_ms": {"bus.heartbeat_timeout_s": MS},
+    "can.heartbeat_alone_ms": {"bus.lone_heartbeat_s": MS},
     "can.rpdo_deadline_ms": {"bus.rpdo_deadline_s": MS},
     "can.answer_ms": {"bus.answer_s": MS},
     "can.sdo_timeout_ms": {"bus.sdo_timeout_s": MS},

@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 
 from gantryctl.commissioning.open_loop_axis import ENABLE, OpenLoopAxis, state_name
 from gantryctl.drives.canopen.cia402 import ENERGISED, decode_statusword
+from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveState, OutputImage
-from gantryctl.machine import Machine
 
 # By SDO state and position are asked for in turn, and an answer comes a scan later; 6041 itself lags by 10 ms on a real
 # drive model.
@@ -36,10 +36,10 @@ class Way(StrEnum):
         """Object of the drive's own watch."""
         return "1400:05" if self is Way.COMMANDS else "1016:01"
 
-    def limit_s(self, machine: Machine) -> float:
+    def limit_s(self, drive: CanopenDrive) -> float:
         """Time after which the drive must act."""
-        can = machine.can
-        return 1e-3 * (can.rpdo_deadline_ms if self is Way.COMMANDS else can.heartbeat_timeout_ms)
+        settings = drive.opened.settings
+        return settings.rpdo_deadline_s if self is Way.COMMANDS else settings.watch_s
 
 
 def watched_ways(axis: OpenLoopAxis) -> tuple[Way, ...]:

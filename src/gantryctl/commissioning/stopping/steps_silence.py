@@ -34,11 +34,11 @@ def silence(c: Context) -> StepResult:
                 lacking.append(f"{way.place} ({way})")
                 continue
             axis.enable()
-            seen = fall_silent(axis, Silence((way,), way.limit_s(c.machine), _SAG_DEG))
+            seen = fall_silent(axis, Silence((way,), way.limit_s(axis.drive), _SAG_DEG))
             if seen.stopped:
                 axis.wake()
         key = way.replace(" ", "_")
-        most_ms = 1e3 * seen_by_s(way.limit_s(c.machine), axis.period_s)
+        most_ms = 1e3 * seen_by_s(way.limit_s(axis.drive), axis.period_s)
         figures[f"{key}_ms"] = Figure(1e3 * seen.stopped_s, high=most_ms)
         figures[f"{key}_moved_deg"] = Figure(seen.way_deg, high=_SAG_DEG)
         said = f"{way} silent: {_told(seen)}"

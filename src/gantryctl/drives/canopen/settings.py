@@ -116,6 +116,10 @@ class CanopenSettings:
     brake_close_s: float = 0.15
     heartbeat_s: float = 0.05
     heartbeat_timeout_s: float = 0.15
+    lone_heartbeat_s: float = 0.15
+    """Time-out of our heartbeat in a drive without a deadline of its commands, where it takes that."""
+    watched_alone: bool = False
+    """This drive is such a one."""
     rpdo_deadline_s: float = 0.05
     answer_s: float = 0.002
     """Longest time a scan waits for the answers to its SYNC."""
@@ -146,12 +150,30 @@ class CanopenSettings:
         return self.outputs.mask | (self.brake_owner == "object_60FE")
 
     def of_drive(self, facts: DriveFacts) -> CanopenSettings:
-        """The settings with the profile of this drive, unless the machine file names one.
+        """The settings for this drive: its profile, unless the machine file names one, and what it watches.
 
         Args:
             facts: identity, and objects by which models are told apart.
         """
-        return self if self.profile is not None else replace(self, profile=profile_of(facts))
+        profile = self.profile if self.profile is not None else profile_of(facts)
+        return replace(self, profile=profile, watched_alone=self._watched_alone(facts))
+
+    def _watched_alone(self, facts: DriveFacts) -> bool:
+        """The drive holds, or takes, the short time-out of our heartbeat and no deadline of its commands."""
+        short = replace(self, watched_alone=True).watched_heartbeat
+        return facts.can_hold(0x1016, 1, short) and not facts.can_hold(
+            0x1400, 5, round(self.rpdo_deadline_s * 1e3)
+        )
+
+    @property
+    def watch_s(self) -> float:
+        """Time after which this drive misses our heartbeat."""
+        return self.lone_heartbeat_s if self.watched_alone else self.heartbeat_timeout_s
+
+    @property
+    def watched_heartbeat(self) -> int:
+        """1016:01: our node id and the time-out in ms."""
+        return self.master_node << 16 | round(self.watch_s * 1e3)
 
     @property
     def told_speed_unit(self) -> DriveVelocityUnit | None:

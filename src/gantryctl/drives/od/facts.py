@@ -66,6 +66,11 @@ class DriveFacts:
         found = self.objects.get((index, sub))
         return found is not None and found.writable
 
+    def can_hold(self, index: int, sub: int, value: int) -> bool:
+        """The drive holds the value, or takes it."""
+        found = self.objects.get((index, sub))
+        return found is not None and (found.default == value or found.takes(value))
+
     def value(self, index: int, sub: int = 0) -> int | None:
         """Whole number that the object holds; None without the object, or where nobody has said which."""
         found = self.objects.get((index, sub))

@@ -76,7 +76,7 @@ def watch_rows(machine: Machine, stops: Iterable[StopRow]) -> tuple[WatchRow, ..
     """Both watches at the speeds of a table of stops; () for a machine without a bus."""
     if not machine.on_bus:
         return ()
-    watches = {"1400:05": machine.can.rpdo_deadline_ms, "1016": machine.can.heartbeat_timeout_ms}
+    watches = {"1400:05": machine.can.rpdo_deadline_ms, "1016": machine.can.lone_heartbeat_ms}
     quick = [row.stop for row in stops if row.stop.stop_class is StopClass.QUICK]
     return tuple(
         WatchRow(

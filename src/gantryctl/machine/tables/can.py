@@ -164,6 +164,15 @@ class CanTable(Table):
     heartbeat_timeout_ms: float = number(
         150.0, 20.0, 5000.0, "Without a heartbeat for this long the other one is lost (1016)."
     )
+    # 6 deg/s for 150 ms and the quick stop are 4.23 deg, for 100 ms 3.93 deg. A controller that is 30 ms late stops the
+    # axis by itself (SYS-02), so it holds a time of its heartbeat's period and 30 ms.
+    heartbeat_alone_ms: float = number(
+        100.0,
+        20.0,
+        5000.0,
+        "The same in a drive without a deadline of its commands (1400:05), where it takes the time: two heartbeats at "
+        "least, heartbeat_timeout_ms at most.",
+    )
     # The drive itself must stop the axis of a controller that is gone: proven when commissioning and after each
     # boot-up of the drive (decision 0012).
     rpdo_deadline_ms: float = number(
@@ -213,6 +222,11 @@ class CanTable(Table):
         if self.io.node and node >= 0:
             return f"6200 bit {node} of node {self.io.node}"
         return f"60FE bit {drive}" if drive >= 0 else ""
+
+    @property
+    def lone_heartbeat_ms(self) -> float:
+        """Time-out of the controller's heartbeat in a drive that watches nothing else."""
+        return min(self.heartbeat_timeout_ms, max(self.heartbeat_alone_ms, 2.0 * self.heartbeat_ms))
 
     @property
     def simulated(self) -> bool:

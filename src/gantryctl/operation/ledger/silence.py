@@ -33,7 +33,10 @@ def silence_rows(q: Question) -> tuple[LedgerRow, LedgerRow]:
     if not deadline and not heartbeat:
         return _by_watchdog(q, COMMANDS), _by_watchdog(q, CONTROLLER)
     # A dead controller sends neither commands nor heartbeat: the shorter watch acts.
-    delay_ms = can.rpdo_deadline_ms if deadline else can.heartbeat_timeout_ms
+    held = q.value(_HEARTBEAT)
+    delay_ms = (
+        can.rpdo_deadline_ms if deadline else can.heartbeat_timeout_ms if held is None else held & 0xFFFF
+    )
     if not deadline:
         # Both go out in the same scan, so that commands end alone only where telegrams are lost on their way.
         cost = costs(q.why_not(_DEADLINE), Words.LEDGER_MISSES_CONTROLLER)

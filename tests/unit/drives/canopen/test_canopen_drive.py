@@ -9,6 +9,8 @@ import pytest
 
 from bus.bus_rig import BusRig, bus_machine
 from gantryctl.drives.canopen.drive import CanopenDrive
+from gantryctl.drives.canopen.setup.opening import parameter_rows
+from gantryctl.drives.od.verdicts import ParameterVerdict
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import DeviceError
 from gantryctl.image import DriveRequest, DriveState, LinkFlag
@@ -409,3 +411,37 @@ def test_an_orderly_leave_is_no_fault() -> None:
     bench.virtual.advance(2_000_000)
     assert bench.virtual.axis.state.name == "SWITCH_ON_DISABLED"
     assert bench.virtual.od.number(0x1003) == 0  # nothing in the drive's error history
+
+
+@pytest.mark.parametrize(("shortest_ms", "held_ms"), [(0, 100), (120, 150)])
+def test_a_drive_that_takes_no_deadline_gets_a_shorter_heartbeat_time_out_if_it_takes_that(
+    shortest_ms: int, held_ms: int
+) -> None:
+    bench = Bench()
+    own = bench.virtual.od.checks[0x1016, 1]
+
+    def deadline(value: int) -> None:
+        if value:
+            raise SdoAbort(Abort.VALUE)
+
+    def heartbeat(value: int) -> None:
+        own(value)
+        if 0 < value & 0xFFFF < shortest_ms:
+            raise SdoAbort(Abort.VALUE_LOW)
+
+    bench.virtual.od.checks[0x1400, 5] = deadline
+    bench.virtual.od.checks[0x1016, 1] = heartbeat
+    opened = bench.open().drive.opened
+    (row,) = [row for row in opened.rows if row.place == "1016:01"]
+    assert (row.verdict, row.value) == (ParameterVerdict.OK, 127 << 16 | held_ms)
+    assert opened.settings.watch_s == pytest.approx(1e-3 * held_ms)
+    # What judges the drive later comes to the same.
+    assert parameter_rows(bench.drive.settings, opened.facts)[opened.rows.index(row)] == row
+    # The drive's own watch acts in that time.
+    bench.enable()
+    bench.drive.silent_heartbeat = True
+    scans = 0
+    while bench.scan().state is DriveState.OPERATION_ENABLED and scans < 100:
+        scans += 1
+    assert held_ms - 50 <= 4 * scans <= held_ms + 12  # the last heartbeat is up to 50 ms old
+    bench.drive.close()

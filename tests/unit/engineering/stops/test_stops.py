@@ -43,7 +43,9 @@ def test_other_speeds_may_be_asked_for() -> None:
 
 def test_a_silent_controller_costs_the_delay_of_the_watch_that_sees_it() -> None:
     """50 ms are 0.30 deg of 6 deg/s, 150 ms 0.90 deg: 4.23 deg, and v^2 / 10.8 + 0.15 v = 4 ends at 5.81 deg/s."""
-    machine = with_values(MACHINE, {"drive.kind": "canopen", "control.scan_period_ms": 4.0})
+    machine = with_values(
+        MACHINE, {"drive.kind": "canopen", "control.scan_period_ms": 4.0, "can.heartbeat_alone_ms": 150.0}
+    )
     table = stop_table(machine, (6.0,))
     (quick,) = [row.stop for row in table if row.stop.stop_class is StopClass.QUICK]
     deadline, heartbeat = watch_rows(machine, table)

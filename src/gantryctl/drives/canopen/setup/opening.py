@@ -112,6 +112,7 @@ class UnusableDrive(DeviceError):
         super().__init__(text)
 
 
+_WATCH: Final = (0x1016, 1)
 # The objects by which telegrams are set up.
 _TELEGRAMS: Final = ((0x1400, 1), (0x1400, 2), (0x1600, 0), (0x1800, 1), (0x1800, 2), (0x1A00, 0))
 
@@ -181,8 +182,9 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
     node.enter_pre_operational()
     settings = _profiled(node, identity, settings)
     rated = node.sdo.optional(0x6076)
+    refused, codes = write_parameters(node.sdo, wanted_of(settings, rated))
+    settings, refused = _watched(node, identity, settings, rated, refused)
     wanted = wanted_of(settings, rated)
-    refused, codes = write_parameters(node.sdo, wanted)
     # The brake closes and the speed is 0 before the telegrams fly: the RPDO repeats both from the first scan on.
     mask = settings.output_mask
     if mask:
@@ -223,6 +225,25 @@ def open_node(node: RemoteNode, settings: CanopenSettings) -> NodeSetup:
         facts=facts,
         settings=settings,
     )
+
+
+def _watched(
+    node: RemoteNode,
+    identity: NodeIdentity,
+    settings: CanopenSettings,
+    rated: int | None,
+    refused: frozenset[tuple[int, int]],
+) -> tuple[CanopenSettings, frozenset[tuple[int, int]]]:
+    """Shorten the heartbeat time-out of a drive that watches nothing else; one that takes no shorter one keeps it."""
+    watches = (_WATCH, (0x1400, 5))
+    short = settings.of_drive(read_facts(node.sdo, identity, watches, refused))
+    if not short.watched_alone:
+        return short, refused
+    parameter = next(p for p in wanted_of(short, rated) if (p.obj, p.sub) == _WATCH)
+    if not write_parameters(node.sdo, (parameter,))[0]:
+        return short, refused
+    refused |= {_WATCH}
+    return settings.of_drive(read_facts(node.sdo, identity, watches, refused)), refused
 
 
 def _outputs_off(node: RemoteNode, mask: int) -> None:

@@ -44,7 +44,6 @@ def wanted_parameters(
     s = settings
     period_us = round(s.period_s * 1e6)
     value, exponent = interpolation(period_us)
-    watched = s.master_node << 16 | round(s.heartbeat_timeout_s * 1e3)
     torque = round(1000.0 * s.torque_max_nm / (rated_nm * s.torque_reference))
     ceiling = round(r_min_from_rad_s(s.speed_ceiling_rad_s))
     quick = units.ramp(s.quick_dec_rad_s2)
@@ -60,7 +59,9 @@ def wanted_parameters(
         WantedParameter(0x60C2, 1, value, "SYNC period: some drives do not move without it"),
         WantedParameter(0x60C2, 2, exponent, "the same, power of ten of a second"),
         WantedParameter(0x1017, 0, round(s.heartbeat_s * 1e3), "the drive shows that it lives, ms"),
-        WantedParameter(0x1016, 1, watched, "the drive watches the controller's heartbeat: node and ms"),
+        WantedParameter(
+            0x1016, 1, s.watched_heartbeat, "the drive watches the controller's heartbeat: node and ms"
+        ),
         WantedParameter(0x1400, 5, round(s.rpdo_deadline_s * 1e3), "the drive watches for commands, ms"),
         WantedParameter(
             0x6007, 0, 1, "lost communication is a fault: 0 lets a silent controller's axis run on"
