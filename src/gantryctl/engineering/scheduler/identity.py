@@ -12,6 +12,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gantryctl.engineering.batch import ClosedLoop
+from gantryctl.engineering.scheduler.one_thread import one_blas_thread
 from gantryctl.machine import default_machine
 from gantryctl.motion import SetPoint, plan_move
 from gantryctl.units import rad
@@ -75,10 +76,12 @@ def _arithmetic() -> str:
     # numpy takes other routines for sine and exponential where the processor has AVX-512, with other last bits.
     x = np.linspace(-0.97, 0.97, 1003)
     wide = 40.0 * x
-    matrix = np.vander(x[:64], 12)
+    matrix = np.vander(x, 33)
+    with one_blas_thread():
+        solved = np.linalg.lstsq(matrix, np.sin(wide), rcond=None)[0]
     found = [
         np.sin(wide), np.cos(wide), np.tan(x), np.arcsin(x), np.arctan2(x, wide), np.exp(wide), np.log(2.0 + x),
-        np.hypot(x, wide), np.sqrt(1.0 + x), wide**3, np.linalg.lstsq(matrix, x[:64], rcond=None)[0],
+        np.hypot(x, wide), np.sqrt(1.0 + x), wide**3, solved,
         np.fft.rfft(x).view(np.float64), np.array([math.sin(v) + math.exp(v) + math.log(2.0 + v) for v in x]),
     ]  # fmt: skip
     return hashlib.sha256(b"".join(np.ascontiguousarray(part).tobytes() for part in found)).hexdigest()[

@@ -9,6 +9,8 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from gantryctl.engineering.scheduler.one_thread import one_blas_thread
+
 Rows: TypeAlias = "dict[str, NDArray[Any]]"
 """Columns by name, each of shape (rows,), in the order of the row numbers."""
 
@@ -52,7 +54,8 @@ class ChunkResult(NamedTuple):
 def compute(job: Job, chunk: Chunk) -> ChunkResult:
     """Compute a chunk where this is called."""
     begun = time.perf_counter()
-    rows = job.rows(*chunk)
+    with one_blas_thread():
+        rows = job.rows(*chunk)
     return ChunkResult(rows, time.perf_counter() - begun)
 
 

@@ -18,9 +18,11 @@ from concurrent.futures import (
     wait,
 )
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from typing import Final, NamedTuple, Protocol
 
 from gantryctl.engineering.scheduler.job import Chunk, ChunkResult, Job, compute
+from gantryctl.engineering.scheduler.one_thread import one_blas_thread
 
 
 class Outcome(NamedTuple):
@@ -71,6 +73,9 @@ class ThreadPool:
         self._job = job
         self._pending: dict[Future[ChunkResult], Chunk] = {}
         self._threads = ThreadPoolExecutor(self.slots)
+        # Here too, not only around each chunk: OpenBLAS does not take it from another thread once this one has set it.
+        self._one_blas_thread = ExitStack()
+        self._one_blas_thread.enter_context(one_blas_thread())
 
     def submit(self, chunk: Chunk) -> None:
         self._pending[self._threads.submit(compute, self._job, chunk)] = chunk
@@ -84,6 +89,7 @@ class ThreadPool:
 
     def close(self) -> None:
         self._threads.shutdown(wait=True, cancel_futures=True)
+        self._one_blas_thread.close()
 
 
 class ProcessPool:
