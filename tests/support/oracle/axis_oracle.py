@@ -54,7 +54,8 @@ class AxisOracle:
     a promise.
 
     **INV-1, bounded stop.** From the onset of a known fault (else from the alarm) of a stop class to rest, the motor
-    side goes no further than the limit of the class (`limits.way_deg`), and rests in the time of the class.
+    side goes no further than the limit of the class (`limits.way_deg`), and rests in the time of the class; so it does
+    after the last command of a controller that commands no more (`silence`).
     **INV-2, no motion without a reason.** While the wire commands no speed and no stop is under way, the motor side
     stays within 0.15 deg; the shipped program commands a speed only while an operator's move, key with a living lease
     or increment asks for it, and enables only after a rising edge of power or of a brake test, or for HOLD.
@@ -67,7 +68,7 @@ class AxisOracle:
     for HOLD; and after the reset no torque before a new rising edge of power (shipped program).
     **INV-6, the load is held.** Torque on, or the brake closed, or closing for at most 0.2 s. The brake opens only
     while torque has been on for 10 ms. Torque is taken off only behind a closed brake, unless
-    TORQUE OFF was told; a drive that goes off by itself is told as such within 0.2 s.
+    TORQUE OFF was told, or that the brake does not close; a drive that goes off by itself is told as such within 0.2 s.
     **INV-7, truth.** The angle told is within 0.05 deg of the true motor side, or called not valid within 0.1 s; no
     stop on the wire without a first-out alarm; times, angles and states in its words are true (`words`).
 
