@@ -12,7 +12,7 @@ from gantryctl.service.memory.memory import FRAME_BYTES, SharedMemory
 from gantryctl.service.memory.ring import Ring
 from gantryctl.service.recorder.frame_writer import FrameWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
-from gantryctl.trace.frames.files import read_alarms, read_frames
+from gantryctl.trace.frames.files import logs_beside, next_log, read_alarms, read_frames
 from gantryctl.trace.frames.ring import BusFrame
 
 ENOUGH = 1000 * MB
@@ -28,11 +28,17 @@ def memory() -> Iterator[SharedMemory]:
 class Bench:
     """The recorder's end, and everything that it told."""
 
-    def __init__(self, memory: SharedMemory, folder: Path, log: Path | None = None) -> None:
+    def __init__(
+        self,
+        memory: SharedMemory,
+        folder: Path,
+        log: Path | None = None,
+        policy: RetentionPolicy | None = None,
+    ) -> None:
         self.told: list[str] = []
         self.free = ENOUGH
         self.writer = FrameWriter(
-            memory, folder / "traces", log, lambda: self.free, RetentionPolicy(), self.told.append
+            memory, folder / "traces", log, lambda: self.free, policy or RetentionPolicy(), self.told.append
         )
 
 
@@ -118,6 +124,33 @@ def test_a_recorder_that_was_killed_is_followed_by_one_with_a_file_of_its_own(
     second.writer.close()
     assert len(list(read_frames(log))) == 10
     assert [frame.data for frame in read_frames(tmp_path / "bus-2.log")] == [b"34"]
+
+
+def test_a_log_without_an_end_goes_on_in_parts_of_which_the_latest_are_kept(
+    memory: SharedMemory, tmp_path: Path
+) -> None:
+    """Lines of candump, 50 bytes each: each MB is a part, and says by itself what the telegrams mean."""
+    log = tmp_path / "bus.log"
+    bench = Bench(memory, tmp_path, log, RetentionPolicy(bus_log_mb=1, bus_logs=2))
+    take = RingFrames(memory.frames).link("simulated", virtual=True)
+    setup = bytes.fromhex("2300180182010000")  # 1800:01 = 182h
+    take(0.0, 0x602, setup, True)
+    last = 80_000
+    for k in range(1, last + 1):
+        take(0.01 * k, 0x182, k.to_bytes(8, "little"), False)
+        if not k % 200:
+            bench.writer.drain()
+    bench.writer.close()
+    parts = logs_beside(log)
+    assert len(parts) == 2
+    assert int(parts[0].stem.removeprefix("bus-")) >= 2
+    kept = [list(read_frames(part)) for part in parts]
+    assert [part[0].data for part in kept] == [setup, setup]
+    # Nothing is missing where one ends and the next begins, and the end is there.
+    numbers = [int.from_bytes(f.data, "little") for part in kept for f in part if f.can_id == 0x182]
+    assert numbers == list(range(numbers[0], last + 1))
+    # A service that is started again replaces nothing.
+    assert next_log(log).stem == f"bus-{int(parts[-1].stem.removeprefix('bus-')) + 1}"
 
 
 def test_a_log_that_cannot_be_made_costs_the_log_only(memory: SharedMemory, tmp_path: Path) -> None:

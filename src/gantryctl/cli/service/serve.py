@@ -55,6 +55,21 @@ def _megabytes(name: str, default: int, text: str) -> Callable[[Command], Comman
     type=LogPath(),
     help="Log of all frames of the bus: .log (candump), .asc, .blf ...",
 )
+@click.option(
+    "--bus-log-size",
+    type=click.IntRange(1, 10_000_000),
+    default=500,
+    show_default=True,
+    metavar="MB",
+    help="A larger file of it is followed by the next one: NAME-2.log, NAME-3.log ...",
+)
+@click.option(
+    "--bus-log-files",
+    type=click.IntRange(1, 10_000),
+    default=8,
+    show_default=True,
+    help="How many of them are kept; the oldest are removed.",
+)
 @click.option("--no-page", is_flag=True, help="Only the controller, the journal and the local socket.")
 def serve(
     config_file: Path | None,
@@ -70,6 +85,8 @@ def serve(
     reserve: int,
     event_reserve: int,
     bus_log: Path | None,
+    bus_log_size: int,
+    bus_log_files: int,
     no_page: bool,
 ) -> int:
     """Run the controller with its operator page until Ctrl-C.
@@ -84,7 +101,9 @@ def serve(
     machine = proven_machine(config_file)
     # Loopback unless another address is named: then TLS and users are asked for (docs/explanation/security.md).
     page = None if no_page else Listen(listen, tls_cert, tls_key, names)
-    keeping = RetentionPolicy(journal_size, journal_days, traces_size, reserve, event_reserve)
+    keeping = RetentionPolicy(
+        journal_size, journal_days, traces_size, reserve, event_reserve, bus_log_size, bus_log_files
+    )
     return run_service(
         machine, config_file, page, opcua, keeping=keeping, second_person=second_person, bus_log=bus_log
     )

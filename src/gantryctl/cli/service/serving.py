@@ -47,13 +47,10 @@ def run_service(
     Raises:
         UsageError: an address or a size that may not be used. StateError: the self-test failed.
     """
-    if bus_log is not None:
-        if not machine.on_bus:
-            raise UsageError(
-                f'--bus-log {bus_log}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"'
-            )
-        if bus_log.exists():
-            raise UsageError(f"--bus-log {bus_log}: is there already; give another name")
+    if bus_log is not None and not machine.on_bus:
+        raise UsageError(
+            f'--bus-log {bus_log}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"'
+        )
     root = state_root()
     listener = None if page is None else _listener(page, root)
     store = StateStore(machine)

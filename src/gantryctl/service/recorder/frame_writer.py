@@ -12,7 +12,7 @@ from gantryctl.operation.bus_log import frozen_path
 from gantryctl.service.memory.frame_ring import FrozenAt, LinkOpened, unpacked
 from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
-from gantryctl.trace.frames.recorder import FrameRecorder
+from gantryctl.trace.frames.recorder import FrameRecorder, LogParts
 from gantryctl.trace.frames.ring import FrameLog
 
 _BATCH: Final = 500
@@ -24,8 +24,7 @@ class FrameWriter:
 
     Args:
         folder: of the frames around alarms.
-        log: file of all frames, None for none. One that is there was left by a recorder that was killed: this one goes
-            on in a file beside it.
+        log: first file of all frames, None for none; it goes on in files beside it.
         free_bytes: what is free on the disk.
         tell: takes what has to be told, one line.
     """
@@ -41,14 +40,15 @@ class FrameWriter:
     ) -> None:
         self._ring, self._folder, self._free, self._policy = memory.frames, folder, free_bytes, policy
         self._tell = tell
-        self._log = None if log is None else _free_name(log)
+        self._log = log
         self._recorder = self._new(self._log)
         self._take: FrameLog | None = None
         self._room_s = 0.0
         self._told = 0
 
     def _new(self, log: Path | None) -> FrameRecorder:
-        return FrameRecorder(log, epoch_s=time.time() - time.monotonic())
+        parts = LogParts(self._policy.bus_log_mb * MB, self._policy.bus_logs)
+        return FrameRecorder(log, parts=parts, epoch_s=time.time() - time.monotonic())
 
     @property
     def _short(self) -> bool:
@@ -116,12 +116,3 @@ class FrameWriter:
         self.drain()
         self._recorder.close()
         self._report()
-
-
-def _free_name(path: Path) -> Path:
-    """The path, or the same with a number where a file is there already."""
-    number, found = 1, path
-    while found.exists():
-        number += 1
-        found = path.with_name(f"{path.stem}-{number}{path.suffix}")
-    return found

@@ -23,6 +23,7 @@ class RetentionPolicy(NamedTuple):
         journal_days: events go when they are older; 0 keeps them whatever their age.
         traces_mb: the oldest recordings go when all of them need more.
         reserve_mb: with less free on the disk nothing is recorded.
+        bus_log_mb, bus_logs: size of one file of the log of the bus, and how many of them are kept.
         event_reserve_mb: with less free no new motion begins.
     """
 
@@ -31,6 +32,8 @@ class RetentionPolicy(NamedTuple):
     traces_mb: int = 5000
     reserve_mb: int = 64
     event_reserve_mb: int = 16
+    bus_log_mb: int = 500
+    bus_logs: int = 8
 
     def shortage(self, free_mb: float) -> int:
         """Judge the free room: 0 enough, 1 none for recordings, 2 none for new motion either."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import glob
 import gzip
 import json
 import struct
@@ -47,6 +48,25 @@ def check_log_name(path: Path) -> Path:
     if not path.parent.is_dir():
         raise UsageError(f"{path}: there is no folder {path.parent}")
     return path
+
+
+def logs_beside(path: Path) -> list[Path]:
+    """Parts of a log that are there, the oldest first: NAME.log, NAME-2.log, NAME-3.log ..."""
+    found = {1: path} if path.exists() else {}
+    for part in path.parent.glob(f"{glob.escape(path.stem)}-*{path.suffix}"):
+        number = part.stem.removeprefix(f"{path.stem}-")
+        if number.isascii() and number.isdigit():
+            found[int(number)] = part
+    return [found[number] for number in sorted(found)]
+
+
+def next_log(path: Path) -> Path:
+    """Path of the next part of a log: `path` itself where there is none."""
+    parts = logs_beside(path)
+    if not parts:
+        return path
+    number = parts[-1].stem.removeprefix(path.stem).removeprefix("-")
+    return path.with_name(f"{path.stem}-{int(number or 1) + 1}{path.suffix}")
 
 
 class FrameFile:

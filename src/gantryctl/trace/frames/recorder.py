@@ -5,11 +5,12 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 from gantryctl.errors import DeviceError
-from gantryctl.trace.frames.files import FrameFile, write_alarms
+from gantryctl.trace.frames.files import FrameFile, logs_beside, next_log, write_alarms
 from gantryctl.trace.frames.ring import BusFrame, FrameLog, FrameRing
 
 # What is frozen: so much before the alarm, and as much after it as a stop takes.
@@ -30,6 +31,18 @@ _FLUSH_S: Final = 1.0
 # Without a thread: frames written at once. And the patience with a disk that hangs when a run ends.
 _BLOCK: Final = 1024
 _END_S: Final = 5.0
+
+
+class LogParts(NamedTuple):
+    """Sizes of a log that has no end.
+
+    Attributes:
+        part_bytes: a part that is larger is followed by the next one, within a second.
+        kept: parts kept; the oldest ones are removed.
+    """
+
+    part_bytes: int
+    kept: int
 
 
 class _Copy:
@@ -71,6 +84,7 @@ class FrameRecorder:
 
     Args:
         log: file of all frames, made when the first link is opened; None for none.
+        parts: the log goes on in a next file beside the first; None for one file.
         epoch_s: added to the clock of a link in real time.
 
     Attributes:
@@ -79,8 +93,10 @@ class FrameRecorder:
         frozen: paths of the frames around alarms, oldest first.
     """
 
-    def __init__(self, log: Path | None = None, *, epoch_s: float = 0.0) -> None:
-        self._path, self._epoch_s = log, epoch_s
+    def __init__(
+        self, log: Path | None = None, *, parts: LogParts | None = None, epoch_s: float = 0.0
+    ) -> None:
+        self._path, self._parts, self._epoch_s = log, parts, epoch_s
         self._ring = FrameRing()
         self._channel = ""
         self.faults: deque[str] = deque(maxlen=20)
@@ -109,7 +125,9 @@ class FrameRecorder:
         if not self.opened:
             self._channel = channel
             if self._path is not None:
-                self._log = _Copy(self._ring, FrameFile(self._path, channel), 0)
+                # A part that is there was left by a recorder that has ended, or was killed.
+                path = self._path if self._parts is None else next_log(self._path)
+                self._log = _Copy(self._ring, FrameFile(path, channel), 0)
             if not virtual:
                 self._thread = threading.Thread(target=self._run, name="bus log", daemon=True)
                 self._thread.start()
@@ -183,6 +201,8 @@ class FrameRecorder:
             if busy and self._ring.last_s - self._flush_s > _FLUSH_S:
                 self._flush_s = self._ring.last_s
                 self._guarded(log, log.file.flush)
+                if self._parts is not None and self._log is log:
+                    self._guarded(log, partial(self._next_part, log, self._parts))
         while self._alarms:
             self._freeze(*self._alarms.popleft())
         frozen = self._freezing
@@ -209,16 +229,34 @@ class FrameRecorder:
             first = self._ring.first_since(at_s - BEFORE_S)
             copy = _Copy(self._ring, FrameFile(path, self._channel), first)
             since_s = self._ring.frame(first).time_s
-            # At the beginning what the telegrams mean: the set-up may be older than the frames that are left.
-            for frame in list(self._ring.setup.values()):
-                if frame.time_s < since_s:
-                    copy.file.write(frame)
+            self._write_setup(copy.file, since_s)
             write_alarms(path, [(code, at_s)])
         except (DeviceError, OSError) as fault:
             self.faults.append(f"the frames around {code} are not kept: {fault}")
             return
         self._freezing = _Frozen(copy, code, at_s)
         self.frozen.append(path)
+
+    def _write_setup(self, file: FrameFile, since_s: float) -> None:
+        """Begin a file with what the telegrams mean: the set-up may be older than its frames."""
+        for frame in list(self._ring.setup.values()):
+            if frame.time_s < since_s:
+                file.write(frame)
+
+    def _next_part(self, log: _Copy, parts: LogParts) -> None:
+        """Go on in the next file where this one is large enough."""
+        first = self._path
+        assert first is not None
+        try:
+            if log.file.path.stat().st_size < parts.part_bytes:
+                return
+            log.file.close()
+            log.file = FrameFile(next_log(first), self._channel)
+            self._write_setup(log.file, self._ring.last_s)
+            for old in logs_beside(first)[: -parts.kept]:
+                old.unlink(missing_ok=True)
+        except OSError as fault:
+            raise DeviceError(f"{log.file.path}: {fault.strerror or fault}") from fault
 
     def _remove_old(self, folder: Path) -> None:
         for old in sorted(folder.glob(FROZEN_NAMES), key=lambda file: file.stat().st_mtime)[
