@@ -5,17 +5,15 @@ The command line, the service and commissioning all open and close a machine her
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
-from gantryctl.errors import AlarmStop, StateError, UsageError
+from gantryctl.errors import StateError, UsageError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine, config_hash
-from gantryctl.operation.brake_policy import LOCKED, restore_failure, restore_learned, still_failed
+from gantryctl.operation.brake_policy import LOCKED, restore_failure, restore_learned
 from gantryctl.operation.home_reference import (
     ACCEPTED_DEG,
     SHOWN_DEG,
@@ -27,25 +25,14 @@ from gantryctl.operation.home_reference import (
 from gantryctl.operation.ledger.judging import speed_max_deg_s
 from gantryctl.operation.ledger.kept_facts import facts_path, store_facts
 from gantryctl.operation.proofs import bus_reasons, ledger_notes, ledger_of, own_ramp_deg_s2
+from gantryctl.operation.run_memory import RunEnd, retained_after
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.ports import Drive
-from gantryctl.program import Axis, AxisProgram, Code, GantryProgram
+from gantryctl.program import AxisProgram, Code, GantryProgram
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.runtime import AlarmEntry, Engine, Retained
-from gantryctl.units import deg, rad
+from gantryctl.units import deg
 from gantryctl.wiring.engine import ProgramFactory, build_program, drive_of
-
-
-class ReadDrive(Protocol):
-    """Encoder and reading of a drive at the end of a run."""
-
-    def identity(self) -> DriveIdentity:
-        """Encoder."""
-        ...
-
-    def read(self) -> DriveFeedback:
-        """Reading."""
-        ...
 
 
 class OpenMachine(NamedTuple):
@@ -82,22 +69,6 @@ class OpenAxis(NamedTuple):
     reasons: tuple[Reason, ...]
     speed_max_deg_s: float
     quick_dec_deg_s2: float
-
-
-class RunEnd(NamedTuple):
-    """End of a run, for the retained memory.
-
-    Attributes:
-        result: in words, for `status`.
-        alarm: what stopped the axis, if anything did.
-        power_ups, moves: how many there were.
-    """
-
-    result: str
-    alarm: AlarmStop | None
-    power_ups: int
-    moves: int
-    time_s: float
 
 
 # --- opening --------------------------------------------------------------------------------------------------
@@ -352,62 +323,6 @@ def close_axis(machine: Machine, store: StateStore | None, opened: OpenAxis, end
     """Keep what the controller has to remember of a run that has ended."""
     retained = retained_after(machine, opened.retained, opened.program.axis, opened.drive, end)
     keep_machine(machine, store, opened.drive, retained)
-
-
-def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDrive, end: RunEnd) -> Retained:
-    """The retained memory after a run."""
-    identity = drive.identity()
-    counts_range = identity.counts_per_turn * identity.turns
-    # The way is that between two rests; the service, which runs for days, counts its way in the scan.
-    counts = drive.read().pos_act_counts
-    rest = before.rest_position_counts
-    way = abs(counts - (counts if rest is None else rest)) / machine.counts_per_turn
-    alarms, held = _alarms(axis, end, before.brake_failed)
-    return replace(
-        before,
-        config_hash=config_hash(machine),
-        rest_position_counts=int(counts) % counts_range,
-        zero_offset_counts=int(axis.zero_counts) % counts_range,
-        holding_torque_nm=axis.holding_torque_nm,
-        torque_weights=json.dumps(axis.torque_weights) if axis.torque_weights else before.torque_weights,
-        emergency_brake_stops=before.emergency_brake_stops + axis.power.wear.stops,
-        emergency_brake_energy_j=before.emergency_brake_energy_j + axis.power.wear.energy_j,
-        power_ups=before.power_ups + end.power_ups,
-        moves=before.moves + end.moves,
-        travelled_rad=before.travelled_rad + way * rad(360.0) / axis.settings.law.ratio,
-        error_stop=held,
-        doubted_by=(before.doubted_by or held or "-") if axis.feedback.in_doubt else "",
-        brake_failed=still_failed(axis, before),
-        last_result=end.result,
-        alarms=(*before.alarms, *alarms),
-    )
-
-
-def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEntry, ...], str]:
-    """The alarms of this run for the record, and the code that holds the axis, or ""."""
-    when = now_text()
-    alarms = tuple(
-        AlarmEntry(str(alarm.code), alarm.text, when, alarm.time_s, _known(alarm.pos_rad))
-        for alarm in axis.alarms.history
-        if not (failed_before and alarm.code is Code.BRK_08 and alarm.scan == 0)  # known from an earlier run
-    )
-    first = axis.alarms.first_out
-    if first is not None:
-        return alarms, str(first.code)
-    if end.alarm is None:
-        return alarms, ""
-    # What the program has not raised itself: a power-up that did not end, a drive that left.
-    code = end.alarm.code
-    return (*alarms, AlarmEntry(code, str(end.alarm), when, end.time_s, _angle_rad(axis))), code
-
-
-def _angle_rad(axis: Axis) -> float | None:
-    """The angle, None while its reading is in doubt."""
-    return axis.pos_act_rad if axis.feedback.position_valid else None
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def keep_machine(machine: Machine, store: StateStore | None, drive: Drive, retained: Retained) -> None:

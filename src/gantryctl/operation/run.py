@@ -18,9 +18,9 @@ from gantryctl.operation.beside import begin
 from gantryctl.operation.brake_policy import why_brake_failed
 from gantryctl.operation.bus_log import AlarmFrames
 from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Snapshot, Stop
-from gantryctl.operation.opening import RunEnd, close_axis, leave_bus, left_on_failure, open_axis
+from gantryctl.operation.opening import close_axis, leave_bus, left_on_failure, open_axis
 from gantryctl.operation.proofs import why_in_fault
-from gantryctl.operation.run_memory import RunMemory
+from gantryctl.operation.run_memory import RunEnd, RunMemory
 from gantryctl.operation.sliced_scan import SlicedScan, state_words
 from gantryctl.operation.store import StateStore
 from gantryctl.ports import Drive

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from gantryctl.machine import default_machine
-from gantryctl.operation.opening import RunEnd, close_axis, keep_machine, new_machine, open_axis, read_only
+from gantryctl.operation.opening import close_axis, keep_machine, new_machine, open_axis, read_only
+from gantryctl.operation.run_memory import RunEnd
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy

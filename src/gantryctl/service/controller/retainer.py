@@ -11,7 +11,8 @@ from typing import Final
 from gantryctl.errors import AlarmStop, GantryctlError
 from gantryctl.image import DriveFeedback, DriveIdentity
 from gantryctl.machine import Machine
-from gantryctl.operation.opening import ReadDrive, RunEnd, keep_machine, retained_after
+from gantryctl.operation.opening import keep_machine
+from gantryctl.operation.run_memory import ReadDrive, RunEnd, retained_after
 from gantryctl.operation.store import StateStore
 from gantryctl.program import AxisState
 from gantryctl.runtime import Engine, Retained
