@@ -26,6 +26,12 @@ class Power(Block):
         self.status = False
         self._enable = self._on = False
 
+    @property
+    def attention(self) -> bool:
+        """The outputs may change although the input does not; else a program may leave out the call."""
+        axis = self.axis
+        return axis.power.status is not self.status or axis.alarms.first_out is not None
+
     def __call__(self, *, enable: bool) -> None:
         axis = self.axis
         if enable != self._enable:
