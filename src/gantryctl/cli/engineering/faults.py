@@ -75,7 +75,7 @@ def show(number: str, as_json: bool) -> None:
     type=click.Choice(("drive", "object_60FE")),
     default="drive",
     show_default=True,
-    help="Who closes the brake of a drive on a bus.",
+    help="Who closes the brake of a drive on a bus; beside an I/O node it is an output of that.",
 )
 @click.option("--out", "out", type=PATH, help="Picture of the run, .png or .svg.")
 @json_option
@@ -114,7 +114,7 @@ def run(
     if out is not None:
         from gantryctl.engineering.faults.figure import draw_fault
 
-        drive = f"bus, brake by {brake_owner}" if bus else "simulated drive"
+        drive = f"bus, brake by {result.brake_owner}" if bus else "simulated drive"
         draw_fault(result, f"{title} - {speed:g} deg/s at {angle:g} deg, scan {scan:g} ms, {drive}", out)
     if as_json:
         print_json(result_data(result))
