@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
+from gantryctl.engineering.accuracy.report.report import LoadSpeedBy
 from gantryctl.engineering.accuracy.speed_test import speed_test_on
 from gantryctl.engineering.analysis.measured.on_engine import experiment
 from gantryctl.engineering.analysis.measured.response import conditions, measure_on
 from gantryctl.machine import configs_folder, load_machine, with_values
+from gantryctl.runtime.recorder import MemoryRecorder
 from support.command_line import cli
 
 MACHINE = load_machine(configs_folder() / "hust_can.toml")
+RING = with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encoder.node": 4})
 
 
 def test_the_speed_test_runs_on_the_bus_and_says_that_nothing_measures_the_load() -> None:
@@ -21,6 +25,24 @@ def test_the_speed_test_runs_on_the_bus_and_says_that_nothing_measures_the_load(
         assert move.passed
         assert move.reached_deg_s == pytest.approx(0.6, abs=1e-3)
         assert move.load_error_deg_s is None
+        assert move.load_by is LoadSpeedBy.NOTHING
+
+
+def test_an_encoder_on_the_ring_shows_the_speed_of_the_load() -> None:
+    with experiment(RING, needs_torque=False) as run:
+        recorder = run.engine.recorder
+        assert isinstance(recorder, MemoryRecorder)
+        up, down = speed_test_on(run, (0.1,))
+        # The last move is still recorded: what the simulator knows of the ring against its base.
+        trace = recorder.trace()
+    truth = trace["vel_load_rad_s"] - trace["vel_ref_rad_s"]
+    for move in (up, down):
+        assert move.load_by is LoadSpeedBy.RING
+        assert move.load_error_deg_s is not None
+    # Differences over 40 ms, and the base, which rocks at up to 0.003 deg/s.
+    assert down.load_error_deg_s == pytest.approx(np.degrees(np.max(np.abs(truth))), abs=0.005)
+    # The motor side alone shows a tenth of it.
+    assert down.load_error_deg_s > 3.0 * down.motor_error_deg_s
 
 
 def test_a_weak_speed_loop_fails_the_speed_test_on_the_bus() -> None:

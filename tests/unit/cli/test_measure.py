@@ -57,6 +57,29 @@ def test_a_simulated_tracker_measures_a_can_machine(tmp_path: Path, machine_file
     assert "on the right: simulated" in page
 
 
+def test_the_encoder_on_the_ring_measures_the_load(tmp_path: Path, machine_file: Path) -> None:
+    order = ("accuracy", "measure", "--config", machine_file, "--instrument", "load-encoder")
+    without = cli(*order, "--out", tmp_path / "none")
+    assert without.code == 2
+    assert "no encoder on the ring: [can.load_encoder] source" in without.err
+    ring = {"can.load_encoder.source": "node", "can.load_encoder.node": 4}
+    machine_file.write_text(to_toml(with_values(load_machine(machine_file), ring)), encoding="utf-8")
+    nameless = cli(*order, "--out", tmp_path / "none")
+    assert nameless.code == 2
+    assert (
+        "--uncertainty-deg is missing: the standard uncertainty of a reading by load-encoder" in nameless.err
+    )
+    answer = cli(*order, "--uncertainty-deg", 0.0005, "--out", tmp_path / "report", "--json")
+    assert answer.code == 0, answer.err
+    # The virtual drive is in this process: nobody shall take this for a measurement.
+    assert answer.json["origin"] == "simulated"
+    assert any("rocking of the base" in warning for warning in answer.json["warnings"])
+    measured, model = (answer.json["tables"][name]["rows"] for name in ("measured", "simulated"))
+    for row, other in zip(measured, model, strict=True):
+        # Scale error of the ring on 2 deg, rocking of the base: some 0.0005 deg.
+        assert row["errors_deg"][1] == pytest.approx(other["errors_deg"][1], abs=0.001)
+
+
 def test_a_person_types_the_readings_and_may_be_interrupted(
     tmp_path: Path, machine_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 BY_HAND: Final = "hand"
 SIMULATED: Final = "simulated"
+LOAD_ENCODER: Final = "load-encoder"
 
 
 def instrument_options(default: str | None) -> Option:
@@ -24,14 +25,17 @@ def instrument_options(default: str | None) -> Option:
 
     def add(command: Callable[..., Any]) -> Callable[..., Any]:
         told = click.option(
-            "--uncertainty-deg", type=FINITE, help="Standard uncertainty of a reading by hand (k = 1), deg."
+            "--uncertainty-deg",
+            type=FINITE,
+            help="Standard uncertainty (k = 1) of a reading by hand or of the load encoder, deg.",
         )
         named = click.option(
             "--instrument",
             "place",
             default=default,
             show_default=True,
-            help="At the load: tcp:HOST:PORT, serial:DEVICE:BAUD, hand (a person types the readings), or simulated.",
+            help="At the load: tcp:HOST:PORT, serial:DEVICE:BAUD, hand (a person types the readings), load-encoder "
+            "(on the ring, on the bus), or simulated.",
         )
         return named(told(command))
 
@@ -48,21 +52,37 @@ def open_instrument(run: AxisRun, place: str, uncertainty_deg: float | None, see
         UsageError: not the name of an instrument, or its uncertainty is missing. InstrumentError: nobody answers.
     """
     from gantryctl.engineering.accuracy.attended.report import simulated_tracker
-    from gantryctl.engineering.instruments import ByHand, LinePort, parse_address
+    from gantryctl.engineering.instruments import ByHand, LinePort, RingEncoder, parse_address
     from gantryctl.errors import UsageError
     from gantryctl.operation.state import operator_name
+    from gantryctl.units import deg
 
     if place == SIMULATED:
         return simulated_tracker(run.machine, run.drive.truth_source, seed)
+    if place == LOAD_ENCODER:
+        source = run.machine.can.load_encoder.source if run.machine.on_bus else "none"
+        if source == "none":
+            raise UsageError(f"{run.machine.name}: no encoder on the ring: [can.load_encoder] source")
+        name = f"ring encoder of the machine ({source})"
+        return RingEncoder(
+            name, _stated(place, uncertainty_deg), lambda: deg(run.engine.image.drive.pos_ring_rad)
+        )
     if place == BY_HAND:
-        if uncertainty_deg is None:
-            raise UsageError(
-                "--uncertainty-deg is missing: the standard uncertainty of a reading by hand, deg"
-            )
-        return ByHand(operator_name(), uncertainty_deg, Typed().number)
+        return ByHand(operator_name(), _stated(place, uncertainty_deg), Typed().number)
     port = LinePort(parse_address(place))
     port.identify()
     return port
+
+
+def _stated(place: str, uncertainty_deg: float | None) -> float:
+    """Uncertainty of an instrument that does not say its own."""
+    from gantryctl.errors import UsageError
+
+    if uncertainty_deg is None:
+        raise UsageError(
+            f"--uncertainty-deg is missing: the standard uncertainty of a reading by {place}, deg"
+        )
+    return uncertainty_deg
 
 
 class Typed:

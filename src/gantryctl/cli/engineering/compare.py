@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.engineering.experiment import TRACKER, asking, instrument_at, yes_option
+from gantryctl.cli.engineering.at_the_load import SIMULATED
+from gantryctl.cli.engineering.experiment import asking, instrument_at, yes_option
 from gantryctl.cli.options import (
     PATH,
     bus_log_option,
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--instrument",
-    default=TRACKER,
+    default=SIMULATED,
     show_default=True,
     help="On a bus, what watches the load: tracker (simulated), tcp:HOST:PORT or serial:DEVICE:BAUD.",
 )

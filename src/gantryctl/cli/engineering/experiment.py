@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.engineering.at_the_load import BY_HAND, LOAD_ENCODER, SIMULATED, open_instrument
 from gantryctl.cli.options import confirm, stop_signals
 
 if TYPE_CHECKING:
     from gantryctl.engineering.instruments import Instrument
     from gantryctl.machine import Machine
     from gantryctl.operation.run import AxisRun
-
-TRACKER = "tracker"
 
 yes_option = click.option("--yes", is_flag=True, help="On a real machine: move without asking.")
 
@@ -89,26 +88,17 @@ def bus_experiment(
 
 
 def instrument_at(place: str, run: AxisRun, seed: int) -> Instrument:
-    """What watches the load: `tracker`, simulated, or the address of an instrument.
+    """What watches the load while it moves: simulated, or behind a port.
 
     Raises:
-        UsageError: there is no simulated load that a simulated tracker could watch.
-        InstrumentError: the instrument does not answer.
+        UsageError: it cannot watch a moving load. InstrumentError: the instrument does not answer.
     """
-    from gantryctl.engineering.instruments import LinePort, SimulatedTracker, TrackerErrors, parse_address
     from gantryctl.errors import UsageError
-    from gantryctl.units import deg
 
-    if place != TRACKER:
-        port = LinePort(parse_address(place))
-        port.identify()
-        return port
-    truth = run.drive.truth_source
-    if truth is None:
+    # A person is too slow, and the ring encoder, which is recorded beside, is what the instrument is to correct.
+    if place in (BY_HAND, LOAD_ENCODER):
         raise UsageError(
-            f"{run.machine.name}: no load is simulated that a simulated tracker could watch · --instrument "
-            "tcp:HOST:PORT or serial:DEVICE:BAUD, see docs/reference/instrument-port.md"
+            f"--instrument {place}: on a bus it must see the moving load in space: {SIMULATED}, tcp:HOST:PORT or "
+            "serial:DEVICE:BAUD"
         )
-    accuracy = run.machine.accuracy
-    errors = TrackerErrors(radius_m=accuracy.chord_radius_m, noise_um=max(accuracy.tracker_noise_um, 0.1))
-    return SimulatedTracker(lambda _: deg(truth.truth()[0]), seed, errors)
+    return open_instrument(run, place, None, seed)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gantryctl.cli.engineering.at_the_load import LOAD_ENCODER, SIMULATED
 from gantryctl.cli.engineering.experiment import (
-    TRACKER,
     bus_experiment,
     instrument_at,
     machine_under_test,
@@ -31,17 +31,15 @@ if TYPE_CHECKING:
     from gantryctl.engineering.identification.measure import MotionRecording
     from gantryctl.machine import Calibration, Machine
 
-_LOAD_ENCODER = "load-encoder"
-
 
 @click.command()
 @bus_log_option
 @config_option
 @click.option(
     "--instrument",
-    default=TRACKER,
+    default=SIMULATED,
     show_default=True,
-    help="What watches the load: tracker (simulated), load-encoder, tcp:HOST:PORT or serial:DEVICE:BAUD.",
+    help="What watches the load: simulated (a tracker), load-encoder, tcp:HOST:PORT or serial:DEVICE:BAUD.",
 )
 @click.option(
     "--out",
@@ -99,16 +97,17 @@ def _recorded(machine: Machine, instrument: str, seed: int, yes: bool, *, quiet:
 
     low, high = travel_of(machine)
     if not machine.on_bus:
-        if instrument not in (TRACKER, _LOAD_ENCODER):
+        watching = {SIMULATED: LoadInstrument.TRACKER, LOAD_ENCODER: LoadInstrument.LOAD_ENCODER}
+        if instrument not in watching:
             raise UsageError(
-                f'--instrument {instrument}: with [drive] kind = "sim" it is {TRACKER} or {_LOAD_ENCODER}'
+                f'--instrument {instrument}: with [drive] kind = "sim" it is {SIMULATED} or {LOAD_ENCODER}'
             )
-        return record(SimulatedAxis(machine, LoadInstrument(instrument), seed))
+        return record(SimulatedAxis(machine, watching[instrument], seed))
     moves = f"moves for 20 minutes between {low:g} and {high:g} deg, at up to {machine.speed.setting_max_deg_s:g} deg/s"
     with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
-        watching = instrument_at(instrument, run, seed)
+        seeing = instrument_at(instrument, run, seed)
         progress = None if quiet else lambda what: click.echo(what, err=True)
-        return record(EngineAxis(machine, run, watching, progress))
+        return record(EngineAxis(machine, run, seeing, progress))
 
 
 def _usual_place(machine: Machine, config_file: Path | None) -> Path:

@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gantryctl.cli.engineering.accuracy_end import finish, stamp
-from gantryctl.cli.engineering.at_the_load import BY_HAND, SIMULATED, instrument_options, open_instrument
+from gantryctl.cli.engineering.at_the_load import (
+    BY_HAND,
+    LOAD_ENCODER,
+    SIMULATED,
+    instrument_options,
+    open_instrument,
+)
 from gantryctl.cli.options import (
     bus_log_option,
     config_option,
@@ -29,6 +35,8 @@ if TYPE_CHECKING:
 
 # What `accuracy run` writes is of the simulator: a folder of its own.
 DEFAULT_OUT = Path("accuracy_measured")
+_OWN_ERRORS = "load encoder: its own errors, and the rocking of the base, are not seen"
+_IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows the loop more than the gantry"
 
 
 @click.command()
@@ -124,7 +132,15 @@ def _announce(machine: Machine, session: ChordSession) -> str:
 
 def _finish(machine: Machine, session: ChordSession, place: str, folder: Path, as_json: bool) -> int:
     from gantryctl.engineering.accuracy.attended.report import session_report
-    from gantryctl.engineering.report.origin import Origin
+    from gantryctl.engineering.report.origin import Origin, origin_of
 
     origin = Origin.SIMULATED if place == SIMULATED else Origin.MEASURED
-    return finish(session_report(machine, session, origin, *stamp()), folder, as_json)
+    notes: tuple[str, ...] = ()
+    if place == LOAD_ENCODER:
+        origin = origin_of(machine)
+        notes = (
+            (_OWN_ERRORS, _IN_THE_LOOP)
+            if machine.control.compensation.load_encoder.active
+            else (_OWN_ERRORS,)
+        )
+    return finish(session_report(machine, session, origin, *stamp(), notes), folder, as_json)

@@ -19,13 +19,18 @@ from gantryctl.units import deg
 
 
 def session_report(
-    machine: Machine, session: ChordSession, origin: Origin, version: str, created: str
+    machine: Machine,
+    session: ChordSession,
+    origin: Origin,
+    version: str,
+    created: str,
+    notes: tuple[str, ...] = (),
 ) -> AccuracyReport:
     """The report of a finished test.
 
     Args:
         origin: whether the instrument measured a machine or a model.
-        version: of the program. created: a date for the page.
+        version: of the program. created: a date for the page. notes: warnings for the reader.
     """
     procedure, angles_deg = session.procedure, session.angles_deg()
     return AccuracyReport(
@@ -43,6 +48,7 @@ def session_report(
         vel_max_deg_s=machine.speed.setting_max_deg_s,
         acc_deg_s2=machine.virtual_axis.acc_deg_s2,
         settings=_settings(session),
+        notes=notes,
         limit_deg=machine.accuracy.tolerance_deg,
         simulated=_table(procedure, np.degrees(run_procedure([machine], procedure).load_rad[0])),
         uncertainty=chord_uncertainty(procedure, angles_deg, session.uncertainties_deg()),

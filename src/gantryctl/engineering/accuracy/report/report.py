@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import StrEnum
 from functools import cached_property
 from typing import NamedTuple
 
@@ -59,6 +60,14 @@ class SpeedCurves:
         return None if self.load_deg_s is None else self.load_deg_s - self.ref_deg_s
 
 
+class LoadSpeedBy(StrEnum):
+    """What shows the speed of the load."""
+
+    MODEL = "of the model"
+    RING = "by the encoder on the ring"
+    NOTHING = "not measured"
+
+
 @dataclass(frozen=True, eq=False)
 class SpeedRun:
     """One move of the speed test and its figures.
@@ -70,6 +79,7 @@ class SpeedRun:
         motor_error_deg_s, load_error_deg_s: largest absolute speed error over the whole move, one per side;
             the load side is None where nothing measures it.
         stick_slip: the load stood still and broke away again while the reference was moving.
+        origin: whether both sides are measured, or simulated. load_by: what shows the load side.
         motor_judged: False where the control moves the motor off the set-point on purpose, for the load's sake.
         curves: for the figure; None to leave it out.
     """
@@ -81,6 +91,8 @@ class SpeedRun:
     motor_error_deg_s: float
     load_error_deg_s: float | None
     stick_slip: bool = False
+    origin: Origin = Origin.SIMULATED
+    load_by: LoadSpeedBy = LoadSpeedBy.MODEL
     motor_judged: bool = True
     curves: SpeedCurves | None = field(default=None, repr=False)
 

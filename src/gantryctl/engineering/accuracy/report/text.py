@@ -152,7 +152,10 @@ def speed_lines(runs: Sequence[SpeedRun]) -> str:
     """One line per run of the speed test; empty without runs."""
     if not runs:
         return ""
-    lines = ["speed test    asked   reached   motor side   load side   (largest speed error, deg/s)"]
+    lines = [
+        f"speed test, {runs[0].origin}; load {runs[0].load_by}",
+        "              asked   reached   motor side   load side   (largest speed error, deg/s)",
+    ]
     for run in runs:
         load = f"{run.load_error_deg_s:9.4f}" if run.load_error_deg_s is not None else "        -"
         lines.append(

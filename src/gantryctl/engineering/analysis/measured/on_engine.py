@@ -6,6 +6,7 @@ The signal is added to the output of the program, so power sequence, monitors, t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from typing import Final
@@ -29,16 +30,12 @@ _OWN_COLUMNS: Final = ("vel_added_rad_s", "torque_added_nm", "pos_ring_rad")
 
 
 class ExcitedProgram(GantryProgram):
-    """The shipped program with a signal on its output while the axis follows.
-
-    Attributes:
-        torque_limit_nm: motor torque at which the signal ends and the axis makes a quick stop; inf without a limit.
-    """
+    """The shipped program with a signal on its output while the axis follows."""
 
     def __init__(self, axis: Axis) -> None:
         super().__init__(axis)
         self.trace_columns = (*axis.trace_columns, *_OWN_COLUMNS)
-        self.torque_limit_nm = float("inf")
+        self._torque_limit_nm = math.inf
         self._signal: list[float] = []
         self._to_torque = False
         self._next = 0
@@ -47,11 +44,20 @@ class ExcitedProgram(GantryProgram):
         law = axis.settings.law
         self._vel_max = axis.settings.speed.command_clamp_rad_s * law.ratio
 
-    def excite(self, excitation: Excitation | None, scan_s: float) -> None:
-        """Add this signal from the next scan on, from the start of its period; None for nothing."""
-        self._signal = [] if excitation is None else excitation.period(scan_s).tolist()
-        self._to_torque = excitation is not None and excitation.where is Input.TORQUE
+    def excite(self, excitation: Excitation, scan_s: float, torque_limit_nm: float) -> None:
+        """Add this signal from the next scan on, from the start of its period.
+
+        Args:
+            torque_limit_nm: motor torque at which the signal ends and the axis makes a quick stop.
+        """
+        self._signal = excitation.period(scan_s).tolist()
+        self._to_torque = excitation.where is Input.TORQUE
+        self._torque_limit_nm = torque_limit_nm
         self._next = 0
+
+    def end_signal(self) -> None:
+        """Add nothing from the next scan on."""
+        self._signal = []
 
     def scan(self, image: InputImage) -> OutputImage:
         """One scan of the shipped program, with the signal on its output."""
@@ -60,7 +66,7 @@ class ExcitedProgram(GantryProgram):
         self._added = (0.0, 0.0)
         if not self._signal:
             return output
-        if not abs(image.drive.torque_act_nm) <= self.torque_limit_nm:
+        if not abs(image.drive.torque_act_nm) <= self._torque_limit_nm:
             self._signal = []
             self.axis.quick_stop()
             return output
@@ -95,7 +101,7 @@ class EngineProbe:
         assert isinstance(recorder, MemoryRecorder)
         self._run, self._program, self._recorder = run, program, recorder
         self._ratio = run.axis.settings.law.ratio
-        self.torque_limit_nm = program.torque_limit_nm = torque_limit_nm
+        self.torque_limit_nm = torque_limit_nm
         self.scan_s = run.engine.period_s
         self.step_rad = 2.0 * np.pi / run.axis.settings.law.counts_per_turn
 
@@ -106,13 +112,14 @@ class EngineProbe:
             AlarmStop: an alarm, or a torque beyond the limit; the axis was stopped.
         """
         self._recorder.forget()
-        self._program.excite(excitation, self.scan_s)
+        if excitation is not None:
+            self._program.excite(excitation, self.scan_s, self.torque_limit_nm)
         try:
             self._run.follow(scans * self.scan_s)
         except AlarmStop as alarm:
             raise AlarmStop(f"the measurement was stopped: {alarm}", alarm.code) from alarm
         finally:
-            self._program.excite(None, self.scan_s)
+            self._program.end_signal()
         return self._record()
 
     def _record(self) -> Record:
