@@ -1,4 +1,4 @@
-"""A plain C loop: what the processor can do for one plant."""
+"""A plain C loop, as it is usually written."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Peer(NamedTuple):
 
 OWN: Final = "gantryctl"
 PEERS: Final = (
-    Peer("plain C", "plain_c", "plain_c", (), "one loop, -O3 without fused multiply-add: the limit for one plant"),
+    Peer("plain C", "plain_c", "plain_c", (), "one loop as it is usually written, -O3 without fused multiply-add"),
     Peer(OWN, "own", "compiled_loop", (), "compiled closed loop of one plant, with its whole log"),
     Peer("CasADi, gcc", "casadi_graph", "casadi_gcc", ("casadi",), "`mapaccum` over the scans, generated as C, -O3"),
     Peer("CasADi", "casadi_graph", "casadi_graph", ("casadi",), "`mapaccum` over the scans, virtual machine"),
