@@ -104,7 +104,6 @@ EXCUSED = {
         "INV-2",
     ),  # a brake that does not hold and an encoder in doubt: nothing is left that could hold the load
     "C6": ("INV-7",),  # the contact is what lies about the brake
-    "C11": ("INV-6",),  # the brake closes 0.2 s late: that is the fault
     "E5": (
         "INV-3",
     ),  # a telegram carries no time: two in the wrong order are a step of the reading for one scan

@@ -80,6 +80,7 @@ class AxisOracle:
         angle, speed, torque, energised, brake_open: the last sample, motor side, rad, rad/s, N m.
         program: who commands; None on a bench. `program_over`: it failed, and the engine stops the axis.
         offset: of the angle that is told, rad at the motor.
+        brake_late_s: a fault lets the brake close so much later.
         inside: samples are taken inside the scan, which is longer than a millisecond; `sim` takes them.
     """
 
@@ -116,7 +117,7 @@ class AxisOracle:
         self._onset: Instant | None = None
         self._onset_of_feedback = False
         self._disobeys = self._brake_fault = False
-        self._late_s = 0.0
+        self._late_s = self.brake_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
         self._ratio = 1.0
@@ -462,7 +463,7 @@ class AxisOracle:
                 self._off_unjudged = False
                 self.say("INV-6", "torque went off with the brake open, and no alarm says so")
         self._unheld_ms = self._unheld_ms + 1 if self.brake_open else 0
-        if self._unheld_ms > 1e3 * limits.BRAKE_CLOSES_S:
+        if self._unheld_ms > 1e3 * (limits.BRAKE_CLOSES_S + self.brake_late_s):
             self.say("INV-6", f"neither torque nor brake for {self._unheld_ms} ms")
 
     def _stopping(self, stop: Stop) -> None:

@@ -195,6 +195,8 @@ def _fault(original: Callable[..., None]) -> Callable[..., None]:
         if _Now.oracle is not None and name in faults.spoilt:
             axis = _Now.oracle.axes.get(id(faults))
             if axis is not None:
+                if name == "brake_close_slow_s":
+                    axis.brake_late_s = faults.brake_close_slow_s
                 axis.fault_injected(
                     feedback=name in _FEEDBACK,
                     at_once=name not in _LATER,
