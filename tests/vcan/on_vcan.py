@@ -206,9 +206,7 @@ def test_a_drive_is_commissioned_with_its_stops(bus: VcanBus) -> None:
     kept = json.loads((bus.folder / "state" / "hust_can" / "commissioning.json").read_text())
     steps = {key: result["outcome"] for key, result in kept["results"].items()}
     assert list(steps)[:4] == ["identity", "encoder", "defaults", "parameters"]
-    assert {"pdo", "sync", "silence", "brake", "sign", "velocity", "loop", "stops"} == set(steps) - {
-        "identity", "encoder", "defaults", "parameters", "nodes", "watchdog",
-    }, said  # fmt: skip
+    assert {"pdo", "sync", "silence", "brake", "sign", "velocity", "loop", "stops"} <= steps.keys(), said
     assert "failed" not in steps.values(), said
     # What comes of waiting for a drive that has left OPERATIONAL: 3 s in each scan, minutes for a silence.
     assert kept["results"]["stops"]["seconds"] < 120.0, said
