@@ -34,17 +34,17 @@ class Fits:
 
 def test_a_row_is_the_same_with_however_many_threads_the_process_had() -> None:
     with threadpool_limits(2, "blas"):
-        two = compute(Fits(), Chunk(0, 2)).rows
+        two = compute(Fits(), Chunk(0, 1)).rows
         assert blas_threads() == {2}
     with threadpool_limits(1, "blas"):
-        one = Fits().rows(0, 2)
+        one = Fits().rows(0, 1)
     assert two["fit"].tobytes() == one["fit"].tobytes()
     assert set(two["threads"]) == {1}
 
 
 def test_chunks_side_by_side_keep_it_until_the_last_is_done() -> None:
     with threadpool_limits(2, "blas"):
-        assert set(all_rows(Fits(), 6, 3)["threads"]) == {1}
+        assert set(all_rows(Fits(), 2, 2)["threads"]) == {1}
         assert blas_threads() == {2}
         with one_blas_thread():
             with one_blas_thread():
