@@ -8,6 +8,7 @@
 #include <tuple>
 
 #include "core/bindings.hpp"
+#include "core/lane/counted.hpp"
 #include "core/loop/threads.hpp"
 
 namespace nb = nanobind;
@@ -52,14 +53,14 @@ const T& of_plant(const std::vector<T>& given, std::size_t plant) {
   return given[given.size() == 1 ? 0 : plant];
 }
 
-using LegTuples = std::vector<std::tuple<Segments, long, long>>;
+using LegTuples = std::vector<std::tuple<Segments, long, long, int, bool>>;
 
 std::vector<Leg> make_legs(const LegTuples& given) {
   std::vector<Leg> legs;
-  for (const auto& [plan, scans, average] : given) {
+  for (const auto& [plan, scans, average, mode, brake_open] : given) {
     if (scans < 1 || average < 1 || average > scans)
       throw std::invalid_argument("a leg needs 1 <= average <= scans");
-    legs.push_back({plan, scans, average});
+    legs.push_back({plan, scans, average, drive_mode(mode), brake_open});
   }
   return legs;
 }
@@ -101,6 +102,25 @@ Cube run_legs(const std::vector<Sim*>& sims, const std::vector<Law>& laws, const
   return Cube(&results->mean_pos_load_rad, {plants, leg_count, kLegColumns}, owner);
 }
 
+using Counts = std::tuple<double, double, double, double>;
+
+// The same plan with a number that counts; the plant given stays as it is.
+Counts count_operations(const Sim& sim, const Law& law, const Segments& plan, double zero_counts,
+                        long scans) {
+  if (scans < 1) throw std::invalid_argument("scans must be at least 1");
+  Sim copy = sim;
+  const Leg leg{plan, scans, 1};
+  LegResult<double> result;
+  const Job job{&copy, {law, zero_counts}, &leg, 1, &result};
+  const Job* const jobs[] = {&job};
+  std::atomic<std::size_t> drawn{1};
+  operations = Operations();
+  Batch<Counted>().run({jobs, 1, &drawn}, &job);
+  const double cycles = static_cast<double>(scans) * sim.timing().cycles_per_scan;
+  return {operations.add / cycles, operations.multiply / cycles, operations.divide / cycles,
+          operations.choose / cycles};
+}
+
 }  // namespace
 
 void bind_loop(nb::module_& m) {
@@ -120,8 +140,18 @@ void bind_loop(nb::module_& m) {
         "state.");
   m.def("run_legs", &run_legs, nb::arg("sims"), nb::arg("laws"), nb::arg("legs"), nb::arg("zero_counts"),
         nb::arg("threads") = 1, nb::arg("compensations") = std::vector<Compensation<double>*>(),
-        "Every plant through its legs (plan, scans, scans to average at its end), several at once.\n\n"
+        "Every plant through its legs (plan, scans, scans to average at its end, mode, brake open), several "
+        "at once.\n"
+        "mode: 1 follows the plan, 0 (off) and 2 (quick stop) are commands to the drive.\n\n"
         "laws, legs: one for all plants or one for each, with the same number of legs. Returns an array "
         "[plant, leg, LEG_COLUMNS]. Each plant has the bits that it has alone, whatever the threads and the "
         "instruction set.");
+  m.def("count_operations", &count_operations, nb::arg("sim"), nb::arg("law"), nb::arg("plan"),
+        nb::arg("zero_counts"), nb::arg("scans"),
+        "Additions, multiplications, divisions, and comparisons with choices per drive cycle, over a plan; "
+        "everything counted that the loop does.");
+  m.def(
+      "arithmetic", [](long rounds) { return kernels().arithmetic(rounds); }, nb::arg("rounds"),
+      "Do additions and multiplications as fast as this processor can without fusing them; returns how "
+      "many.");
 }

@@ -9,13 +9,14 @@ namespace gantry::GANTRY_ISA {
 // The entry points of one instruction set. The layout is the same in all of them.
 struct Kernels {
   const char* name;
-  int lanes;  // plants in a pack
+  int lanes;  // numbers in a register
   void (*scan)(GantrySim<double>& sim, const DriveCommand<double>& command, bool brake_open);
   void (*run_plan)(GantrySim<double>& sim, const Control<double>& control, const Segments& plan,
                    const LogTable& table);
   void (*run_command)(GantrySim<double>& sim, const DriveCommand<double>& command, bool brake_open,
                       const LogTable& table);
   void (*run_group)(const JobGroup& group);
+  long (*arithmetic)(long rounds);
 };
 
 }  // namespace gantry::GANTRY_ISA

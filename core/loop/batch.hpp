@@ -85,7 +85,7 @@ class Batch {
     load_parameters(k, one);
     load_state(k, one);
     load_control(k, job.control);
-    forget_figures(k);
+    begin_leg(k);
   }
 
   void load_parameters(int k, const GantrySim<double>& one) {
@@ -194,10 +194,17 @@ class Batch {
     c->s.started = lane(compensation_.s.started, k);
   }
 
-  void forget_figures(int k) {
+  void begin_leg(int k) {
 #define X(name) set_lane(figures_.name, k, 0.0);
     GANTRY_LEG_COLUMNS(X)
 #undef X
+    set_lane(start_motor_, k, lane(sim_.x.pos_motor, k));
+    set_lane(start_load_, k, lane(sim_.x.pos_load, k));
+    const Leg& leg = lanes_[k].now();
+    set_lane(follows_, k, leg.mode == DriveMode::kSpeed);
+    set_lane(off_, k, leg.mode == DriveMode::kOff);
+    set_lane(quick_stop_, k, leg.mode == DriveMode::kQuickStop);
+    set_lane(brake_open_, k, leg.brake_open);
   }
 
   // Scans until a lane ends its leg or begins to average; 0: no lane has work.
@@ -218,12 +225,39 @@ class Batch {
     MaskOf<T> averaging = mask<T>(false);
     for (int k = 0; k < kWidth; ++k) set_lane(averaging, k, lanes_[k].averaging());
     const bool together = same_plan();
+    const bool all_follow = !any(negate(follows_));
     for (long n = 0; n < scans; ++n) {
       sample(together);
-      add(closed_loop_scan(sim_, control_, point_), averaging);
+      add(scan(all_follow), averaging);
       for (Lane& l : lanes_) ++l.scan;
     }
     return true;
+  }
+
+  LogRow<T> scan(bool all_follow) {
+    if (all_follow) return command(follow(sim_, control_, point_));
+    const CompensationState<T> before = compensation_.s;
+    LogRow<T> row = follow(sim_, control_, point_);
+    row.vel_ref_rad_s = select(follows_, row.vel_ref_rad_s, T(0.0));
+    row.pos_ref_rad = select(follows_, row.pos_ref_rad, row.pos_load_rad);
+    row.pos_err_rad = select(follows_, row.pos_err_rad, T(0.0));
+    row.torque_ff_nm = select(follows_, row.torque_ff_nm, T(0.0));
+    CompensationState<T>& s = compensation_.s;
+#define X(name, meaning) s.name = select(follows_, s.name, before.name);
+    GANTRY_COMPENSATION_STATE(X)
+#undef X
+    s.started = either(both(follows_, s.started), both(negate(follows_), before.started));
+    return command(row);
+  }
+
+  GANTRY_INLINE LogRow<T> command(const LogRow<T>& row) {
+    DriveCommand<T> drive;
+    drive.off = off_;
+    drive.quick_stop = quick_stop_;
+    drive.vel_cmd_rad_s = row.vel_cmd_rad_s;
+    drive.torque_ff_nm = row.torque_ff_nm;
+    sim_.scan(drive, brake_open_);
+    return row;
   }
 
   // All lanes that have work are at the same time of the same plan.
@@ -262,6 +296,8 @@ class Batch {
     largest(r.max_pos_err_load_rad, row.pos_ref_rad - row.pos_load_rad);
     largest(r.max_torque_motor_nm, row.torque_act_nm);
     largest(r.max_torque_mesh_nm, row.torque_mesh_nm);
+    largest(r.max_travel_motor_rad, (row.pos_motor_rad - start_motor_) / control_.law.ratio);
+    largest(r.max_travel_load_rad, row.pos_load_rad - start_load_);
     if (!any(averaging)) return;
     const auto sum = [averaging](T& so_far, T x) { so_far = select(averaging, so_far + x, so_far); };
     sum(r.mean_pos_load_rad, row.pos_load_rad);
@@ -282,7 +318,10 @@ class Batch {
       if (l.job == nullptr || l.scan < l.now().scans) continue;
       put_figures(k);
       l.scan = 0;
-      if (++l.leg < l.job->leg_count) continue;
+      if (++l.leg < l.job->leg_count) {
+        begin_leg(k);
+        continue;
+      }
       unload(k);
       const Job* next = group.draw();
       if (next != nullptr) {
@@ -305,7 +344,6 @@ class Batch {
     r.mean_pos_load_rad /= n;
     r.mean_pos_ring_rad /= n;
     r.mean_pos_act_rad /= n;
-    forget_figures(k);
   }
 
   Lane lanes_[kWidth];
@@ -319,6 +357,12 @@ class Batch {
   Control<T> control_;
   SetPoint<T> point_{T(0.0), T(0.0), T(0.0)};
   LegResult<T> figures_;
+  T start_motor_ = T(0.0);  // where the leg began
+  T start_load_ = T(0.0);
+  MaskOf<T> follows_ = mask<T>(true);
+  MaskOf<T> off_ = mask<T>(false);
+  MaskOf<T> quick_stop_ = mask<T>(false);
+  MaskOf<T> brake_open_ = mask<T>(true);
 };
 
 }  // namespace gantry::GANTRY_ISA

@@ -20,11 +20,13 @@ namespace gantry::GANTRY_ISA {
   X(vel_base_rad_s) X(torque_mesh_nm) X(counts) X(torque_limited) X(pos_ring_rad) X(torque_ff_nm)
 
 // What is kept of a leg. mean_*: over its last scans; max_*: largest absolute value over the whole leg.
-// Speed and position errors at the gantry against the set-point: motor side vel_motor/i, load side vel_load.
+// Speed and position errors at the gantry against the set-point: motor side vel_motor/i, load side vel_load. Under a
+// command to the drive the speed set-point is 0 and there is no position error. max_travel_*: way from where the leg
+// began, motor side at the gantry.
 #define GANTRY_LEG_COLUMNS(X)                                                                             \
   X(mean_pos_load_rad) X(mean_pos_ring_rad) X(mean_pos_act_rad) X(max_vel_err_motor_rad_s)                \
   X(max_vel_err_load_rad_s) X(max_pos_err_motor_rad) X(max_pos_err_load_rad) X(max_torque_motor_nm)       \
-  X(max_torque_mesh_nm)
+  X(max_torque_mesh_nm) X(max_travel_motor_rad) X(max_travel_load_rad)
 // clang-format on
 
 template <class T>
@@ -42,11 +44,13 @@ struct LegResult {
 };
 
 // A stretch of a run: one plan, how many scans it lasts, and over how many of the last ones the readings are
-// averaged.
+// averaged. With another mode than kSpeed the drive has that command and nobody follows the plan.
 struct Leg {
   Segments plan;
   long scans = 0;
   long average = 0;
+  DriveMode mode = DriveMode::kSpeed;
+  bool brake_open = true;
 };
 
 // How one axis of a run is controlled; `compensation` may be null.
@@ -75,9 +79,9 @@ GANTRY_INLINE LogRow<T> state_row(const GantrySim<T>& sim) {
   return row;
 }
 
-// One scan: log the state, compute the command that follows the set-point, advance by one period.
+// The state, and the command that follows the set-point.
 template <class T>
-GANTRY_INLINE LogRow<T> closed_loop_scan(GantrySim<T>& sim, const Control<T>& control, const SetPoint<T>& r) {
+GANTRY_INLINE LogRow<T> follow(const GantrySim<T>& sim, const Control<T>& control, const SetPoint<T>& r) {
   const PositionLawParams<T>& law = control.law;
   LogRow<T> row = state_row(sim);
   row.counts = sim.counts(law.rad_per_count) - control.zero_counts;
@@ -96,7 +100,14 @@ GANTRY_INLINE LogRow<T> closed_loop_scan(GantrySim<T>& sim, const Control<T>& co
   row.pos_act_rad = command.pos_act_rad;
   row.pos_err_rad = command.pos_err_rad;
   row.vel_cmd_rad_s = command.vel_cmd_rad_s;
-  sim.scan({DriveMode::kSpeed, command.vel_cmd_rad_s, row.torque_ff_nm}, mask<T>(true));
+  return row;
+}
+
+// One scan: that, and one period of the plant.
+template <class T>
+GANTRY_INLINE LogRow<T> closed_loop_scan(GantrySim<T>& sim, const Control<T>& control, const SetPoint<T>& r) {
+  const LogRow<T> row = follow(sim, control, r);
+  sim.scan({DriveMode::kSpeed, row.vel_cmd_rad_s, row.torque_ff_nm}, mask<T>(true));
   return row;
 }
 

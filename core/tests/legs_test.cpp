@@ -79,7 +79,13 @@ struct Population {
     const double from = 0.1 * k;
     return {{example::triangle(from, 0.0002 + 1e-5 * k, kAcc), 80 + 3 * scans, 20},
             {example::triangle(from + 0.0002, -0.0003, kAcc), 60 + scans % 4, 1},
+            stop(from, scans),
             {example::triangle(from, 0.0, kAcc), 5, 5}};
+  }
+
+  static Leg stop(double from, long scans) {
+    const DriveMode modes[] = {DriveMode::kSpeed, DriveMode::kQuickStop, DriveMode::kOff};
+    return {example::triangle(from, 1e-5, kAcc), 190 + scans % 7, 3, modes[scans % 3], scans % 3 < 2};
   }
 
   std::vector<Job> jobs() {
@@ -98,10 +104,22 @@ struct Population {
 
   static LegResult<double> run_leg(GantrySim<double>& sim, const Control<double>& control, const Leg& leg) {
     LegResult<double> r;
+    const double start_motor = sim.x.pos_motor, start_load = sim.x.pos_load;
     const auto largest = [](double& so_far, double x) { so_far = std::max(so_far, std::fabs(x)); };
     for (long k = 0; k < leg.scans; ++k) {
-      const auto row =
-          closed_loop_scan(sim, control, leg.plan.sample(static_cast<double>(k) * sim.scan_period_s()));
+      const bool follows = leg.mode == DriveMode::kSpeed;
+      const auto point = leg.plan.sample(static_cast<double>(k) * sim.scan_period_s());
+      const Compensation<double> before =
+          control.compensation != nullptr ? *control.compensation : Compensation<double>();
+      LogRow<double> row = follow(sim, control, point);
+      if (!follows) {
+        row.vel_ref_rad_s = row.pos_err_rad = row.torque_ff_nm = 0.0;
+        row.pos_ref_rad = row.pos_load_rad;
+        if (control.compensation != nullptr) *control.compensation = before;
+      }
+      sim.scan({leg.mode, row.vel_cmd_rad_s, row.torque_ff_nm}, leg.brake_open);
+      largest(r.max_travel_motor_rad, (row.pos_motor_rad - start_motor) / control.law.ratio);
+      largest(r.max_travel_load_rad, row.pos_load_rad - start_load);
       largest(r.max_vel_err_motor_rad_s, row.vel_motor_rad_s / control.law.ratio - row.vel_ref_rad_s);
       largest(r.max_vel_err_load_rad_s, row.vel_load_rad_s - row.vel_ref_rad_s);
       largest(r.max_pos_err_motor_rad, row.pos_err_rad);

@@ -145,4 +145,6 @@ def leg_figures(log: np.ndarray, law: _core.PositionLaw, average: int) -> dict[s
         "max_pos_err_load_rad": largest(column["pos_ref_rad"] - column["pos_load_rad"]),
         "max_torque_motor_nm": largest(column["torque_act_nm"]),
         "max_torque_mesh_nm": largest(column["torque_mesh_nm"]),
+        "max_travel_motor_rad": largest((column["pos_motor_rad"] - column["pos_motor_rad"][0]) / law.ratio),
+        "max_travel_load_rad": largest(column["pos_load_rad"] - column["pos_load_rad"][0]),
     }

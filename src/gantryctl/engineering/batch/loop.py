@@ -97,15 +97,23 @@ class ClosedLoop:
 
 
 class Leg(NamedTuple):
-    """A stretch of a run: the plan, how long, and over how much of its end the readings are averaged."""
+    """A stretch of a run: the plan, how long, and over how much of its end the readings are averaged.
+
+    Attributes:
+        mode: 1 follows the plan; 0 (off) and 2 (quick stop) are commands to the drive, and nobody follows it.
+    """
 
     plan: _core.Segments
     duration_s: float
     average_s: float
+    mode: int = 1
+    brake_open: bool = True
 
 
 class LegStatistics(NamedTuple):
-    """Figures of one leg, per plant: arrays of shape (plants,). Errors are against the set-point."""
+    """Figures of one leg, per plant: arrays of shape (plants,). Errors are against the set-point; under a command to
+    the drive the speed set-point is 0 and there is no position error. Travel is the largest way from where the leg began.
+    """
 
     mean_pos_load_rad: Floats
     mean_pos_ring_rad: Floats
@@ -116,6 +124,8 @@ class LegStatistics(NamedTuple):
     max_pos_err_load_rad: Floats
     max_torque_motor_nm: Floats
     max_torque_mesh_nm: Floats
+    max_travel_motor_rad: Floats
+    max_travel_load_rad: Floats
 
 
 def run_legs(
@@ -149,8 +159,9 @@ def _per_plant(legs: Sequence[Leg] | Sequence[Sequence[Leg]]) -> list[list[Leg]]
     return [alike] if alike else [list(own) for own in legs if not isinstance(own, Leg)]
 
 
-def _native(leg: Leg, period_s: float) -> tuple[_core.Segments, int, int]:
-    return leg.plan, scans(leg.duration_s, period_s), scans(leg.average_s, period_s)
+def _native(leg: Leg, period_s: float) -> tuple[_core.Segments, int, int, int, bool]:
+    duration, average = scans(leg.duration_s, period_s), scans(leg.average_s, period_s)
+    return leg.plan, duration, average, leg.mode, leg.brake_open
 
 
 def scans(duration_s: float, period_s: float) -> int:

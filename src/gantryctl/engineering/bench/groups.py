@@ -27,12 +27,15 @@ def batch(repeats: int, scale: float) -> list[Figure]:
             "rest": lambda: jobs.full("one_evaluation", seconds, moving=False),
             "single": lambda: jobs.many(1, 1, seconds, time.process_time),
             "pack": lambda: jobs.many(16, 1, seconds, time.process_time),
+            "limit": lambda: jobs.arithmetic_limit(max(1, round(2e7 * scale))),
             # What threads do at once only the wall clock shows.
             "alone": lambda: jobs.many(1, 1, seconds),
             "all": lambda: jobs.many(16 * cores, cores, seconds),
         },
         repeats,
     )
+    operations = jobs.operations()
+    share = rate["pack"] * jobs.cycles_per_s() * operations / rate["limit"]
     chord = [jobs.chord_test() for _ in range(max(1, repeats // 2))]
     return [
         Figure("one_plant", "full plant, one", rate["one"], _RATE),
@@ -40,6 +43,8 @@ def batch(repeats: int, scale: float) -> list[Figure]:
         Figure("rest_over_move", "cost of standing / cost of moving", rate["one"] / rate["rest"], most=1.2),
         Figure("pack", "16 full plants, one thread", rate["pack"], _RATE),
         Figure("pack_over_one", "16 plants / one plant, one thread", rate["pack"] / rate["single"]),
+        Figure("operations", "arithmetic of a drive cycle", operations, "flop"),
+        Figure("limit_share", "16 plants, one thread / arithmetic limit", share),
         Figure("all", f"{16 * cores} full plants, {cores} threads", rate["all"], _RATE),
         Figure("all_over_one", f"{16 * cores} plants, {cores} threads / one, wall clock", rate["all"] / rate["alone"]),
         Figure("chord_s", "chord test A, compiled", statistics.median(c[0] for c in chord), "s", most=2.0),

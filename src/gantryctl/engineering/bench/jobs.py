@@ -54,6 +54,26 @@ def many(plants: int, threads: int, seconds: float, clock: Callable[[], float] =
     return plants * seconds / (clock() - begin)
 
 
+def operations() -> float:
+    """Additions, multiplications and divisions of one drive cycle of that move, all that the loop does counted."""
+    loop = standing(default_machine())
+    plan = plan_move(SetPoint(0.0, 0.0, 0.0), rad(90.0), motion_limits(default_machine()))
+    add, multiply, divide, _ = _core.count_operations(loop.sim, loop.law, plan, loop.zero_counts, 5000)
+    return add + multiply + divide
+
+
+def cycles_per_s() -> float:
+    """Drive cycles in a second of axis time."""
+    return 1e6 / default_machine().drive.speed_loop.cycle_us
+
+
+def arithmetic_limit(rounds: int) -> float:
+    """Additions and multiplications per second of one core without fusing them, and without doing anything else."""
+    begin = time.process_time()
+    done = _core.arithmetic(rounds)
+    return done / (time.process_time() - begin)
+
+
 # --- scan by scan -------------------------------------------------------------------------------------------------
 
 

@@ -69,6 +69,23 @@ def test_legs_are_figures_of_the_log() -> None:
     )
 
 
+@pytest.mark.parametrize(("mode", "brake_open"), [(2, True), (0, False)])
+def test_a_leg_may_be_a_stop_whose_angle_is_that_of_the_log(mode: int, brake_open: bool) -> None:
+    plan = plan_move(SetPoint(0.0, 0.0, 0.0), rad(5.0), motion_limits(MACHINE))
+    legs = [Leg(plan, 2.0, 0.1), Leg(hold(0.0), 1.5, 0.1, mode, brake_open)]
+    stop = run_legs([standing(), standing()], legs)[1]
+    loop = standing()
+    loop.run(plan, 2.0)
+    log = loop.command(mode, 1.5, brake_open=brake_open)
+    way = np.abs(log["pos_load_rad"] - log["pos_load_rad"][0]).max()
+    assert rad(0.1) < way < rad(5.0)
+    assert stop.max_travel_load_rad.tolist() == [way, way]
+    way_motor = np.abs((log["pos_motor_rad"] - log["pos_motor_rad"][0]) / loop.law.ratio).max()
+    assert stop.max_travel_motor_rad.tolist() == [way_motor, way_motor]
+    assert stop.max_torque_mesh_nm[0] == np.abs(log["torque_mesh_nm"]).max()
+    assert stop.max_vel_err_load_rad_s[0] == np.abs(log["vel_load_rad_s"]).max()
+
+
 def test_many_plants_have_one_figure_each_whatever_the_threads() -> None:
     legs = [Leg(hold(0.0), 0.2, 0.1)]
     one = run_legs([standing() for _ in range(3)], legs, threads=1)[0]
