@@ -28,7 +28,7 @@ inline void run_group(const JobGroup& group) {
 // As many additions and multiplications as the processor can do, half and half, none waiting for another:
 // what a kernel without fused multiply-add can reach at most. Returns their number.
 inline long arithmetic(long rounds) {
-  constexpr int kChains = 6;  // of each kind: latency times units; both kinds fit into 16 registers
+  constexpr int kChains = GANTRY_ISA_LANES == 8 ? 12 : 7;  // of each kind: as many as the registers hold
   using P = Pack<GANTRY_ISA_LANES>;
   P sums[kChains], products[kChains];
   for (int k = 0; k < kChains; ++k) sums[k] = products[k] = P(1.0 + k);
