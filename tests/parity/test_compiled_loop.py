@@ -35,7 +35,9 @@ def test_legs_are_the_figures_of_the_compiled_loop(
     machine: Machine, plan: _core.Segments, average: int
 ) -> None:
     logged, summed = standing(machine, plan.sample(0.0)[0]), standing(machine, plan.sample(0.0)[0])
-    result = _core.run_legs([summed.sim], [summed.law], [[(plan, SCANS, average, 1, True)]], [summed.zero_counts], 1)
+    result = _core.run_legs(
+        [summed.sim], [summed.law], [[(plan, SCANS, average, 1, True)]], [summed.zero_counts], 1
+    )
     figures = leg_figures(compiled(logged, plan, SCANS), logged.law, average)
     assert dict(zip(_core.LEG_COLUMNS, result[0, 0].tolist(), strict=True)) == figures
     assert logged.sim.state == summed.sim.state

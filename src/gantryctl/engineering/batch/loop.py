@@ -112,7 +112,7 @@ class Leg(NamedTuple):
 
 class LegStatistics(NamedTuple):
     """Figures of one leg, per plant: arrays of shape (plants,). Errors are against the set-point; under a command to
-    the drive the speed set-point is 0 and there is no position error. Travel is the largest way from where the leg began.
+    the drive the speed set-point is 0 and there is no position error. Travel: largest way from where the leg began.
     """
 
     mean_pos_load_rad: Floats
