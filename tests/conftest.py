@@ -11,6 +11,7 @@ import pytest
 from hypothesis import settings
 from hypothesis.database import DirectoryBasedExampleDatabase
 
+from gantryctl.operation.store import STATE_VARIABLE
 from support.oracle.taps import Oracle, tapped, watching
 
 settings.register_profile("reproducible", derandomize=True, deadline=None, print_blob=True)
@@ -70,6 +71,21 @@ def fail_if_skipped(report: Any) -> Any:
         report.outcome = "failed"
         report.longrepr = f"{report.nodeid}: {reason} (CI=true: nothing may be skipped)"
     return report
+
+
+@pytest.fixture(scope="session", autouse=True)
+def states(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """Where the machines of all tests keep what they know; fixtures that several tests share find a folder too."""
+    folder = tmp_path_factory.mktemp("states")
+    with pytest.MonkeyPatch.context() as session:
+        session.setenv(STATE_VARIABLE, str(folder / "shared"))
+        yield folder
+
+
+@pytest.fixture(autouse=True)
+def state_of_its_own(states: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest) -> None:
+    """No test finds the machines of another, nor those of the person who runs it."""
+    monkeypatch.setenv(STATE_VARIABLE, str(states / f"{hash(request.node.nodeid):x}"))
 
 
 @pytest.fixture(scope="session", autouse=True)
