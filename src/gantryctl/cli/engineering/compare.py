@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     "--instrument",
     default=SIMULATED,
     show_default=True,
-    help="On a bus, what watches the load: tracker (simulated), tcp:HOST:PORT or serial:DEVICE:BAUD.",
+    help="On a bus, what watches the load: simulated (a tracker), tcp:HOST:PORT or serial:DEVICE:BAUD.",
 )
 @yes_option
 @seed_option
