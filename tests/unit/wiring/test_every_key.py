@@ -192,7 +192,9 @@ ROWS: dict[str, Row] = {
         "sim.scan_period_s": MS,
         "laws.period_s": MS,
         "laws.damping_filter": lambda m: 1.0 - math.exp(-m.control.scan_period_ms / 5.0),
-        "laws.damping_slow": lambda m: 1.0 - math.exp(-m.control.scan_period_ms * MS),
+        "laws.damping_slow": lambda m: (
+            1.0 - math.exp(-m.control.scan_period_ms * MS / m.control.compensation.damping.slow_s)
+        ),
     },
     "control.kpp_per_s": {"program.law.kpp_per_s": 1.0},
     "control.kvf": {"program.law.kvf": 1.0},
