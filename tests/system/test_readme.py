@@ -34,6 +34,8 @@ NOT_RUN = {
     "gantryctl tune": "has tests of its own",
     "gantryctl analyse": "has tests of its own",
     "gantryctl size": "has tests of its own",
+    "gantryctl bench": "has tests of its own; a minute on an idle computer",
+    "gantryctl doctor": "has tests of its own; its verdict is that of the computer",
     "gantryctl campaign": "has tests of its own; hours",
     "gantryctl identify": "has tests of its own; 15 s",
     "gantryctl compare": "has tests of its own; half a minute",
