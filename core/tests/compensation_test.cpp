@@ -140,7 +140,8 @@ TEST(CompensatedLaw, stays_inside_the_command_clamp_whatever_the_damping_says) {
   EXPECT_EQ(compensated_law(law, p, s, {0.0, 0.0, 0.0}, 0.0, 9.0).law.vel_cmd_rad_s, -law.vel_max_rad_s);
 }
 
-// An acceleration winds the transmission up as planned: the motor must not yield to it, or the load would lag.
+// An acceleration winds the transmission up as planned: the motor must not yield to it, or the load would
+// lag.
 TEST(CompensatedLaw, yields_to_no_wind_up_that_is_planned) {
   Params p;
   p.damping = true;
@@ -161,7 +162,8 @@ TEST(CompensatedLaw, yields_to_no_wind_up_that_is_planned) {
     const double counts = (r.pos + windup) * law.ratio / law.rad_per_count;
     const double apart = compensated_law(law, p, s, r, counts, r.pos).law.vel_cmd_rad_s -
                          compensated_law(law, stiff, without, r, counts, r.pos).law.vel_cmd_rad_s;
-    // Kpp x gain x half a scan of the acceleration; the wind-up taken for a swing would be 5e-4 rad/s in the end.
+    // Kpp x gain x half a scan of the acceleration; the wind-up taken for a swing would be 5e-4 rad/s in the
+    // end.
     EXPECT_NEAR(apart / law.ratio, 0.0, 4e-6);
   }
 }
