@@ -13,7 +13,7 @@ from gantryctl.engineering.campaign.run import run_campaign
 from gantryctl.engineering.scheduler.pools import ThreadPool
 from support.dask_processes import run_among_kills, sorted_bytes
 
-# Short moves: about 20 ms of computing a row, so that some chunks of a second come before and after every kill.
+# Short moves: some 5 ms of computing a row, so that some chunks of a second come before and after every kill.
 CAMPAIGN = """
 [campaign]
 name = "short_moves"
@@ -68,7 +68,7 @@ def undisturbed(campaign: Path, folder: Path) -> bytes:
 
 @pytest.mark.timeout(240)
 def test_three_kills_change_no_byte(tmp_path: Path) -> None:
-    campaign = campaign_file(tmp_path, 256)
+    campaign = campaign_file(tmp_path, 2048)
     run_among_kills(
         campaign, tmp_path, ("worker", "client", "scheduler"), 200.0, random.Random(time.time_ns())
     )
@@ -78,7 +78,7 @@ def test_three_kills_change_no_byte(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(1800)
 def test_twenty_kills_change_no_byte(tmp_path: Path) -> None:
-    campaign = campaign_file(tmp_path, 8192)
+    campaign = campaign_file(tmp_path, 16384)
     rng = random.Random(time.time_ns())
     kills = [rng.choice(("worker", "scheduler", "client")) for _ in range(20)]
     run_among_kills(campaign, tmp_path, kills, 1500.0, rng)

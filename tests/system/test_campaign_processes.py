@@ -13,9 +13,15 @@ from pathlib import Path
 import psutil
 import pytest
 
+from gantryctl import _core
 from support.dask_processes import ROOT, dask_cluster, kill, python, sorted_bytes
 
 from .test_campaign_kills import campaign_file, undisturbed
+
+_NO_EDITABLE = """
+import sys
+sys.meta_path[:] = [finder for finder in sys.meta_path if "editable" not in type(finder).__module__]
+"""
 
 
 def wait_for(what: Callable[[], object], within_s: float = 60.0) -> None:
@@ -58,6 +64,9 @@ def test_a_worker_with_other_code_is_refused_by_name(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "src", changed / "src", ignore=shutil.ignore_patterns("page", "__pycache__"))
     units = changed / "src" / "gantryctl" / "units.py"
     units.write_text(units.read_text("utf-8") + "# changed\n", encoding="utf-8")
+    # The core lies elsewhere in an editable installation, whose finder would go before any path.
+    shutil.copy(_core.__file__, changed / "src" / "gantryctl")
+    (changed / "src" / "sitecustomize.py").write_text(_NO_EDITABLE, encoding="utf-8")
     sources = os.pathsep.join(str(changed / part) for part in ("src", "tests"))
     campaign = campaign_file(tmp_path, 16)
     with dask_cluster(tmp_path, workers=0) as cluster:

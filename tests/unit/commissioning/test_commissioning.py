@@ -10,6 +10,7 @@ import pytest
 from gantryctl.commissioning import STEPS, Commissioning, Outcome, write_report
 from gantryctl.drives.canopen.drive import CanopenDrive
 from gantryctl.drives.canopen.setup.parameters import save
+from gantryctl.drives.profiles.profile import Saving
 from gantryctl.drives.virtual.communication.abort import Abort, SdoAbort
 from gantryctl.errors import CommandRefused, UsageError
 from gantryctl.machine import Machine, configs_folder, default_machine, load_machine, with_values
@@ -193,7 +194,7 @@ def test_stored_parameters_do_not_carry_the_marker_over_a_restart(tmp_path: Path
     path = silent_master_proof_path(tmp_path, MACHINE)
     prove(path, drive)
     drive._take_the_watch_off()
-    save(drive.node)
+    save(drive.node, Saving())
     node.boot()
     assert "restarted since" in why_not(path, CanopenDrive(link, canopen_settings(MACHINE)).open())
     link.close()

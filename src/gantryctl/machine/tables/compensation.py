@@ -80,7 +80,7 @@ class DampingTable(Table):
     # Wind-up under a standing moment is no swing. Shorter than a swing (0.5 s): what lost motion leaves after a stop is
     # gone before the load-side loop has integrated it. With 0.3 s and half the gain the swing of a gear of 0.3e9
     # N m/rad lasts too long.
-    slow_s: float = number(0.4, 0.1, 50.0, "Twist that lasts longer is no swing.")
+    slow_s: float = number(0.4, 0.1, 20.0, "Twist that lasts longer is no swing.")
 
 
 class CompensationTable(Table):
