@@ -8,6 +8,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from gantryctl.engineering.scheduler.identity import Identity, identity
@@ -57,12 +58,10 @@ class ClusterPool:
     """
 
     def __init__(self, job: Job, address: str, say: Callable[[str], None]) -> None:
-        try:
-            import distributed  # noqa: F401
-        except ModuleNotFoundError:
+        if find_spec("distributed") is None:
             raise UsageError(
                 f"--cluster {address}: dask.distributed is not installed: pip install 'gantryctl[cluster]'"
-            ) from None
+            )
         # Its log tells of every lost connection with a traceback; here that is an ordinary event.
         for name in [name for name in logging.root.manager.loggerDict if name.startswith("distributed")]:
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
