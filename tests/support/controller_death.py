@@ -59,8 +59,8 @@ def silent_stop(machine: Machine, speed_deg_s: float) -> SilentStop:
         speed_deg_s: the larger of the speed at the last telegram and of the speed that it commands.
     """
     # An axis that speeds up goes beyond its last command: when the ramp ends, the load swings on the spring of the
-    # gear with a / omega, 0.06 deg/s for 2 deg/s2. Seen: 6.06 deg/s of 6 half a second after the ramp, over UDP; and
-    # on vcan0 the way from 3.03 deg/s in the ramp was 0.0001 deg longer than that of a speed which stays.
+    # gear with a / omega and takes the motor with it, by less. Seen over UDP: 6.06 deg/s of 6 half a second after a
+    # ramp of 2 deg/s2; on vcan0 the way from 3.03 deg/s in the ramp was 0.0001 deg longer than without the swing.
     plant = plant_params(machine)
     swing_deg_s = machine.virtual_axis.acc_deg_s2 / math.sqrt(
         plant.stiffness_1_nm_per_rad / plant.inertia_load_kg_m2
