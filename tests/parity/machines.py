@@ -30,7 +30,7 @@ def machines(draw: st.DrawFn) -> Machine:
     base = default_machine()
     changes: dict[str, object] = {
         # The heaviest needs more than the reference machine permits itself.
-        "axis.stopping_angle_max_deg": 5.0,
+        "required.stopping_angle_deg": 5.0,
         "control.scan_period_ms": draw(st.sampled_from([0.5, 1.0, 2.0, 4.0])),
         "control.kpp_per_s": 10.0 * draw(factor(0.1, 4.0)),
         "control.kvf": draw(factor(0.0, 1.2)),

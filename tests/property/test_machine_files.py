@@ -29,7 +29,7 @@ RAW = default_machine_path().read_bytes()
 # Bound to each other too closely to be varied one by one; `consistent_changes` varies them together.
 BOUND = {
     "axis.over_travel_deg", "axis.limit_switch_deg", "axis.mechanical_stop_deg", "axis.pos_min_deg",
-    "axis.pos_max_deg", "axis.stopping_angle_max_deg", "axis.ring_ratio", "brake.test_torque_nm",
+    "axis.pos_max_deg", "required.stopping_angle_deg", "axis.ring_ratio", "brake.test_torque_nm",
     "control.scan_period_ms",
     "drive.speed_loop.cycle_us", "plant.load.eccentric_sign", "speed.command_clamp_deg_s",
     "speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s", "speed.setting_max_deg_s",
@@ -47,7 +47,7 @@ def consistent_changes(draw):
     changes["speed.setting_max_deg_s"] = fastest = draw(1.0, 6.0)
     # The quick stop from there, the time-out of the heartbeat (150 ms + 3 %, the longest reaction) and some more.
     quickest = fastest**2 / (2.0 * changes["virtual_axis.quick_dec_deg_s2"]) + 0.16 * fastest
-    changes["axis.stopping_angle_max_deg"] = stop = quickest + draw(0.2, 6.0)
+    changes["required.stopping_angle_deg"] = stop = quickest + draw(0.2, 6.0)
     changes["axis.mechanical_stop_deg"] = switch + stop + draw(0.0, 3.0)
     changes["speed.command_clamp_deg_s"] = clamp = fastest * draw(1.05, 1.2)
     changes["speed.drive_ceiling_deg_s"] = ceiling = clamp * draw(1.0, 1.1)

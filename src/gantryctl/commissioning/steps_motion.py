@@ -188,7 +188,7 @@ def _silent_stop(c: Context, speed: float, _decs: list[float]) -> tuple[str, flo
         AlarmStop: the drive did not stop, or not within the permitted way: it was broken off.
     """
     dec = _ramp_deg_s2(c)
-    with _at_speed(c, "silence", speed, c.machine.axis.stopping_angle_max_deg) as axis:
+    with _at_speed(c, "silence", speed, c.machine.required.stopping_angle_deg) as axis:
         own = watched_ways(axis)
         if own:
             # The way that acts first counts.

@@ -48,6 +48,14 @@ _FACTORS: Final = {
 }
 
 
+# Former places of keys and tables, of a machine file or a requirement sheet.
+_MOVED: Final = {
+    "accuracy.tolerance_deg": "[required] angle_deg",
+    "axis.stopping_angle_max_deg": "[required] stopping_angle_deg",
+    "motion.stopping_angle_max_deg": "[required] stopping_angle_deg",
+    "accuracy": "[required]",
+}
+
 # In the order of the reference page and of the messages, whatever order the chapters are imported in.
 _CHAPTERS: Final = [
     module.__name__ for module in (axis, parts, monitors, reaction, can, nodes, plant, compensation)
@@ -165,6 +173,9 @@ def unknown_path(path: str) -> str:
 def _similar(where: Location, data: Data, root: type[Table]) -> str:
     """Hint "; did you mean ...?" for an unknown key or table, or ""."""
     table, key = ".".join(str(part) for part in where[:-1]), str(where[-1])
+    moved = _MOVED.get(f"{table}.{key}" if table else key)
+    if moved is not None:
+        return f"; it is {moved} now"
     if isinstance(_found(where, data), dict):
         whole = f"{table}.{key}" if table else key
         by_name = [path for path in table_models(root) if path.split(".")[-1] == key]

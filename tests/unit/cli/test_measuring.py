@@ -20,7 +20,7 @@ def test_stops_prints_every_class_and_is_exit_code_1_when_one_is_too_long(tmp_pa
     # The rules see a rigid body: 3.33 deg and 53 ms of reaction; the whole plant takes 3.68 deg with 60 ms.
     tight = machine_file(
         tmp_path / "m.toml",
-        {"axis.stopping_angle_max_deg": 3.65, "monitors.velocity_deviation_deg_s": 0.2},
+        {"required.stopping_angle_deg": 3.65, "monitors.velocity_deviation_deg_s": 0.2},
     )
     answer = cli("stops", "--speed", "6", "--config", tight)
     assert answer.code == 1

@@ -82,11 +82,11 @@ def test_check_as_json(machine_file):
 
 def test_show_tells_value_unit_and_origin(machine_file):
     text = machine_file.read_text(encoding="utf-8")
-    machine_file.write_text(text.replace("stopping_angle_max_deg = 4.0", "").replace("kpp_per_s = 10.0", ""))
+    machine_file.write_text(text.replace("stopping_angle_deg = 4.0", "").replace("kpp_per_s = 10.0", ""))
     lines = run("show", machine_file).output.splitlines()
     assert lines[0].startswith(f"# hust_gantry: {machine_file}, hash ")
-    assert [line.split() for line in lines if line.startswith("stopping_angle_max_deg")] == [
-        ["stopping_angle_max_deg", "4.0", "deg", "default,", "choice"]
+    assert [line.split() for line in lines if line.startswith("stopping_angle_deg")] == [
+        ["stopping_angle_deg", "4.0", "deg", "default,", "choice"]
     ]
     assert ["kpp_per_s", "10.0", "1/s", "default,", "paper"] in [line.split() for line in lines]
     assert ["mass_kg", "200000.0", "kg", "file"] in [line.split() for line in lines]

@@ -48,7 +48,11 @@ mass_kg = 2e5
 
 def test_the_shortest_file_is_the_reference_machine_under_another_name():
     machine = parse_machine(SHORT)
-    assert [d.path for d in diff_machines(machine, MACHINE)] == ["machine.name", "machine.description"]
+    assert [d.path for d in diff_machines(machine, MACHINE)] == [
+        "machine.name",
+        "machine.description",
+        "required.source",
+    ]
 
 
 def test_origins():
@@ -112,15 +116,15 @@ def test_schema_has_bounds_units_and_no_room_for_unknown_keys():
     schema = json.loads(json.dumps(json_schema(), allow_nan=False))
     assert schema["required"] == ["machine", "axis", "motor", "encoder"]
     assert schema["additionalProperties"] is False
-    axis = schema["$defs"]["AxisTable"]
-    assert axis["additionalProperties"] is False
-    assert axis["properties"]["stopping_angle_max_deg"] == {
+    required = schema["$defs"]["RequiredTable"]
+    assert required["additionalProperties"] is False
+    assert required["properties"]["stopping_angle_deg"] == {
         "default": 4.0,
-        "description": field_specs()["axis.stopping_angle_max_deg"].meaning,
-        "maximum": 30.0,
-        "minimum": 0.1,
+        "description": field_specs()["required.stopping_angle_deg"].meaning,
+        "maximum": 90.0,
+        "minimum": 0.01,
         "source": "choice",
-        "title": "Stopping Angle Max Deg",
+        "title": "Stopping Angle Deg",
         "type": "number",
         "unit": "deg",
     }

@@ -18,7 +18,7 @@ BREAKS = {
     "over_travel_above_highest": {"axis.pos_max_deg": 181.0},
     "over_travel_before_switch": {"axis.over_travel_deg": 182.0},
     "switch_before_stop": {"axis.limit_switch_deg": 187.0},
-    "stop_fits_behind_switch": {"axis.stopping_angle_max_deg": 5.1},
+    "stop_fits_behind_switch": {"required.stopping_angle_deg": 5.1},
     "settings_in_order": {"speed.setting_min_deg_s": 3.0, "speed.setting_max_deg_s": 3.0},
     "creep_is_slow": {"speed.creep_deg_s": 1.0, "speed.setting_max_deg_s": 0.9},
     "correction_reserve": {"speed.command_clamp_deg_s": 6.299},
@@ -232,7 +232,7 @@ def test_the_rule_reads_no_key_that_it_does_not_name(rule):
     "changes",
     [
         {"speed.command_clamp_deg_s": 6.3},  # 6 x 1.05 is 6.300000000000001 in binary
-        {"axis.stopping_angle_max_deg": 5.0},
+        {"required.stopping_angle_deg": 5.0},
         {"virtual_axis.dec_deg_s2": 2.0},
         {"virtual_axis.quick_dec_deg_s2": 5.05},  # 3.56 deg from 6 deg/s: 72 ms are left
         {"motor.torque_max_nm": 6 * 257.0},

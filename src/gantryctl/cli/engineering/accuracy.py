@@ -193,7 +193,7 @@ def report(
         measured=table,
         origin=Origin.MEASURED,
         radius_m=radius_m,
-        limit_deg=machine.accuracy.tolerance_deg,
+        limit_deg=machine.required.angle_deg,
     )
     return finish(made, out or DEFAULT_OUT, as_json)
 

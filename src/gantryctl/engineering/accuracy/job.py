@@ -87,7 +87,7 @@ def accuracy_report(
         created=created,
         measured=seen.table,
         origin=origin_of(machine),
-        limit_deg=machine.accuracy.tolerance_deg,
+        limit_deg=machine.required.angle_deg,
         measures_load=seen.measures_load,
         procedure=job.procedure,
         true=evaluate(job.procedure, readings.load_rad[0], radius_m) if seen.measures_load else None,

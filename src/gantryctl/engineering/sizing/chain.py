@@ -23,6 +23,8 @@ _DIGITS: Final = 12
 def machine_values(sheet: Sheet, motor: MotorFile) -> dict[str, Value]:
     """Every value of a machine file that the sheet or the motor decides, by dotted path."""
     return {
+        **_under("required", sheet.required),
+        "required.source": sheet.required.source or f"requirement sheet {sheet.sheet.name}",
         **_limits(sheet),
         **_parts(sheet, motor),
         **{f"plant.{path}": value for path, value in _plant(sheet).items()},
@@ -40,7 +42,6 @@ def _limits(sheet: Sheet) -> dict[str, Value]:
     return {
         "axis.pos_min_deg": sheet.range.pos_min_deg,
         "axis.pos_max_deg": sheet.range.pos_max_deg,
-        "axis.stopping_angle_max_deg": sheet.motion.stopping_angle_max_deg,
         "axis.reducer_ratio": sheet.gears.reducer_ratio,
         "axis.ring_ratio": sheet.gears.ring_ratio,
         "speed.setting_min_deg_s": round(sheet.motion.speed_min_r_min * DEG_S_PER_R_MIN, _DIGITS),

@@ -170,7 +170,7 @@ def _encoder(sheet: Sheet, motor: MotorFile) -> list[Check]:
         Check(
             "encoder step",
             eq.encoder_step_deg(motor.encoder.counts_per_turn, sheet.gears.ratio),
-            sheet.accuracy.angle_deg / sheet.margins.resolution,
+            sheet.required.angle_deg / sheet.margins.resolution,
             "deg",
             "one step at the gantry, against the required accuracy",
         ),

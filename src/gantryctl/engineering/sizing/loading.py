@@ -9,7 +9,7 @@ from gantryctl.engineering.sizing.duty import treatment_time_s
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.errors import ConfigError
-from gantryctl.machine import configs_folder, load_table
+from gantryctl.machine import configs_folder, field_specs, load_table
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
@@ -34,7 +34,14 @@ def load_sheet(path: Path | str) -> Sheet:
 
 def contradictions(sheet: Sheet) -> list[str]:
     """One line per contradiction: `[table] key = value: what must hold, against what`."""
-    return [*_travel(sheet), *_motion(sheet), *_gears(sheet), *_duty(sheet)]
+    return [*_required(sheet), *_travel(sheet), *_motion(sheet), *_gears(sheet), *_duty(sheet)]
+
+
+def _required(sheet: Sheet) -> Iterator[str]:
+    # A machine file may leave it to the default; a sheet is there to say it.
+    if "angle_deg" not in sheet.required.model_fields_set:
+        allowed = field_specs(Sheet)["required.angle_deg"].allowed
+        yield f"[required] angle_deg: is missing; allowed {allowed}"
 
 
 def _travel(sheet: Sheet) -> Iterator[str]:
@@ -65,9 +72,9 @@ def _motion(sheet: Sheet) -> Iterator[str]:
             f"{m.acc_deg_s2:g} deg/s2 it takes {speed**2 / m.acc_deg_s2:.4g} deg to reach and leave it, the travel "
             f"is {travel:g} deg"
         )
-    if speed * REACTION_S >= m.stopping_angle_max_deg:
+    if speed * REACTION_S >= sheet.required.stopping_angle_deg:
         yield (
-            f"[motion] stopping_angle_max_deg = {m.stopping_angle_max_deg:g} deg: the axis travels "
+            f"[required] stopping_angle_deg = {sheet.required.stopping_angle_deg:g} deg: the axis travels "
             f"{speed * REACTION_S:.3g} deg at {speed:g} deg/s before any stop begins ({1e3 * REACTION_S:g} ms)"
         )
 

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gantryctl.machine.tables.axis import REDUCER_RATIO, RING_RATIO, STOPPING_ANGLE_MAX_DEG, IdentityTable
+from gantryctl.machine.tables.axis import REDUCER_RATIO, RING_RATIO, IdentityTable
 from gantryctl.machine.tables.fields import Table, number, numbers, required_number, table
+from gantryctl.machine.tables.required import RequiredTable
 
 
 class Range(Table):
@@ -30,13 +31,6 @@ class Motion(Table):
         1.0, 0.01, 600.0, "From standstill to the highest speed: the acceleration that sizes the motor."
     )
     acc_deg_s2: float = required_number(0.39335664335664333, 0.001, 60.0, "Acceleration of normal moves.")
-    stopping_angle_max_deg: float = STOPPING_ANGLE_MAX_DEG
-
-
-class AccuracyWanted(Table):
-    """[accuracy]: the requirement on the angle."""
-
-    angle_deg: float = required_number(0.1, 1e-5, 10.0, "Required accuracy of the angle.")
 
 
 class LoadSheet(Table):
@@ -114,9 +108,9 @@ class Sheet(Table):
     """A complete requirement sheet."""
 
     sheet: IdentityTable = table("Name of the sheet.")
+    required: RequiredTable = table("What the axis must do.", RequiredTable)
     range: Range = table("Travel.")
     motion: Motion = table("Speeds and accelerations.")
-    accuracy: AccuracyWanted = table("The requirement on the angle.")
     load: LoadSheet = table("What turns.")
     gears: Gears = table("The transmission.")
     duty: Duty = table("One treatment day.", Duty)

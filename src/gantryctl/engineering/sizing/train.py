@@ -74,7 +74,7 @@ class Train:
     def quick_dec_rad_s2(self) -> float:
         """Least deceleration of a quick stop within the permitted angle, v^2/2 (angle - v reaction)."""
         # The axis travels on at full speed until the stop begins.
-        way = rad(self.sheet.motion.stopping_angle_max_deg) - self.speed_rad_s * REACTION_S
+        way = rad(self.sheet.required.stopping_angle_deg) - self.speed_rad_s * REACTION_S
         return self.speed_rad_s**2 / (2.0 * way)
 
     @property

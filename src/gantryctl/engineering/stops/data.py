@@ -19,7 +19,7 @@ def stops_data(machine: Machine, rows: Sequence[StopRow], measured: MeasuredStop
         "machine": machine.name,
         "origin": Origin.SIMULATED.value,
         "measured": None if measured is None else measured._asdict(),
-        "permitted_deg": machine.axis.stopping_angle_max_deg,
+        "permitted_deg": machine.required.stopping_angle_deg,
         "rows": [
             {
                 **{name: plain(value) for name, value in row.stop._asdict().items()},

@@ -91,10 +91,10 @@ def check_quick_stop(machine: Machine) -> StopResult:
         )
     # Rounded up to the hundredth: a limit is never met by rounding.
     angle = math.ceil((stop.angle_deg + speed * REACTION_S) * 100.0) / 100.0
-    if angle > machine.axis.stopping_angle_max_deg:
+    if angle > machine.required.stopping_angle_deg:
         problems.append(
             f"{where}: a quick stop from {speed:g} deg/s takes {angle:.2f} deg including {REACTION_S * 1e3:.0f} ms of "
-            f"reaction, [axis] stopping_angle_max_deg = {machine.axis.stopping_angle_max_deg:g} deg; stop harder, "
+            f"reaction, [required] stopping_angle_deg = {machine.required.stopping_angle_deg:g} deg; stop harder, "
             "go slower or permit more"
         )
     if problems:

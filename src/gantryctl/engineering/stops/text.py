@@ -60,7 +60,7 @@ def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
         measured=_measured(measured),
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,
         reaction=REACTION_S * 1e3,
-        permitted=machine.axis.stopping_angle_max_deg,
+        permitted=machine.required.stopping_angle_deg,
         torque=machine.motor.torque_max_nm,
         reducer=machine.reducer.torque_momentary_nm / 1e3,
     )

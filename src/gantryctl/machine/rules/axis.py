@@ -38,10 +38,10 @@ def switch_before_stop(m: Machine) -> Broken:
     return below(m.axis.limit_switch_deg, m.axis.mechanical_stop_deg, "the switch must act before the stop")
 
 
-@rule("axis.mechanical_stop_deg", "axis.limit_switch_deg", "axis.stopping_angle_max_deg")
+@rule("axis.mechanical_stop_deg", "axis.limit_switch_deg", "required.stopping_angle_deg")
 def stop_fits_behind_switch(m: Machine) -> Broken:
     """The permitted stopping angle fits between limit switch and mechanical stop."""
-    need = m.axis.limit_switch_deg + m.axis.stopping_angle_max_deg
+    need = m.axis.limit_switch_deg + m.required.stopping_angle_deg
     return at_least(m.axis.mechanical_stop_deg, need, "limit switch plus permitted stopping angle")
 
 
@@ -114,10 +114,10 @@ def quick_not_below_acceleration(m: Machine) -> Broken:
     return at_least(v.quick_dec_deg_s2, v.acc_deg_s2, "the axis must stop faster than it starts")
 
 
-@rule("virtual_axis.quick_dec_deg_s2", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
+@rule("virtual_axis.quick_dec_deg_s2", "speed.setting_max_deg_s", "required.stopping_angle_deg")
 def quick_stop_fits_angle(m: Machine) -> Broken:
     """A rigid quick stop from the highest setting, without reaction, fits the permitted stopping angle."""
-    need = m.speed.setting_max_deg_s**2 / (2.0 * m.axis.stopping_angle_max_deg)
+    need = m.speed.setting_max_deg_s**2 / (2.0 * m.required.stopping_angle_deg)
     return at_least(m.virtual_axis.quick_dec_deg_s2, need, "to stop within the permitted stopping angle")
 
 

@@ -86,10 +86,10 @@ def lease_spans_scans(m: Machine) -> Broken:
     return at_least(m.monitors.lease_ms, 2.0 * m.control.scan_period_ms, "two scans")
 
 
-@rule("monitors.lease_ms", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
+@rule("monitors.lease_ms", "speed.setting_max_deg_s", "required.stopping_angle_deg")
 def lease_within_stopping_angle(m: Machine) -> Broken:
     """At the highest setting a lost lease acts before the permitted stopping angle is used up."""
-    most = 1000.0 * m.axis.stopping_angle_max_deg / m.speed.setting_max_deg_s
+    most = 1000.0 * m.required.stopping_angle_deg / m.speed.setting_max_deg_s
     return at_most(m.monitors.lease_ms, most, "permitted stopping angle / highest setting")
 
 

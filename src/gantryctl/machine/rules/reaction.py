@@ -19,7 +19,7 @@ from gantryctl.machine.tables.model import Machine
 from gantryctl.units import deg
 
 STOP: Final = ("speed.setting_max_deg_s", "virtual_axis.quick_dec_deg_s2")
-ROOM: Final = (*STOP, "axis.stopping_angle_max_deg")
+ROOM: Final = (*STOP, "required.stopping_angle_deg")
 SCAN: Final = "control.scan_period_ms"
 BODY: Final = (*RATIO, "plant.load.inertia_kg_m2", *ROTOR)
 MOMENT: Final = "plant.load.eccentric_check_moment_nm"
@@ -38,7 +38,7 @@ REACTION_S: Final = 0.06
 def reaction_room_deg(m: Machine) -> float:
     """Part of the permitted stopping angle that a quick stop from the highest setting leaves, 60 ms at the least."""
     v = m.speed.setting_max_deg_s
-    rigid = m.axis.stopping_angle_max_deg - v**2 / (2.0 * m.virtual_axis.quick_dec_deg_s2)
+    rigid = m.required.stopping_angle_deg - v**2 / (2.0 * m.virtual_axis.quick_dec_deg_s2)
     # The rigid stop is longer than the real one, which friction helps (3.33 to 3.32 deg on the reference machine):
     # where it leaves less than the reaction that every stop is computed with, the check on the whole plant decides.
     return max(rigid, v * REACTION_S)
@@ -139,13 +139,13 @@ def overspeed_time_within_reaction(m: Machine) -> Broken:
     return at_most(m.monitors.overspeed_time_ms, _monitor_time_ms(m), _REACTION)
 
 
-@rule("monitors.torque_saturation_time_ms", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
+@rule("monitors.torque_saturation_time_ms", "speed.setting_max_deg_s", "required.stopping_angle_deg")
 def saturation_within_stopping_angle(m: Machine) -> Broken:
     """Torque saturation is noticed within the permitted angle; the following error bounds what is lost meanwhile."""
     return at_most(m.monitors.torque_saturation_time_ms, _whole_angle_ms(m), _WHOLE_ANGLE)
 
 
-@rule("monitors.brake_feedback_time_ms", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg")
+@rule("monitors.brake_feedback_time_ms", "speed.setting_max_deg_s", "required.stopping_angle_deg")
 def brake_feedback_within_stopping_angle(m: Machine) -> Broken:
     """A brake contact that contradicts the command is noticed within the permitted angle at the highest setting."""
     return at_most(m.monitors.brake_feedback_time_ms, _whole_angle_ms(m), _WHOLE_ANGLE)
@@ -155,7 +155,7 @@ _WHOLE_ANGLE: Final = f"permitted stopping angle / highest setting; {_TO_DO}"
 
 
 def _whole_angle_ms(m: Machine) -> float:
-    return 1000.0 * m.axis.stopping_angle_max_deg / m.speed.setting_max_deg_s
+    return 1000.0 * m.required.stopping_angle_deg / m.speed.setting_max_deg_s
 
 
 _ENCODERS: Final = "control.compensation.load_encoder"
@@ -203,7 +203,7 @@ def silent_speed_max_deg_s(
     square, linear, constant = _silent_way(m, delay_ms, brake, dec_deg_s2)
     if not math.isfinite(constant):
         return 0.0
-    return _positive_root(square, linear, constant - m.axis.stopping_angle_max_deg)
+    return _positive_root(square, linear, constant - m.required.stopping_angle_deg)
 
 
 def _silent_way(m: Machine, delay_ms: float, brake: bool, dec_deg_s2: float) -> tuple[float, float, float]:
@@ -261,10 +261,10 @@ _CAUGHT: Final = (
 
 
 # --- brake --------------------------------------------------------------------------------------------------
-@rule("brake.close_time_ms", "speed.setting_max_deg_s", "axis.stopping_angle_max_deg", *BRAKING)
+@rule("brake.close_time_ms", "speed.setting_max_deg_s", "required.stopping_angle_deg", *BRAKING)
 def brake_stop_within_stopping_angle(m: Machine) -> Broken:
     """Torque off and brake from the highest setting, with 60 ms of reaction, fit the permitted stopping angle."""
-    v, permitted, sinking = m.speed.setting_max_deg_s, m.axis.stopping_angle_max_deg, sinking_acc_deg_s2(m)
+    v, permitted, sinking = m.speed.setting_max_deg_s, m.required.stopping_angle_deg, sinking_acc_deg_s2(m)
     net = braking_dec_deg_s2(m) - sinking
     if net <= 0.0:
         return None

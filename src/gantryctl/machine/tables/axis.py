@@ -9,9 +9,6 @@ from pydantic import Field
 from gantryctl.machine.tables.fields import Table, choice, number, required_number, text
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
-STOPPING_ANGLE_MAX_DEG: Final[Any] = number(
-    4.0, 0.1, 30.0, "Permitted quick-stop angle from the highest speed, reaction included."
-)
 REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 500.0, "Motor turns per turn of the reducer output.")
 RING_RATIO: Final[Any] = required_number(13.0, 1.0, 100.0, "Turns of the reducer output per gantry turn.")
 
@@ -37,7 +34,6 @@ class AxisTable(Table):
     over_travel_deg: float = number(180.5, 0.1, 410.0, "Measured angle that trips, on both sides of zero.")
     limit_switch_deg: float = number(182.0, 0.1, 420.0, "Limit switches, on both sides of zero.")
     mechanical_stop_deg: float = number(187.0, 0.1, 430.0, "Mechanical stops, on both sides of zero.")
-    stopping_angle_max_deg: float = STOPPING_ANGLE_MAX_DEG
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
 

@@ -73,8 +73,6 @@ class MonitorsTable(Table):
 class AccuracyTable(Table):
     """[accuracy]: the chord test."""
 
-    # The paper's table 1.
-    tolerance_deg: float = number(0.1, 1e-5, 5.0, "Required accuracy of the angle.", "paper")
     # The paper is silent about it; 1e-4 deg are 4.4 um at 2.5 m.
     chord_radius_m: float = number(2.5, 0.1, 20.0, "Radius of the tracker's target.", "estimate")
     # Half the maximum permissible error of a laser tracker, as usual for its typical error, averaged.

@@ -15,6 +15,7 @@ from gantryctl.machine.tables.drive import DriveTable
 from gantryctl.machine.tables.fields import Table, table
 from gantryctl.machine.tables.motor import BrakeTable, EncoderTable, MotorTable, ReducerTable
 from gantryctl.machine.tables.plant import PlantTable
+from gantryctl.machine.tables.required import RequiredTable
 
 # Key of the validation context: the caller checks the rules itself, because it makes lines of them.
 RULES_LATER: Final = "rules_later"
@@ -28,6 +29,7 @@ class Machine(Table):
     """
 
     machine: IdentityTable = table("Name of the machine.")
+    required: RequiredTable = table("What the axis must do.", RequiredTable)
     axis: AxisTable = table("Travel, limits, ratio.")
     speed: SpeedTable = table("Speed chain.", SpeedTable)
     virtual_axis: VirtualAxisTable = table("Dynamics of the set-point.", VirtualAxisTable)

@@ -92,7 +92,7 @@ def ramp_row(q: Question) -> LedgerRow:
     top = m.speed.setting_max_deg_s
     own = Words.LEDGER_OWN_RAMP(acceleration=dec, angle=angle, speed=top, time_ms=reaction_ms)
     detail = Clauses((*why, own))
-    permitted, fastest = m.axis.stopping_angle_max_deg, None
+    permitted, fastest = m.required.stopping_angle_deg, None
     if angle > permitted:
         fastest = math.floor(10.0 * silent_speed_max_deg_s(m, reaction_ms, dec_deg_s2=dec)) / 10.0
         detail = Clauses((*detail, Words.LEDGER_NOT_FASTER(limit=permitted, speed=fastest)))

@@ -75,7 +75,7 @@ def _way(q: Question, delay_ms: float, ways: tuple[bool, ...]) -> tuple[tuple[Sa
     if len(ways) > 1:
         how = Words.LEDGER_RAMP_OR_BRAKE
     way = Words.LEDGER_WAY(time_ms=delay_ms, how=how, angle=angle, speed=m.speed.setting_max_deg_s)
-    permitted = m.axis.stopping_angle_max_deg
+    permitted = m.required.stopping_angle_deg
     if angle <= permitted:
         return (way,), None
     speed = min(silent_speed_max_deg_s(m, delay_ms, brake=brake, dec_deg_s2=dec) for brake in ways)

@@ -2,7 +2,6 @@
 
 import pytest
 
-from gantryctl.engineering.accuracy.paper import REQUIREMENT_DEG
 from gantryctl.engineering.sizing.chain import as_tables, machine_values, sized_machine
 from gantryctl.engineering.sizing.checks import fit, usable_torque_nm
 from gantryctl.engineering.sizing.loading import load_sheet
@@ -72,7 +71,7 @@ def test_a_motor_that_cannot_hold_the_load_is_refused(changed_sheet, paper_motor
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"accuracy.angle_deg": 0.001}, "encoder step"),
+        ({"required.angle_deg": 0.001}, "encoder step"),
         ({"range.wrap_margin_min_deg": 180.0, "gears.reducer_ratio": 300.0}, "encoder range"),
         ({"gears.reducer_ratio": 170.0}, "speed"),
         ({"duty.hold_s": 0.0, "duty.treatments": 1, "margins.thermal": 5.0}, None),
@@ -96,8 +95,22 @@ def test_sheet_and_motor_give_the_reference_machine(sheet, paper_motor):
     assert config_hash(parse_machine(to_toml(sized))) == config_hash(machine)
 
 
-def test_the_report_judges_by_the_sheet_s_accuracy(sheet):
-    assert sheet.accuracy.angle_deg == REQUIREMENT_DEG
+def test_the_machine_is_judged_by_what_its_sheet_requires(changed_sheet, paper_motor):
+    strict = load_sheet(
+        changed_sheet(
+            {
+                "required.angle_deg": 0.01,
+                "required.speed_error_ratio": 0.001,
+                "required.stopping_angle_deg": 4.5,
+                "required.source": '"contract 7, clause 3"',
+            }
+        )
+    )
+    machine = sized_machine(default_machine(), fit(strict, paper_motor))
+    assert machine.required == strict.required
+    unnamed = load_sheet(changed_sheet({"required.source": '""'}))
+    made = sized_machine(default_machine(), fit(unnamed, paper_motor))
+    assert made.required.source == "requirement sheet hust_gantry"
 
 
 def test_another_sheet_is_another_machine(changed_sheet, paper_motor):

@@ -27,8 +27,8 @@ MOTOR = configs_folder() / "motors" / "im_31kw_1150.toml"
             r"speed_max_r_min = 1 r/min: is never reached: .* 720 deg .* travel is 360 deg",
         ),
         (
-            {"motion.stopping_angle_max_deg": 0.3},
-            r"stopping_angle_max_deg = 0.3 deg: the axis travels 0.36 deg",
+            {"required.stopping_angle_deg": 0.3},
+            r"stopping_angle_deg = 0.3 deg: the axis travels 0.36 deg",
         ),
         (
             {"gears.torque_momentary_nm": 1000.0},
@@ -58,13 +58,28 @@ def test_an_impossible_sheet_is_refused_in_one_line(changed_sheet, changes, mess
 
 def test_missing_and_unknown_keys_are_named(tmp_path):
     path = tmp_path / "sheet.toml"
-    path.write_text('[sheet]\nname = "x"\n[motion]\nspeed_max = 1.0\n', encoding="utf-8")
+    path.write_text(
+        '[sheet]\nname = "x"\n[motion]\nspeed_max = 1.0\nstopping_angle_max_deg = 3.0\n[accuracy]\nangle_deg = 0.1\n',
+        encoding="utf-8",
+    )
     with pytest.raises(ConfigError) as refused:
         load_sheet(path)
     text = "\n".join(refused.value.problems)
     assert "[motion] speed_min_r_min: is missing; allowed 0.0001..10 r/min" in text
     assert "[motion] speed_max = 1.0: unknown key; did you mean speed_max_r_min?" in text
     assert "[load]: the table is missing; it must give inertia_kg_m2, mass_kg" in text
+    assert "stopping_angle_max_deg = 3.0: unknown key; it is [required] stopping_angle_deg now" in text
+    assert "[accuracy]: unknown table; it is [required] now" in text
+
+
+def test_a_sheet_names_the_accuracy_that_it_requires(changed_sheet):
+    """A machine file may leave it to a default; with a sheet that did, the default of another axis would judge."""
+    path = changed_sheet({})
+    text = path.read_text(encoding="utf-8")
+    assert text.count("angle_deg = 0.1 ") == 1
+    path.write_text(text.replace("angle_deg = 0.1 ", "# "), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"\[required\] angle_deg: is missing; allowed 1e-05..5 deg"):
+        load_sheet(path)
 
 
 def test_a_name_plate_that_contradicts_itself_is_refused(tmp_path):

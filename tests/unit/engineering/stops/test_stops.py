@@ -80,7 +80,7 @@ def test_the_jog_release_ramp_takes_its_deceleration_and_its_jerk(speed: float) 
 def test_the_quick_stop_of_the_reference_machine_is_about_3_3_deg_from_full_speed() -> None:
     stop = worst_stop(MACHINE, StopClass.QUICK, TOP)
     assert stop.angle_deg == pytest.approx(3.33, abs=0.15)
-    assert stop.angle_deg + TOP * REACTION_S < MACHINE.axis.stopping_angle_max_deg
+    assert stop.angle_deg + TOP * REACTION_S < MACHINE.required.stopping_angle_deg
     assert within_ratings(MACHINE, stop)
     assert stop.brake_energy_kj == 0.0
 
@@ -140,10 +140,10 @@ def changed(**changes: object) -> Machine:
         # 60 ms of reaction are left, which a velocity deviation of 0.5 deg/s would not keep.
         (
             changed(virtual_axis__quick_dec_deg_s2=4.6, monitors__velocity_deviation_deg_s=0.2),
-            "stopping_angle_max_deg = 4 deg",
+            "stopping_angle_deg = 4 deg",
         ),
         (
-            changed(axis__stopping_angle_max_deg=3.5, monitors__velocity_deviation_deg_s=0.2),
+            changed(required__stopping_angle_deg=3.5, monitors__velocity_deviation_deg_s=0.2),
             "stop harder, go slower or permit more",
         ),
     ],

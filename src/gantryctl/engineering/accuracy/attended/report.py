@@ -49,7 +49,7 @@ def session_report(
         acc_deg_s2=machine.virtual_axis.acc_deg_s2,
         settings=_settings(session),
         notes=notes,
-        limit_deg=machine.accuracy.tolerance_deg,
+        limit_deg=machine.required.angle_deg,
         simulated=_table(procedure, np.degrees(run_procedure([machine], procedure).load_rad[0])),
         uncertainty=chord_uncertainty(procedure, angles_deg, session.uncertainties_deg()),
     )
