@@ -28,8 +28,9 @@ RAW = default_machine_path().read_bytes()
 
 # Bound to each other too closely to be varied one by one; `consistent_changes` varies them together.
 BOUND = {
-    "axis.over_travel_deg", "axis.limit_switch_deg", "axis.mechanical_stop_deg", "axis.pos_min_deg",
-    "axis.pos_max_deg", "required.stopping_angle_deg", "axis.ring_ratio", "brake.test_torque_nm",
+    "axis.over_travel_min_deg", "axis.over_travel_max_deg", "axis.limit_switch_min_deg",
+    "axis.limit_switch_max_deg", "axis.mechanical_stop_min_deg", "axis.mechanical_stop_max_deg",
+    "axis.pos_min_deg", "axis.pos_max_deg", "required.stopping_angle_deg", "axis.ring_ratio", "brake.test_torque_nm",
     "control.scan_period_ms",
     "drive.speed_loop.cycle_us", "plant.load.eccentric_sign", "speed.command_clamp_deg_s",
     "speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s", "speed.setting_max_deg_s",
@@ -40,15 +41,18 @@ FREE = [path for path, spec in field_specs().items() if spec.kind == "number" an
 def consistent_changes(draw):
     """Changes that break no rule: `draw(low, high)` gives a number."""
     changes = {path: VALUES[path] * draw(0.97, 1.03) for path in FREE}
-    changes["axis.pos_min_deg"] = -draw(20.0, 180.0)
-    changes["axis.pos_max_deg"] = draw(20.0, 180.0)
-    changes["axis.over_travel_deg"] = travel = 180.0 + draw(0.1, 1.0)
-    changes["axis.limit_switch_deg"] = switch = travel + draw(0.1, 5.0)
+    changes["axis.pos_min_deg"] = low = draw(-180.0, 100.0)
+    changes["axis.pos_max_deg"] = high = low + draw(1.0, 180.0 - low)
+    changes["axis.over_travel_min_deg"] = low_trip = low - draw(0.1, 1.0)
+    changes["axis.over_travel_max_deg"] = high_trip = high + draw(0.1, 1.0)
+    changes["axis.limit_switch_min_deg"] = low_switch = low_trip - draw(0.1, 5.0)
+    changes["axis.limit_switch_max_deg"] = high_switch = high_trip + draw(0.1, 5.0)
     changes["speed.setting_max_deg_s"] = fastest = draw(1.0, 6.0)
     # The quick stop from there, the time-out of the heartbeat (150 ms + 3 %, the longest reaction) and some more.
     quickest = fastest**2 / (2.0 * changes["virtual_axis.quick_dec_deg_s2"]) + 0.16 * fastest
     changes["required.stopping_angle_deg"] = stop = quickest + draw(0.2, 6.0)
-    changes["axis.mechanical_stop_deg"] = switch + stop + draw(0.0, 3.0)
+    changes["axis.mechanical_stop_min_deg"] = low_switch - stop - draw(0.0, 3.0)
+    changes["axis.mechanical_stop_max_deg"] = high_switch + stop + draw(0.0, 3.0)
     changes["speed.command_clamp_deg_s"] = clamp = fastest * draw(1.05, 1.2)
     changes["speed.drive_ceiling_deg_s"] = ceiling = clamp * draw(1.0, 1.1)
     changes["speed.overspeed_trip_deg_s"] = ceiling * draw(1.001, 1.1)
@@ -64,6 +68,7 @@ def consistent_changes(draw):
             changes[path] = draw(0.0, 1.0) < 0.5
         elif spec.kind == "word":
             changes[path] = spec.words[int(draw(0.0, len(spec.words) - 0.001))]
+    changes["axis.kind"] = "linear"
     _agree(changes)
     changes["can.stepped"] &= not changes["can.commissioning_required"]
     if changes["drive.kind"] == "canopen":  # SYNC has whole milliseconds, and the controller no brake output

@@ -361,8 +361,8 @@ RULES: Final[dict[type, Rules]] = {
         number="_error_at_saturation _over_travel_minus _over_travel_plus",
         count="_brake _deviation_count _dwell _following _overspeed _saturation _standstill rest_scans",
         fixed="_alarms _band_base _band_per_speed _brake_scans _deviation _deviation_scans _dwell_scans _feedback "
-        "_following_scans _holding _look_ahead _over_travel _overspeed_scans _period_s _ratio _saturation_scans "
-        "_settings _standstill_scans _tolerance_scans _torque_max _trip _virtual _warning_ratio _window",
+        "_following_scans _holding _look_ahead _overspeed_scans _period_s _ratio _saturation_scans "
+        "_settings _standstill_scans _tolerance_scans _torque_max _travel _trip _virtual _warning_ratio _window",
     ),
     MotionCommands: Rules(
         same="_stop_execute brake_overdue state",

@@ -44,7 +44,7 @@ def settings(*, parks: bool, torque_preload: bool = True) -> AxisSettings:
     travel = WAY_RAD * (1.0 + 1e-6)
     return BriefSettings(
         period_s=PERIOD_S,
-        travel=TravelSettings(-travel, travel, 1.3 * WAY_RAD),
+        travel=TravelSettings(-travel, travel, -1.3 * WAY_RAD, 1.3 * WAY_RAD),
         speed=SpeedSettings(
             0.5 * SPEED_RAD_S,
             SPEED_RAD_S,

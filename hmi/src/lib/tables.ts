@@ -272,12 +272,18 @@ export interface Tags {
   pos_min_deg: number | null;
   /** The set-point never passes this. [deg] */
   pos_max_deg: number | null;
-  /** The measured angle trips beyond +- this. [deg] */
-  over_travel_deg: number | null;
-  /** Limit switches stand at +- this. [deg] */
-  limit_switch_deg: number | null;
-  /** Mechanical stops stand at +- this. [deg] */
-  mechanical_stop_deg: number | null;
+  /** A measured angle below this trips. [deg] */
+  over_travel_min_deg: number | null;
+  /** A measured angle above this trips. [deg] */
+  over_travel_max_deg: number | null;
+  /** The lower limit switch stands there. [deg] */
+  limit_switch_min_deg: number | null;
+  /** The upper limit switch stands there. [deg] */
+  limit_switch_max_deg: number | null;
+  /** The lower mechanical stop stands there. [deg] */
+  mechanical_stop_min_deg: number | null;
+  /** The upper mechanical stop stands there. [deg] */
+  mechanical_stop_max_deg: number | null;
   /** Following error that stops the axis, at this speed. [deg] */
   following_error_trip_deg: number | null;
   /** Rated motor torque. [N m] */

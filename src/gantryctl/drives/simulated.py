@@ -57,7 +57,7 @@ class SimDrive(BaseDrive):
         serial: serial number of the encoder.
         counts_per_turn: fine counts per motor turn.
         turns: multiturn range of the encoder.
-        limit_switch_rad: gantry angle of both limit switches, rad.
+        limit_switches_rad: gantry angles of the lower and the upper limit switch, rad.
     """
 
     truth_columns: tuple[str, ...] = TRUTH_COLUMNS
@@ -69,7 +69,7 @@ class SimDrive(BaseDrive):
         serial: str,
         counts_per_turn: int,
         turns: int,
-        limit_switch_rad: float,
+        limit_switches_rad: tuple[float, float],
     ) -> None:
         self.sim = sim
         self._maker = maker
@@ -84,7 +84,7 @@ class SimDrive(BaseDrive):
         self._identity = DriveIdentity("simulated drive", serial, counts_per_turn, turns)
         self._count_rad = _TWO_PI / counts_per_turn
         self._range_counts = counts_per_turn * turns
-        self._limit_switch_rad = limit_switch_rad
+        self._lower_switch_rad, self._upper_switch_rad = limit_switches_rad
         self._inputs = _SOUND_INPUTS
         self._feedback = sim.feedback
         self._scan = sim.scan
@@ -105,8 +105,8 @@ class SimDrive(BaseDrive):
         counts, vel, torque, brake_open, limited, overload, _, ring, pos_load = self._feedback(
             self._count_rad
         )
-        spoilt, limit = self.faults.spoilt, self._limit_switch_rad
-        if spoilt or self._inputs is not _SOUND_INPUTS or not -limit < pos_load < limit:
+        spoilt, within = self.faults.spoilt, self._lower_switch_rad < pos_load < self._upper_switch_rad
+        if spoilt or self._inputs is not _SOUND_INPUTS or not within:
             self._read_inputs(pos_load)
         reading = new_image(
             DriveFeedback,
@@ -205,10 +205,10 @@ class SimDrive(BaseDrive):
         self._remake()
 
     def _read_inputs(self, pos_load_rad: float) -> None:
-        limit = self._limit_switch_rad
         faults = self.faults
+        minus_ok, plus_ok = pos_load_rad > self._lower_switch_rad, pos_load_rad < self._upper_switch_rad
         now = DigitalInputs(
-            faults.estop_ok, faults.enabling_switch, pos_load_rad > -limit, pos_load_rad < limit, faults.mains_ready,
+            faults.estop_ok, faults.enabling_switch, minus_ok, plus_ok, faults.mains_ready,
             faults.collision_ok, faults.door_ok, faults.estop_ok_2, faults.motion_permit,
         )  # fmt: skip
         # The object of the scan before, while nothing has changed: whoever watches it compares no more than that.

@@ -31,7 +31,10 @@ def reference_page() -> str:
 
 
 def _row(spec: FieldSpec) -> str:
-    default = "**required**" if spec.default is None else f"`{show_value(spec.default, None)}`"
+    if spec.beside:
+        default = f"`{spec.beside}`"
+    else:
+        default = "**required**" if spec.default is None else f"`{show_value(spec.default, None)}`"
     return f"| `{spec.key}` | {default} | {spec.allowed} | {spec.source} | {spec.meaning} |"
 
 

@@ -54,6 +54,10 @@ _MOVED: Final = {
     "axis.stopping_angle_max_deg": "[required] stopping_angle_deg",
     "motion.stopping_angle_max_deg": "[required] stopping_angle_deg",
     "accuracy": "[required]",
+    **{
+        f"axis.{name}_deg": f"{name}_min_deg and {name}_max_deg, a signed angle for each side,"
+        for name in ("over_travel", "limit_switch", "mechanical_stop")
+    },
 }
 
 # In the order of the reference page and of the messages, whatever order the chapters are imported in.
@@ -101,6 +105,10 @@ def describe(
     hints = _MAX_HINTS
     for error in errors:
         where: Location = error["loc"]
+        # A default beside a key that was refused: that key has its line.
+        if error["type"] == "default_factory_not_called":
+            unusable.add(_path(where))
+            continue
         if error["type"] == "extra_forbidden":
             hint = _similar(where, data, root) if hints > 0 else ""
             hints -= 1

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal, TypeAlias, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
-from gantryctl.machine.tables.fields import SOURCE, Table, unit_of
+from gantryctl.machine.tables.fields import BESIDE, SOURCE, Table, unit_of
 from gantryctl.machine.tables.model import Machine
 
 Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers", "texts"]
@@ -22,7 +22,7 @@ class FieldSpec:
 
     `low` and `high` are in `unit`, both included; for "numbers" they hold for each element and `lengths` for
     the array; for "text" `lengths` counts characters, for "texts" the elements. `usual` is the default, or the
-    reference machine's.
+    reference machine's. `beside` is the sum that a default is computed by, from another key of the table.
     """
 
     table: str
@@ -39,6 +39,7 @@ class FieldSpec:
     lengths: tuple[int, int] = (0, 0)
     words: tuple[str, ...] = ()
     pattern: bool = False
+    beside: str = ""
 
     @property
     def path(self) -> str:
@@ -134,6 +135,8 @@ def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
     bounds = _bounds(metadata)
     extra = info.json_schema_extra
     notes = extra if isinstance(extra, dict) else {}
+    given = next(iter(info.examples or ()), None)
+    default = None if info.is_required() or BESIDE in notes else info.get_default()
     return FieldSpec(
         table=table_path,
         key=key,
@@ -141,14 +144,15 @@ def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
         unit=unit_of(key, info),
         meaning=info.description or "",
         required=info.is_required(),
-        default=None if info.is_required() else info.get_default(),
-        usual=next(iter(info.examples or ()), None) if info.is_required() else info.get_default(),
+        default=default,
+        usual=given if default is None else default,
         source=str(notes.get(SOURCE, "")),
         low=bounds.get("low", 0.0),
         high=bounds.get("high", 0.0),
         lengths=(int(bounds.get("least", 0)), int(bounds.get("most", 0))),
         words=words,
         pattern=any(getattr(item, "pattern", None) is not None for item in metadata),
+        beside=str(notes.get(BESIDE, "")),
     )
 
 

@@ -56,7 +56,7 @@ class EncoderScale(NamedTuple):
 
     Attributes:
         ratio: motor turns per gantry turn. coarse_per_turn: EnDat steps per motor turn.
-        pos_min_deg, pos_max_deg: the travel. mechanical_stop_deg: no reading beyond it can be true.
+        pos_min_deg, pos_max_deg: the travel. stops_deg: mechanical stops; no reading beyond them can be true.
         wrap_margin_min_deg: from the travel to the wrap of the range, at least.
     """
 
@@ -65,7 +65,7 @@ class EncoderScale(NamedTuple):
     coarse_per_turn: int
     pos_min_deg: float
     pos_max_deg: float
-    mechanical_stop_deg: float
+    stops_deg: tuple[float, float]
     wrap_margin_min_deg: float
 
     @property
@@ -89,9 +89,15 @@ class EncoderScale(NamedTuple):
         half = self.range_counts / 2
         return (counts + half) % self.range_counts - half
 
+    @property
+    def middle_counts(self) -> float:
+        """From the count at 0 deg to that in the middle of travel."""
+        return 0.5 * (self.pos_min_deg + self.pos_max_deg) / self.deg_per_count
+
     def unwrapped(self, raw_counts: float, zero_counts: int) -> float:
-        """The reading on the branch that puts the gantry within half the range of its zero, counts."""
-        return zero_counts + self.centred(raw_counts - zero_counts)
+        """The reading on the branch that puts the gantry within half the range of the middle of travel, counts."""
+        middle = zero_counts + self.middle_counts
+        return middle + self.centred(raw_counts - middle)
 
 
 def judge_reference(scale: EncoderScale, raw_counts: float, retained: Retained | None) -> AbsoluteReading:
@@ -102,9 +108,12 @@ def judge_reference(scale: EncoderScale, raw_counts: float, retained: Retained |
     angle = moved = minus = plus = None
     zero = retained.zero_offset_counts if retained is not None else None
     if zero is not None:
-        angle = scale.centred(raw_counts - zero) * scale.deg_per_count
-        minus = zero % scale.range_counts * scale.deg_per_count + scale.pos_min_deg
-        plus = (scale.range_counts - zero % scale.range_counts) * scale.deg_per_count - scale.pos_max_deg
+        angle = (scale.unwrapped(raw_counts, zero) - zero) * scale.deg_per_count
+        # 0 deg itself may lie outside the range.
+        half_travel_deg = 0.5 * (scale.pos_max_deg - scale.pos_min_deg)
+        below = (zero + scale.middle_counts) % scale.range_counts
+        minus = below * scale.deg_per_count - half_travel_deg
+        plus = (scale.range_counts - below) * scale.deg_per_count - half_travel_deg
     if retained is not None and retained.rest_position_counts is not None:
         moved = scale.centred(raw_counts - retained.rest_position_counts) * scale.deg_per_count
     reading = AbsoluteReading(
@@ -134,7 +143,7 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
     assert reading.margin_plus_deg is not None
     if not min(reading.margin_minus_deg, reading.margin_plus_deg) >= scale.wrap_margin_min_deg:
         return RestVerdict.WRAP
-    if moved is None or not abs(angle) <= scale.mechanical_stop_deg:
+    if moved is None or not scale.stops_deg[0] <= angle <= scale.stops_deg[1]:
         return RestVerdict.NOT_VALID
     if abs(moved) <= ACCEPTED_DEG:
         return RestVerdict.OK

@@ -148,7 +148,8 @@ def _open(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMa
     # Plant and memory belong together: one without the other means a lost file, and the zero cannot be guessed.
     if kept is None:
         if retained is None:
-            return new_machine(machine)._replace(notes=("a new simulated machine, standing at 0 deg",))
+            standing = f"a new simulated machine, standing at {machine.axis.start_angle_deg:g} deg"
+            return new_machine(machine)._replace(notes=(standing,))
         raise StateError(
             f"{store.directory}: retained memory without a simulated plant; `gantryctl sim reset` makes a new machine"
         )
@@ -177,15 +178,19 @@ def read_only(machine: Machine, store: StateStore) -> Iterator[OpenMachine]:
         leave_bus(found.drive)
 
 
-def new_machine(machine: Machine, angle_deg: float = 0.0) -> OpenMachine:
-    """A simulated machine as delivered: standing at an angle with the brake closed, encoder zeroed at 0 deg.
+def new_machine(machine: Machine, angle_deg: float | None = None) -> OpenMachine:
+    """A simulated machine as delivered: standing at an angle with the brake closed, encoder zeroed.
+
+    Args:
+        angle_deg: [axis] start_angle_deg when not given; the encoder was zeroed there in any case.
 
     Raises:
         UsageError: an angle outside the mechanical stops.
     """
-    limit = machine.axis.mechanical_stop_deg
-    if not -limit < angle_deg < limit:
-        raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at +-{limit:g} deg")
+    zeroed_deg = machine.axis.start_angle_deg
+    angle_deg = zeroed_deg if angle_deg is None else angle_deg
+    if not machine.axis.within_stops(angle_deg):
+        raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at {machine.axis.stops_text}")
     from gantryctl.wiring.simulator import delivered_zero_counts  # a controller on a bus loads no simulator
 
     drive = drive_of(machine, angle_deg)
@@ -196,7 +201,7 @@ def new_machine(machine: Machine, angle_deg: float = 0.0) -> OpenMachine:
             encoder_serial=drive.identity().encoder_serial,
             zero_offset_counts=delivered_zero_counts(machine),
             zero_set_by="simulator",
-            zero_witness="new simulated machine, zeroed at 0 deg",
+            zero_witness=f"new simulated machine, zeroed at {zeroed_deg:g} deg",
             rest_position_counts=int(drive.read().pos_act_counts),
         )
     return _opened(machine, drive, retained)
@@ -217,7 +222,7 @@ def _encoder_scale(machine: Machine, identity: DriveIdentity) -> EncoderScale:
         machine.encoder.counts_per_turn,
         axis.pos_min_deg,
         axis.pos_max_deg,
-        axis.mechanical_stop_deg,
+        (axis.mechanical_stop_min_deg, axis.mechanical_stop_max_deg),
         machine.encoder.wrap_margin_min_deg,
     )
 

@@ -205,8 +205,8 @@ def _reset_drive(machine: Machine) -> str:
     return f"the fault of the drive is reset, the drive is in {state.name.lower().replace('_', ' ')}"
 
 
-def reset_simulation(machine: Machine, angle_deg: float) -> str:
-    """Replace the simulated machine and its memory by new ones."""
+def reset_simulation(machine: Machine, angle_deg: float | None) -> str:
+    """Replace the simulated machine and its memory by new ones; angle as of `new_machine`."""
     if not machine.plant_is_local:
         raise UsageError(f"{machine.name}: its drive is on a bus; there is nothing simulated to reset")
     fresh = new_machine(machine, angle_deg)
@@ -214,7 +214,8 @@ def reset_simulation(machine: Machine, angle_deg: float) -> str:
         store.forget()
         keep_machine(machine, store, fresh.drive, fresh.retained)
     leave_bus(fresh.drive)
-    return f"{machine.name}: a new simulated machine stands at {angle_deg:g} deg, brake closed"
+    standing_deg = machine.axis.start_angle_deg if angle_deg is None else angle_deg
+    return f"{machine.name}: a new simulated machine stands at {standing_deg:g} deg, brake closed"
 
 
 _ZERO_KEYS: Final = (
@@ -271,11 +272,8 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         UsageError: an angle outside the mechanical stops, no witness.
         CommandRefused: the encoder's range would wrap too near the travel.
     """
-    axis = machine.axis
-    if not -axis.mechanical_stop_deg < angle_deg < axis.mechanical_stop_deg:
-        raise UsageError(
-            f"--angle {angle_deg:g}: the mechanical stops are at +-{axis.mechanical_stop_deg:g} deg"
-        )
+    if not machine.axis.within_stops(angle_deg):
+        raise UsageError(f"--angle {angle_deg:g}: the mechanical stops are at {machine.axis.stops_text}")
     witness = witness.strip()
     if not witness:
         raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")

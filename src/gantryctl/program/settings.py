@@ -25,12 +25,13 @@ class TravelSettings:
 
     Attributes:
         pos_min_rad, pos_max_rad: the set-point never passes these two.
-        over_travel_rad: the measured angle trips outside +-this.
+        over_travel_min_rad, over_travel_max_rad: the measured angle trips outside these two.
     """
 
     pos_min_rad: float
     pos_max_rad: float
-    over_travel_rad: float
+    over_travel_min_rad: float
+    over_travel_max_rad: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -145,7 +145,7 @@ def _counters(interface: str, channel: str) -> InterfaceCounters | None:
 
 def canopen_drive(
     machine: Machine,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
     state: Mapping[str, float] | None = None,
     quirks: Sequence[str] = (),
 ) -> CanopenDrive:

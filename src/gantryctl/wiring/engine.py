@@ -16,11 +16,13 @@ ProgramFactory = Callable[[Axis], AxisProgram]
 RecorderFactory = Callable[[tuple[str, ...]], Recorder]
 
 
-def drive_of(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> Drive:
+def drive_of(
+    machine: Machine, angle_deg: float | None = None, state: Mapping[str, float] | None = None
+) -> Drive:
     """Drive of the kind in the machine file; a real one on a bus as it stands.
 
     Args:
-        angle_deg: angle of a new simulated gantry.
+        angle_deg: angle of a new simulated gantry; [axis] start_angle_deg when not given.
         state: an earlier `plant_state` of such a drive, to go on from; `angle_deg` is ignored then.
 
     Raises:

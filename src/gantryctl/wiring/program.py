@@ -82,7 +82,12 @@ def axis_settings(
 def travel_settings(machine: Machine) -> TravelSettings:
     """Limits of the angle."""
     axis = machine.axis
-    return TravelSettings(rad(axis.pos_min_deg), rad(axis.pos_max_deg), rad(axis.over_travel_deg))
+    return TravelSettings(
+        pos_min_rad=rad(axis.pos_min_deg),
+        pos_max_rad=rad(axis.pos_max_deg),
+        over_travel_min_rad=rad(axis.over_travel_min_deg),
+        over_travel_max_rad=rad(axis.over_travel_max_deg),
+    )
 
 
 def speed_settings(machine: Machine, speed_max_deg_s: float = math.inf) -> SpeedSettings:

@@ -186,11 +186,13 @@ def ring_encoder(machine: Machine) -> tuple[float, float, float, tuple[tuple[flo
     return 2.0 * math.pi / 2.0**encoder.bits, encoder.noise_rad, encoder.latency_us * 1e-6, scale
 
 
-def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None) -> SimDrive:
+def sim_drive(
+    machine: Machine, angle_deg: float | None = None, state: Mapping[str, float] | None = None
+) -> SimDrive:
     """Simulated drive with its gantry, torque off and the brake closed.
 
     Args:
-        angle_deg: angle of the standing gantry.
+        angle_deg: angle of the standing gantry; [axis] start_angle_deg when not given.
         state: an earlier `SimDrive.plant_state`, to go on from; `angle_deg` is ignored then.
 
     Raises:
@@ -198,7 +200,7 @@ def sim_drive(machine: Machine, angle_deg: float = 0.0, state: Mapping[str, floa
     """
     sim = gantry_sim(machine)
     if state is None:
-        sim.static_start(rad(angle_deg), False)
+        sim.static_start(rad(_standing_deg(machine, angle_deg)), False)
     else:
         sim.state = dict(state)
     return drive_around(machine, sim)
@@ -212,32 +214,42 @@ def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
         serial=machine.plant.encoder.serial,
         counts_per_turn=machine.encoder.fine_counts_per_turn,
         turns=machine.encoder.turns,
-        limit_switch_rad=rad(machine.axis.limit_switch_deg),
+        limit_switches_rad=limit_switches_rad(machine),
     )
 
 
-def delivered_zero_counts(machine: Machine, angle_deg: float = 0.0) -> int:
-    """Encoder reading at gantry angle 0 of a new machine, zeroed with the load standing at `angle_deg`."""
+def limit_switches_rad(machine: Machine) -> tuple[float, float]:
+    """Angles of the lower and the upper limit switch."""
+    return rad(machine.axis.limit_switch_min_deg), rad(machine.axis.limit_switch_max_deg)
+
+
+def _standing_deg(machine: Machine, angle_deg: float | None) -> float:
+    return machine.axis.start_angle_deg if angle_deg is None else angle_deg
+
+
+def delivered_zero_counts(machine: Machine, angle_deg: float | None = None) -> int:
+    """Encoder reading at gantry angle 0 of a new machine, zeroed with the load standing as of `sim_drive`."""
     if machine.drive.kind == "ideal":
         return _ideal_zero_counts(machine)
     # Maps that are on make the motor lead the load at rest (decision 0010): the lead belongs to the zero.
-    drive = sim_drive(machine, angle_deg)
+    standing_deg = _standing_deg(machine, angle_deg)
+    drive = sim_drive(machine, standing_deg)
     at_angle = drive.read().pos_act_counts
-    motor_deg = angle_deg + lead_deg(machine, angle_deg)
+    motor_deg = standing_deg + lead_deg(machine, standing_deg)
     per_turn = machine.encoder.fine_counts_per_turn
     fine = round(at_angle - motor_deg / 360.0 * machine.axis.ratio * per_turn)
     return round(fine * machine.counts_per_turn / per_turn)
 
 
 def ideal_drive(
-    machine: Machine, angle_deg: float = 0.0, state: Mapping[str, float] | None = None
+    machine: Machine, angle_deg: float | None = None, state: Mapping[str, float] | None = None
 ) -> IdealDrive:
     """Ideal drive: its speed is the command, for trying programs without a plant. Arguments as of `sim_drive`."""
     return IdealDrive(
         machine.control.scan_period_ms * 1e-3,
         machine.counts_per_turn,
         machine.axis.ratio,
-        pos_rad=rad(angle_deg) if state is None else state["pos_ideal"],
+        pos_rad=rad(_standing_deg(machine, angle_deg)) if state is None else state["pos_ideal"],
         zero_counts=float(_ideal_zero_counts(machine)),
         turns=machine.encoder.turns,
         quick_dec_rad_s2=rad(machine.virtual_axis.quick_dec_deg_s2),

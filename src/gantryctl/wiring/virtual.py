@@ -19,7 +19,7 @@ from gantryctl.drives.virtual.side_channel.control import ControlClient, RemoteP
 from gantryctl.machine import Machine, configs_folder
 from gantryctl.units import rad, rad_s_from_r_min
 from gantryctl.wiring.bus_log import link_log
-from gantryctl.wiring.simulator import drive_params, plant_params
+from gantryctl.wiring.simulator import drive_params, limit_switches_rad, plant_params
 from gantryctl.wiring.virtual_nodes import load_encoder, virtual_neighbours, watchdog_s, wired
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ TABLE_ENDINGS: Final = (".eds", ".dcf", ".csv")
 """How a name of a file with the objects of a drive ends."""
 
 
-def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
-    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed."""
+def drive_hardware(machine: Machine, angle_deg: float | None = None) -> Hardware:
+    """Motor, brake, encoder and gantry of a machine, at rest at an angle with the brake closed; as `sim_drive`."""
     motor, encoder, ratio = machine.motor, machine.encoder, machine.axis.ratio
     return Hardware(
         plant=plant_params(machine),
@@ -49,13 +49,13 @@ def drive_hardware(machine: Machine, start_angle_rad: float = 0.0) -> Hardware:
         normal_acc_rad_s2=rad(machine.virtual_axis.acc_deg_s2) * ratio,
         brake_open_s=machine.brake.open_time_ms * 1e-3,
         brake_close_s=machine.brake.close_time_ms * 1e-3,
-        limit_switch_rad=rad(machine.axis.limit_switch_deg),
+        limit_switches_rad=limit_switches_rad(machine),
         brake_owner=machine.brake.owner,
         output_bits=tuple(wired(machine.can.outputs).items()),
         watchdog_s=watchdog_s(machine),
         enable_relay=bool(machine.can.output_place("drive_enable")),
         load_encoder=load_encoder(machine),
-        start_angle_rad=start_angle_rad,
+        start_angle_rad=rad(machine.axis.start_angle_deg if angle_deg is None else angle_deg),
         encoder_serial=f"SIM-{machine.name}",
     )
 
@@ -117,7 +117,7 @@ def as_in_table(kind: Personality, table: ObjectTable, machine: Machine) -> Pers
 
 def virtual_node(
     machine: Machine,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
     state: Mapping[str, float] | None = None,
     quirks: Sequence[str] = (),
 ) -> tuple[BusLink, DriveNode]:
@@ -128,14 +128,14 @@ def virtual_node(
 
 def virtual_bus(
     machine: Machine,
-    angle_deg: float = 0.0,
+    angle_deg: float | None = None,
     state: Mapping[str, float] | None = None,
     quirks: Sequence[str] = (),
 ) -> tuple[BusLink, DriveNode, Neighbours]:
     """Bus in this process with a booted virtual drive and the nodes beside it.
 
     Args:
-        angle_deg: angle of the standing gantry.
+        angle_deg: angle of the standing gantry, as of `sim_drive`.
         state: plant state of an earlier run, to go on from.
         quirks: names of personalities, beside those of [can] virtual_drive.
 
@@ -147,7 +147,7 @@ def virtual_bus(
 
     bus = DirectBus()
     drive = DriveNode(
-        drive_hardware(machine, rad(angle_deg)),
+        drive_hardware(machine, angle_deg),
         machine.can.node,
         bus.deliver,
         kind=drive_kind(machine, quirks),

@@ -133,7 +133,7 @@ WRONG = [
     (["encoder", "set-zero", "--angle", "1", "--witness", " "], "say what proves the angle"),
     (["encoder", "set-zero", "--angle", "1", "--witness", "a\nb"], "printable"),
     (["encoder", "set-zero", "--angle", "1", "--witness", "x" * 201], "at most 200"),
-    (["encoder", "set-zero", "--angle", "187", "--witness", "mark"], "the mechanical stops are at +-187 deg"),
+    (["encoder", "set-zero", "--angle", "187", "--witness", "mark"], "the mechanical stops are at -187 and 187 deg"),
     (["encoder", "set-zero", "--angle", "nan", "--witness", "mark"], "not a finite number"),
     (["config", "init", "nowhere/machine.toml"], "cannot be written"),
     (["config", "check", "nowhere.toml"], "does not exist"),
@@ -141,7 +141,7 @@ WRONG = [
     (["config", "diff"], "Missing argument 'A'"),
     (["trace", "show"], "no recording under"),
     (["trace", "export", "a_file"], "Missing option '--format'"),
-    (["sim", "reset", "--angle", "187"], "the mechanical stops are at +-187 deg"),
+    (["sim", "reset", "--angle", "187"], "the mechanical stops are at -187 and 187 deg"),
     (["sim", "reset", "--angle", "x"], "'x' is not a number"),
     (["completion", "powershell"], "'bash', 'zsh', 'fish'"),
 ]  # fmt: skip

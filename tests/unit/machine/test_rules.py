@@ -13,12 +13,16 @@ COMPENSATION = "control.compensation."
 # By rule: changes that break it.
 CAN = {"drive.kind": "canopen", "control.scan_period_ms": 4.0}
 BREAKS = {
+    "axis_is_linear": {"axis.kind": "modulo"},
     "travel_is_not_empty": {"axis.pos_min_deg": 0.0, "axis.pos_max_deg": 0.5},
     "over_travel_below_lowest": {"axis.pos_min_deg": -181.0},
     "over_travel_above_highest": {"axis.pos_max_deg": 181.0},
-    "over_travel_before_switch": {"axis.over_travel_deg": 182.0},
-    "switch_before_stop": {"axis.limit_switch_deg": 187.0},
-    "stop_fits_behind_switch": {"required.stopping_angle_deg": 5.1},
+    "over_travel_before_lower_switch": {"axis.over_travel_min_deg": -182.0},
+    "over_travel_before_upper_switch": {"axis.over_travel_max_deg": 182.0},
+    "stop_fits_behind_lower_switch": {"axis.mechanical_stop_min_deg": -185.9},
+    "lower_switch_before_stop": {"axis.limit_switch_min_deg": -187.0},
+    "upper_switch_before_stop": {"axis.limit_switch_max_deg": 187.0},
+    "stop_fits_behind_upper_switch": {"axis.mechanical_stop_max_deg": 185.9},
     "settings_in_order": {"speed.setting_min_deg_s": 3.0, "speed.setting_max_deg_s": 3.0},
     "creep_is_slow": {"speed.creep_deg_s": 1.0, "speed.setting_max_deg_s": 0.9},
     "correction_reserve": {"speed.command_clamp_deg_s": 6.299},

@@ -12,8 +12,9 @@ MACHINE = default_machine()
 VALUES = effective_values(MACHINE)
 
 KEY_FIELDS = [
-    "axis.pos_min_deg", "axis.pos_max_deg", "axis.over_travel_deg", "axis.limit_switch_deg",
-    "axis.mechanical_stop_deg", "required.stopping_angle_deg", "axis.reducer_ratio", "axis.ring_ratio",
+    "axis.pos_min_deg", "axis.pos_max_deg", "axis.over_travel_min_deg", "axis.over_travel_max_deg",
+    "axis.limit_switch_min_deg", "axis.limit_switch_max_deg", "axis.mechanical_stop_min_deg",
+    "axis.mechanical_stop_max_deg", "required.stopping_angle_deg", "axis.reducer_ratio", "axis.ring_ratio",
     "speed.setting_min_deg_s", "speed.setting_max_deg_s", "speed.creep_deg_s", "speed.command_clamp_deg_s",
     "speed.drive_ceiling_deg_s", "speed.overspeed_trip_deg_s",
     "virtual_axis.acc_deg_s2", "virtual_axis.dec_deg_s2", "virtual_axis.jog_release_dec_deg_s2",

@@ -100,7 +100,7 @@ def test_no_motion_above_the_limit_is_accepted_in_silence(moved_deg: float) -> N
 def test_the_ambiguity_of_the_range_is_never_a_proof() -> None:
     """Moved by the whole range of the encoder: no reading can show it, so it must not be mechanically possible."""
     whole_range_deg = SCALE.range_counts * SCALE.deg_per_count
-    assert whole_range_deg > 2 * 2 * SCALE.mechanical_stop_deg
+    assert whole_range_deg > 2 * (SCALE.stops_deg[1] - SCALE.stops_deg[0])
     assert verdict(whole_range_deg) is RestVerdict.OK
 
 

@@ -28,7 +28,7 @@ def settings(*, period_s=0.001, acc=4.0, dec=4.0, jerk=math.inf, monitors=None, 
     """The reference machine with quick ramps (deg/s2), so that tests take little axis time."""
     return AxisSettings(
         period_s=period_s,
-        travel=TravelSettings(rad(-180.0), rad(180.0), rad(180.5)),
+        travel=TravelSettings(rad(-180.0), rad(180.0), rad(-180.5), rad(180.5)),
         speed=SpeedSettings(rad(0.6), rad(6.0), rad(6.3), rad(6.6)),
         ramps=RampSettings(rad(acc), rad(dec), rad(jerk), rad(5.0), rad(100.0), rad(5.5)),
         law=LawSettings(10.0, 1.0, RATIO, COUNTS_PER_TURN, 4096),

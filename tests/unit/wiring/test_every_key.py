@@ -154,8 +154,10 @@ ROWS: dict[str, Row] = {
     # --- axis and speed
     "axis.pos_min_deg": {"program.travel.pos_min_rad": DEG},
     "axis.pos_max_deg": {"program.travel.pos_max_rad": DEG},
-    "axis.over_travel_deg": {"program.travel.over_travel_rad": DEG},
-    "axis.limit_switch_deg": {"sim.limit_switch_rad": DEG},
+    "axis.over_travel_min_deg": {"program.travel.over_travel_min_rad": DEG},
+    "axis.over_travel_max_deg": {"program.travel.over_travel_max_rad": DEG},
+    "axis.limit_switch_min_deg": {"sim.limit_switch_min_rad": DEG},
+    "axis.limit_switch_max_deg": {"sim.limit_switch_max_rad": DEG},
     "axis.reducer_ratio": RATIO_ROW | {"plant.reducer_ratio": 1.0},
     "axis.ring_ratio": RATIO_ROW
     | REDUCER
@@ -456,11 +458,13 @@ ROWS: dict[str, Row] = {
 ELSEWHERE = {
     "machine.name": "shown",
     "machine.description": "shown",
+    "axis.kind": "rules between keys",
+    "axis.mechanical_stop_min_deg": "rules between keys, gantryctl stops",
+    "axis.mechanical_stop_max_deg": "rules between keys, gantryctl stops",
     "required.angle_deg": "verdicts of accuracy",
     "required.speed_error_ratio": "verdicts of the speed test",
     "required.stopping_angle_deg": "rules between keys, gantryctl stops",
     "required.source": "shown beside verdicts",
-    "axis.mechanical_stop_deg": "rules between keys, gantryctl stops",
     "control.compensation.calibration": "read with the file",
     "control.compensation.gear_map.cycles_per_turn": "identification",
     "motor.power_rated_kw": "sizing",
@@ -593,7 +597,8 @@ def handed_on(machine: Machine) -> dict[str, Any]:
     if machine.drive.speed_loop.feedback == MACHINE.drive.speed_loop.feedback:
         found["coarse.position_count_rad"] = coarse.position_count_rad
     return found | {
-        "sim.limit_switch_rad": drive._limit_switch_rad,
+        "sim.limit_switch_min_rad": drive._lower_switch_rad,
+        "sim.limit_switch_max_rad": drive._upper_switch_rad,
         "sim.counts_per_turn": identity.counts_per_turn,
         "sim.turns": identity.turns,
         "sim.serial": identity.encoder_serial,

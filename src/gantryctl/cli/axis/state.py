@@ -208,9 +208,11 @@ def sim() -> None:
 
 @sim.command("reset")
 @config_option
-@click.option("--angle", type=FINITE, default=0.0, show_default=True, help="Where the gantry stands, deg.")
+@click.option(
+    "--angle", type=FINITE, help="Where the gantry stands, deg; 0 deg where travel has it, else its middle."
+)
 @json_option
-def sim_reset(config_file: Path | None, angle: float, as_json: bool) -> int:
+def sim_reset(config_file: Path | None, angle: float | None, as_json: bool) -> int:
     """Throw the simulated machine and its memory away and put a new one there, brake closed."""
     from gantryctl.operation.state import reset_simulation
 

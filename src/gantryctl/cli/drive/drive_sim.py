@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 @click.option("--with-io", is_flag=True, help="The I/O node of [can.io] too, wired to the axis.")
 @click.option("--with-encoder", is_flag=True, help="The encoder node of [can.load_encoder] too, on the ring.")
 @click.option("--stepped", is_flag=True, help="Virtual time: each SYNC steps the drive by the SYNC period.")
-@click.option("--angle", type=FINITE, default=0.0, help="Gantry angle at the start, deg.")
+@click.option("--angle", type=FINITE, help="Gantry angle at the start, deg; else that of a new machine.")
 @click.option("--control", type=PATH, help="Unix socket of the side channel: faults in, truth out.")
 @click.option("--store", type=PATH, help="File of stored parameters (1010, 1011); in memory when not given.")
 @click.option("--write-eds", "eds_file", type=PATH, help="Write the drive's EDS to this file and end.")
@@ -121,7 +121,6 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
     from gantryctl.drives.virtual.side_channel.control import ControlServer
     from gantryctl.drives.virtual.side_channel.requests import Requests
     from gantryctl.errors import UsageError
-    from gantryctl.units import rad
     from gantryctl.wiring.virtual import drive_hardware
     from gantryctl.wiring.virtual_nodes import virtual_neighbours
 
@@ -130,7 +129,7 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
         raise UsageError("--with-io: [can.io] node is 0, the machine has no such node")
     if given["with_encoder"] and machine.can.load_encoder.source != "node":
         raise UsageError('--with-encoder: [can.load_encoder] source is not "node"')
-    hardware = drive_hardware(machine, rad(given["angle"]))
+    hardware = drive_hardware(machine, given["angle"])
     link = FrameSender(bus)
     store = ParameterStore(given["store"])
     node = DriveNode(hardware, given["node_id"], link.send, kind=kind, store=store, stepped=given["stepped"])

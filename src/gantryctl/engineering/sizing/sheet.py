@@ -6,7 +6,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from gantryctl.machine.tables.axis import REDUCER_RATIO, RING_RATIO, IdentityTable
+from gantryctl.machine.tables.axis import (
+    POS_MAX_DEG,
+    POS_MIN_DEG,
+    REDUCER_RATIO,
+    RING_RATIO,
+    IdentityTable,
+)
 from gantryctl.machine.tables.fields import Table, number, numbers, required_number, table
 from gantryctl.machine.tables.required import RequiredTable
 
@@ -14,8 +20,8 @@ from gantryctl.machine.tables.required import RequiredTable
 class Range(Table):
     """[range]: travel, deg at the gantry."""
 
-    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "Lowest angle.")
-    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "Highest angle.")
+    pos_min_deg: float = POS_MIN_DEG
+    pos_max_deg: float = POS_MAX_DEG
     wrap_margin_min_deg: float = number(
         5.0, 0.1, 180.0, "Least distance between travel and the wrap of the encoder."
     )

@@ -2,47 +2,74 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN
 
 
 # --- travel -------------------------------------------------------------------------------------------------
+@rule("axis.kind")
+def axis_is_linear(m: Machine) -> Broken:
+    """The axis has a travel with two ends: one without ends is not built yet."""
+    return None if m.axis.kind == "linear" else 'must be "linear": an axis without ends is not built yet'
+
+
 @rule("axis.pos_min_deg", "axis.pos_max_deg")
 def travel_is_not_empty(m: Machine) -> Broken:
     """The lowest angle lies at least 1 deg below the highest."""
     return at_most(m.axis.pos_min_deg, m.axis.pos_max_deg - 1.0, "or there is no travel")
 
 
-@rule("axis.over_travel_deg", "axis.pos_min_deg")
+@rule("axis.over_travel_min_deg", "axis.pos_min_deg")
 def over_travel_below_lowest(m: Machine) -> Broken:
-    """The over-travel trip does not lie inside travel, on the negative side."""
-    return at_least(m.axis.over_travel_deg, -m.axis.pos_min_deg, "the trip would lie inside travel")
+    """The over-travel trip does not lie inside travel, at its lower end."""
+    return at_most(m.axis.over_travel_min_deg, m.axis.pos_min_deg, "the trip would lie inside travel")
 
 
-@rule("axis.over_travel_deg", "axis.pos_max_deg")
+@rule("axis.over_travel_max_deg", "axis.pos_max_deg")
 def over_travel_above_highest(m: Machine) -> Broken:
-    """The over-travel trip does not lie inside travel, on the positive side."""
-    return at_least(m.axis.over_travel_deg, m.axis.pos_max_deg, "the trip would lie inside travel")
+    """The over-travel trip does not lie inside travel, at its upper end."""
+    return at_least(m.axis.over_travel_max_deg, m.axis.pos_max_deg, "the trip would lie inside travel")
 
 
-@rule("axis.over_travel_deg", "axis.limit_switch_deg")
-def over_travel_before_switch(m: Machine) -> Broken:
-    """The over-travel trip acts before the limit switches."""
-    return below(m.axis.over_travel_deg, m.axis.limit_switch_deg, "the switch would act first")
+@rule("axis.over_travel_min_deg", "axis.limit_switch_min_deg")
+def over_travel_before_lower_switch(m: Machine) -> Broken:
+    """The over-travel trip acts before the lower limit switch."""
+    return above(m.axis.over_travel_min_deg, m.axis.limit_switch_min_deg, "the switch would act first")
 
 
-@rule("axis.limit_switch_deg", "axis.mechanical_stop_deg")
-def switch_before_stop(m: Machine) -> Broken:
-    """The limit switches stand before the mechanical stops."""
-    return below(m.axis.limit_switch_deg, m.axis.mechanical_stop_deg, "the switch must act before the stop")
+@rule("axis.over_travel_max_deg", "axis.limit_switch_max_deg")
+def over_travel_before_upper_switch(m: Machine) -> Broken:
+    """The over-travel trip acts before the upper limit switch."""
+    return below(m.axis.over_travel_max_deg, m.axis.limit_switch_max_deg, "the switch would act first")
 
 
-@rule("axis.mechanical_stop_deg", "axis.limit_switch_deg", "required.stopping_angle_deg")
-def stop_fits_behind_switch(m: Machine) -> Broken:
-    """The permitted stopping angle fits between limit switch and mechanical stop."""
-    need = m.axis.limit_switch_deg + m.required.stopping_angle_deg
-    return at_least(m.axis.mechanical_stop_deg, need, "limit switch plus permitted stopping angle")
+@rule("axis.limit_switch_min_deg", "axis.mechanical_stop_min_deg")
+def lower_switch_before_stop(m: Machine) -> Broken:
+    """The lower limit switch stands before the lower mechanical stop."""
+    why = "the switch must act before the stop"
+    return above(m.axis.limit_switch_min_deg, m.axis.mechanical_stop_min_deg, why)
+
+
+@rule("axis.limit_switch_max_deg", "axis.mechanical_stop_max_deg")
+def upper_switch_before_stop(m: Machine) -> Broken:
+    """The upper limit switch stands before the upper mechanical stop."""
+    why = "the switch must act before the stop"
+    return below(m.axis.limit_switch_max_deg, m.axis.mechanical_stop_max_deg, why)
+
+
+@rule("axis.mechanical_stop_min_deg", "axis.limit_switch_min_deg", "required.stopping_angle_deg")
+def stop_fits_behind_lower_switch(m: Machine) -> Broken:
+    """The permitted stopping angle fits between the lower limit switch and its mechanical stop."""
+    most = m.axis.limit_switch_min_deg - m.required.stopping_angle_deg
+    return at_most(m.axis.mechanical_stop_min_deg, most, "limit switch less permitted stopping angle")
+
+
+@rule("axis.mechanical_stop_max_deg", "axis.limit_switch_max_deg", "required.stopping_angle_deg")
+def stop_fits_behind_upper_switch(m: Machine) -> Broken:
+    """The permitted stopping angle fits between the upper limit switch and its mechanical stop."""
+    need = m.axis.limit_switch_max_deg + m.required.stopping_angle_deg
+    return at_least(m.axis.mechanical_stop_max_deg, need, "limit switch plus permitted stopping angle")
 
 
 # --- speed chain --------------------------------------------------------------------------------------------

@@ -33,10 +33,17 @@ def in_position_inside_following_error(m: Machine) -> Broken:
     return below(m.monitors.in_position_window_deg, limit, "or the axis trips before it arrives")
 
 
-@rule("monitors.following_error_base_deg", "axis.over_travel_deg", "axis.pos_min_deg", "axis.pos_max_deg")
+@rule(
+    "monitors.following_error_base_deg",
+    "axis.over_travel_min_deg",
+    "axis.pos_min_deg",
+    "axis.pos_max_deg",
+    "axis.over_travel_max_deg",
+)
 def following_error_before_over_travel(m: Machine) -> Broken:
     """At the ends of travel the following error trips before over-travel does."""
-    room = m.axis.over_travel_deg - max(-m.axis.pos_min_deg, m.axis.pos_max_deg)
+    axis = m.axis
+    room = min(axis.pos_min_deg - axis.over_travel_min_deg, axis.over_travel_max_deg - axis.pos_max_deg)
     return at_most(m.monitors.following_error_base_deg, room, "the room between travel and over-travel")
 
 

@@ -67,11 +67,16 @@ def deadline_within_reaction(m: Machine) -> Broken:
     return at_most(m.can.rpdo_deadline_ms, reaction_time_ms(m) - m.control.scan_period_ms, _REACTION)
 
 
-@bus_rule("can.heartbeat_timeout_ms", *STOP, "axis.mechanical_stop_deg", "axis.limit_switch_deg")
+@bus_rule(
+    "can.heartbeat_timeout_ms", *STOP, "axis.mechanical_stop_min_deg", "axis.limit_switch_min_deg",
+    "axis.limit_switch_max_deg", "axis.mechanical_stop_max_deg",
+)  # fmt: skip
 def heartbeat_before_mechanical_stop(m: Machine) -> Broken:
     """The heartbeat, the guard behind the deadline, stops the axis between limit switch and mechanical stop."""
     v, a = m.speed.setting_max_deg_s, m.virtual_axis.quick_dec_deg_s2
-    room = m.axis.mechanical_stop_deg - m.axis.limit_switch_deg - v**2 / (2.0 * a)
+    below_deg = m.axis.limit_switch_min_deg - m.axis.mechanical_stop_min_deg
+    above_deg = m.axis.mechanical_stop_max_deg - m.axis.limit_switch_max_deg
+    room = min(below_deg, above_deg) - v**2 / (2.0 * a)
     why = "or a stop at the limit switch ends at the mechanical stop; shorten it, go slower or stop harder"
     return at_most(m.can.heartbeat_timeout_ms, 1000.0 * room / v, why)
 

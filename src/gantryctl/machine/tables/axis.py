@@ -6,9 +6,12 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from gantryctl.machine.tables.fields import Table, choice, number, required_number, text
+from gantryctl.machine.tables.fields import Table, beside, choice, number, required_number, text
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
+# Ten turns each way: more than a cable drum of any of these axes takes.
+POS_MIN_DEG: Final[Any] = required_number(-180.0, -3600.0, 3600.0, "Lowest angle the set-point may reach.")
+POS_MAX_DEG: Final[Any] = required_number(180.0, -3600.0, 3600.0, "Highest angle the set-point may reach.")
 REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 500.0, "Motor turns per turn of the reducer output.")
 RING_RATIO: Final[Any] = required_number(13.0, 1.0, 100.0, "Turns of the reducer output per gantry turn.")
 
@@ -27,13 +30,17 @@ class IdentityTable(Table):
 
 
 class AxisTable(Table):
-    """[axis]: travel, limits, gear ratio. Degrees at the gantry; the axis is linear, it has a cable."""
+    """[axis]: travel, limits, gear ratio. Signed angles at the gantry; 0 deg may lie outside travel."""
 
-    pos_min_deg: float = required_number(-180.0, -400.0, 0.0, "Lowest angle the set-point may reach.")
-    pos_max_deg: float = required_number(180.0, 0.0, 400.0, "Highest angle the set-point may reach.")
-    over_travel_deg: float = number(180.5, 0.1, 410.0, "Measured angle that trips, on both sides of zero.")
-    limit_switch_deg: float = number(182.0, 0.1, 420.0, "Limit switches, on both sides of zero.")
-    mechanical_stop_deg: float = number(187.0, 0.1, 430.0, "Mechanical stops, on both sides of zero.")
+    kind: Literal["linear", "modulo"] = choice("linear", "A travel with two ends, or turns without end.")
+    pos_min_deg: float = POS_MIN_DEG
+    pos_max_deg: float = POS_MAX_DEG
+    over_travel_min_deg: float = beside("pos_min_deg", -0.5, -180.5, "A measured angle below it trips.")
+    over_travel_max_deg: float = beside("pos_max_deg", 0.5, 180.5, "A measured angle above it trips.")
+    limit_switch_min_deg: float = beside("pos_min_deg", -2.0, -182.0, "Limit switch below travel.")
+    limit_switch_max_deg: float = beside("pos_max_deg", 2.0, 182.0, "Limit switch above travel.")
+    mechanical_stop_min_deg: float = beside("pos_min_deg", -7.0, -187.0, "Mechanical stop below travel.")
+    mechanical_stop_max_deg: float = beside("pos_max_deg", 7.0, 187.0, "Mechanical stop above travel.")
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
 
@@ -41,6 +48,25 @@ class AxisTable(Table):
     def ratio(self) -> float:
         """Motor turns per gantry turn."""
         return self.reducer_ratio * self.ring_ratio
+
+    @property
+    def middle_deg(self) -> float:
+        """Middle of travel."""
+        return 0.5 * (self.pos_min_deg + self.pos_max_deg)
+
+    @property
+    def start_angle_deg(self) -> float:
+        """Angle at which a new simulated machine stands: 0 deg, or the middle of a travel without it."""
+        return 0.0 if self.pos_min_deg <= 0.0 <= self.pos_max_deg else self.middle_deg
+
+    def within_stops(self, angle_deg: float) -> bool:
+        """Whether the axis can stand at an angle: between its mechanical stops."""
+        return self.mechanical_stop_min_deg < angle_deg < self.mechanical_stop_max_deg
+
+    @property
+    def stops_text(self) -> str:
+        """Where the mechanical stops are, for messages."""
+        return f"{self.mechanical_stop_min_deg:g} and {self.mechanical_stop_max_deg:g} deg"
 
 
 class SpeedTable(Table):

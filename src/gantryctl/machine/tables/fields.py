@@ -17,6 +17,7 @@ Source: TypeAlias = Literal["paper", "catalogue", "standard", "derived", "estima
 
 UNIT: Final = "unit"
 SOURCE: Final = "source"
+BESIDE: Final = "beside"
 
 # By the end of a key, as the reference page, the messages and the JSON schema write it.
 UNITS: Final = {
@@ -75,6 +76,20 @@ def numbers(
 def required_number(usual: float, low: float, high: float, meaning: str, unit: str = "") -> Any:
     """Declare a number that every machine file must give; `usual` is the reference machine's value."""
     return _field(meaning, {UNIT: unit}, ge=low, le=high, examples=[usual])
+
+
+def beside(other: str, distance: float, usual: float, meaning: str) -> Any:
+    """Declare a number that stands `distance` beside that of the key `other`, declared before, unless it is given.
+
+    Within the bounds of travel and 100 more; `usual` is the reference machine's value.
+    """
+
+    def default(given: dict[str, Any]) -> float:
+        return float(given[other]) + distance
+
+    sign = "-" if distance < 0.0 else "+"
+    notes = {UNIT: "", SOURCE: "choice", BESIDE: f"{other} {sign} {abs(distance):g}"}
+    return _field(meaning, notes, default_factory=default, ge=-3700.0, le=3700.0, examples=[usual])
 
 
 def choice(default: str, meaning: str, source: Source = "choice") -> Any:

@@ -35,11 +35,11 @@ class Monitors:
         "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
         "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
         "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_look_ahead",
-        "_oscillation", "_over_travel",
+        "_oscillation",
         "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
         "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
-        "_standstill_scans", "_tolerance_scans", "_torque_max", "_torque_watch", "_trip", "_virtual", "_warning_ratio",
-        "_window", "drag", "in_position", "not_in_position", "rest_scans",
+        "_standstill_scans", "_tolerance_scans", "_torque_max", "_torque_watch", "_travel", "_trip", "_virtual",
+        "_warning_ratio", "_window", "drag", "in_position", "not_in_position", "rest_scans",
     )  # fmt: skip
 
     def __init__(
@@ -69,12 +69,12 @@ class Monitors:
         self._dwell_scans = settings.scans(monitors.in_position_dwell_s)
         self._tolerance_scans = settings.scans(monitors.in_position_tolerance_time_s)
         self._standstill_scans = settings.scans(monitors.standstill_time_s)
-        self._over_travel = settings.travel.over_travel_rad
+        self._travel = settings.travel
         self._look_ahead = 0.5 / settings.ramps.quick_dec_rad_s2
         # The drive's own limit is the motor's; a reading far beyond it is invalid.
         self._torque_max = 4.0 * settings.power.torque_max_nm
-        self._over_travel_plus = self._over_travel
-        self._over_travel_minus = -self._over_travel
+        self._over_travel_plus = settings.travel.over_travel_max_rad
+        self._over_travel_minus = settings.travel.over_travel_min_rad
         self.drag = DragWatch(settings, feedback, virtual, holding, alarms)
         self._oscillation = Oscillation(settings, alarms)
         self._torque_watch = TorqueWatch(settings, feedback, holding, alarms)
@@ -154,16 +154,16 @@ class Monitors:
 
     def _arm_over_travel(self, pos_rad: float) -> None:
         """Restore the normal limit once the axis is back inside."""
-        limit = self._over_travel
-        if -limit < pos_rad < limit:
-            self._over_travel_plus, self._over_travel_minus = limit, -limit
+        low, high = self._travel.over_travel_min_rad, self._travel.over_travel_max_rad
+        if low < pos_rad < high:
+            self._over_travel_minus, self._over_travel_plus = low, high
 
     def open_the_way_back(self, pos_rad: float) -> None:
         """Trip only when the axis goes further out: it was switched on outside the travel, to bring it back."""
         margin = self._settings.standstill_window_rad
-        if pos_rad > self._over_travel:
+        if pos_rad > self._travel.over_travel_max_rad:
             self._over_travel_plus = pos_rad + margin
-        elif pos_rad < -self._over_travel:
+        elif pos_rad < self._travel.over_travel_min_rad:
             self._over_travel_minus = pos_rad - margin
 
     # --- one method per monitor, entered when its cheap test failed -------------------------------
@@ -206,8 +206,9 @@ class Monitors:
             self._alarms.raise_(Code.CTL_04, reaction, measured=deg(abs(vel)), limit=deg(self._trip))
 
     def _beyond_travel(self, pos_rad: float, stop_rad: float, vel: float) -> None:
-        beyond = self._over_travel_plus if stop_rad > 0.0 else self._over_travel_minus
-        if not self._over_travel_minus <= pos_rad <= self._over_travel_plus:
+        low, high = self._over_travel_minus, self._over_travel_plus
+        beyond = high if stop_rad > 0.5 * (low + high) else low
+        if not low <= pos_rad <= high:
             self._alarms.raise_(Code.LIM_02, measured=deg(pos_rad), limit=deg(beyond))
         else:
             self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=deg(stop_rad), limit=deg(beyond))

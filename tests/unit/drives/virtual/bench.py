@@ -13,6 +13,7 @@ from gantryctl.drives.virtual.node import DriveNode
 from gantryctl.drives.virtual.personality import personality
 from gantryctl.drives.virtual.side_channel.requests import Requests
 from gantryctl.machine import default_machine, with_values
+from gantryctl.units import deg
 from gantryctl.wiring.virtual import drive_hardware
 
 NODE = 2
@@ -51,7 +52,7 @@ class Feedback(NamedTuple):
 @cache
 def hardware(owner: str = "drive", angle_rad: float = 0.3) -> Hardware:
     """The reference gantry."""
-    return drive_hardware(with_values(default_machine(), {"brake.owner": owner}), angle_rad)
+    return drive_hardware(with_values(default_machine(), {"brake.owner": owner}), deg(angle_rad))
 
 
 class Bench:

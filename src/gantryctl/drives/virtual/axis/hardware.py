@@ -55,8 +55,8 @@ class Hardware:
     normal_acc_rad_s2: float
     brake_open_s: float
     brake_close_s: float
-    limit_switch_rad: float
-    """Both limit switches, at the gantry."""
+    limit_switches_rad: tuple[float, float]
+    """Lower and upper limit switch, at the gantry."""
     brake_owner: Literal["drive", "object_60FE", "controller_output"] = "drive"
     output_bits: tuple[tuple[str, int], ...] = ()
     """Outputs of the cabinet that are wired to bits of 60FE, by name."""

@@ -162,10 +162,11 @@ class Signals:
 
     def wires(self) -> dict[str, bool]:
         """Level of every wire that leads to an input, wherever it ends: True is 24 V."""
-        faults, switch, plant = self._faults, self._hardware.limit_switch_rad, self._axis.plant
+        faults, plant = self._faults, self._axis.plant
+        lower, upper = self._hardware.limit_switches_rad
         pos_load = plant.sim.truth()[0]
-        minus_ok = pos_load > -switch if faults.limit_minus_ok is None else faults.limit_minus_ok
-        plus_ok = pos_load < switch if faults.limit_plus_ok is None else faults.limit_plus_ok
+        minus_ok = pos_load > lower if faults.limit_minus_ok is None else faults.limit_minus_ok
+        plus_ok = pos_load < upper if faults.limit_plus_ok is None else faults.limit_plus_ok
         brake_open = plant.brake_open if faults.brake_feedback is None else faults.brake_feedback
         # Whether the machine has the last five is in its file, not in the drive.
         return {

@@ -30,7 +30,7 @@ INTERLOCKS: Final = (
     Row(
         "G2",
         "Over-travel",
-        "measured angle beyond [axis] over_travel_deg, 1 scan",
+        "measured angle beyond [axis] over_travel_min_deg, over_travel_max_deg, 1 scan",
         "quick stop; the way back is open",
         (Code.LIM_02,),
         (
