@@ -20,7 +20,9 @@ def limits(table: AxisTable) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize(("low_deg", "high_deg"), [(-180.0, 180.0), (-5.0, 95.0), (10.0, 200.0), (-270.0, -30.0)])
+@pytest.mark.parametrize(
+    ("low_deg", "high_deg"), [(-180.0, 180.0), (-5.0, 95.0), (10.0, 200.0), (-270.0, -30.0)]
+)
 def test_limits_stand_beside_their_end_of_travel(low_deg: float, high_deg: float) -> None:
     """A limit of both sides of zero, 180.5 deg for all, would lie 85 deg behind an axis that ends at 95 deg."""
     away = (-7.0, -2.0, -0.5, 0.0, 0.0, 0.5, 2.0, 7.0)
