@@ -39,7 +39,15 @@ def check_same_plant(first: Machine, second: Machine) -> None:
     Raises:
         UsageError: a key of [plant], [motor], [axis] ... differs; only what controls may differ.
     """
-    free = ("machine.", "control.", "virtual_axis.", "monitors.", "plant.load_encoder.fitted")
+    # Where a requirement comes from changes nothing; the requirement itself does.
+    free = (
+        "machine.",
+        "required.source",
+        "control.",
+        "virtual_axis.",
+        "monitors.",
+        "plant.load_encoder.fitted",
+    )
     other = [d.path for d in diff_machines(first, second) if not d.path.startswith(free)]
     if other:
         raise UsageError(

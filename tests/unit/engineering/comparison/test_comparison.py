@@ -21,6 +21,10 @@ def test_two_machines_that_differ_in_the_plant_are_not_compared() -> None:
     with pytest.raises(UsageError, match=r"plant\.load\.inertia_kg_m2"):
         check_same_plant(default_machine(), other)
     check_same_plant(default_machine(), improved_machine())
+    # Words about a requirement do not make another machine; another requirement would make two judges.
+    check_same_plant(default_machine(), with_values(default_machine(), {"required.source": "tender"}))
+    with pytest.raises(UsageError, match=r"required\.angle_deg differ"):
+        check_same_plant(default_machine(), with_values(default_machine(), {"required.angle_deg": 0.01}))
 
 
 def test_every_compensation_has_a_row_with_it_alone() -> None:
