@@ -93,15 +93,18 @@ lock:
 %/node_modules/.package-lock.json: %/package.json %/package-lock.json | .venv/dev.stamp
 	cd $* && npm ci --no-progress
 
-# The operator page; what is built is committed.
+# The operator page, and the viewer inside every report; what is built is committed.
 page: setup hmi/node_modules/.package-lock.json
 	.venv/bin/python tools/page_tables.py hmi/src/lib
 	cd hmi && npm run --silent format && npm run --silent check && npm run --silent build
+	cd hmi && npm run --silent build-report
 
 # What is committed is what the sources give, byte for byte.
 page-check: hmi/node_modules/.package-lock.json
 	cd hmi && npm run --silent lint && npm run --silent check && npm run --silent build -- --outDir ../build/page
 	diff -r build/page src/gantryctl/gateway/page
+	cd hmi && npm run --silent build-report -- --outDir ../build/report
+	diff -r build/report src/gantryctl/engineering/report/viewer
 
 screenshots: setup
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi

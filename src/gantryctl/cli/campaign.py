@@ -19,12 +19,14 @@ from gantryctl.cli.options import (
     stop_signals,
     write_text,
 )
+from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gantryctl.engineering.campaign.statistics import Population
+    from gantryctl.engineering.report.head import Made
     from gantryctl.engineering.scheduler.job import Job
     from gantryctl.engineering.scheduler.pools import Pool
 
@@ -115,12 +117,13 @@ def show(result: Path, by: str | None, as_json: bool) -> None:
 @_RESULTS
 @_BY
 @click.option("--out", "out", type=PATH, default=Path(), help="Folder for the page.")
+@report_options
 @json_option
-def plot(results: tuple[Path, ...], by: str | None, out: Path, as_json: bool) -> None:
+def plot(results: tuple[Path, ...], by: str | None, out: Path, as_json: bool, made: Made) -> None:
     """Write one HTML page with the figures of one result, or of several beside each other."""
     from gantryctl.engineering.campaign.report.page import render_populations
 
-    page = write_text(directory(out) / "campaign.html", render_populations(_populations(results, by)))
+    page = write_text(directory(out) / "campaign.html", render_populations(_populations(results, by), made))
     if as_json:
         print_json({"written": [str(page)]})
     else:

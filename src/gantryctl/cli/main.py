@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple
 
 import click
 
+from gantryctl.cli.report import ARGUMENTS
 from gantryctl.errors import ConfigError, DeviceError, GantryctlError
 
 TRACEBACK_VARIABLE: Final = "GANTRYCTL_TRACEBACK"
@@ -95,6 +96,11 @@ COMMANDS: Final = {
 
 class LazyGroup(click.Group):
     """A group whose sub-commands are imported when they are called."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Keep the words of the command line: reports name the command that made them."""
+        ctx.meta[ARGUMENTS] = tuple(args)
+        return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """List the names in the order of the table."""

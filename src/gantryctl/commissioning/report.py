@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from gantryctl.commissioning.drawing import picture_svg
 from gantryctl.commissioning.results import (
     Figure,
     Outcome,
@@ -17,7 +16,9 @@ from gantryctl.commissioning.results import (
     store_progress,
 )
 from gantryctl.commissioning.run import Step, complete, steps_for
+from gantryctl.engineering.report.head import Head, Judged, Required, Verdict, judged_as
 from gantryctl.engineering.report.page import render_page, signed
+from gantryctl.engineering.report.recording import ShownFigure, recorded
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.machine.tables.fields import UNITS
@@ -25,11 +26,15 @@ from gantryctl.operation.ledger import LedgerRow, Standing
 from gantryctl.units import name_ending
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "commissioning.html.j2"
-_STYLES: Final = {Outcome.PASSED: "pass", Outcome.FAILED: "fail", Outcome.NOT_TESTABLE: "none"}
+_STYLES: Final = {
+    Outcome.PASSED: Judged.PASS,
+    Outcome.FAILED: Judged.FAIL,
+    Outcome.NOT_TESTABLE: Judged.OPEN,
+}
 _NOT_DONE: Final = "not done"
 
 
-def write_report(progress: Progress, ledger: Sequence[LedgerRow], folder: Path) -> Path:
+def write_report(progress: Progress, ledger: Sequence[LedgerRow], folder: Path, head: Head) -> Path:
     """Write `commissioning.html` and `commissioning.json`, compared with the JSON of an earlier report there.
 
     Raises:
@@ -43,8 +48,32 @@ def write_report(progress: Progress, ledger: Sequence[LedgerRow], folder: Path) 
         before = None
     store_progress(data, progress)
     page = folder / "commissioning.html"
-    write_whole(page, render_page(TEMPLATE, _view(progress, ledger, before)))
+    write_whole(page, _page(progress, ledger, before, head))
     return page
+
+
+def _page(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | None, head: Head) -> str:
+    steps = steps_for(ledger)
+    done = complete(progress.results, steps)
+    failed = any(result.outcome is Outcome.FAILED for result in progress.results.values())
+    verdict = Verdict(
+        "COMPLETE" if done else "NOT COMPLETE",
+        Judged.PASS if done else Judged.FAIL if failed else Judged.OPEN,
+        _verdict(progress, done, steps),
+    )
+    return render_page(TEMPLATE, head, verdict, _required(steps, progress), _view(progress, ledger, before))
+
+
+def _required(steps: Sequence[Step], progress: Progress) -> list[Required]:
+    """The figures of all steps that are held against a limit."""
+    rows = []
+    for step in steps:
+        for row in _figures(progress.results.get(step.key), None):
+            if row.judged is not None:
+                unit = f" {row.unit}" if row.unit else ""
+                found = f"{row.value}{unit if row.measured else ''}"
+                rows.append(Required(f"{step.title}: {row.name}", f"{row.limit}{unit}", found, row.judged))
+    return rows
 
 
 def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | None) -> dict[str, Any]:
@@ -52,16 +81,12 @@ def _view(progress: Progress, ledger: Sequence[LedgerRow], before: Progress | No
     results = [progress.results.get(step.key) for step in steps]
     # Steps that were never run are shown as well: a report without them would look complete.
     counts = Counter(_NOT_DONE if result is None else result.outcome.value for result in results)
-    done = complete(progress.results, steps)
     return {
         "progress": progress,
         "before": before,
         "ledger": ledger,
         "lacking": sum(row.standing is Standing.LACKING for row in ledger),
         "accepted": [row for row in ledger if row.standing is Standing.ACCEPTED],
-        "badge": "COMPLETE" if done else "NOT COMPLETE",
-        "badge_class": "pass" if done else "fail" if counts[Outcome.FAILED.value] else "none",
-        "verdict": _verdict(progress, done, steps),
         "tiles": [
             (str(counts[name]), f"step{'s' if counts[name] != 1 else ''} {name}", f"of {len(steps)}")
             for name in (*(outcome.value for outcome in Outcome), _NOT_DONE)
@@ -84,9 +109,9 @@ class _StepView(NamedTuple):
 
     step: Step
     result: StepResult | None
-    style: str | None
+    style: Judged | None
     figures: list[_FigureRow]
-    pictures: list[tuple[str, str]]
+    pictures: list[ShownFigure]
 
 
 def _verdict(progress: Progress, done: bool, steps: Sequence[Step]) -> str:
@@ -109,25 +134,23 @@ def _verdict(progress: Progress, done: bool, steps: Sequence[Step]) -> str:
     )
 
 
-def _drawn(result: StepResult | None) -> list[tuple[str, str]]:
-    """Title and SVG of every picture of a step."""
+def _drawn(result: StepResult | None) -> list[ShownFigure]:
+    """The pictures of a step."""
     if result is None:
         return []
-    return [
-        (picture.title, picture_svg(picture, f"{result.key}-{k}"))
-        for k, picture in enumerate(result.pictures)
-    ]
+    return [recorded(picture, f"{result.key}-{k}") for k, picture in enumerate(result.pictures)]
 
 
 class _FigureRow(NamedTuple):
-    """A figure in the words of the page; `was` is the value of the report before, "" without one."""
+    """A figure in the words of the page; `judged` is None without a limit, `was` the value of the report before."""
 
     name: str
     value: str
     unit: str
     limit: str
-    style: str
+    judged: Judged | None
     was: str
+    measured: bool
 
 
 def _figures(result: StepResult | None, before: Progress | None) -> list[_FigureRow]:
@@ -145,8 +168,9 @@ def _row(name: str, figure: Figure, old: Figure | None) -> _FigureRow:
         value=_number(figure.value),
         unit=UNITS[ending] if ending else "",
         limit=_limit(figure),
-        style=("pass" if figure.within else "fail") if figure.limited else "",
+        judged=judged_as(figure.within) if figure.limited else None,
         was=_number(old.value) if old else "",
+        measured=figure.value is not None,
     )
 
 

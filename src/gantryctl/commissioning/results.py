@@ -13,10 +13,10 @@ from typing import TypeAlias
 
 from pydantic import TypeAdapter
 
-from gantryctl.commissioning.pictures import Picture
 from gantryctl.commissioning.watch import StepWatch
 from gantryctl.drives.od.verdicts import ParameterRow
 from gantryctl.engineering.instruments import Instrument
+from gantryctl.engineering.report.pictures import Picture
 from gantryctl.errors import StateError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine

@@ -11,7 +11,7 @@ import numpy as np
 
 from gantryctl.commissioning.load_side.ring import BothEncoders, has_ring
 from gantryctl.commissioning.open_loop_axis import OpenLoopAxis, open_loop_axis, state_name
-from gantryctl.commissioning.pictures import POINTS, MotionSample, Panel, Picture, line
+from gantryctl.commissioning.pictures import POINTS, MotionSample
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, failed, judged
 from gantryctl.commissioning.stopping.quick_stop import (
     computed_way_deg,
@@ -19,6 +19,7 @@ from gantryctl.commissioning.stopping.quick_stop import (
     permitted_way_deg,
 )
 from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, watched_ways
+from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.errors import AlarmStop
 from gantryctl.machine.derived import rigid_stop
 from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
@@ -290,9 +291,9 @@ def slow_turn(c: Context) -> StepResult:
     order = np.argsort(angle)
     both = [(way, order[direction[order] == sign]) for way, sign in (("forward", 1.0), ("back", -1.0))]
     degrees = np.degrees(angle)
-    lines = [line(way, degrees[chosen], torque[chosen] / 1e3) for way, chosen in both]
+    lines = [line(way, degrees[chosen], torque[chosen] / 1e3, POINTS) for way, chosen in both]
     fitted = model @ np.array((friction, sine, cosine, constant)) / 1e3
-    lines += [line(f"{way}, fitted", degrees[chosen], fitted[chosen]) for way, chosen in both]
+    lines += [line(f"{way}, fitted", degrees[chosen], fitted[chosen], POINTS) for way, chosen in both]
     panel = Panel("angle, deg", "torque at the gantry, kN m", tuple(lines))
     c.watch.pictures.append(Picture("torque over the angle", (panel,)))
     return judged(True, "turn", proof + beside, to_do, **figures, **compared)

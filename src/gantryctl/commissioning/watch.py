@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gantryctl.commissioning.pictures import MotionSample, Picture, motion_picture
+from gantryctl.commissioning.pictures import MotionSample, motion_picture
 from gantryctl.engineering.report.meter import Meter
+from gantryctl.engineering.report.pictures import Picture
 
 
 class StepWatch:

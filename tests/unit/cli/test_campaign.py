@@ -61,13 +61,14 @@ def test_run_show_plot_and_compare() -> None:
 def test_the_page_is_whole_in_itself_and_the_same_each_time() -> None:
     assert cli("campaign", "run", write(sampling="sensitivity"), "--threads", "1").code == 0
     pages = []
-    for folder in ("a", "b"):
-        done("campaign", "plot", "small.result", "--out", folder)
-        pages.append(Path(folder, "campaign.html").read_text("utf-8"))
+    for _ in range(2):
+        done("campaign", "plot", "small.result", "--out", "a", "--date", "today")
+        pages.append(Path("a", "campaign.html").read_text("utf-8"))
     assert pages[0] == pages[1]
     assert pages[0].count("<svg") == 4  # two distributions, two sensitivities
     assert not re.search(r'(src|href)="(?!#)', pages[0])
     assert "Sobol indices of move_base_um" in pages[0]
+    assert "gantryctl campaign plot small.result --out a --date today" in pages[0]
     assert "inertia" in done("campaign", "show", "small.result").out
 
 

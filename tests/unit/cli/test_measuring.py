@@ -29,8 +29,10 @@ def test_stops_prints_every_class_and_is_exit_code_1_when_one_is_too_long(tmp_pa
 
 def test_speed_test_passes_and_fails(tmp_path: Path) -> None:
     text = done("speed-test", "--speed", "0.5", "--out", tmp_path).out
-    assert [line.split()[0] for line in text.splitlines()] == ["speed", "asked", "pass", "pass", "figure:"]
-    assert (tmp_path / "speed_test.svg").read_text(encoding="utf-8").lstrip().startswith(("<?xml", "<svg"))
+    assert [line.split()[0] for line in text.splitlines()] == ["speed", "asked", "pass", "pass", "report:"]
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert page.count('class="recording"') == 2
+    assert "at most 0.01°/s" in page
     slack = machine_file(tmp_path / "m.toml", {"control.kvf": 0.0})
     answer = cli("speed-test", "--speed", "0.5", "--config", slack)
     assert answer.code == 1

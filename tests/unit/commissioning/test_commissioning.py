@@ -29,6 +29,7 @@ from gantryctl.operation.store import StateStore
 from gantryctl.wiring import virtual as virtual_wiring
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.virtual import virtual_node
+from support.reports import HEAD
 
 pytestmark = pytest.mark.can
 
@@ -274,13 +275,13 @@ def test_what_nobody_allowed_does_not_move(tmp_path: Path) -> None:
 def test_the_report_has_a_hash_of_what_was_shown_and_compares(tmp_path: Path) -> None:
     work, store = commissioning(tmp_path)
     do(work, "identity", "sync")
-    page = write_report(work.progress, work.ledger, tmp_path).read_text(encoding="utf-8")
+    page = write_report(work.progress, work.ledger, tmp_path, HEAD).read_text(encoding="utf-8")
     assert work.progress.hash in page
     assert "Compared with" not in page
     later = replace(work.progress.results["sync"], seconds=99.0, at="another day")
     same = replace(work.progress, results={**work.progress.results, "sync": later})
     assert same.hash == work.progress.hash
-    assert "Compared with" in write_report(same, work.ledger, tmp_path).read_text(encoding="utf-8")
+    assert "Compared with" in write_report(same, work.ledger, tmp_path, HEAD).read_text(encoding="utf-8")
     store.__exit__(None, None, None)
 
 

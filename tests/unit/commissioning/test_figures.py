@@ -10,6 +10,7 @@ import pytest
 
 from gantryctl.commissioning import Figure, Outcome, Progress, write_report
 from gantryctl.commissioning.results import judged, load_progress, passed, store_progress
+from support.reports import HEAD
 
 PROGRESS = Progress("m", "0" * 64)
 
@@ -56,7 +57,9 @@ def test_figures_come_back_from_the_file(tmp_path: Path) -> None:
 
 def test_the_report_has_the_limit_beside_the_figure(tmp_path: Path) -> None:
     result = passed("sync", "seen", answer_p99_ms=Figure(2.5, high=3.0), dead_scans=2.0)
-    page = write_report(replace(PROGRESS, results={"sync": result}), (), tmp_path).read_text(encoding="utf-8")
+    page = write_report(replace(PROGRESS, results={"sync": result}), (), tmp_path, HEAD).read_text(
+        encoding="utf-8"
+    )
     assert (
         '<td>answer p99</td><td class="pass">2.5</td><td>ms</td><td>at most 3</td><td class="pass">within</td>'
         in page

@@ -47,6 +47,7 @@ from gantryctl.program.alarms.words import Clauses, Said, Words
 from gantryctl.wiring import canopen as canopen_wiring
 from gantryctl.wiring.virtual import virtual_node
 from support.command_line import cli, machine_file
+from support.reports import HEAD
 
 from .ledger_bench import (
     ALL_PROVEN,
@@ -281,7 +282,7 @@ def test_an_acceptance_stands_in_the_record_and_a_step_that_fails_later_takes_th
         assert [text.partition(" (")[0] for text in record.accepted] == [
             "limits_torque: accepted by A. Person"
         ]
-        page = write_report(work.progress, work.ledger, tmp_path).read_text(encoding="utf-8")
+        page = write_report(work.progress, work.ledger, tmp_path, HEAD).read_text(encoding="utf-8")
         assert "A. Person" in page
         # Nothing but the proof of this boot-up is missing now.
         drive = canopen_wiring.canopen_drive(machine)

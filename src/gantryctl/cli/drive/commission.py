@@ -9,9 +9,11 @@ import click
 
 from gantryctl.cli.engineering.at_the_load import SIMULATED, instrument_options, open_instrument
 from gantryctl.cli.options import bus_log_option, config_option, directory, out_option, proven_machine
+from gantryctl.cli.report import head_of, report_options
 
 if TYPE_CHECKING:
     from gantryctl.commissioning import Commissioning, Step, StepResult
+    from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine
 
 DEFAULT_OUT = Path("commissioning_report")
@@ -29,6 +31,7 @@ DEFAULT_OUT = Path("commissioning_report")
 @click.option("--yes", is_flag=True, help="Do not ask before steps that move.")
 @instrument_options(default=None)
 @out_option
+@report_options
 @click.pass_context
 def commission(
     context: click.Context,
@@ -41,6 +44,7 @@ def commission(
     place: str | None,
     uncertainty_deg: float | None,
     out: Path | None,
+    made: Made,
 ) -> int:
     """Commission a CAN machine step by step: what a step does, what could move and how far, its proof and result.
 
@@ -76,7 +80,7 @@ def commission(
             lambda step: yes or with_sim or _ask(work, step, only),
             None if place is None else lambda run: open_instrument(run, place, uncertainty_deg, seed=0),
         )
-        return _run(work, only, again, folder)
+        return _run(work, only, again, folder, made)
 
 
 @commission.command()
@@ -170,7 +174,7 @@ def _ask(work: Commissioning, step: Step, only: str | None) -> bool:
     return click.confirm(f"could move: {could}. Is everybody away from the gantry?")
 
 
-def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> int:
+def _run(work: Commissioning, only: str | None, again: bool, folder: Path, made: Made) -> int:
     from gantryctl.commissioning import Outcome, write_report
 
     # Asked twice: another drive than before begins from the start, and which drive it is shows on the bus.
@@ -197,7 +201,8 @@ def _run(work: Commissioning, only: str | None, again: bool, folder: Path) -> in
         click.echo(f"record: {work.record()}")
     spent_s = sum(result.axis_s for result in work.progress.results.values())
     click.echo(f"time of the axis, all steps: {spent_s / 60.0:.1f} min")
-    page = write_report(work.progress, work.ledger, folder)
+    head = head_of(work.machine, made, directory=work.store.directory)
+    page = write_report(work.progress, work.ledger, folder, head)
     click.echo(f"report: {page.resolve()} ({work.progress.hash[:16]})")
     return int(ended_badly)
 

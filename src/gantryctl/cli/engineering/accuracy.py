@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.engineering.accuracy_end import finish, stamp
+from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE, certificate_option, finish
 from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
 from gantryctl.cli.engineering.measure import measure
 from gantryctl.cli.options import (
@@ -27,12 +27,14 @@ from gantryctl.cli.options import (
     simulated_machine,
     write_text,
 )
+from gantryctl.cli.report import head_of, report_options
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.procedure.procedures import Procedure
+    from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine
 
-# A folder of its own: a report is three files.
+# A report is three files.
 DEFAULT_OUT = Path("accuracy_report")
 
 
@@ -69,6 +71,7 @@ accuracy.add_command(measure)
 )
 @seed_option
 @out_option
+@report_options
 @json_option
 @fresh_option
 @real_time_option
@@ -89,6 +92,7 @@ def run_(
     as_json: bool,
     fresh: bool,
     real_time: bool,
+    made: Made,
 ) -> int:
     """Run the chord test and the speed test on the virtual gantry and write report.html, report.json, table.csv.
 
@@ -98,6 +102,7 @@ def run_(
     from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report
     from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind
     from gantryctl.engineering.accuracy.procedure.procedures import Chord, chord_procedure
+    from gantryctl.engineering.report.head import MeasuredBy
 
     machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
     if machine.on_bus:
@@ -115,8 +120,9 @@ def run_(
         if not as_json:
             click.echo(f"stop {index + 1} of {len(procedure.stops)}: {target_deg:+.1f} deg")
 
-    report = accuracy_report(machine, job, *stamp(), progress)
-    return finish(report, folder, as_json)
+    report = accuracy_report(machine, job, made.version, made.date, progress)
+    measured_by = MeasuredBy(report.source, SIMULATED_CERTIFICATE)
+    return finish(report, machine, made, measured_by, folder, as_json)
 
 
 def _announce(machine: Machine, procedure: Procedure) -> str:
@@ -163,30 +169,38 @@ def _measurable(config_file: Path | None, instrument: str) -> Machine:
 @click.option(
     "--motor-side", is_flag=True, help="The readings are of the motor encoder: no accuracy verdict."
 )
+@click.option(
+    "--measured-with", default="", metavar="TEXT", help="Instrument: type and serial number, for the report."
+)
+@certificate_option
 @out_option
+@report_options
 @json_option
 def report(
     config_file: Path | None,
     measured: Path,
     radius_m: float | None,
     motor_side: bool,
+    measured_with: str,
+    certificate: str,
     out: Path | None,
     as_json: bool,
+    made: Made,
 ) -> int:
     """Report a chord test that was measured elsewhere. Exit code 1 when the criterion is not met."""
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.table_csv import read_error_table
+    from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.report.origin import Origin
     from gantryctl.machine import short_hash
 
     machine = machine_of(config_file)
     table = read_error_table(measured, radius_m)
-    version, created = stamp()
-    made = AccuracyReport(
+    result = AccuracyReport(
         machine=machine.name,
         config_hash=short_hash(machine),
-        version=version,
-        created=created,
+        version=made.version,
+        created=made.date,
         seed=0,
         source=measured.name,
         measures_load=not motor_side,
@@ -195,7 +209,8 @@ def report(
         radius_m=radius_m,
         limit_deg=machine.required.angle_deg,
     )
-    return finish(made, out or DEFAULT_OUT, as_json)
+    measured_by = MeasuredBy(measured_with or f"not named; readings from {measured.name}", certificate)
+    return finish(result, machine, made, measured_by, out or DEFAULT_OUT, as_json)
 
 
 @accuracy.command()
@@ -242,10 +257,16 @@ def _shipped(table: Path) -> Path:
     "--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1."
 )
 @out_option
+@report_options
 @yes_option
 @json_option
 def speed_test(
-    config_file: Path | None, speeds: tuple[float, ...], out: Path | None, yes: bool, as_json: bool
+    config_file: Path | None,
+    speeds: tuple[float, ...],
+    out: Path | None,
+    yes: bool,
+    as_json: bool,
+    made: Made,
 ) -> int:
     """Reach each speed both ways; judge |speed error| <= 0.01 deg/s on the motor side over the whole move.
 
@@ -253,14 +274,13 @@ def speed_test(
     the load side is not measured. Exit code 1 when a run fails.
     """
     from gantryctl.engineering.accuracy.report.data import speed_data
-    from gantryctl.engineering.accuracy.report.figures import speed_errors
+    from gantryctl.engineering.accuracy.report.page import render_speed_test
     from gantryctl.engineering.accuracy.report.text import speed_lines
     from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN, speed_test_on
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
-    from gantryctl.engineering.report.svg import svg
 
     machine = machine_under_test(config_file, "speed-test")
-    file = directory(out) / "speed_test.svg" if out is not None else None
+    file = directory(out) / "report.html" if out is not None else None
     wanted = speeds or PAPER_SPEEDS_R_MIN
     if machine.on_bus:
         moves = f"moves both ways through the travel at {', '.join(f'{r:g}' for r in wanted)} r/min"
@@ -270,12 +290,11 @@ def speed_test(
         # From the compiled loop, in a second.
         runs = run_speeds(machine, wanted)
     if file is not None:
-        # Vectors, like the figures of the report.
-        write_text(file, svg(speed_errors(runs), "speed"))
+        write_text(file, render_speed_test(runs, head_of(machine, made)))
     if as_json:
         print_json([speed_data(run) for run in runs])
     else:
         click.echo(speed_lines(runs))
         if file is not None:
-            click.echo(f"figure: {file.resolve()}")
+            click.echo(f"report: {file.resolve()}")
     return int(not all(run.passed for run in runs))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import click
 
@@ -11,24 +11,31 @@ from gantryctl.cli.options import directory
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
+    from gantryctl.engineering.report.head import Made, MeasuredBy
+    from gantryctl.machine import Machine
 
 
-def stamp() -> tuple[str, str]:
-    """Version and date of the page."""
-    from datetime import UTC, datetime
-    from importlib.metadata import version
+certificate_option = click.option(
+    "--certificate",
+    default="",
+    metavar="TEXT",
+    help="Certificate of the instrument's calibration, for the report.",
+)
+# Readings of a model come from no instrument that could have one.
+SIMULATED_CERTIFICATE: Final = "none: simulated"
 
-    return version("gantryctl"), datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
-
-def finish(report: AccuracyReport, out: Path, as_json: bool) -> int:
+def finish(
+    report: AccuracyReport, machine: Machine, made: Made, measured_by: MeasuredBy, out: Path, as_json: bool
+) -> int:
     """Write the page, print table or JSON; 1 when a criterion is not shown to be met."""
+    from gantryctl.cli.report import head_of
     from gantryctl.engineering.accuracy.report.data import report_json
     from gantryctl.engineering.accuracy.report.page import write_report
     from gantryctl.engineering.accuracy.report.text import text_report
     from gantryctl.engineering.accuracy.verdict import Conformity
 
-    page = write_report(report, directory(out))
+    page = write_report(report, head_of(machine, made, measured_by), directory(out))
     if as_json:
         click.echo(report_json(report), nl=False)
     else:

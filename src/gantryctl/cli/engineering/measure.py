@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gantryctl.cli.engineering.accuracy_end import finish, stamp
+from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE, certificate_option, finish
 from gantryctl.cli.engineering.at_the_load import (
     BY_HAND,
     LOAD_ENCODER,
@@ -27,9 +27,12 @@ from gantryctl.cli.options import (
     proven_machine,
     seed_option,
 )
+from gantryctl.cli.report import report_options
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession
+    from gantryctl.engineering.accuracy.report.report import AccuracyReport
+    from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine
     from gantryctl.operation.client import AxisClient
 
@@ -50,10 +53,20 @@ _IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows t
 @instrument_options(default=BY_HAND)
 @click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")
 @click.option("--yes", is_flag=True, help="Do not ask before a real gantry moves.")
+@certificate_option
 @seed_option
 @out_option
+@report_options
 @json_option
-def measure(config_file: Path | None, place: str, out: Path | None, as_json: bool, **given: Any) -> int:
+def measure(
+    config_file: Path | None,
+    place: str,
+    certificate: str,
+    out: Path | None,
+    as_json: bool,
+    made: Made,
+    **given: Any,
+) -> int:
     """Run the chord test on a machine: move, dwell until settled, read the load's angle, keep the reading, go on.
 
     Every reading is on the disk before the axis goes on; the same command goes on after any interruption. The report
@@ -64,6 +77,7 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
     from gantryctl.engineering.accuracy.attended.run import AttendedTest
     from gantryctl.engineering.accuracy.attended.session import session_path, store_session
     from gantryctl.engineering.accuracy.procedure.on_batch import check_travel, run_time_s
+    from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.report.meter import Meter
     from gantryctl.operation.run import AxisRun
     from gantryctl.operation.store import StateStore
@@ -101,7 +115,9 @@ def measure(config_file: Path | None, place: str, out: Path | None, as_json: boo
             click.echo(f"{ended.text}; the same command goes on", err=True)
             return 1
         store_session(folder / "readings.json", ended)
-        code = _finish(machine, ended, place, folder, as_json)
+        certificate = SIMULATED_CERTIFICATE if place == SIMULATED else certificate
+        report = _report(machine, ended, place, made)
+        code = finish(report, machine, made, MeasuredBy(report.source, certificate), folder, as_json)
         # Only now: a kill before the report must not cost the readings.
         path.unlink(missing_ok=True)
     return code
@@ -130,7 +146,7 @@ def _announce(machine: Machine, session: ChordSession) -> str:
     )
 
 
-def _finish(machine: Machine, session: ChordSession, place: str, folder: Path, as_json: bool) -> int:
+def _report(machine: Machine, session: ChordSession, place: str, made: Made) -> AccuracyReport:
     from gantryctl.engineering.accuracy.attended.report import session_report
     from gantryctl.engineering.report.origin import Origin, origin_of
 
@@ -143,4 +159,4 @@ def _finish(machine: Machine, session: ChordSession, place: str, folder: Path, a
             if machine.control.compensation.load_encoder.active
             else (_OWN_ERRORS,)
         )
-    return finish(session_report(machine, session, origin, *stamp(), notes), folder, as_json)
+    return session_report(machine, session, origin, made.version, made.date, notes)

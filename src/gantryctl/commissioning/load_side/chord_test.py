@@ -6,7 +6,6 @@ from dataclasses import replace
 from importlib.metadata import version
 from typing import Final
 
-from gantryctl.commissioning.pictures import Panel, Picture, line
 from gantryctl.commissioning.results import Context, Figure, Outcome, StepResult, judged
 from gantryctl.engineering.accuracy.attended.report import session_report
 from gantryctl.engineering.accuracy.attended.run import AttendedTest
@@ -23,9 +22,13 @@ from gantryctl.engineering.accuracy.report.page import write_report
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 from gantryctl.engineering.accuracy.verdict import Conformity
+from gantryctl.engineering.report.head import Head, Made, MeasuredBy
+from gantryctl.engineering.report.machine_facts import known_serials, machine_facts
 from gantryctl.engineering.report.origin import Origin
+from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.errors import AlarmStop
 from gantryctl.operation.run import AxisRun
+from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import now_text
 
 # Every base both ways, one chord each: half the time of procedure A, which `accuracy measure` runs.
@@ -68,7 +71,7 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
     # A virtual drive in this process is watched by a simulated tracker; of any other the instrument's name tells.
     origin = Origin.SIMULATED if c.machine.plant_is_local else Origin.MEASURED
     report = session_report(c.machine, session, origin, version("gantryctl"), now_text())
-    page = write_report(report, c.folder / "accuracy")
+    page = write_report(report, _head(c, report), c.folder / "accuracy")
     c.watch.pictures.append(_picture(report))
     known, model, limit = report.uncertainty, report.simulated, report.limit_deg
     assert known is not None
@@ -86,6 +89,12 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
         largest_chord_error_deg=Figure(chord_deg, high=limit / ratio),
         chord_expanded_uncertainty_deg=COVERAGE_K * known.largest_chord_deg,
     )
+
+
+def _head(c: Context, report: AccuracyReport) -> Head:
+    made = Made(report.created, report.version, "gantryctl commission, chord test", operator_name())
+    serials = known_serials(c.machine, c.store.directory)
+    return Head(c.machine.name, machine_facts(c.machine, serials), made, MeasuredBy(report.source))
 
 
 def _picture(report: AccuracyReport) -> Picture:

@@ -49,12 +49,12 @@ def judge(
         uncertainties_deg: expanded, by the name of the figure; a figure without one counts as certain.
     """
     each = {
-        name: _conformity(value, uncertainties_deg.get(name, 0.0), limit_deg)
+        name: conformity_of(value, uncertainties_deg.get(name, 0.0), limit_deg)
         for name, value in figures_deg.items()
     }
     worst = next(c for c in (Conformity.FAIL, Conformity.UNDECIDED, Conformity.PASS) if c in each.values())
     told = ", ".join(
-        f"{name} {figures_deg[name]:.4f} {_plus_minus(uncertainties_deg.get(name))}deg"
+        f"{name} {figures_deg[name]:.4f} {plus_minus(uncertainties_deg.get(name))}deg"
         for name, conformity in each.items()
         if conformity is worst
     )
@@ -66,11 +66,13 @@ def judge(
     return AccuracyVerdict(worst, figures_deg, limit_deg, f"{told}: {end}", uncertainties_deg)
 
 
-def _conformity(value: float, expanded: float, limit: float) -> Conformity:
+def conformity_of(value: float, expanded: float, limit: float) -> Conformity:
+    """What one figure says of the limit; `expanded`: its uncertainty (k = 2)."""
     if value + expanded <= limit:
         return Conformity.PASS
     return Conformity.UNDECIDED if value - expanded <= limit else Conformity.FAIL
 
 
-def _plus_minus(expanded: float | None) -> str:
+def plus_minus(expanded: float | None) -> str:
+    """An expanded uncertainty behind its figure; "" where none is known."""
     return "" if expanded is None else f"+- {expanded:.4f} "

@@ -7,7 +7,7 @@ is made.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -15,21 +15,22 @@ from gantryctl.engineering.accuracy.paper import PAPER_A_DEG
 from gantryctl.engineering.accuracy.report.report import (
     SPEED_ERROR_LIMIT_DEG_S,
     Beside,
-    FloatArray,
     GearEnsemble,
     SpeedRun,
 )
 from gantryctl.engineering.accuracy.statistics import column_mean, column_std
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.report.figures import GREY, INK, RED
-from gantryctl.engineering.report.svg import BLUE, ORANGE, WIDTH_IN, styled
+from gantryctl.engineering.report.pictures import Panel, Picture, line
+from gantryctl.engineering.report.svg import BLUE, ORANGE, WIDTH_IN, legend_below, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Points of one curve; longer ones keep the smallest and largest value of every bin.
-MAX_POINTS = 1500
+# A third of the page is for one panel.
+_SMALL_POINTS: Final = 700
+_LIMITS: Final = (-SPEED_ERROR_LIMIT_DEG_S, SPEED_ERROR_LIMIT_DEG_S)
 COLOURS = {Direction.CCW: BLUE, Direction.CW: ORANGE}
 MARKERS = {Direction.CCW: "o", Direction.CW: "s"}
 
@@ -49,7 +50,7 @@ def chord_errors(table: ErrorTable, beside: Beside) -> Figure:
         ax.axhline(0.0, color=INK, lw=0.7)
     axes[0].set_ylabel("chord error, 0.001°")
     _same_height(axes)
-    _legend_below(figure, axes[0])
+    legend_below(figure, axes[0])
     return figure
 
 
@@ -74,65 +75,61 @@ def bands(table: ErrorTable, beside: Beside) -> Figure:
         ax.set_xticks(data.displacements_deg)
     axes[0].set_ylabel("error, 0.001°")
     _same_height(axes)
-    _legend_below(figure, axes[0])
+    legend_below(figure, axes[0])
     return figure
 
 
-@styled
-def speed_test(run: SpeedRun) -> Figure:
+def speed_test(run: SpeedRun) -> Picture:
     """Figure 5: speed and speed error of one move, motor side and load side."""
     curves = run.curves
     assert curves is not None
-    figure = _figure(3.6)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=[1.0, 1.15])
-    both = ((curves.load_deg_s, ORANGE, "load side"), (curves.motor_deg_s, BLUE, "motor side"))
-    sides = [(values, colour, name) for values, colour, name in both if values is not None]
-    for values, colour, name in sides:
-        top.plot(*_thinned(curves.time_s, values), color=colour, label=name)
-    top.plot(*_thinned(curves.time_s, curves.ref_deg_s), color=INK, lw=0.9, ls=(0, (5, 3)), label="reference")
-    for values, colour, name in sides:
-        bottom.plot(*_thinned(curves.time_s, values - curves.ref_deg_s), color=colour, lw=0.8, label=name)
-    _limit_lines(bottom)
-    top.set_ylabel("speed, °/s")
-    bottom.set_ylabel("speed error, °/s")
-    bottom.set_xlabel("time, s")
-    bottom.set_xlim(curves.time_s[0], curves.time_s[-1])
-    top.plot([], [], color=RED, lw=0.8, ls=(0, (4, 2)), label="±0.01°/s, motor side")
-    _legend_below(figure, top)
-    return figure
+    time_s = curves.time_s
+    sides = [("motor side", curves.motor_deg_s)]
+    if curves.load_deg_s is not None:
+        sides.append(("load side", curves.load_deg_s))
+    speeds = (("reference", curves.ref_deg_s), *sides)
+    return Picture(
+        "speed test",
+        (
+            Panel(
+                "time, s",
+                "speed, deg/s",
+                tuple(line(name, time_s, values) for name, values in speeds),
+                followed=True,
+            ),
+            Panel(
+                "time, s",
+                "speed error, deg/s",
+                tuple(line(name, time_s, values - curves.ref_deg_s) for name, values in sides),
+                _LIMITS,
+            ),
+        ),
+        columns=1,
+    )
 
 
-@styled
-def speed_errors(runs: Sequence[SpeedRun]) -> Figure:
+def speed_errors(runs: Sequence[SpeedRun]) -> Picture:
     """Speed errors of all runs as small multiples: one row per direction, one column per speed."""
-    shown = [run for run in runs if run.curves is not None]
-    speeds = sorted({run.speed_deg_s for run in shown})
-    ways = [way for way in Direction if any(run.direction is way for run in shown)]
-    figure = _figure(0.5 + 1.35 * len(ways))
-    grid = figure.subplots(len(ways), len(speeds), sharey=True, squeeze=False)
-    for run in shown:
-        assert run.curves is not None
-        ax = grid[ways.index(run.direction), speeds.index(run.speed_deg_s)]
-        curves = run.curves
-        if curves.load_error_deg_s is not None:
-            ax.plot(
-                *_thinned(curves.time_s, curves.load_error_deg_s, 600),
-                color=ORANGE,
-                lw=0.7,
-                label="load side",
-            )
-        ax.plot(
-            *_thinned(curves.time_s, curves.motor_error_deg_s, 600), color=BLUE, lw=0.7, label="motor side"
-        )
-        _limit_lines(ax)
-        ax.set_title(f"{run.speed_deg_s:g}°/s {run.direction.value}")
-        ax.set_xlim(curves.time_s[0], curves.time_s[-1])
-    for ax in grid[:, 0]:
-        ax.set_ylabel("error, °/s")
-    for ax in grid[-1]:
-        ax.set_xlabel("time, s")
-    _legend_below(figure, grid[0, 0])
-    return figure
+    shown = sorted((run for run in runs if run.curves is not None), key=_place)
+    return Picture(
+        "speed errors",
+        tuple(_error_panel(run) for run in shown),
+        columns=len({run.speed_deg_s for run in shown}),
+    )
+
+
+def _place(run: SpeedRun) -> tuple[int, float]:
+    return list(Direction).index(run.direction), run.speed_deg_s
+
+
+def _error_panel(run: SpeedRun) -> Panel:
+    curves = run.curves
+    assert curves is not None
+    lines = [line("motor side", curves.time_s, curves.motor_error_deg_s, _SMALL_POINTS)]
+    if curves.load_error_deg_s is not None:
+        lines.append(line("load side", curves.time_s, curves.load_error_deg_s, _SMALL_POINTS))
+    title = f"{run.speed_deg_s:g} deg/s {run.direction.value}"
+    return Panel("time, s", "error, deg/s", tuple(lines), _LIMITS, title)
 
 
 @styled
@@ -154,7 +151,7 @@ def ensemble(gears: GearEnsemble, fitted_a_deg: float | None) -> Figure:
     ax.spines["left"].set_visible(False)
     ax.set_xlim(left=0.0, right=1.12 * max(a[-1], 1e3 * PAPER_A_DEG))
     ax.set_xlabel("A, 0.001°")
-    _legend_below(figure, ax)
+    legend_below(figure, ax)
     return figure
 
 
@@ -194,28 +191,7 @@ def _other_errors(ax: Axes, beside: Beside, base: float, direction: Direction) -
     )
 
 
-def _limit_lines(ax: Axes) -> None:
-    for level in (-SPEED_ERROR_LIMIT_DEG_S, SPEED_ERROR_LIMIT_DEG_S):
-        ax.axhline(level, color=RED, lw=0.7, ls=(0, (4, 2)))
-
-
 def _same_height(axes: Sequence[Axes]) -> None:
     low, high = axes[0].get_ylim()
     reach = max(abs(low), abs(high), 1.0)
     axes[0].set_ylim(min(low, -0.3 * reach), max(high, 0.3 * reach))
-
-
-def _legend_below(figure: Figure, ax: Axes) -> None:
-    handles, labels = ax.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), handlelength=2.4)
-
-
-def _thinned(x: FloatArray, y: FloatArray, points: int = MAX_POINTS) -> tuple[FloatArray, FloatArray]:
-    """At most `points` of a curve, keeping the smallest and the largest value of every bin in their order."""
-    if len(x) <= points:
-        return x, y
-    # Plain thinning would drop the peaks, and the peaks are what the speed test judges.
-    bins = np.array_split(np.arange(len(x)), points // 2)
-    keep = np.unique([index for part in bins for index in (part[y[part].argmin()], part[y[part].argmax()])])
-    keep = np.union1d(keep, [0, len(x) - 1])
-    return x[keep], y[keep]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,15 +17,22 @@ from gantryctl.engineering.accuracy.paper import (
 )
 from gantryctl.engineering.accuracy.report import figures
 from gantryctl.engineering.accuracy.report.data import report_json
-from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport, Beside
+from gantryctl.engineering.accuracy.report.report import (
+    SPEED_ERROR_LIMIT_DEG_S,
+    AccuracyReport,
+    Beside,
+    SpeedRun,
+)
 from gantryctl.engineering.accuracy.report.text import ISO_NAMES, STATISTICS, angle_text, iso_text
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.accuracy.table_csv import format_error_table
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
-from gantryctl.engineering.accuracy.verdict import Conformity
-from gantryctl.engineering.report.page import render_page, signed
-from gantryctl.engineering.report.svg import svg
+from gantryctl.engineering.accuracy.verdict import Conformity, conformity_of, plus_minus
+from gantryctl.engineering.report.head import Head, Judged, Required, Verdict, judged_as
+from gantryctl.engineering.report.page import Section, render_page, render_sections, signed
+from gantryctl.engineering.report.recording import ShownFigure, recorded, still
+from gantryctl.engineering.report.text import TextTable, or_dash
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "accuracy.html.j2"
 SWITCH_NAMES: Final = {
@@ -41,20 +49,27 @@ SWITCH_NAMES: Final = {
 }
 
 
-_BADGES: Final = {Conformity.PASS: "pass", Conformity.FAIL: "fail"}
-
-
-def render_html(report: AccuracyReport) -> str:
+def render_html(report: AccuracyReport, head: Head) -> str:
     """The page as text."""
-    return render_page(TEMPLATE, _view(report))
+    conformity = report.verdict.conformity
+    word, judged = conformity.value.upper(), conformity is not Conformity.NOT_JUDGED
+    verdict = Verdict(
+        f"{word}: {report.limit_deg:g}° required" if judged else word,
+        _JUDGED.get(conformity, Judged.OPEN),
+        report.verdict.text,
+    )
+    return render_page(TEMPLATE, head, verdict, _required(report), _view(report))
 
 
-def write_report(report: AccuracyReport, folder: str | Path) -> Path:
+_JUDGED: Final = {Conformity.PASS: Judged.PASS, Conformity.FAIL: Judged.FAIL}
+
+
+def write_report(report: AccuracyReport, head: Head, folder: str | Path) -> Path:
     """Write report.html, report.json and the measured table as table.csv; returns the path of the page."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     page = folder / "report.html"
-    page.write_text(render_html(report), encoding="utf-8")
+    page.write_text(render_html(report, head), encoding="utf-8")
     (folder / "report.json").write_text(report_json(report), encoding="utf-8")
     (folder / "table.csv").write_text(format_error_table(report.measured), encoding="utf-8")
     return page
@@ -62,13 +77,10 @@ def write_report(report: AccuracyReport, folder: str | Path) -> Path:
 
 def _view(report: AccuracyReport) -> dict[str, Any]:
     """View for the template: words and numbers, no logic."""
-    iso, conformity = report.iso, report.verdict.conformity
-    word, judged = conformity.value.upper(), conformity is not Conformity.NOT_JUDGED
+    iso = report.iso
     paper_rms = statistics(PAPER_TABLE).rms_deg
     return {
         "report": report,
-        "badge": f"{word}: {report.limit_deg:g}° required" if judged else word,
-        "badge_class": _BADGES.get(conformity, "none"),
         "coverage": COVERAGE_K,
         "angle": _angle,
         "paper_name": PAPER_NAME,
@@ -99,6 +111,81 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
         "figures": _figures(report),
         "switches": [(SWITCH_NAMES.get(name, name), on) for name, on in report.switches.items()],
     }
+
+
+def _required(report: AccuracyReport) -> list[Required]:
+    """What the machine must keep: its angle, and its speeds where they were tested."""
+    found = report.verdict
+    limit = f"at most {report.limit_deg:g} deg"
+    rows = [
+        Required(
+            name,
+            limit,
+            f"{value:.4f} {plus_minus(found.uncertainties_deg.get(name))}deg",
+            _JUDGED.get(
+                conformity_of(value, found.uncertainties_deg.get(name, 0.0), found.limit_deg), Judged.OPEN
+            ),
+        )
+        for name, value in found.figures_deg.items()
+    ]
+    if not rows:
+        rows.append(Required("accuracy of the angle", limit, "not measured at the load", Judged.OPEN))
+    if report.speed:
+        rows.append(_required_speed(report.speed))
+    return rows
+
+
+def _required_speed(runs: Sequence[SpeedRun]) -> Required:
+    worst = max(run.motor_error_deg_s for run in runs)
+    return Required(
+        "speed error of the motor side over whole moves",
+        f"at most {SPEED_ERROR_LIMIT_DEG_S:g} deg/s",
+        f"{worst:.4f} deg/s",
+        judged_as(all(run.passed for run in runs)),
+    )
+
+
+def render_speed_test(runs: Sequence[SpeedRun], head: Head) -> str:
+    """The page of a speed test alone."""
+    failed = [run for run in runs if not run.passed]
+    told = ", ".join(f"{run.speed_deg_s:g} deg/s {run.direction.value}" for run in failed)
+    verdict = Verdict(
+        "FAIL" if failed else "PASS",
+        judged_as(not failed),
+        f"not within the limit: {told}"
+        if failed
+        else "every speed is reached, every motor-side error is within the limit",
+    )
+    rows = [
+        {
+            "asked\ndeg/s": f"{run.speed_deg_s:g}",
+            "way": run.direction.value,
+            "from\ndeg": signed(f"{run.travel_deg[0]:.1f}"),
+            "to\ndeg": signed(f"{run.travel_deg[1]:.1f}"),
+            "reached\ndeg/s": f"{run.reached_deg_s:.3f}",
+            "error, motor side\ndeg/s": f"{run.motor_error_deg_s:.4f}",
+            "error, load side\ndeg/s": or_dash(run.load_error_deg_s, ".4f"),
+            "": ("pass" if run.passed else "FAIL") + (", stick-slip" if run.stick_slip else ""),
+        }
+        for run in runs
+    ]
+    table = TextTable.of("", rows)._replace(left=(1, 7))
+    shown = [
+        recorded(figures.speed_test(run), f"speed-{k}", _way(run)) for k, run in enumerate(runs) if run.curves
+    ]
+    return render_sections(
+        head,
+        verdict,
+        [_required_speed(runs)],
+        title=f"Speed test of {head.machine}",
+        subtitle="Largest speed error over whole moves; the load side is reported, not judged",
+        sections=[Section("", tables=[table]), Section("Moves", figures=shown)],
+    )
+
+
+def _way(run: SpeedRun) -> str:
+    way = signed(f"{run.travel_deg[0]:.1f}° to {run.travel_deg[1]:.1f}°")
+    return f"{run.speed_deg_s:g}°/s {run.direction.value}, {way}"
 
 
 def _iso_rows(report: AccuracyReport) -> list[tuple[str, str, list[str]]]:
@@ -223,25 +310,48 @@ def _paper_printed(table: ErrorTable) -> str:
     )
 
 
-def _figures(report: AccuracyReport) -> dict[str, str]:
-    """The SVGs by name; figures without data are left out."""
+def _figures(report: AccuracyReport) -> dict[str, ShownFigure]:
+    """The figures by name; those without data are left out."""
+    free = "" if report.true is None else ", without instrument noise"
     made = {
-        "errors": svg(figures.chord_errors(report.table, report.beside), "errors"),
-        "bands": svg(figures.bands(report.table, report.beside), "bands"),
+        "errors": still(
+            figures.chord_errors(report.table, report.beside),
+            "errors",
+            f"Figure 6 of the paper: chord error by displacement from each base{free}; positive = moved too far. "
+            f"Filled: {report.origin.value}. Open, dashed: {report.beside.name}.",
+        ),
+        "bands": still(
+            figures.bands(report.table, report.beside),
+            "bands",
+            "Mean X and band X ± 3 S of every column. A is the distance of the two red lines, eq. (6): largest X + 3 S "
+            "minus smallest X − 3 S, the zero column included. S: sample standard deviation (n − 1) of "
+            f"{report.statistics.n} rows here.",
+        ),
     }
     with_curves = [run for run in report.speed if run.curves is not None]
     if with_curves:
         fastest = max(with_curves, key=lambda run: run.speed_deg_s)
-        made["speed"] = svg(figures.speed_test(fastest), "speed")
-        made["speed_title"] = (
-            f"{fastest.speed_deg_s:g}°/s {fastest.direction.value}, {fastest.travel_deg[0]:.1f}° to "
-            f"{fastest.travel_deg[1]:.1f}°"
+        made["speed"] = recorded(
+            figures.speed_test(fastest),
+            "speed",
+            f"Figure 5 of the paper: {_way(fastest)}. Above the speeds, below their difference from the reference.",
         )
     if len(with_curves) > 1:
-        made["speed_all"] = svg(figures.speed_errors(with_curves), "speed_all")
+        made["speed_all"] = recorded(
+            figures.speed_errors(with_curves),
+            "speed_all",
+            f"Speed errors of all runs, motor side and load side; dashed red: ±{SPEED_ERROR_LIMIT_DEG_S:g}°/s.",
+        )
     if report.ensemble is not None:
         fitted = report.statistics.a_deg if report.phases_fitted else None
-        made["ensemble"] = svg(figures.ensemble(report.ensemble, fitted), "ensemble")
+        gears = report.ensemble
+        made["ensemble"] = still(
+            figures.ensemble(gears, fitted),
+            "ensemble",
+            "A of the true angles for gears of the same grade whose error phases are drawn at random (seeds "
+            f"{min(gears.seeds)} to {max(gears.seeds)}): median {gears.distribution.median_deg:.4f}°, "
+            f"{min(gears.a_deg):.4f}° to {max(gears.a_deg):.4f}°.",
+        )
     return made
 
 

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, Final
 
 from gantryctl.engineering.campaign.report import figures
-from gantryctl.engineering.campaign.report.text import lines, tables
+from gantryctl.engineering.campaign.report.text import lines, percent, tables
 from gantryctl.engineering.campaign.statistics import Population
-from gantryctl.engineering.report.page import render_page
-from gantryctl.engineering.report.svg import svg
+from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
+from gantryctl.engineering.report.page import Section, render_sections
+from gantryctl.engineering.report.recording import ShownFigure, still
 
 # More tiles than fit in a row say less.
 _TILES_MOST: Final = 5
-TEMPLATE: Final = Path(__file__).parent / "templates" / "campaign.html.j2"
 
 
-def render_populations(populations: Sequence[tuple[str, Population]]) -> str:
+def render_populations(populations: Sequence[tuple[str, Population]], made: Made) -> str:
     """The page of one result, or of several beside each other; each with a name.
 
-    The same results give the same page, byte for byte.
+    The same results and `made` give the same page, byte for byte.
     """
     first = populations[0][1]
     alone = len(populations) == 1
@@ -29,19 +28,40 @@ def render_populations(populations: Sequence[tuple[str, Population]]) -> str:
     sources = populations[:1] if one else populations
     shown = [("", first)] if alone else list(populations)
     whole = all(found.there == found.rows for _, found in populations)
-    return render_page(
-        TEMPLATE,
-        {
-            "badge": "complete" if whole else "not finished",
-            "badge_class": "none",
-            "tiles": _tiles(first) if alone else [],
-            "title": " and ".join(dict.fromkeys(found.head.name for _, found in populations)),
-            "description": first.head.description if one else "",
-            "results": [(name, lines(found), _origin(found)) for name, found in sources],
-            "figures": _figures(shown),
-            "tables": [(table.title, table.heads, table.rows) for table in tables(shown)],
-        },
+    name = " and ".join(dict.fromkeys(found.head.name for _, found in populations))
+    verdict = Verdict(
+        "complete" if whole else "not finished",
+        Judged.OPEN,
+        "; ".join(line for _, found in sources for line in lines(found)),
     )
+    facts = [
+        (what if one else f"{result}: {what}", value)
+        for result, found in sources
+        for what, value in _origin(found)
+    ]
+    return render_sections(
+        Head(name, tuple(facts), made),
+        verdict,
+        [row for result, found in shown for row in _required(result, found)],
+        title=f"Campaign {name}",
+        subtitle=first.head.description if one else "",
+        tiles=_tiles(first) if alone else [],
+        sections=[Section("", figures=_figures(shown)), Section("Tables", tables=tables(shown))],
+    )
+
+
+def _required(result: str, found: Population) -> list[Required]:
+    """The limits of a campaign, with the part of its plants that keep them."""
+    return [
+        Required(
+            " ".join(filter(None, (result, figure.column))),
+            f"{each.limit:g} {found.head.outputs[figure.column].unit}",
+            f"kept by {percent(each.probability)} of {figure.plants} plants",
+            Judged.OPEN,
+        )
+        for figure in found.figures
+        for each in figure.passing
+    ]
 
 
 def _tiles(found: Population) -> list[tuple[str, str, str]]:
@@ -57,8 +77,8 @@ def _tiles(found: Population) -> list[tuple[str, str, str]]:
     return made
 
 
-def _figures(shown: Sequence[tuple[str, Population]]) -> list[tuple[str, str]]:
-    """Caption and SVG: a distribution for each figure over all results and controls, then Sobol indices."""
+def _figures(shown: Sequence[tuple[str, Population]]) -> list[ShownFigure]:
+    """A distribution for each figure over all results and controls, then Sobol indices."""
     found = []
     named = {
         column.rpartition(".")[2]: output for _, each in shown for column, output in each.head.outputs.items()
@@ -70,12 +90,12 @@ def _figures(shown: Sequence[tuple[str, Population]]) -> list[tuple[str, str]]:
             )
         )
         figure = figures.distribution(shown, columns, output.meaning)
-        found.append((f"{output.meaning}: part of the plants at or below a value.", svg(figure, name)))
+        found.append(still(figure, name, f"{output.meaning}: part of the plants at or below a value."))
     for _, each in shown:
         for of in each.figures:
             if of.sensitivity:
                 caption = f"Sobol indices of {of.column}: what makes its variance."
-                found.append((caption, svg(figures.sensitivity(of), f"sobol-{of.column}")))
+                found.append(still(figures.sensitivity(of), f"sobol-{of.column}", caption))
     return found
 
 

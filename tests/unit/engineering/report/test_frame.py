@@ -1,0 +1,90 @@
+"""The frame that every report stands in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+
+from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
+from gantryctl.engineering.report.machine_facts import Serials, known_serials, machine_facts
+from gantryctl.engineering.report.page import VIEWER, Section, css_text, render_sections
+from gantryctl.engineering.report.pictures import Panel, Picture, line
+from gantryctl.engineering.report.recording import recorded
+from gantryctl.machine import default_machine
+from support.command_line import done
+from support.reports import HEAD
+
+EVIL = '</script></style><b>"evil"</b>'
+
+
+def page(head: Head = HEAD, **changes: str) -> str:
+    panel = Panel("time, s", "speed, deg/s", (line(EVIL, [0.0, 1.0], [0.0, 2.0]),), (1.5,))
+    return render_sections(
+        head,
+        Verdict("FAIL", Judged.FAIL, "0.0127 deg: outside 0.01 deg"),
+        [Required("angle", "at most 0.01 deg", "0.0127 deg", Judged.FAIL)],
+        **{"title": "Report", "subtitle": "of a test", **changes},
+        sections=[Section("Part", ["A sentence"], figures=[recorded(Picture("one", (panel,)), "one")])],
+    )
+
+
+def test_identity_requirement_people_and_room_for_signatures() -> None:
+    text = page()
+    for part in (
+        "contract 4711", "at most 0.01°", "0.0127°", ">FAIL<", "A. Operator", "W. Witness", "tracker AT-1", "DKD 7",
+        "2026-11-22 10:00 UTC", "gantryctl 0.1", "gantryctl accuracy run", "Accepted by", "Signature",
+    ):  # fmt: skip
+        assert part in text, part
+    bare = page(Head("m", (), Made("d", "1", "c")))
+    assert "Source of the required values: not named" in bare
+    assert "Measured by" not in bare
+
+
+def test_no_text_ends_an_element() -> None:
+    made = Made(*[EVIL] * 5)
+    text = page(Head(EVIL, ((EVIL, EVIL),), made, required_source=EVIL), title=EVIL, subtitle=EVIL)
+    assert "<b>" not in text
+    assert text.count("</script>") == 2
+    assert text.count("</style>") == 1 + text.count("<style type")
+    data = text.partition('class="recording">')[2].partition("</script>")[0]
+    assert json.loads(data)["panels"][0]["lines"][0]["name"] == EVIL
+
+
+def test_a_text_in_a_style_sheet() -> None:
+    assert css_text('a"b\\c') == '"a\\22 b\\5c c"'
+
+
+def test_the_viewer_is_built_with_the_licence_of_its_library_and_fetches_nothing() -> None:
+    script, style = ((VIEWER / f"viewer.{kind}").read_text("utf-8") for kind in ("js", "css"))
+    assert script.startswith("/* Contains uPlot ")
+    assert "Permission is hereby granted, free of charge" in script
+    for text in (script, style):
+        assert "://" not in text
+        assert "</" not in text.replace("</div>", "")
+    assert not any(word in script for word in ("fetch(", "XMLHttpRequest", "WebSocket", "import("))
+
+
+def test_facts_of_a_machine(tmp_path: Path) -> None:
+    machine = default_machine()
+    facts = dict(machine_facts(machine, Serials("vendor 1, serial 7", "E-1")))
+    assert facts["Inertia of the load"] == "2.18e+06 kg m²"
+    assert facts["Motor"].startswith("31 kW, 257 N m at 1150 r/min")
+    assert facts["Drive"] == "simulated, vendor 1, serial 7"
+    assert facts["Motor encoder"] == "serial number E-1"
+    assert len(facts["Machine file, SHA-256"]) == 64
+    assert facts["Calibration"] == "none"
+    assert "Motor encoder" not in dict(machine_facts(machine, known_serials(machine, tmp_path / "none")))
+    (tmp_path / f"{machine.name}.commissioned.toml").write_text("damaged", "utf-8")
+    assert known_serials(machine, tmp_path) == Serials()
+
+
+def test_a_command_names_itself_and_the_encoder_that_it_has_met(tmp_path: Path) -> None:
+    done("move", "1")
+    done("speed-test", "--speed", "0.5", "--out", tmp_path, "--witness", "W. W", "--date", "today")
+    text = (tmp_path / "report.html").read_text("utf-8")
+    assert f"gantryctl speed-test --speed 0.5 --out {tmp_path} --witness" in text
+    assert "serial number SIM-0001" in text
+    assert "today" in text
+
+
