@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-
 from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
 from gantryctl.engineering.report.machine_facts import Serials, known_serials, machine_facts
 from gantryctl.engineering.report.page import VIEWER, Section, css_text, render_sections
@@ -86,5 +85,3 @@ def test_a_command_names_itself_and_the_encoder_that_it_has_met(tmp_path: Path) 
     assert f"gantryctl speed-test --speed 0.5 --out {tmp_path} --witness" in text
     assert "serial number SIM-0001" in text
     assert "today" in text
-
-
