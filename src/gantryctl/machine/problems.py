@@ -226,16 +226,22 @@ def _unit_hint(spec: FieldSpec, value: object, data: Data) -> str:
     if spec.words and isinstance(value, str):
         near = difflib.get_close_matches(value, spec.words, 1)
         return f'; did you mean "{near[0]}"?' if near else ""
+    ratios = [_float(_found(("axis", key), data)) for key in ("reducer_ratio", "ring_ratio")]
+    mistake = _unit_mistake(spec, value, (ratios[0] or 0.0) * (ratios[1] or 0.0))
+    return f"; {mistake}" if mistake else ""
+
+
+def _unit_mistake(spec: FieldSpec, value: object, ratio: float) -> str:
+    """What makes a value the usual one times a well-known factor, or ""."""
     number, usual = _float(value), _float(spec.usual)
     if number is None or not usual:
         return ""
     factors = dict(_FACTORS)
-    ratios = [_float(_found(("axis", key), data)) for key in ("reducer_ratio", "ring_ratio")]
-    if ratios[0] and ratios[1]:
-        factors[ratios[0] * ratios[1]] = "a value at the motor where one at the gantry belongs?"
+    if ratio:
+        factors[ratio] = "a value at the motor where one at the gantry belongs?"
     for factor, meaning in factors.items():
         if math.isclose(number, usual * factor, rel_tol=1e-3):
-            return f"; {factor:.4g} x the usual {usual:.6g}: {meaning}"
+            return f"{factor:.4g} x the usual {usual:.6g}: {meaning}"
     return ""
 
 
@@ -267,4 +273,10 @@ def _broken(machine: Machine, rule: Rule, wrong: Limit | str) -> str:
         f"{spec.place} = {show_value(value_at(machine, spec.path))}{spec.unit_text}" for spec in specs
     )
     demand = wrong.text(specs[0].unit_text) if isinstance(wrong, Limit) else wrong
-    return f"{first}: {demand}" + (f"; against {', '.join(others)}" if others else "")
+    line = f"{first}: {demand}" + (f"; against {', '.join(others)}" if others else "")
+    # Wide bounds, for axes of every size, let a wrong unit through to the rules.
+    for spec in specs:
+        mistake = _unit_mistake(spec, value_at(machine, spec.path), machine.axis.ratio)
+        if mistake:
+            line += f"; {spec.key} is {mistake}"
+    return line

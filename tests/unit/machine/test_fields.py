@@ -139,17 +139,18 @@ def test_whole_numbers_stand_for_numbers_with_a_point():
     ("old", "new", "line"),
     [
         ("acc_deg_s2 = 0.39335664335664333", "acc_deg_s2 = 450.0",
-         "[virtual_axis] acc_deg_s2 = 450.0: allowed 0.01..20 deg/s2; "
-         "1144 x the usual 0.393357: a value at the motor where one at the gantry belongs?"),
+         "[virtual_axis] quick_dec_deg_s2 = 5.4 deg/s2: must be at least 450 deg/s2: the axis must stop faster than "
+         "it starts; against [virtual_axis] acc_deg_s2 = 450.0 deg/s2; acc_deg_s2 is 1144 x the usual 0.393357: "
+         "a value at the motor where one at the gantry belongs?"),
         ("kpp_per_s = 10.0 ", 'kpp_per_s = "10"',
-         '[control] kpp_per_s = "10": is text, must be a number; allowed 0.1..200 1/s'),
+         '[control] kpp_per_s = "10": is text, must be a number; allowed 0.001..1000 1/s'),
         ("kvf = 1.0 ", "kvf = true", "[control] kvf = true: is a boolean, must be a number; allowed 0..1.5"),
         ("kvf = 1.0 ", "kvf = 1979-05-27",
          "[control] kvf = 1979-05-27: is a date or time, must be a number; allowed 0..1.5"),
         ("kvf = 1.0 ", "kvf = 1e400", "[control] kvf = inf: is not a finite number; allowed 0..1.5"),
         ("turns = 4096 ", "turns = 4096.0",
          "[encoder] turns = 4096.0: is a number with a point, must be a whole number; "
-         "allowed 1..65536 turns"),
+         "allowed 1..16777216 turns"),
         ('kind = "sim" ', 'kind = "idel"',
          '[drive] kind = "idel": allowed "sim", "ideal", "canopen"; did you mean "ideal"?'),
         ("base = true", 'base = "on"',

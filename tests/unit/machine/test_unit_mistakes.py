@@ -26,6 +26,17 @@ KEY_FIELDS = [
 ]  # fmt: skip
 
 UNNOTICED = {
+    # What is true of another axis of any size: 0.01 to 1e8 kg m2.
+    "virtual_axis.jerk_deg_s3": list(FACTORS),
+    "virtual_axis.jog_release_jerk_deg_s3": list(FACTORS),
+    "control.compensation.torque.limit_nm": list(FACTORS),
+    "encoder.lines": [60.0, 360.0],
+    "drive.speed_loop.tvi_ms": [60.0],
+    "plant.motor.torque_ripple_order": [60.0],
+    "plant.transmission.rest_stiffness_nm_per_rad": list(FACTORS),
+    "plant.roller_friction.stribeck_deg_s": [60.0],
+    "plant.roller_friction.viscous_nm_s_per_rad": [60.0],
+    "plant.base.inertia_kg_m2": list(FACTORS),
     "plant.load.eccentric_angle_deg": list(FACTORS),  # 0 deg stays 0 deg in every unit
     "control.compensation.latency_us": list(FACTORS),
     "can.inputs.limit_minus": list(FACTORS),  # bit 0
@@ -76,12 +87,15 @@ def test_values_too_large_by_a_unit_are_refused(path):
 TOO_SMALL_UNNOTICED = {
     "axis.pos_min_deg": [60.0, 360.0, 1000.0, 1144.0],  # a short travel is allowed
     "axis.pos_max_deg": [60.0, 360.0, 1000.0, 1144.0],
-    "speed.setting_min_deg_s": [60.0, 360.0],
-    "speed.creep_deg_s": [60.0],
-    "control.kpp_per_s": [60.0],
+    "speed.setting_min_deg_s": list(FACTORS),  # telescopes track with 0.004 deg/s
+    "speed.creep_deg_s": list(FACTORS),
+    "virtual_axis.acc_deg_s2": list(FACTORS),  # a gentle one is slow, not wrong
+    "virtual_axis.dec_deg_s2": list(FACTORS),
+    "control.kpp_per_s": list(FACTORS),
     "motor.inertia_kg_m2": [60.0, 360.0, 1000.0, 1144.0],  # small servo motors are that light
     "brake.close_time_ms": [60.0],
-    "plant.load.inertia_kg_m2": [60.0],
+    "plant.load.inertia_kg_m2": list(FACTORS),  # a light load on a strong motor
+    "plant.load.mass_kg": [60.0],
 }
 
 

@@ -72,7 +72,7 @@ def test_limits_rules_and_checks_of_one_field_refuse_by_name() -> None:
         assert isinstance(answer, RefusedValue)
         return str(answer)
 
-    assert refused("plant.load.mass_kg", 1.0) == "plant.load.mass_kg: limits"
+    assert refused("plant.load.mass_kg", 0.05) == "plant.load.mass_kg: limits"
     assert refused("plant.load.mass_kg", float("nan")) == "plant.load.mass_kg: limits"
     assert refused("plant.load.eccentric_sign", 0.5) == "plant.load.eccentric_sign: limits"
     assert refused("plant.load.mass_kg", 100.0) == "plant.load.inertia_kg_m2: load_size_is_credible"

@@ -140,8 +140,8 @@ class SpeedTestTable(Table):
 class MoveTable(Table):
     """[move]: one move from rest to rest, with the highest speed setting."""
 
-    from_deg: float = number(0.0, -400.0, 400.0, "Where it begins.")
-    to_deg: float = number(90.0, -400.0, 400.0, "Where it ends.")
+    from_deg: float = number(0.0, -3600.0, 3600.0, "Where it begins.")
+    to_deg: float = number(90.0, -3600.0, 3600.0, "Where it ends.")
 
 
 class ImprovedTable(Table):

@@ -25,7 +25,7 @@ class MotorIdentity(IdentityTable):
         examples=["paper"],
         description="Where the figures come from; which of them are estimates.",
     )
-    mass_kg: float = required_number(230.0, 0.1, 20000.0, "Mass of the motor.")
+    mass_kg: float = required_number(230.0, 1e-3, 1e5, "Mass of the motor.")
 
 
 class MotorDrive(Table):
@@ -38,17 +38,17 @@ class MotorEncoder(Table):
     """[encoder]: the encoder that the motor comes with."""
 
     counts_per_turn: int = required_number(8192, 64, 2**25, "Absolute steps per motor turn.")
-    turns: int = required_number(4096, 1, 65536, "Motor turns told apart.")
-    lines: int = required_number(2048, 1, 65536, "Sine/cosine lines per motor turn.", unit="1/turn")
+    turns: int = required_number(4096, 1, 2**24, "Motor turns told apart.")
+    lines: int = required_number(2048, 1, 2**20, "Sine/cosine lines per motor turn.", unit="1/turn")
     interpolation: int = required_number(2048, 1, 65536, "Interpolated steps per line.")
 
 
 class MotorBrake(Table):
     """[brake]: the holding brake that the motor comes with."""
 
-    torque_nm: float = required_number(400.0, 1.0, 10000.0, "Torque of the closed brake at the motor.")
-    close_time_ms: float = required_number(150.0, 1.0, 2000.0, "From command to full torque.")
-    open_time_ms: float = required_number(100.0, 1.0, 2000.0, "From command to no torque.")
+    torque_nm: float = required_number(400.0, 1e-3, 1e6, "Torque of the closed brake at the motor.")
+    close_time_ms: float = required_number(150.0, 1.0, 10000.0, "From command to full torque.")
+    open_time_ms: float = required_number(100.0, 1.0, 10000.0, "From command to no torque.")
 
 
 class MotorFile(Table):

@@ -30,31 +30,31 @@ class Range(Table):
 class Motion(Table):
     """[motion]: speeds and accelerations of the gantry."""
 
-    speed_min_r_min: float = required_number(0.1, 1e-4, 10.0, "Lowest speed setting.")
-    speed_max_r_min: float = required_number(1.0, 1e-3, 10.0, "Highest speed setting.")
+    speed_min_r_min: float = required_number(0.1, 1e-6, 200.0, "Lowest speed setting.")
+    speed_max_r_min: float = required_number(1.0, 1e-5, 600.0, "Highest speed setting.")
     # The paper sizes with 1 s and drives with 15.25 s.
     sizing_time_s: float = required_number(
-        1.0, 0.01, 600.0, "From standstill to the highest speed: the acceleration that sizes the motor."
+        1.0, 1e-3, 3600.0, "From standstill to the highest speed: the acceleration that sizes the motor."
     )
-    acc_deg_s2: float = required_number(0.39335664335664333, 0.001, 60.0, "Acceleration of normal moves.")
+    acc_deg_s2: float = required_number(0.39335664335664333, 1e-5, 1e5, "Acceleration of normal moves.")
 
 
 class LoadSheet(Table):
     """[load]: everything that turns with the gantry, and the rollers under it."""
 
-    inertia_kg_m2: float = required_number(2.18e6, 1e3, 2e7, "Inertia about the axis.")
-    mass_kg: float = required_number(2.0e5, 100.0, 5e6, "Turning mass.")
-    eccentricity_m: float = required_number(0.00815, 0.0, 0.3, "Centre of mass off the axis.")
+    inertia_kg_m2: float = required_number(2.18e6, 0.01, 1e8, "Inertia about the axis.")
+    mass_kg: float = required_number(2.0e5, 0.1, 1e7, "Turning mass.")
+    eccentricity_m: float = required_number(0.00815, 0.0, 10.0, "Centre of mass off the axis.")
     eccentric_angle_deg: float = number(
         0.0, -180.0, 180.0, "Gantry angle at which the eccentric moment is zero."
     )
     eccentric_check_moment_nm: float = required_number(
-        50000.0, 0.0, 2e6, "Largest eccentric moment that motor and brake must master."
+        50000.0, 0.0, 1e9, "Largest eccentric moment that motor and brake must master."
     )
     # Zero is what the paper's equations count with: the complete torque shows what that leaves out.
-    friction_coulomb_nm: float = number(0.0, 0.0, 2e5, "Friction of the rollers while turning.")
+    friction_coulomb_nm: float = number(0.0, 0.0, 1e8, "Friction of the rollers while turning.")
     friction_viscous_nm_s_per_rad: float = number(
-        0.0, 0.0, 1e6, "Growth of the rollers' friction with speed."
+        0.0, 0.0, 1e10, "Growth of the rollers' friction with speed."
     )
 
 
@@ -64,17 +64,17 @@ class Gears(Table):
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
     input_inertia_kg_m2: float = number(
-        0.0, 0.0, 5.0, "Wave generator, coupling and brake rotor, at the motor shaft."
+        0.0, 0.0, 1e5, "Wave generator, coupling and brake rotor, at the motor shaft."
     )
     # 0.1 with the friction without load gives an efficiency of 75 to 80 %.
     load_loss_ratio: float = number(
         0.0, 0.0, 0.9, "Part of the transmitted torque that is lost; efficiency 1/(1 + this)."
     )
-    friction_coulomb_nm: float = number(0.0, 0.0, 200.0, "Friction without load, at the motor shaft.")
-    friction_viscous_nm_s_per_rad: float = number(0.0, 0.0, 1.0, "Its growth with speed, at the motor shaft.")
-    torque_rated_nm: float = required_number(17600.0, 10.0, 2e5, "Rated torque at the reducer output.")
+    friction_coulomb_nm: float = number(0.0, 0.0, 1e5, "Friction without load, at the motor shaft.")
+    friction_viscous_nm_s_per_rad: float = number(0.0, 0.0, 1e5, "Its growth with speed, at the motor shaft.")
+    torque_rated_nm: float = required_number(17600.0, 1e-2, 1e8, "Rated torque at the reducer output.")
     torque_momentary_nm: float = required_number(
-        35200.0, 10.0, 5e5, "Torque at the reducer output that it bears for a moment."
+        35200.0, 1e-2, 1e9, "Torque at the reducer output that it bears for a moment."
     )
 
     @property

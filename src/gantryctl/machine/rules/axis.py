@@ -81,8 +81,9 @@ def settings_in_order(m: Machine) -> Broken:
 
 @rule("speed.creep_deg_s", "speed.setting_max_deg_s")
 def creep_is_slow(m: Machine) -> Broken:
-    """Service creep is not faster than the highest setting."""
-    return at_most(m.speed.creep_deg_s, m.speed.setting_max_deg_s, "creep is not above the highest setting")
+    """Service creep is at most a fifth of the highest setting."""
+    most = m.speed.setting_max_deg_s / 5.0
+    return at_most(m.speed.creep_deg_s, most, "a fifth of the highest setting, or it is no creep")
 
 
 @rule("speed.command_clamp_deg_s", "speed.setting_max_deg_s")

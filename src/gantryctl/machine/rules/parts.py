@@ -44,18 +44,26 @@ def name_plate_agrees(m: Machine) -> Broken:
 
 @rule("motor.current_rated_a", "motor.power_rated_kw", "motor.power_factor", "motor.efficiency")
 def voltage_is_credible(m: Machine) -> Broken:
-    """Rated power and current belong to a line voltage of 20 to 1000 V."""
+    """Rated power and current belong to a line voltage of 10 to 1000 V."""
     active = math.sqrt(3.0) * m.motor.current_rated_a * m.motor.power_factor * m.motor.efficiency
     voltage = 1000.0 * m.motor.power_rated_kw / active
-    if 20.0 <= voltage <= 1000.0:
+    if 10.0 <= voltage <= 1000.0:
         return None
-    return f"gives a line voltage of {voltage:.4g} V, allowed 20..1000 V"
+    return f"gives a line voltage of {voltage:.4g} V, allowed 10..1000 V"
 
 
 @rule("reducer.torque_rated_nm", "reducer.torque_momentary_nm")
 def reducer_torques_in_order(m: Machine) -> Broken:
     """The reducer's momentary torque is not below its rated torque."""
     return at_most(m.reducer.torque_rated_nm, m.reducer.torque_momentary_nm, "the momentary torque")
+
+
+@rule("reducer.torque_momentary_nm", "reducer.torque_rated_nm")
+def momentary_torque_is_credible(m: Machine) -> Broken:
+    """The reducer's momentary torque is not more than ten times its rated torque."""
+    # Catalogues have 2 to 3 for planetary gears and up to 5 for cycloidal and strain-wave gears.
+    most = 10.0 * m.reducer.torque_rated_nm
+    return at_most(m.reducer.torque_momentary_nm, most, "10 x rated; no gear bears more")
 
 
 @rule("motor.torque_max_nm", "virtual_axis.quick_dec_deg_s2", *RATIO, "plant.load.inertia_kg_m2", *ROTOR)

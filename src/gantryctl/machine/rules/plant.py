@@ -7,17 +7,28 @@ import math
 from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
 from gantryctl.machine.rules.parts import ROTOR, rotor_inertia_kg_m2
 from gantryctl.machine.tables.model import Machine
+from gantryctl.units import rad
 
 CYCLE = "drive.speed_loop.cycle_us"
 
 
+# Strings of keys that several rules are about.
+_TOP_SPEED = ("speed.setting_max_deg_s", *RATIO)
+_ROLLERS = ("plant.roller_friction.coulomb_nm", "plant.roller_friction.viscous_nm_s_per_rad")
+_MOTOR_FRICTION = ("plant.motor_friction.coulomb_nm", "plant.motor_friction.viscous_nm_s_per_rad")
+# Contacts slide after some ten micrometres, whatever the size of the machine.
+_SLIDES_AFTER_M = 1e-3
+# Dry steel on steel has 0.74 / 0.57, lubricated seals and cold grease two to three.
+_STICKING = 5.0
+
+
 @rule("plant.load.inertia_kg_m2", "plant.load.mass_kg")
 def load_size_is_credible(m: Machine) -> Broken:
-    """The radius of gyration of the load lies between 0.2 and 10 m."""
+    """The radius of gyration of the load lies between 0.02 and 50 m."""
     radius = math.sqrt(m.plant.load.inertia_kg_m2 / m.plant.load.mass_kg)
-    if 0.2 <= radius <= 10.0:
+    if 0.02 <= radius <= 50.0:
         return None
-    return f"gives a radius of gyration of {radius:.4g} m, allowed 0.2..10 m"
+    return f"gives a radius of gyration of {radius:.4g} m, allowed 0.02..50 m"
 
 
 @rule("plant.load.eccentric_check_moment_nm", "plant.load.mass_kg", "plant.load.eccentricity_m")
@@ -36,6 +47,78 @@ def motor_breaks_away(m: Machine) -> Broken:
     load = m.plant.load.eccentric_moment_nm + m.plant.roller_friction.breakaway_nm
     need = load / m.axis.ratio + m.plant.motor_friction.breakaway_nm
     return at_least(m.motor.torque_max_nm, need, "breakaway friction and nominal eccentric moment")
+
+
+@rule(
+    "motor.torque_rated_nm", *_TOP_SPEED, *_ROLLERS, *_MOTOR_FRICTION, "plant.load.eccentric_check_moment_nm"
+)
+def motor_holds_speed(m: Machine) -> Broken:
+    """Rated torque turns the axis at its highest setting against friction and the eccentric moment of the check."""
+    rollers, motor = m.plant.roller_friction, m.plant.motor_friction
+    v = rad(m.speed.setting_max_deg_s)
+    load = m.plant.load.eccentric_check_moment_nm + rollers.coulomb_nm + rollers.viscous_nm_s_per_rad * v
+    own = motor.coulomb_nm + motor.viscous_nm_s_per_rad * v * m.axis.ratio
+    need = load / m.axis.ratio + own
+    return at_least(
+        m.motor.torque_rated_nm, need, "friction at the highest setting and the moment of the check"
+    )
+
+
+@rule("plant.motor.torque_ripple_nm", "motor.torque_rated_nm", "plant.switches.torque_ripple")
+def ripple_is_credible(m: Machine) -> Broken:
+    """The torque ripple is at most a fifth of the rated torque."""
+    if not m.plant.switches.torque_ripple:
+        return None
+    return at_most(
+        m.plant.motor.torque_ripple_nm, 0.2 * m.motor.torque_rated_nm, "a fifth of the rated torque"
+    )
+
+
+@rule(
+    "plant.transmission.reducer_torque_2_nm", "reducer.torque_momentary_nm", "plant.switches.three_slopes",
+    "plant.switches.rigid",
+)  # fmt: skip
+def slopes_within_reducer(m: Machine) -> Broken:
+    """The second slope of the reducer's stiffness ends below the torque that it bears for a moment."""
+    if m.plant.switches.rigid or not m.plant.switches.three_slopes:
+        return None
+    limit = m.reducer.torque_momentary_nm
+    return at_most(m.plant.transmission.reducer_torque_2_nm, limit, "the momentary torque of the reducer")
+
+
+@rule(
+    "plant.transmission.hysteresis_torque_nm", "reducer.torque_rated_nm", "axis.ring_ratio",
+    "plant.switches.hysteresis", "plant.switches.rigid",
+)  # fmt: skip
+def hysteresis_is_credible(m: Machine) -> Broken:
+    """The hysteresis of the transmission is at most a fifth of the reducer's rated torque, at the gantry."""
+    if m.plant.switches.rigid or not m.plant.switches.hysteresis:
+        return None
+    most = 0.2 * m.reducer.torque_rated_nm * m.axis.ring_ratio
+    return at_most(
+        m.plant.transmission.hysteresis_torque_nm, most, "a fifth of the rated torque x ring ratio"
+    )
+
+
+@rule("plant.transmission.hysteresis_length_rad", "plant.gear_error.ring_radius_m")
+def hysteresis_length_is_credible(m: Machine) -> Broken:
+    """The pre-sliding length of the hysteresis is at most 1 mm at the ring."""
+    most = _SLIDES_AFTER_M / m.plant.gear_error.ring_radius_m
+    return at_most(m.plant.transmission.hysteresis_length_rad, most, "1 mm at the ring")
+
+
+@rule("plant.roller_friction.presliding_rad", "plant.gear_error.ring_radius_m")
+def rollers_slide_soon(m: Machine) -> Broken:
+    """The rollers slide within 1 mm at the ring."""
+    most = _SLIDES_AFTER_M / m.plant.gear_error.ring_radius_m
+    return at_most(m.plant.roller_friction.presliding_rad, most, "1 mm at the ring")
+
+
+@rule("plant.roller_friction.stribeck_deg_s", "speed.setting_max_deg_s")
+def rollers_reach_running_friction(m: Machine) -> Broken:
+    """The rollers' breakaway friction has gone over into running friction below the highest setting."""
+    limit = m.speed.setting_max_deg_s
+    return below(m.plant.roller_friction.stribeck_deg_s, limit, "the highest setting")
 
 
 @rule(
@@ -58,6 +141,17 @@ def second_slope_not_stiffer(m: Machine) -> Broken:
     return at_most(t.reducer_stiffness_2_nm_per_rad, limit, "the third slope; a reducer stiffens with load")
 
 
+@rule(
+    "plant.transmission.reducer_stiffness_3_nm_per_rad", "plant.transmission.reducer_stiffness_1_nm_per_rad"
+)
+def slopes_are_credible(m: Machine) -> Broken:
+    """The third slope of the reducer is at most ten times the first."""
+    # Catalogues of strain-wave gears have 1.5 to 2.5.
+    t = m.plant.transmission
+    most = 10.0 * t.reducer_stiffness_1_nm_per_rad
+    return at_most(t.reducer_stiffness_3_nm_per_rad, most, "10 x the first slope")
+
+
 @rule("plant.transmission.reducer_torque_1_nm", "plant.transmission.reducer_torque_2_nm")
 def slopes_in_order(m: Machine) -> Broken:
     """The first slope ends before the second."""
@@ -70,6 +164,15 @@ def roller_breakaway_not_lower(m: Machine) -> Broken:
     """The rollers' breakaway friction is not below their running friction."""
     f = m.plant.roller_friction
     return at_least(f.breakaway_nm, f.coulomb_nm, "the running friction")
+
+
+@rule("plant.roller_friction.breakaway_nm", "plant.roller_friction.coulomb_nm")
+def roller_breakaway_is_credible(m: Machine) -> Broken:
+    """The rollers' breakaway friction is at most five times their running friction, where they have any."""
+    f = m.plant.roller_friction
+    if f.coulomb_nm <= 0.0:
+        return None
+    return at_most(f.breakaway_nm, _STICKING * f.coulomb_nm, "5 x the running friction")
 
 
 @rule("plant.motor_friction.breakaway_nm", "plant.motor_friction.coulomb_nm")

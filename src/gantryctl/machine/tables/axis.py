@@ -12,8 +12,8 @@ from gantryctl.machine.tables.fields import Table, beside, choice, number, requi
 # Ten turns each way: more than a cable drum of any of these axes takes.
 POS_MIN_DEG: Final[Any] = required_number(-180.0, -3600.0, 3600.0, "Lowest angle the set-point may reach.")
 POS_MAX_DEG: Final[Any] = required_number(180.0, -3600.0, 3600.0, "Highest angle the set-point may reach.")
-REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 500.0, "Motor turns per turn of the reducer output.")
-RING_RATIO: Final[Any] = required_number(13.0, 1.0, 100.0, "Turns of the reducer output per gantry turn.")
+REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 1e5, "Motor turns per turn of the reducer output.")
+RING_RATIO: Final[Any] = required_number(13.0, 1.0, 1000.0, "Turns of the reducer output per gantry turn.")
 
 
 class IdentityTable(Table):
@@ -72,20 +72,22 @@ class AxisTable(Table):
 class SpeedTable(Table):
     """[speed]: the speed chain in deg/s at the gantry, from the slowest setting to the overspeed trip."""
 
-    setting_min_deg_s: float = number(0.6, 0.001, 5.0, "Lowest speed setting (0.1 r/min).", "paper")
-    setting_max_deg_s: float = number(6.0, 0.1, 60.0, "Highest speed setting (1 r/min).", "paper")
-    creep_deg_s: float = number(0.1, 0.001, 1.0, "Service creep, a limit of its own.")
+    setting_min_deg_s: float = number(0.6, 1e-6, 1000.0, "Lowest speed setting (0.1 r/min).", "paper")
+    setting_max_deg_s: float = number(6.0, 1e-4, 3600.0, "Highest speed setting (1 r/min).", "paper")
+    creep_deg_s: float = number(0.1, 1e-6, 360.0, "Service creep, a limit of its own.")
     # Each limit of the chain lies above the one before, so that the milder one acts first: setting, clamp of the
     # command, ceiling in the drive, trip.
     command_clamp_deg_s: float = number(
         6.3,
-        0.1,
-        66.0,
+        1e-4,
+        4000.0,
         "Clamp of the speed command; above the highest setting it is the "
         "correction reserve of the position loop, at least 5 %.",
     )
-    drive_ceiling_deg_s: float = number(6.5, 0.1, 68.0, "Speed limit inside the drive (CiA 402 object 6080).")
-    overspeed_trip_deg_s: float = number(6.6, 0.1, 72.0, "Measured speed that trips.")
+    drive_ceiling_deg_s: float = number(
+        6.5, 1e-4, 4000.0, "Speed limit inside the drive (CiA 402 object 6080)."
+    )
+    overspeed_trip_deg_s: float = number(6.6, 1e-4, 4400.0, "Measured speed that trips.")
 
 
 class VirtualAxisTable(Table):
@@ -98,16 +100,16 @@ class VirtualAxisTable(Table):
     # 15.25 s and 45.76 deg from rest to 6 deg/s: no move below 91.52 deg reaches the highest setting. The sizing
     # case, 1 s to 6 deg/s, asks for 15.25 times as much.
     acc_deg_s2: float = number(
-        450.0 / 1144.0, 0.01, 20.0, "Acceleration (450 deg/s2 at the motor, divided by 1144).", "paper"
+        450.0 / 1144.0, 1e-5, 1e5, "Acceleration (450 deg/s2 at the motor, divided by 1144).", "paper"
     )
-    dec_deg_s2: float = number(450.0 / 1144.0, 0.01, 20.0, "Normal deceleration.", "paper")
+    dec_deg_s2: float = number(450.0 / 1144.0, 1e-5, 1e5, "Normal deceleration.", "paper")
     jerk_deg_s3: float = number(
-        0.788, 0.01, 40.0, 'Jerk of a move; only with profile = "jerk_limited".', "estimate"
+        0.788, 1e-5, 1e7, 'Jerk of a move; only with profile = "jerk_limited".', "estimate"
     )
     # With the deceleration of a move an axis at 6 deg/s would need 46 deg to stop after the key is let go.
-    jog_release_dec_deg_s2: float = number(2.0, 0.1, 20.0, "Deceleration when a jog key is let go.")
-    jog_release_jerk_deg_s3: float = number(20.0, 0.1, 1000.0, "Jerk of the jog-release ramp.")
+    jog_release_dec_deg_s2: float = number(2.0, 1e-5, 1e5, "Deceleration when a jog key is let go.")
+    jog_release_jerk_deg_s3: float = number(20.0, 1e-4, 1e7, "Jerk of the jog-release ramp.")
     # v^2 / (2 x angle) for the permitted 4 deg from 6 deg/s are 4.5 deg/s2; 4.95 with a reaction time of 60 ms.
     quick_dec_deg_s2: float = number(
-        5.4, 0.1, 30.0, "Deceleration of the quick stop, a step without jerk limit.", "derived"
+        5.4, 1e-4, 1e5, "Deceleration of the quick stop, a step without jerk limit.", "derived"
     )

@@ -27,7 +27,7 @@ class TorqueFeedForwardTable(Table):
     eccentric: bool = switch(False, "Feed forward the torque that carries the eccentric moment.")
     acceleration: bool = switch(False, "Feed forward the torque that accelerates; jerk-limited only.")
     # Above what the eccentric moment and a move of the reference machine ask for, far below the rated torque.
-    limit_nm: float = number(60.0, 0.0, 500.0, "Largest torque fed forward, motor side.")
+    limit_nm: float = number(60.0, 0.0, 1e6, "Largest torque fed forward, motor side.")
 
 
 class GearMapTable(Table):
@@ -53,7 +53,7 @@ class WindupTable(Table):
     active: bool = switch(False, "Wind-up under eccentric moment and acceleration; jerk-limited only.")
     reversal: bool = switch(False, "Lost motion of friction and backlash, by the last direction.")
     # Not a step: a step of the correction would be a jump of the speed command.
-    reversal_length_deg: float = number(0.01, 1e-4, 0.5, "Way over which the direction turns round.")
+    reversal_length_deg: float = number(0.01, 1e-6, 0.5, "Way over which the direction turns round.")
 
 
 class LoadEncoderLoopTable(Table):
@@ -66,7 +66,7 @@ class LoadEncoderLoopTable(Table):
     dead_band_deg: float = number(1e-4, 0.0, 0.005, "Errors below this are left alone.")
     limit_deg: float = number(0.05, 0.0, 0.5, "Largest correction.")
     disagreement_deg: float = number(
-        0.05, 0.001, 2.5, "Difference of both encoders that trips; supervised if the loop is closed."
+        0.05, 1e-6, 10.0, "Difference of both encoders that trips; supervised if the loop is closed."
     )
     disagreement_time_ms: float = number(20.0, 1.0, 1000.0, "How long, before it trips.")
 

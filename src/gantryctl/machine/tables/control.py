@@ -14,7 +14,7 @@ class ControlTable(Table):
     # The paper does not give it; 1 to 4 ms are usual for the motion cycle of a PLC, and 4 ms is the period on CAN.
     scan_period_ms: float = number(1.0, 0.1, 40.0, "Period of the scan.", "estimate")
     # Kpp barely moves the chord accuracy: what limits it lies behind the motor (gear error, wind-up, backlash).
-    kpp_per_s: float = number(10.0, 0.1, 200.0, "Gain of the position loop.", "paper")
+    kpp_per_s: float = number(10.0, 0.001, 1000.0, "Gain of the position loop.", "paper")
     # 100 %: ramp and parabola leave no following error. Without it 6 deg/s lags by V / Kpp = 0.6 deg.
     kvf: float = number(1.0, 0.0, 1.5, "Velocity feed-forward; 1 = 100 %.", "paper")
     compensation: CompensationTable = table("What goes beyond the paper's loop.", CompensationTable)
@@ -24,18 +24,20 @@ class MonitorsTable(Table):
     """[monitors]: thresholds of the supervision, at the gantry; times become at least two scans."""
 
     # The band grows with the speed because a late reading looks like an error of speed x lateness (decision 0005).
-    following_error_base_deg: float = number(0.03, 1e-4, 1.0, "Following error at rest that trips.")
+    following_error_base_deg: float = number(0.03, 1e-6, 10.0, "Following error at rest that trips.")
     following_error_per_speed_s: float = number(
-        0.012, 0.0, 0.5, "Widening of that band: base + this x |speed|."
+        0.012, 0.0, 5.0, "Widening of that band: base + this x |speed|."
     )
     following_error_warning_ratio: float = number(0.5, 0.05, 0.95, "Part of the band that warns.")
     following_error_time_ms: float = number(10.0, 1.0, 500.0, "How long, before it trips.")
-    velocity_deviation_deg_s: float = number(0.5, 0.001, 10.0, "Measured against commanded speed that trips.")
+    velocity_deviation_deg_s: float = number(
+        0.5, 1e-6, 1000.0, "Measured against commanded speed that trips."
+    )
     velocity_deviation_time_ms: float = number(20.0, 1.0, 1000.0, "How long, before it trips.")
     overspeed_time_ms: float = number(20.0, 1.0, 1000.0, "Overspeed before it trips.")
-    standstill_window_deg: float = number(0.02, 1e-5, 1.0, "Movement at commanded standstill that trips.")
+    standstill_window_deg: float = number(0.02, 1e-7, 10.0, "Movement at commanded standstill that trips.")
     standstill_time_ms: float = number(10.0, 1.0, 500.0, "How long, before it trips.")
-    in_position_window_deg: float = number(0.005, 1e-5, 0.2, "Distance that counts as arrived.")
+    in_position_window_deg: float = number(0.005, 1e-7, 10.0, "Distance that counts as arrived.")
     in_position_dwell_ms: float = number(200.0, 1.0, 10000.0, "Time inside the window before Done.")
     in_position_tolerance_time_s: float = number(
         3.0, 0.1, 100.0, "Time after the profile's end to come into position, else alarm."
@@ -74,7 +76,7 @@ class AccuracyTable(Table):
     """[accuracy]: the chord test."""
 
     # The paper is silent about it; 1e-4 deg are 4.4 um at 2.5 m.
-    chord_radius_m: float = number(2.5, 0.1, 20.0, "Radius of the tracker's target.", "estimate")
+    chord_radius_m: float = number(2.5, 0.01, 100.0, "Radius of the tracker's target.", "estimate")
     # Half the maximum permissible error of a laser tracker, as usual for its typical error, averaged.
     tracker_noise_um: float = number(10.0, 0.0, 500.0, "Tracker noise per coordinate, 1 sigma.", "catalogue")
     dwell_s: float = number(6.0, 0.1, 300.0, "Rest at each point.")

@@ -16,8 +16,8 @@ class SpeedLoopTable(Table):
     # The paper's. It equals J / (2 x 1.5 ms) for a J of 0.2331 kg m2, nearly the rotor alone (0.232): a drive's own
     # tuning found a load that is decoupled above a few hertz. On the whole inertia it gives a damping ratio of 0.32
     # only.
-    kvp_nm_s_per_rad: float = number(77.6959, 0.01, 2000.0, "Proportional gain, at the motor.", "paper")
-    tvi_ms: float = number(10.0, 0.1, 500.0, "Integral time.", "paper")
+    kvp_nm_s_per_rad: float = number(77.6959, 1e-8, 1e7, "Proportional gain, at the motor.", "paper")
+    tvi_ms: float = number(10.0, 0.1, 2000.0, "Integral time.", "paper")
     delay_cycles: int = number(1, 0, 1, "Drive cycles from reading the speed to the torque.", "estimate")
     # 8192 steps a turn, differentiated over 125 us, are 6.1 rad/s a step and 477 N m through Kvp: unusable without a
     # filter of 2 ms or more. 2048 lines x 2048 steps make it 0.93 N m.

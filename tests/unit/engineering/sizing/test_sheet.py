@@ -65,7 +65,7 @@ def test_missing_and_unknown_keys_are_named(tmp_path):
     with pytest.raises(ConfigError) as refused:
         load_sheet(path)
     text = "\n".join(refused.value.problems)
-    assert "[motion] speed_min_r_min: is missing; allowed 0.0001..10 r/min" in text
+    assert "[motion] speed_min_r_min: is missing; allowed 1e-06..200 r/min" in text
     assert "[motion] speed_max = 1.0: unknown key; did you mean speed_max_r_min?" in text
     assert "[load]: the table is missing; it must give inertia_kg_m2, mass_kg" in text
     assert "stopping_angle_max_deg = 3.0: unknown key; it is [required] stopping_angle_deg now" in text
