@@ -33,7 +33,9 @@ COMMANDS: Final = {
     "jog": Entry("axis.move", "jog", "Hold-to-run motion in one direction for a time."),
     "stops": Entry("engineering.stops", "stops", "What every stop costs: angle, time, torques, brake."),
     "speed-test": Entry(
-        "engineering.accuracy", "speed_test", "The paper's speed test: 0.1, 0.5 and 1 r/min."
+        "engineering.accuracy",
+        "speed_test",
+        "The speed test: constant speeds both ways, motor side and load side.",
     ),
     "accuracy": Entry(
         "engineering.accuracy", "accuracy", "The chord test: run, measure, report, statistics of a table."

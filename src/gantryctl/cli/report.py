@@ -52,16 +52,19 @@ def _made(operator: str, witness: str, date: str | None) -> Made:
 
 
 def head_of(
-    machine: Machine, made: Made, measured_by: MeasuredBy | None = None, directory: Path | None = None
+    machine: Machine | None, made: Made, measured_by: MeasuredBy | None = None, directory: Path | None = None
 ) -> Head:
     """Head of a report on a machine, with the serial numbers that earlier runs and commissioning have left.
 
     Args:
+        machine: None where nothing tells which machine it is.
         directory: of the retained state, where it is not the usual one.
     """
     from gantryctl.engineering.report.head import Head
     from gantryctl.engineering.report.machine_facts import known_serials, machine_facts
     from gantryctl.operation.store import state_root
 
+    if machine is None:
+        return Head("machine not named", (("Machine", "not named"),), made, measured_by)
     serials = known_serials(machine, directory or state_root() / machine.name)
-    return Head(machine.name, machine_facts(machine, serials), made, measured_by)
+    return Head(machine.name, machine_facts(machine, serials), made, measured_by, machine.required.source)

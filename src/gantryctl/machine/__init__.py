@@ -28,6 +28,13 @@ from gantryctl.machine.loading import (
     with_values,
 )
 from gantryctl.machine.problems import RULES, show_value
+from gantryctl.machine.reference import is_reference_machine
+from gantryctl.machine.requirement import (
+    Requirement,
+    required_angle,
+    required_speed_error,
+    required_stopping_angle,
+)
 from gantryctl.machine.specs import FieldSpec, field_specs
 from gantryctl.machine.tables.model import Machine
 
@@ -38,6 +45,7 @@ __all__ = [
     "Identified",
     "Machine",
     "Maps",
+    "Requirement",
     "calibration_toml",
     "check_belongs",
     "config_hash",
@@ -48,6 +56,7 @@ __all__ = [
     "effective_values",
     "field_specs",
     "identity_hash",
+    "is_reference_machine",
     "json_schema",
     "load_calibration",
     "load_machine",
@@ -55,6 +64,9 @@ __all__ = [
     "load_uncalibrated",
     "origins",
     "parse_machine",
+    "required_angle",
+    "required_speed_error",
+    "required_stopping_angle",
     "short_hash",
     "show_value",
     "with_values",

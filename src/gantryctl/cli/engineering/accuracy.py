@@ -32,7 +32,7 @@ from gantryctl.cli.report import head_of, report_options
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.procedure.procedures import Procedure
     from gantryctl.engineering.report.head import Made
-    from gantryctl.machine import Machine
+    from gantryctl.machine import Machine, Requirement
 
 # A report is three files.
 DEFAULT_OUT = Path("accuracy_report")
@@ -40,7 +40,7 @@ DEFAULT_OUT = Path("accuracy_report")
 
 @click.group()
 def accuracy() -> None:
-    """The paper's chord test: run it, measure it on a machine, report it, or evaluate a table."""
+    """The chord test: run it, measure it on a machine, report it, or evaluate a table."""
 
 
 accuracy.add_command(measure)
@@ -59,7 +59,7 @@ accuracy.add_command(measure)
 )
 @click.option("--radius-m", type=FINITE, help="Chord radius; [accuracy] chord_radius_m when not given.")
 @click.option("--noise-um", type=FINITE, help="Tracker noise per coordinate; [accuracy] tracker_noise_um.")
-@click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="Figure 5 as well.")
+@click.option("--speed-test/--no-speed-test", "with_speed", default=True, help="The speed test as well.")
 @click.option("--threads", type=click.IntRange(1, 256), help="For the ensemble; no effect on the result.")
 @choice_option(
     "--instrument",
@@ -94,7 +94,7 @@ def run_(
     real_time: bool,
     made: Made,
 ) -> int:
-    """Run the chord test and the speed test on the virtual gantry and write report.html, report.json, table.csv.
+    """Run the chord test and the speed test on the simulated axis and write report.html, report.json, table.csv.
 
     Always starts from a new machine and leaves the retained state alone (--fresh changes nothing). --real-time
     takes as long as the machine would. Exit code 1 when a criterion is not met.
@@ -106,7 +106,7 @@ def run_(
 
     machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
     if machine.on_bus:
-        # Figure 5 comes from the compiled loop, which has no bus.
+        # The speed test comes from the compiled loop, which has no bus.
         with_speed = False
     procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
     # Before anything runs: a long test must not end at a folder that cannot be made.
@@ -129,7 +129,7 @@ def _announce(machine: Machine, procedure: Procedure) -> str:
     low, high = procedure.travel_deg
     return (
         f"{machine.name}: chord test {procedure.name}, {len(procedure.stops)} stops between {low:g} and {high:g} deg, "
-        f"{machine.accuracy.dwell_s:g} s each, on the virtual gantry in virtual time\n"
+        f"{machine.accuracy.dwell_s:g} s each, on the simulated axis in virtual time\n"
     )
 
 
@@ -160,8 +160,32 @@ def _measurable(config_file: Path | None, instrument: str) -> Machine:
     )
 
 
+_judged_by = click.option(
+    "--config",
+    "config_file",
+    type=PATH,
+    help="Machine file whose [required] judges; without it see --required.",
+)
+_required_option = click.option(
+    "--required", "required_deg", type=FINITE, help="Required accuracy, deg, in place of a machine file's."
+)
+
+
+def _required(machine: Machine | None, required_deg: float | None) -> Requirement | None:
+    """What judges a table that was measured elsewhere; None = nothing does, and no verdict is told."""
+    from gantryctl.errors import UsageError
+    from gantryctl.machine import Requirement, required_angle
+
+    if required_deg is None:
+        return None if machine is None else required_angle(machine)
+    if not required_deg > 0.0:
+        raise UsageError(f"--required {required_deg:g}: must be above 0 deg")
+    return Requirement(required_deg, "--required")
+
+
 @accuracy.command()
-@config_option
+@_judged_by
+@_required_option
 @click.option(
     "--measured", type=PATH, required=True, help="CSV of an instrument: chords in mm or errors in deg."
 )
@@ -178,6 +202,7 @@ def _measurable(config_file: Path | None, instrument: str) -> Machine:
 @json_option
 def report(
     config_file: Path | None,
+    required_deg: float | None,
     measured: Path,
     radius_m: float | None,
     motor_side: bool,
@@ -187,18 +212,22 @@ def report(
     as_json: bool,
     made: Made,
 ) -> int:
-    """Report a chord test that was measured elsewhere. Exit code 1 when the criterion is not met."""
+    """Report a chord test that was measured elsewhere.
+
+    It is judged by the machine of --config or by --required, and gets no verdict without either: the reference
+    machine's requirement is no judge of another machine's table. Exit code 1 when the criterion is not met.
+    """
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.table_csv import read_error_table
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.report.origin import Origin
-    from gantryctl.machine import short_hash
+    from gantryctl.machine import is_reference_machine, short_hash
 
-    machine = machine_of(config_file)
+    machine = machine_of(config_file) if config_file is not None else None
     table = read_error_table(measured, radius_m)
     result = AccuracyReport(
-        machine=machine.name,
-        config_hash=short_hash(machine),
+        machine=measured.name if machine is None else machine.name,
+        config_hash="-" if machine is None else short_hash(machine),
         version=made.version,
         created=made.date,
         seed=0,
@@ -207,7 +236,8 @@ def report(
         measured=table,
         origin=Origin.MEASURED,
         radius_m=radius_m,
-        limit_deg=machine.required.angle_deg,
+        required=_required(machine, required_deg),
+        of_reference=machine is not None and is_reference_machine(machine),
     )
     measured_by = MeasuredBy(measured_with or f"not named; readings from {measured.name}", certificate)
     return finish(result, machine, made, measured_by, out or DEFAULT_OUT, as_json)
@@ -215,30 +245,39 @@ def report(
 
 @accuracy.command()
 @click.argument("table", type=PATH)
+@_judged_by
+@_required_option
 @click.option("--radius-m", type=FINITE, help="Radius of the target circle, for chords in mm.")
 @json_option
-def stats(table: Path, radius_m: float | None, as_json: bool) -> int:
+def stats(
+    table: Path, config_file: Path | None, required_deg: float | None, radius_m: float | None, as_json: bool
+) -> int:
     """Statistics of an error table (CSV: base_deg, direction, displacement_deg, error_deg or chord_mm).
 
-    TABLE may also be the name of a shipped example: paper_table2.csv.
+    TABLE may also be the name of a shipped example: paper_table2.csv. It is judged by the machine of --config or by
+    --required, and gets no verdict without either. Exit code 1 when the criterion is not met.
     """
-    from gantryctl.engineering.accuracy.report.data import table_data
+    from gantryctl.cli.engineering.accuracy_end import exit_code
+    from gantryctl.engineering.accuracy.report.data import table_data, verdict_data
     from gantryctl.engineering.accuracy.report.report import AccuracyReport
     from gantryctl.engineering.accuracy.report.text import text_report
     from gantryctl.engineering.accuracy.table_csv import read_error_table
     from gantryctl.engineering.report.origin import Origin
+    from gantryctl.machine import is_reference_machine
 
     # The statistics need no machine: any table of errors will do.
     errors = read_error_table(_shipped(table), radius_m)
-    if as_json:
-        print_json(table_data(errors))
-        return 0
+    machine = machine_of(config_file) if config_file is not None else None
     made = AccuracyReport(
         machine="", config_hash="", version="", seed=0, source=table.name, measured=errors,
-        origin=Origin.MEASURED, radius_m=radius_m,
+        origin=Origin.MEASURED, radius_m=radius_m, required=_required(machine, required_deg),
+        of_reference=machine is not None and is_reference_machine(machine),
     )  # fmt: skip
-    click.echo(text_report(made))
-    return 0
+    if as_json:
+        print_json({**table_data(errors), "verdict": verdict_data(made.verdict)})
+    else:
+        click.echo(text_report(made))
+    return exit_code(made)
 
 
 def _shipped(table: Path) -> Path:
@@ -268,10 +307,11 @@ def speed_test(
     as_json: bool,
     made: Made,
 ) -> int:
-    """Reach each speed both ways; judge |speed error| <= 0.01 deg/s on the motor side over the whole move.
+    """Reach each speed both ways; judge the speed error of the motor side over the whole move.
 
-    The load side is reported beside it. On a bus the axis moves, by what the drive reports at every SYNC (606C), and
-    the load side is not measured. Exit code 1 when a run fails.
+    The limit is [required] speed_error_ratio of the machine. The load side is reported beside it. On a bus the axis
+    moves, by what the drive reports at every SYNC (606C), and the load side is not measured. Exit code 1 when a run
+    fails.
     """
     from gantryctl.engineering.accuracy.report.data import speed_data
     from gantryctl.engineering.accuracy.report.page import render_speed_test

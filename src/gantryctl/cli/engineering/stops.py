@@ -70,4 +70,4 @@ def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
             click.echo(line)
     # Only the quick stop has a permitted angle; the other classes are shown.
     quick = [row.angle_with_reaction_deg for row in rows if row.stop.stop_class is StopClass.QUICK]
-    return int(max(quick) > machine.required.stopping_angle_deg)
+    return int(not all(angle <= machine.required.stopping_angle_deg for angle in quick))

@@ -19,7 +19,7 @@ from gantryctl.engineering.accuracy.attended.session import (
 )
 from gantryctl.engineering.accuracy.procedure.procedures import Chord
 from gantryctl.engineering.accuracy.report.page import write_report
-from gantryctl.engineering.accuracy.report.report import AccuracyReport
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 from gantryctl.engineering.accuracy.verdict import Conformity
 from gantryctl.engineering.report.head import Head, Made, MeasuredBy
@@ -72,10 +72,12 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
     origin = Origin.SIMULATED if c.machine.plant_is_local else Origin.MEASURED
     report = session_report(c.machine, session, origin, version("gantryctl"), now_text())
     page = write_report(report, _head(c, report), c.folder / "accuracy")
-    c.watch.pictures.append(_picture(report))
-    known, model, limit = report.uncertainty, report.simulated, report.limit_deg
+    known, beside, required = report.uncertainty, report.beside, report.required
     assert known is not None
-    assert model is not None
+    assert beside is not None
+    assert required is not None
+    limit = required.limit
+    c.watch.pictures.append(_picture(report, beside))
     ratio = session.procedure.whole_ratio
     test = f"chord test {ORDER.procedure} by {report.source}, {origin}"
     a_deg, chord_deg = report.a_as_measured_deg, report.statistics.largest_deg
@@ -97,7 +99,7 @@ def _head(c: Context, report: AccuracyReport) -> Head:
     return Head(c.machine.name, machine_facts(c.machine, serials), made, MeasuredBy(report.source))
 
 
-def _picture(report: AccuracyReport) -> Picture:
+def _picture(report: AccuracyReport, beside: Beside) -> Picture:
     """Chord errors of every base, measured and of the model."""
     panels = []
     for base in report.measured.bases_deg:
@@ -105,7 +107,7 @@ def _picture(report: AccuracyReport) -> Picture:
             line(
                 f"{name}, {way.value}", table.displacements_deg, 1e3 * table.select([base], way).mean(axis=0)
             )
-            for name, table in ((report.origin.value, report.measured), report.beside)
+            for name, table in ((report.origin.value, report.measured), beside)
             for way in table.directions
         ]
         panels.append(Panel(f"displacement from {base:g} deg, deg", "chord error, 0.001 deg", tuple(lines)))

@@ -18,11 +18,11 @@ from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import FloatArray
 from gantryctl.engineering.report.origin import origin_of
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, default_machine, short_hash
+from gantryctl.machine import Machine, default_machine, is_reference_machine, required_angle, short_hash
 
 _LEADS: Final = (
     "compensations are on: the motor leaves the set-point on purpose, so the motor side of the speed test is not "
-    "judged by the paper's limit; look at the load side"
+    "judged; look at the load side"
 )
 # Gears taken through the test at once: enough for every processor, little memory.
 ENSEMBLE_CHUNK = 32
@@ -87,7 +87,8 @@ def accuracy_report(
         created=created,
         measured=seen.table,
         origin=origin_of(machine),
-        limit_deg=machine.required.angle_deg,
+        required=required_angle(machine),
+        of_reference=is_reference_machine(machine),
         measures_load=seen.measures_load,
         procedure=job.procedure,
         true=evaluate(job.procedure, readings.load_rad[0], radius_m) if seen.measures_load else None,
@@ -117,11 +118,12 @@ def angle_errors_deg(procedure: Procedure, readings: Readings) -> tuple[float, .
 
 
 def phases_fitted(machine: Machine) -> bool:
-    """True for the gear-error phases that were fitted to the paper's table."""
+    """True for the reference machine with the gear-error phases that were fitted to the paper's table."""
     # 18 phases fitted to the 24 values of table 2 that are not zero: closeness to the paper shows the fit, it
     # predicts nothing. What gears of this grade give is the ensemble.
     fitted = default_machine().plant.gear_error.phases_rad
-    return machine.plant.switches.gear_error and machine.plant.gear_error.phases_rad == fitted
+    own = machine.plant
+    return is_reference_machine(machine) and own.switches.gear_error and own.gear_error.phases_rad == fitted
 
 
 def ensemble_a(machine: Machine, job: AccuracyJob) -> GearEnsemble:

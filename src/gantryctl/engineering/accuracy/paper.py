@@ -31,5 +31,3 @@ PAPER_LOWER_DEG: Final = -0.0047
 # Eq. (6) as printed. A figure to compare with, never a criterion: the simulator's gear phases are fitted to this
 # table.
 PAPER_A_DEG: Final = 0.0113
-# Angular positioning accuracy of the paper's table 1: the criterion.
-REQUIREMENT_DEG: Final = 0.1

@@ -1,4 +1,4 @@
-"""The speed test of figure 5: moves long enough to reach each speed, both ways, motor side and load side."""
+"""The speed test: moves long enough to reach each speed, both ways, motor side and load side."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gantryctl.engineering.accuracy.table import Direction, FloatArray
 from gantryctl.engineering.batch import ClosedLoop, Log
 from gantryctl.engineering.report.origin import origin_of
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, required_speed_error
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import MemoryRecorder
@@ -169,6 +169,7 @@ def _evaluate(machine: Machine, speeds: _Speeds, move: tuple[float, float], spee
         reached_deg_s=abs(float(np.mean(motor[at_speed]))),
         motor_error_deg_s=float(np.max(np.abs(motor - ref))),
         load_error_deg_s=None if load is None else float(np.max(np.abs(load - ref))),
+        required=required_speed_error(machine),
         stick_slip=bool(np.any(direction.sign * moving[cruise] < _STICK_PART * speed_deg_s)),
         # Compensations move the motor off the set-point on purpose, for the load's sake: from 0.0065 to 0.018
         # deg/s with those of hust_improved.toml (docs/explanation/compensation.md).

@@ -77,12 +77,12 @@ class TableStatistics:
         found = []
         if self.reversal_pooled:
             found.append(
-                "S pools both directions and all bases (as the paper does): reversal and pose are counted as "
+                "S pools both directions and all bases: reversal and pose are counted as "
                 "scatter, and A is not an ISO 230-2 figure"
             )
-        # Three bases times two directions: what the paper pools.
+        # Three bases times two directions: what the paper pools, and every plan of [accuracy] by default.
         if self.n < 6:
-            found.append(f"S comes from {self.n} rows only; the paper pools six")
+            found.append(f"S comes from {self.n} rows only; three bases both ways give six")
         return tuple(found)
 
 

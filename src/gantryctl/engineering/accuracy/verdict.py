@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 
+from gantryctl.machine import Requirement
+
 
 class Conformity(Enum):
     """What a figure with its uncertainty says of a limit (ISO 14253-1: both sides must prove their case)."""
@@ -14,7 +16,7 @@ class Conformity(Enum):
     FAIL = "fail"
     # The limit lies within the uncertainty: neither is proven.
     UNDECIDED = "within uncertainty"
-    # Nothing was measured at the load.
+    # Nothing was measured at the load, or nothing tells what is required.
     NOT_JUDGED = "no verdict"
 
 
@@ -24,13 +26,14 @@ class AccuracyVerdict:
 
     Attributes:
         figures_deg: what was compared with the limit, by name.
+        required: the limit, with who asks for it; None where nothing tells.
         text: one sentence.
         uncertainties_deg: expanded uncertainty (k = 2) of these figures, where it is known.
     """
 
     conformity: Conformity
     figures_deg: Mapping[str, float]
-    limit_deg: float
+    required: Requirement | None
     text: str
     uncertainties_deg: Mapping[str, float] = field(default_factory=dict)
 
@@ -41,13 +44,14 @@ class AccuracyVerdict:
 
 
 def judge(
-    figures_deg: Mapping[str, float], limit_deg: float, uncertainties_deg: Mapping[str, float]
+    figures_deg: Mapping[str, float], required: Requirement, uncertainties_deg: Mapping[str, float]
 ) -> AccuracyVerdict:
     """Hold figures against a limit; the worst of them decides.
 
     Args:
         uncertainties_deg: expanded, by the name of the figure; a figure without one counts as certain.
     """
+    limit_deg = required.limit
     each = {
         name: conformity_of(value, uncertainties_deg.get(name, 0.0), limit_deg)
         for name, value in figures_deg.items()
@@ -63,7 +67,8 @@ def judge(
         Conformity.FAIL: f"outside {limit_deg:g} deg",
         Conformity.UNDECIDED: f"{limit_deg:g} deg lies within the uncertainty, so this is neither passed nor failed",
     }[worst]
-    return AccuracyVerdict(worst, figures_deg, limit_deg, f"{told}: {end}", uncertainties_deg)
+    text = f"{told}: {end}; required by {required.origin}"
+    return AccuracyVerdict(worst, figures_deg, required, text, uncertainties_deg)
 
 
 def conformity_of(value: float, expanded: float, limit: float) -> Conformity:

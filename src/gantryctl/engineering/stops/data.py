@@ -10,7 +10,7 @@ from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, required_stopping_angle
 
 
 def stops_data(machine: Machine, rows: Sequence[StopRow], measured: MeasuredStops | None) -> dict[str, Any]:
@@ -19,7 +19,7 @@ def stops_data(machine: Machine, rows: Sequence[StopRow], measured: MeasuredStop
         "machine": machine.name,
         "origin": Origin.SIMULATED.value,
         "measured": None if measured is None else measured._asdict(),
-        "permitted_deg": machine.required.stopping_angle_deg,
+        "required": plain(required_stopping_angle(machine)),
         "rows": [
             {
                 **{name: plain(value) for name, value in row.stop._asdict().items()},

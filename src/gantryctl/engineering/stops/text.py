@@ -9,13 +9,14 @@ from gantryctl.engineering.report.text import TextTable
 from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, required_stopping_angle
 from gantryctl.machine.rules.reaction import REACTION_S
 
 _NOTE = """All figures of the table are {origin}, on the full plant of the machine file; {measured}.
 Worst of four stops each (at +-90 deg, both directions), with an eccentric moment of {moment:g} kN m.
 Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging at the speed of the last column.
 + {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
+Required by {source}.
 Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): inspect afterwards."""
 
 
@@ -55,12 +56,14 @@ def watch_lines(machine: Machine, rows: Sequence[StopRow]) -> list[str]:
 
 def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
     """Origin and meaning of the columns, the permitted values, and what commissioning has measured."""
+    required = required_stopping_angle(machine)
     return _NOTE.format(
         origin=Origin.SIMULATED,
         measured=_measured(measured),
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,
         reaction=REACTION_S * 1e3,
-        permitted=machine.required.stopping_angle_deg,
+        permitted=required.limit,
+        source=required.origin,
         torque=machine.motor.torque_max_nm,
         reducer=machine.reducer.torque_momentary_nm / 1e3,
     )

@@ -9,6 +9,7 @@ from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEns
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import Direction
 from gantryctl.engineering.report.origin import Origin
+from gantryctl.machine import Requirement
 
 RADIUS_M, SIGMA_M = 2.5, 10e-6
 ACC_DEG_S2 = 450.0 / 1144.0
@@ -39,6 +40,7 @@ def speed_run(speed: float, direction: Direction, stick_slip: bool = False) -> S
         reached_deg_s=speed,
         motor_error_deg_s=float(np.abs(curves.motor_error_deg_s).max()),
         load_error_deg_s=float(np.abs(curves.load_error_deg_s).max()),
+        required=Requirement(0.01, "demo_gantry", "a sheet"),
         stick_slip=stick_slip,
         curves=curves,
     )
@@ -79,6 +81,8 @@ def demo_report(runs: int = 1) -> AccuracyReport:
             "rigid": False,
         },
         phases_fitted=True,
+        required=Requirement(0.1, "demo_gantry", "a sheet"),
+        of_reference=True,
         speed=tuple(speed_run(v, way, stick_slip=v < 1.0) for v in (0.6, 3.0, 6.0) for way in Direction),
         ensemble=GearEnsemble(tuple(float(accuracy_a(gear.errors_deg)) for gear in gears), tuple(range(8))),
     )

@@ -16,6 +16,7 @@ from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.engineering.accuracy.table import table_from_rows
 from gantryctl.engineering.accuracy.table_csv import read_error_table
 from gantryctl.engineering.report.origin import Origin
+from gantryctl.machine import Requirement
 from support.reports import HEAD
 
 
@@ -107,6 +108,7 @@ def test_what_the_page_says(page: str, report: AccuracyReport) -> None:
 def test_a_table_from_a_file_makes_a_small_page() -> None:
     report = AccuracyReport("m", "-", "0.1", 0, "tracker.csv", PAPER_TABLE, Origin.MEASURED)
     page = render_html(report, HEAD)
+    assert "NO VERDICT" in page
     assert page.count("<svg") == 2
     assert "Speed test" not in page
     assert "Gears with other phases" not in page
@@ -120,8 +122,17 @@ def test_other_bases_columns_and_no_verdict() -> None:
     assert "NO VERDICT" in page
     assert "<b>m</b>" not in page
     assert "&lt;b&gt;m&lt;/b&gt;" in page
-    failed = render_html(dataclasses.replace(report, measures_load=True), HEAD)
-    assert "FAIL: 0.1° required" in failed
+    strict = dataclasses.replace(report, measures_load=True, required=Requirement(0.05, "dish", "tender 4711"))
+    failed = render_html(strict, HEAD)
+    assert "FAIL: 0.05° required" in failed
+    assert "required by dish (tender 4711)" in failed
+
+
+def test_the_page_of_another_machine_speaks_of_no_paper(report: AccuracyReport, page: str) -> None:
+    other = render_html(dataclasses.replace(report, of_reference=False, phases_fitted=False), HEAD)
+    for word in ("paper", "Sun, Gong", "eq. (6)"):
+        assert word not in other
+    assert "paper" in page
 
 
 def test_five_runs_show_the_iso_figures(five_runs: AccuracyReport) -> None:

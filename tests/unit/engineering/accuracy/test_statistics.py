@@ -50,7 +50,7 @@ def test_one_direction_has_no_reversal_and_no_figure_by_direction() -> None:
     figures = statistics(table_from_rows([(0.0, "ccw", (0.0, 1e-3)), (90.0, "ccw", (0.0, 2e-3))], (0.0, 5.0)))
     assert not figures.reversal_pooled
     assert figures.a_by_direction_deg is None
-    assert figures.warnings == ("S comes from 2 rows only; the paper pools six",)
+    assert figures.warnings == ("S comes from 2 rows only; three bases both ways give six",)
 
 
 def test_one_row_is_refused() -> None:

@@ -12,7 +12,9 @@ from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K, chord_uncertainty
 from gantryctl.engineering.accuracy.verdict import Conformity, judge
 from gantryctl.engineering.instruments import SimulatedTracker, TrackerErrors
+from gantryctl.machine import Requirement
 
+REQUIRED = Requirement(0.1, "dish", "tender 4711")
 PROCEDURE = chord_procedure("A")
 WAVY_DEG = np.degrees(
     PROCEDURE.targets_rad
@@ -86,15 +88,16 @@ def test_the_floor_is_what_a_perfect_axis_would_show() -> None:
 def test_a_verdict_needs_the_whole_uncertainty_on_one_side(
     value: float, expanded: float, conformity: Conformity
 ) -> None:
-    verdict = judge({"A": value}, 0.1, {"A": expanded})
+    verdict = judge({"A": value}, REQUIRED, {"A": expanded})
     assert verdict.conformity is conformity
     assert verdict.passed is {Conformity.PASS: True, Conformity.FAIL: False}.get(conformity)
 
 
 def test_the_worst_figure_decides_and_is_told() -> None:
-    verdict = judge({"A": 0.02, "chord": 0.098}, 0.1, {"chord": 0.004})
+    verdict = judge({"A": 0.02, "chord": 0.098}, REQUIRED, {"chord": 0.004})
     assert verdict.text == (
-        "chord 0.0980 +- 0.0040 deg: 0.1 deg lies within the uncertainty, so this is neither passed nor failed"
+        "chord 0.0980 +- 0.0040 deg: 0.1 deg lies within the uncertainty, so this is neither passed nor failed; "
+        "required by dish (tender 4711)"
     )
-    verdict = judge({"A": 0.2, "chord": 0.098}, 0.1, {"chord": 0.004})
-    assert verdict.text == "A 0.2000 deg: outside 0.1 deg"
+    verdict = judge({"A": 0.2, "chord": 0.098}, REQUIRED, {"chord": 0.004})
+    assert verdict.text == "A 0.2000 deg: outside 0.1 deg; required by dish (tender 4711)"

@@ -13,7 +13,7 @@ from gantryctl.engineering.accuracy.uncertainty import chord_uncertainty
 from gantryctl.engineering.instruments import SimulatedTracker, TrackerErrors
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, short_hash
+from gantryctl.machine import Machine, is_reference_machine, required_angle, short_hash
 from gantryctl.ports import Truth
 from gantryctl.units import deg
 
@@ -49,7 +49,8 @@ def session_report(
         acc_deg_s2=machine.virtual_axis.acc_deg_s2,
         settings=_settings(session),
         notes=notes,
-        limit_deg=machine.required.angle_deg,
+        required=required_angle(machine),
+        of_reference=is_reference_machine(machine),
         simulated=_table(procedure, np.degrees(run_procedure([machine], procedure).load_rad[0])),
         uncertainty=chord_uncertainty(procedure, angles_deg, session.uncertainties_deg()),
     )

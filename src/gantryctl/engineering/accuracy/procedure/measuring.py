@@ -49,12 +49,12 @@ def measure(
     if kind is InstrumentKind.TRACKER:
         sigma_m = machine.accuracy.tracker_noise_um * 1e-6
         chord = chord_result(procedure, readings.load_rad[0], radius_m, sigma_m, seed)
-        source = "simulated tracker on the virtual gantry"
+        source = "simulated tracker"
         return MeasuredRun(source, True, chord.measured, sigma_m, chord.a_measured, chord.a_floor)
     instrument = _encoder(machine, kind, procedure, seed)
     dwells = zip(readings.load_rad[0], readings.ring_rad[0], readings.motor_rad[0], strict=True)
     angles = [instrument.reading_rad([float(a) for a in dwell]) for dwell in dwells]
-    source = f"{instrument.name} of the virtual gantry"
+    source = f"{instrument.name} of the simulated axis"
     return MeasuredRun(source, instrument.measures_load, evaluate(procedure, angles, radius_m))
 
 

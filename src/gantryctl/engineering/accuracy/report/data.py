@@ -6,14 +6,15 @@ import json
 from typing import Any
 
 from gantryctl.engineering.accuracy.paper import PAPER_A_DEG, PAPER_NAME
-from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, AccuracyReport, SpeedRun
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, SpeedRun
 from gantryctl.engineering.accuracy.statistics import statistics
 from gantryctl.engineering.accuracy.table import ErrorTable
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
 from gantryctl.engineering.report.data import plain
 
 # Changes when a name disappears or changes its meaning; further names may come.
-SCHEMA = "gantryctl.accuracy/1"
+SCHEMA = "gantryctl.accuracy/2"
 _IDENTITY = ("machine", "config_hash", "version", "seed", "created", "source", "origin", "measures_load")
 _ASKED = ("radius_m", "sigma_m", "dwell_s", "average_s", "vel_max_deg_s", "acc_deg_s2", "angle_errors_deg")
 _PROCEDURE = ("name", "bases_deg", "displacements_deg", "runs", "chord")
@@ -40,21 +41,33 @@ def report_data(report: AccuracyReport) -> dict[str, Any]:
             "true": None if report.true is None else plain(report.iso),
             "measured": plain(report.iso_measured),
         },
-        "verdict": {"passed": report.verdict.passed, **plain(report.verdict)},
+        "verdict": verdict_data(report.verdict),
         "uncertainty": _uncertainty(report),
-        "comparison": {
-            "paper": PAPER_NAME,
-            "paper_a_deg": PAPER_A_DEG,
-            "phases_fitted": report.phases_fitted,
-            "text": report.comparison,
-        },
+        "comparison": _comparison(report),
         "ensemble": None if gears is None else {**plain(gears), "distribution": plain(gears.distribution)},
         "speed_test": {
             "passed": report.speed_passed,
-            "limit_motor_deg_s": SPEED_ERROR_LIMIT_DEG_S,
+            "required": plain(report.speed[0].required) if report.speed else None,
             "runs": [speed_data(run) for run in report.speed],
         },
         "warnings": list(report.warnings),
+    }
+
+
+def verdict_data(verdict: AccuracyVerdict) -> dict[str, Any]:
+    """Verdict with limit, who requires it, figures and their uncertainties."""
+    return {"passed": verdict.passed, **plain(verdict)}
+
+
+def _comparison(report: AccuracyReport) -> dict[str, Any] | None:
+    """The paper beside its own machine."""
+    if not report.of_reference:
+        return None
+    return {
+        "paper": PAPER_NAME,
+        "paper_a_deg": PAPER_A_DEG,
+        "phases_fitted": report.phases_fitted,
+        "text": report.comparison,
     }
 
 

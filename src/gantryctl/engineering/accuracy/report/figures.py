@@ -13,7 +13,6 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.paper import PAPER_A_DEG
 from gantryctl.engineering.accuracy.report.report import (
-    SPEED_ERROR_LIMIT_DEG_S,
     Beside,
     GearEnsemble,
     SpeedRun,
@@ -30,20 +29,20 @@ if TYPE_CHECKING:
 
 # A third of the page is for one panel.
 _SMALL_POINTS: Final = 700
-_LIMITS: Final = (-SPEED_ERROR_LIMIT_DEG_S, SPEED_ERROR_LIMIT_DEG_S)
 COLOURS = {Direction.CCW: BLUE, Direction.CW: ORANGE}
 MARKERS = {Direction.CCW: "o", Direction.CW: "s"}
 
 
 @styled
-def chord_errors(table: ErrorTable, beside: Beside) -> Figure:
-    """Figure 6: chord errors by base, both directions, those of another table beside them. One panel per base."""
+def chord_errors(table: ErrorTable, beside: Beside | None) -> Figure:
+    """Chord errors by base, both directions, those of another table beside them. One panel per base."""
     figure, axes = _panels(len(table.bases_deg), height=2.7)
     for ax, base in zip(axes, table.bases_deg, strict=True):
         for direction in table.directions:
             _own_errors(ax, table, base, direction)
-        for direction in table.directions:
-            _other_errors(ax, beside, base, direction)
+        if beside is not None:
+            for direction in table.directions:
+                _other_errors(ax, beside, base, direction)
         ax.set_title(f"base {base:g}°".replace("-", "−"))
         ax.set_xlabel("displacement, °")
         ax.set_xticks(table.displacements_deg)
@@ -55,10 +54,11 @@ def chord_errors(table: ErrorTable, beside: Beside) -> Figure:
 
 
 @styled
-def bands(table: ErrorTable, beside: Beside) -> Figure:
-    """X ± 3 S by displacement, ours and another table's, with the two lines whose distance is A."""
-    figure, axes = _panels(2, height=2.5)
-    for ax, data, title in ((axes[0], table, "here"), (axes[1], beside.table, beside.name)):
+def bands(table: ErrorTable, beside: Beside | None) -> Figure:
+    """X ± 3 S by displacement, ours and another table's if there is one, with the two lines whose distance is A."""
+    shown = [("here", table)] if beside is None else [("here", table), beside]
+    figure, axes = _panels(len(shown), height=2.5)
+    for ax, (title, data) in zip(axes, shown, strict=True):
         mean, band = 1e3 * column_mean(data.errors_deg), 3e3 * column_std(data.errors_deg)
         x = np.array(data.displacements_deg)
         ax.fill_between(x, mean - band, mean + band, color=BLUE, alpha=0.13, lw=0)
@@ -80,7 +80,7 @@ def bands(table: ErrorTable, beside: Beside) -> Figure:
 
 
 def speed_test(run: SpeedRun) -> Picture:
-    """Figure 5: speed and speed error of one move, motor side and load side."""
+    """Speed and speed error of one move, motor side and load side."""
     curves = run.curves
     assert curves is not None
     time_s = curves.time_s
@@ -101,7 +101,7 @@ def speed_test(run: SpeedRun) -> Picture:
                 "time, s",
                 "speed error, deg/s",
                 tuple(line(name, time_s, values - curves.ref_deg_s) for name, values in sides),
-                _LIMITS,
+                _limits(run),
             ),
         ),
         columns=1,
@@ -129,11 +129,15 @@ def _error_panel(run: SpeedRun) -> Panel:
     if curves.load_error_deg_s is not None:
         lines.append(line("load side", curves.time_s, curves.load_error_deg_s, _SMALL_POINTS))
     title = f"{run.speed_deg_s:g} deg/s {run.direction.value}"
-    return Panel("time, s", "error, deg/s", tuple(lines), _LIMITS, title)
+    return Panel("time, s", "error, deg/s", tuple(lines), _limits(run), title)
+
+
+def _limits(run: SpeedRun) -> tuple[float, float]:
+    return -run.required.limit, run.required.limit
 
 
 @styled
-def ensemble(gears: GearEnsemble, fitted_a_deg: float | None) -> Figure:
+def ensemble(gears: GearEnsemble, fitted_a_deg: float | None, *, with_paper: bool) -> Figure:
     """A of gears with random phases on one line, with their median, the fitted gear, the paper."""
     figure = _figure(1.35)
     ax = figure.subplots()
@@ -145,11 +149,12 @@ def ensemble(gears: GearEnsemble, fitted_a_deg: float | None) -> Figure:
     ax.axvline(float(np.median(a)), color=INK, lw=1.2, label="their median")
     if fitted_a_deg is not None:
         ax.axvline(1e3 * fitted_a_deg, color=BLUE, lw=1.2, label="the fitted gear")
-    ax.axvline(1e3 * PAPER_A_DEG, color=RED, lw=1.0, ls=(0, (4, 2)), label="paper")
+    if with_paper:
+        ax.axvline(1e3 * PAPER_A_DEG, color=RED, lw=1.0, ls=(0, (4, 2)), label="paper")
     ax.set_ylim(-0.4, 0.4)
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
-    ax.set_xlim(left=0.0, right=1.12 * max(a[-1], 1e3 * PAPER_A_DEG))
+    ax.set_xlim(left=0.0, right=1.12 * max(a[-1], 1e3 * PAPER_A_DEG if with_paper else 0.0))
     ax.set_xlabel("A, 0.001°")
     legend_below(figure, ax)
     return figure

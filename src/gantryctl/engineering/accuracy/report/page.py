@@ -17,15 +17,10 @@ from gantryctl.engineering.accuracy.paper import (
 )
 from gantryctl.engineering.accuracy.report import figures
 from gantryctl.engineering.accuracy.report.data import report_json
-from gantryctl.engineering.accuracy.report.report import (
-    SPEED_ERROR_LIMIT_DEG_S,
-    AccuracyReport,
-    Beside,
-    SpeedRun,
-)
+from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside, SpeedRun
 from gantryctl.engineering.accuracy.report.text import ISO_NAMES, STATISTICS, angle_text, iso_text
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
-from gantryctl.engineering.accuracy.table import ErrorTable
+from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.accuracy.table_csv import format_error_table
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 from gantryctl.engineering.accuracy.verdict import Conformity, conformity_of, plus_minus
@@ -54,7 +49,7 @@ def render_html(report: AccuracyReport, head: Head) -> str:
     conformity = report.verdict.conformity
     word, judged = conformity.value.upper(), conformity is not Conformity.NOT_JUDGED
     verdict = Verdict(
-        f"{word}: {report.limit_deg:g}° required" if judged else word,
+        f"{word}: {report.required.limit:g}° required" if judged and report.required else word,
         _JUDGED.get(conformity, Judged.OPEN),
         report.verdict.text,
     )
@@ -78,13 +73,13 @@ def write_report(report: AccuracyReport, head: Head, folder: str | Path) -> Path
 def _view(report: AccuracyReport) -> dict[str, Any]:
     """View for the template: words and numbers, no logic."""
     iso = report.iso
-    paper_rms = statistics(PAPER_TABLE).rms_deg
+    paper_rms = statistics(PAPER_TABLE).rms_deg if report.of_reference else {}
     return {
         "report": report,
         "coverage": COVERAGE_K,
         "angle": _angle,
-        "paper_name": PAPER_NAME,
-        "speed_limit": SPEED_ERROR_LIMIT_DEG_S,
+        "paper_name": PAPER_NAME if report.of_reference else "",
+        "speed_required": report.speed[0].required if report.speed else None,
         "tiles": _tiles(report),
         "asked": _asked(report),
         "tables": [
@@ -92,7 +87,9 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
             for title, table in (("without instrument noise", report.true), ("as measured", report.measured))
             if table is not None and not (title == "as measured" and report.measured == report.true)
         ],
-        "paper_printed": _paper_printed(report.table) if report.beside.table is PAPER_TABLE else "",
+        "paper_printed": _paper_printed(report.table)
+        if report.beside and report.beside.table is PAPER_TABLE
+        else "",
         "iso": iso,
         "iso_rows": _iso_rows(report),
         "noise": [
@@ -115,15 +112,17 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
 
 def _required(report: AccuracyReport) -> list[Required]:
     """What the machine must keep: its angle, and its speeds where they were tested."""
-    found = report.verdict
-    limit = f"at most {report.limit_deg:g} deg"
+    found, required = report.verdict, report.required
+    if required is None:
+        return []
+    limit = f"at most {required.limit:g} deg"
     rows = [
         Required(
             name,
             limit,
             f"{value:.4f} {plus_minus(found.uncertainties_deg.get(name))}deg",
             _JUDGED.get(
-                conformity_of(value, found.uncertainties_deg.get(name, 0.0), found.limit_deg), Judged.OPEN
+                conformity_of(value, found.uncertainties_deg.get(name, 0.0), required.limit), Judged.OPEN
             ),
         )
         for name, value in found.figures_deg.items()
@@ -139,7 +138,7 @@ def _required_speed(runs: Sequence[SpeedRun]) -> Required:
     worst = max(run.motor_error_deg_s for run in runs)
     return Required(
         "speed error of the motor side over whole moves",
-        f"at most {SPEED_ERROR_LIMIT_DEG_S:g} deg/s",
+        f"at most {runs[0].required.limit:g} deg/s",
         f"{worst:.4f} deg/s",
         judged_as(all(run.passed for run in runs)),
     )
@@ -204,13 +203,14 @@ def _tiles(report: AccuracyReport) -> list[tuple[str, str, str]]:
     figures_ = report.statistics
     tiles = []
     if report.true is not None:
-        tiles.append((f"{figures_.a_deg:.4f}°", "A, eq. (6)", f"{report.origin.value}, no instrument"))
+        tiles.append((f"{figures_.a_deg:.4f}°", "A", f"{report.origin.value}, no instrument"))
     tiles.append((f"{report.a_as_measured_deg:.4f}°", "A as measured", _measured_remark(report)))
     if report.simulated is not None:
         tiles.append(
             (f"{statistics(report.simulated).a_deg:.4f}°", "A of the model", "simulated, true angles")
         )
-    tiles.append((f"{PAPER_A_DEG:.4f}°", "A of the paper", "comparison, no criterion"))
+    if report.of_reference:
+        tiles.append((f"{PAPER_A_DEG:.4f}°", "A of the paper", "comparison, no criterion"))
     if figures_.a_by_direction_deg is not None:
         tiles.append((f"{figures_.a_by_direction_deg:.4f}°", "directions apart", "3 s in each direction"))
     if report.angle_errors_deg is not None:
@@ -219,7 +219,11 @@ def _tiles(report: AccuracyReport) -> list[tuple[str, str, str]]:
     if report.speed:
         worst_speed = max(run.motor_error_deg_s for run in report.speed)
         tiles.append(
-            (f"{worst_speed:.4f}°/s", "speed error, motor side", f"limit {SPEED_ERROR_LIMIT_DEG_S:g}°/s")
+            (
+                f"{worst_speed:.4f}°/s",
+                "speed error, motor side",
+                f"limit {report.speed[0].required.limit:g}°/s",
+            )
         )
     return tiles
 
@@ -234,6 +238,8 @@ def _measured_remark(report: AccuracyReport) -> str:
 
 def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
     rows = [("Readings", f"{report.origin.value}: {report.source}")]
+    if report.required is not None:
+        rows.append(("Required", f"{report.required.limit:g}°, by {report.required.origin}"))
     procedure = report.procedure
     if procedure is not None:
         bases = signed(", ".join(f"{base:g}°" for base in procedure.bases_deg))
@@ -259,30 +265,32 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
 _CHORD_NAMES: Final = {"base": "base", "adjacent": "stop before (single steps)"}
 
 
-def _table_view(table: ErrorTable, beside: Beside) -> dict[str, Any]:
+def _table_view(table: ErrorTable, beside: Beside | None) -> dict[str, Any]:
     """Rows of one table beside another's where base, direction and displacements are the same."""
-    same_columns = table.displacements_deg == beside.table.displacements_deg
-    reference = beside.table.mean_of_runs()
-    others = dict(zip([row[:2] for row in reference.rows], reference.errors_deg.tolist(), strict=True))
+    other = beside.table if beside and table.displacements_deg == beside.table.displacements_deg else None
+    others: dict[tuple[float, Direction], list[float]] = {}
+    if other is not None:
+        reference = other.mean_of_runs()
+        others = dict(zip([row[:2] for row in reference.rows], reference.errors_deg.tolist(), strict=True))
     shown = table.mean_of_runs()
     rows = [
         {
             "name": signed(f"{row.base_deg:g} {row.direction.value}"),
             "errors": errors[1:],
-            "others": others.get(row[:2], [])[1:] if same_columns else [],
+            "others": others.get(row[:2], [])[1:],
             "first_of_base": index == 0 or shown.rows[index - 1].base_deg != row.base_deg,
         }
         for index, (row, errors) in enumerate(zip(shown.rows, shown.errors_deg.tolist(), strict=True))
     ]
-    other = statistics(beside.table)
+    theirs = None if other is None else statistics(other)
     return {
         "columns": [f"{d:g}°" for d in table.displacements_deg[1:]],
-        "beside": beside.name if same_columns else "",
+        "beside": beside.name if beside and other is not None else "",
         "runs": table.runs,
         "rows": rows,
-        "statistics": _statistics_view(statistics(table), other if same_columns else None),
+        "statistics": _statistics_view(statistics(table), theirs),
         "a": statistics(table).a_deg,
-        "other_a": other.a_deg,
+        "other_a": None if theirs is None else theirs.a_deg,
     }
 
 
@@ -317,13 +325,14 @@ def _figures(report: AccuracyReport) -> dict[str, ShownFigure]:
         "errors": still(
             figures.chord_errors(report.table, report.beside),
             "errors",
-            f"Figure 6 of the paper: chord error by displacement from each base{free}; positive = moved too far. "
-            f"Filled: {report.origin.value}. Open, dashed: {report.beside.name}.",
+            f"{'Figure 6 of the paper: chord' if report.of_reference else 'Chord'} error by displacement from each base"
+            f"{free}; positive = moved too far. Filled: {report.origin.value}."
+            + ("" if report.beside is None else f" Open, dashed: {report.beside.name}."),
         ),
         "bands": still(
             figures.bands(report.table, report.beside),
             "bands",
-            "Mean X and band X ± 3 S of every column. A is the distance of the two red lines, eq. (6): largest X + 3 S "
+            "Mean X and band X ± 3 S of every column. A is the distance of the two red lines: largest X + 3 S "
             "minus smallest X − 3 S, the zero column included. S: sample standard deviation (n − 1) of "
             f"{report.statistics.n} rows here.",
         ),
@@ -334,19 +343,21 @@ def _figures(report: AccuracyReport) -> dict[str, ShownFigure]:
         made["speed"] = recorded(
             figures.speed_test(fastest),
             "speed",
-            f"Figure 5 of the paper: {_way(fastest)}. Above the speeds, below their difference from the reference.",
+            f"{'Figure 5 of the paper: ' if report.of_reference else ''}{_way(fastest)}. Above the speeds, below their "
+            "difference from the reference.",
         )
     if len(with_curves) > 1:
         made["speed_all"] = recorded(
             figures.speed_errors(with_curves),
             "speed_all",
-            f"Speed errors of all runs, motor side and load side; dashed red: ±{SPEED_ERROR_LIMIT_DEG_S:g}°/s.",
+            f"Speed errors of all runs, motor side and load side; dashed red: "
+            f"±{report.speed[0].required.limit:g}°/s.",
         )
     if report.ensemble is not None:
         fitted = report.statistics.a_deg if report.phases_fitted else None
         gears = report.ensemble
         made["ensemble"] = still(
-            figures.ensemble(gears, fitted),
+            figures.ensemble(gears, fitted, with_paper=report.of_reference),
             "ensemble",
             "A of the true angles for gears of the same grade whose error phases are drawn at random (seeds "
             f"{min(gears.seeds)} to {max(gears.seeds)}): median {gears.distribution.median_deg:.4f}°, "

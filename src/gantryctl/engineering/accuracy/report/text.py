@@ -1,4 +1,4 @@
-"""The report for a terminal: plain text, no colours, at most 100 columns for the paper's table."""
+"""The report for a terminal: plain text, no colours, at most 100 columns for two tables beside each other."""
 
 from __future__ import annotations
 
@@ -7,14 +7,12 @@ from collections.abc import Sequence
 
 from gantryctl.engineering.accuracy.iso230 import IsoFigures
 from gantryctl.engineering.accuracy.noise import Distribution
-from gantryctl.engineering.accuracy.paper import PAPER_TABLE
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside, SpeedRun
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
 
-PAPER = Beside("paper", PAPER_TABLE)
-# The paper's table fits beside ours: twice four columns of errors.
+# Another table fits beside: twice four columns of errors.
 WIDTH = 100
 
 # Attribute of `IsoFigures`, symbol, name; in the order of the standard.
@@ -33,7 +31,7 @@ ISO_NAMES = (
     ("accuracy_deg", "A (ISO)", "accuracy, both ways"),
 )
 
-# Rows under the paper's table 2: name and attribute of `TableStatistics`.
+# Rows under the table: name and attribute of `TableStatistics`.
 STATISTICS = (("X", "mean_deg"), ("3 S", "three_s_deg"), ("X + 3 S", "upper_deg"), ("X - 3 S", "lower_deg"))
 
 
@@ -49,14 +47,16 @@ def iso_text(attribute: str, figures: IsoFigures) -> str:
     return angle_text(value).strip() if attribute == "mean_reversal_deg" else f"{value:.4f}"
 
 
-def text_table(table: ErrorTable, beside: Beside = PAPER, title: str = "here") -> str:
-    """The errors and their statistics beside a reference table (the paper's), deg.
+def text_table(table: ErrorTable, beside: Beside | None = None, title: str = "here") -> str:
+    """The errors and their statistics, with another table beside them if there is one, deg.
 
-    Repeated series are shown as the mean of their runs; the statistics are those of all rows. Reference rows
-    appear where base and direction are the same, and reference columns only when the displacements are.
+    Repeated series are shown as the mean of their runs; the statistics are those of all rows. Rows of
+    the other table appear where base and direction are the same, and its columns only when the displacements are.
     """
-    name, other = beside
-    reference = other.mean_of_runs() if other.displacements_deg == table.displacements_deg else None
+    same = beside is not None and beside.table.displacements_deg == table.displacements_deg
+    name, reference = (
+        (beside.name, beside.table.mean_of_runs()) if beside is not None and same else ("", None)
+    )
     others: dict[tuple[float, Direction], list[float]] = {}
     if reference is not None:
         others = dict(zip([row[:2] for row in reference.rows], reference.errors_deg.tolist(), strict=True))
@@ -71,7 +71,7 @@ def text_table(table: ErrorTable, beside: Beside = PAPER, title: str = "here") -
     if len(table.rows) > 1:
         lines += [
             "-" * max(len(line) for line in lines),
-            *_statistics_lines(statistics(table), reference and other),
+            *_statistics_lines(statistics(table), beside.table if beside is not None and same else None),
         ]
     return "\n".join(line.rstrip() for line in lines)
 
@@ -105,7 +105,9 @@ def _table_title(report: AccuracyReport) -> str:
 def _headline(report: AccuracyReport) -> str:
     figures = report.statistics
     lines = [_wrapped(f"readings: {report.origin}, {report.source}")]
-    lines.append(f"A = {figures.a_deg:.4f} deg by eq. (6), {figures.n} rows pooled")
+    lines.append(
+        f"A = {figures.a_deg:.4f} deg, largest X + 3 S minus smallest X - 3 S, {figures.n} rows pooled"
+    )
     if report.a_measured is not None:
         lines.append(
             f"A as measured, median of {report.a_measured.draws}: {distribution_text(report.a_measured)}"
@@ -130,7 +132,8 @@ def _headline(report: AccuracyReport) -> str:
             f"{gears.distribution.median_deg:.4f} deg, {min(gears.a_deg):.4f} .. {max(gears.a_deg):.4f}"
         )
     lines.append(_wrapped(f"{report.verdict.conformity.value.upper()}: {report.verdict.text}"))
-    lines.append(_wrapped(report.comparison))
+    if report.comparison:
+        lines.append(_wrapped(report.comparison))
     return "\n".join(lines)
 
 
@@ -163,6 +166,8 @@ def speed_lines(runs: Sequence[SpeedRun]) -> str:
             f"{run.reached_deg_s:10.3f}{run.motor_error_deg_s:13.4f}   {load}"
             + ("   stick-slip" if run.stick_slip else "")
         )
+    required = runs[0].required
+    lines.append(f"motor side: at most {required.limit:g} deg/s, required by {required.origin}")
     if not all(run.motor_judged for run in runs):
         lines.append("motor side not judged: compensations move the motor off the set-point on purpose")
     return "\n".join(lines)
@@ -172,8 +177,8 @@ def _statistics_lines(figures: TableStatistics, beside: ErrorTable | None) -> li
     other = statistics(beside) if beside is not None else None
     lines = []
     for name, attribute in STATISTICS:
-        paper = getattr(other, attribute) if other is not None else None
-        line = f"{name:<12}{_angles(getattr(figures, attribute))}{_beside(paper)}"
+        theirs = getattr(other, attribute) if other is not None else None
+        line = f"{name:<12}{_angles(getattr(figures, attribute))}{_beside(theirs)}"
         lines.append(line.replace("+", " ") if name == "3 S" else line)
     a = f"{'A':<12}{figures.a_deg:7.4f}"
     width = 12 + len(_angles(figures.mean_deg))
