@@ -15,7 +15,7 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.procedure.on_batch import Readings, run_procedure
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
-from gantryctl.engineering.accuracy.report.report import SPEED_ERROR_LIMIT_DEG_S, SpeedRun
+from gantryctl.engineering.accuracy.report.report import SpeedRun
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import ErrorTable, FloatArray
 from gantryctl.engineering.batch import ClosedLoop
@@ -45,7 +45,7 @@ def chord_is_green(a_deg: float) -> bool:
 
 def speed_is_green(runs: Iterable[SpeedRun]) -> bool:
     """The speed criterion: every run within 0.01 deg/s on the motor side, over its whole length."""
-    return all(run.motor_error_deg_s <= SPEED_ERROR_LIMIT_DEG_S for run in runs)
+    return all(run.motor_error_deg_s <= run.required.limit for run in runs)
 
 
 def within(measured: float, reference: float, tolerance: float = PLANT_TOLERANCE) -> bool:

@@ -117,6 +117,7 @@ def test_the_requirement_of_0_1_deg_is_met(report: AccuracyReport) -> None:
         "largest chord error",
         "largest angle error at a stop",
     }
-    assert verdict.limit_deg == 0.1
+    assert verdict.required is not None
+    assert verdict.required.limit == 0.1
     # everything is an order of magnitude inside: gear, wind-up and noise are some 0.01 deg together
     assert max(verdict.figures_deg.values()) < 0.02

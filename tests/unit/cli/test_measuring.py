@@ -29,7 +29,14 @@ def test_stops_prints_every_class_and_is_exit_code_1_when_one_is_too_long(tmp_pa
 
 def test_speed_test_passes_and_fails(tmp_path: Path) -> None:
     text = done("speed-test", "--speed", "0.5", "--out", tmp_path).out
-    assert [line.split()[0] for line in text.splitlines()] == ["speed", "asked", "pass", "pass", "motor", "report:"]
+    assert [line.split()[0] for line in text.splitlines()] == [
+        "speed",
+        "asked",
+        "pass",
+        "pass",
+        "motor",
+        "report:",
+    ]
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count('class="recording"') == 2
     assert "at most 0.01°/s" in page
@@ -85,14 +92,19 @@ def test_a_criterion_that_is_not_met_is_exit_code_1() -> None:
     answer = cli("accuracy", "report", "--measured", "bad.csv", "--out", "r", "--required", "0.1")
     assert answer.code == 1
     assert "FAIL" in answer.out
-    side = cli("accuracy", "report", "--measured", "bad.csv", "--out", "r", "--required", "0.1", "--motor-side")
+    side = cli(
+        "accuracy", "report", "--measured", "bad.csv", "--out", "r", "--required", "0.1", "--motor-side"
+    )
     assert side.code == 0, "readings of the motor's own encoder get no verdict"
     assert "PASS" not in side.out
     assert "FAIL" not in side.out
 
 
 def test_accuracy_stats_of_the_paper_s_table() -> None:
-    assert "A = 0.0113 deg, largest X + 3 S minus smallest X - 3 S, 6 rows pooled" in done("accuracy", "stats", "paper_table2.csv").out
+    assert (
+        "A = 0.0113 deg, largest X + 3 S minus smallest X - 3 S, 6 rows pooled"
+        in done("accuracy", "stats", "paper_table2.csv").out
+    )
     assert done("accuracy", "stats", "paper_table2.csv", "--json").json["statistics"][
         "a_deg"
     ] == pytest.approx(0.0113, abs=5e-5)

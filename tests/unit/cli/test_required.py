@@ -41,13 +41,17 @@ def test_accuracy_run(strict: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [("stats",), ("report", "--out", "r", "--measured")])
-def test_a_table_is_judged_by_whom_the_verdict_names(command: tuple[str, ...], strict: Path, tmp_path: Path) -> None:
+def test_a_table_is_judged_by_whom_the_verdict_names(
+    command: tuple[str, ...], strict: Path, tmp_path: Path
+) -> None:
     table = tmp_path / "table.csv"
     rows = [
         f"{base},{way},{d},{0.003 if way == 'ccw' else -0.003}"
         for base in (30, 60) for way in ("ccw", "cw") for d in (5, 10)
     ]  # fmt: skip
-    table.write_text("base_deg,direction,displacement_deg,error_deg\n" + "\n".join(rows) + "\n", encoding="utf-8")
+    table.write_text(
+        "base_deg,direction,displacement_deg,error_deg\n" + "\n".join(rows) + "\n", encoding="utf-8"
+    )
     # A is 6 x 3.46 um: 0.0208 deg.
     by_machine = cli("accuracy", *command, table, "--config", strict)
     assert fails_for_the_machine(by_machine)
@@ -76,7 +80,9 @@ def test_stats_as_json_name_the_judge(strict: Path) -> None:
 def test_speed_test(tmp_path: Path) -> None:
     """0.0064 deg/s at 3 deg/s: within the 0.01 deg/s of the reference machine, not within a quarter of it."""
     ratio = 0.0025 / 6.0
-    strict = machine_file(tmp_path / "s.toml", {"required.speed_error_ratio": ratio, "required.source": SOURCE})
+    strict = machine_file(
+        tmp_path / "s.toml", {"required.speed_error_ratio": ratio, "required.source": SOURCE}
+    )
     answer = cli("speed-test", "--speed", "0.5", "--config", strict)
     assert answer.code == 1
     assert f"motor side: at most 0.0025 deg/s, required by hust_gantry {BY}" in answer.out
@@ -108,6 +114,7 @@ def test_a_requirement_that_nobody_gave_is_named_as_a_default(tmp_path: Path) ->
     assert text.count("\nangle_deg = 0.1\n") == 1
     (tmp_path / "silent.toml").write_text(text.replace("\nangle_deg = 0.1\n", "\n"), encoding="utf-8")
     answer = cli("accuracy", "stats", "paper_table2.csv", "--config", tmp_path / "silent.toml")
-    assert "within 0.1 deg; required by hust_gantry (a default, the machine file does not give it)" in " ".join(
-        answer.out.split()
+    assert (
+        "within 0.1 deg; required by hust_gantry (a default, the machine file does not give it)"
+        in " ".join(answer.out.split())
     )

@@ -27,7 +27,12 @@ SIMULATED_CERTIFICATE: Final = "none: simulated"
 
 
 def finish(
-    report: AccuracyReport, machine: Machine | None, made: Made, measured_by: MeasuredBy, out: Path, as_json: bool
+    report: AccuracyReport,
+    machine: Machine | None,
+    made: Made,
+    measured_by: MeasuredBy,
+    out: Path,
+    as_json: bool,
 ) -> int:
     """Write the page, print table or JSON; 1 when a criterion is not shown to be met.
 

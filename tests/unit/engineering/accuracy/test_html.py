@@ -122,7 +122,9 @@ def test_other_bases_columns_and_no_verdict() -> None:
     assert "NO VERDICT" in page
     assert "<b>m</b>" not in page
     assert "&lt;b&gt;m&lt;/b&gt;" in page
-    strict = dataclasses.replace(report, measures_load=True, required=Requirement(0.05, "dish", "tender 4711"))
+    strict = dataclasses.replace(
+        report, measures_load=True, required=Requirement(0.05, "dish", "tender 4711")
+    )
     failed = render_html(strict, HEAD)
     assert "FAIL: 0.05° required" in failed
     assert "required by dish (tender 4711)" in failed

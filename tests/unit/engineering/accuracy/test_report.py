@@ -48,7 +48,11 @@ def test_the_requirement_of_the_machine_judges_and_stands_in_the_verdict() -> No
     strict = dataclasses.replace(MEASURED, required=Requirement(0.01, "dish", "tender 4711"))
     assert strict.verdict.passed is False
     assert "0.0113 deg: outside 0.01 deg; required by dish (tender 4711)" in strict.verdict.text
-    assert report_data(strict)["verdict"]["required"] == {"limit": 0.01, "by": "dish", "source": "tender 4711"}
+    assert report_data(strict)["verdict"]["required"] == {
+        "limit": 0.01,
+        "by": "dish",
+        "source": "tender 4711",
+    }
 
 
 def test_without_a_requirement_there_is_no_verdict() -> None:
