@@ -14,8 +14,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from gantryctl.engineering.campaign.result import ResultFolder
-
 ROOT = Path(__file__).parents[2]
 WORKERS = 2
 _LOCAL = ("--host", "127.0.0.1", "--no-dashboard")
@@ -148,15 +146,3 @@ def run_among_kills(
         finally:
             if running.poll() is None:
                 kill(running)
-
-
-def sorted_bytes(folder: Path) -> bytes:
-    """Every column of a result, rows in order."""
-    result = ResultFolder(folder)
-    head = result.head()
-    keys = [key for key in head.keys if key != "plant.gear_error.phases_rad"]
-    columns = result.read([*head.outputs, *keys])
-    return b"".join(
-        name.encode() + ("\0".join(column).encode() if column.dtype == object else column.tobytes())
-        for name, column in columns.items()
-    )

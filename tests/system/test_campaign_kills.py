@@ -11,7 +11,8 @@ import pytest
 from gantryctl.engineering.campaign.reading import load_campaign
 from gantryctl.engineering.campaign.run import run_campaign
 from gantryctl.engineering.scheduler.pools import ThreadPool
-from support.dask_processes import run_among_kills, sorted_bytes
+from support.campaign_results import sorted_bytes
+from support.dask_processes import run_among_kills
 
 # Short moves: some 5 ms of computing a row, so that some chunks of a second come before and after every kill.
 CAMPAIGN = """

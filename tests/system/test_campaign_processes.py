@@ -14,7 +14,8 @@ import psutil
 import pytest
 
 from gantryctl import _core
-from support.dask_processes import ROOT, dask_cluster, kill, python, sorted_bytes
+from support.campaign_results import sorted_bytes
+from support.dask_processes import ROOT, dask_cluster, kill, python
 
 from .test_campaign_kills import campaign_file, undisturbed
 

@@ -171,8 +171,8 @@ def plan(file: Path, plants: int, cores: int, price: float, measure: float, as_j
     click.echo(f"one plant     {1e3 * found.row_s:.1f} ms of one core here, by {found.rows_measured} plants")
     click.echo(f"{found.plants:.3g} plants  {found.core_hours:.0f} core hours, cost {found.cost:.0f}")
     click.echo(f"{found.cores} cores     {found.time_s / 3600.0:.1f} h, if each is as fast as this one")
-    click.echo(f"result        {found.bytes / 1e9:.2f} GB in {found.chunks} files")
-    click.echo(f"tasks         {100.0 * found.overhead:.2f} % of the time")
+    click.echo(f"result        {found.bytes / 1e9:.2f} GB in {found.files} files")
+    click.echo(f"tasks         {found.chunks}, {100.0 * found.overhead:.2f} % of the time")
 
 
 def _pool_of(threads: int | None, workers: int | None, cluster: str | None) -> Callable[[Job], Pool]:
@@ -192,15 +192,14 @@ def _pool_of(threads: int | None, workers: int | None, cluster: str | None) -> C
 def _populations(paths: tuple[Path, ...], by: str | None) -> list[tuple[str, Population]]:
     """Results with their names, or the parts of one."""
     from gantryctl.engineering.campaign.result import ResultFolder
-    from gantryctl.engineering.campaign.statistics import population_of, split_by
+    from gantryctl.engineering.campaign.statistics import parts_of, population_of
     from gantryctl.errors import UsageError
 
-    populations = [(str(path), population_of(ResultFolder(path))) for path in paths]
     if by is None:
-        return populations
-    if len(populations) > 1:
+        return [(str(path), population_of(ResultFolder(path))) for path in paths]
+    if len(paths) > 1:
         raise UsageError("--by: splits one result; give one, or leave --by out")
-    return split_by(populations[0][1], by)
+    return parts_of(ResultFolder(paths[0]), by)
 
 
 def _say(line: str) -> None:

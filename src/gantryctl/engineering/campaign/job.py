@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
@@ -21,7 +20,7 @@ INDEX: Final = "row"
 REFUSED: Final = "refused_by"
 IDENTIFICATION: Final = "identification"
 DRIFT: Final = "drift"
-# Two packs of the widest instruction set.
+# Two packs of the widest instruction set; only plants under the same control share one.
 _LANES: Final = 16
 
 
@@ -37,8 +36,8 @@ class CampaignJob:
 
     @property
     def pack(self) -> int:
-        """Plants whose controls fill the packs of the compiled core a few times."""
-        return math.ceil(_LANES / len(self.campaign.controls))
+        """Plants that fill the packs of the compiled core."""
+        return _LANES
 
     def rows(self, first: int, count: int) -> Rows:
         """Columns "row", "refused_by", a number per key that varies, and the figures."""

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 from gantryctl.engineering.campaign.job import CampaignJob
 from gantryctl.engineering.campaign.population import Campaign
 from gantryctl.engineering.campaign.result import ResultFolder
+from gantryctl.engineering.campaign.row_files import FULL_ROWS
 from gantryctl.engineering.scheduler.job import Chunk, compute
 from gantryctl.engineering.scheduler.schedule import CHUNK_MAX_S, CHUNK_MIN_S
 
@@ -25,7 +26,7 @@ class Plan(NamedTuple):
     Attributes:
         row_s: time of one core for one plant, measured here. rows_measured: by how many plants.
         time_s: on all cores. core_hours: of all together.
-        bytes: of the result. chunks: files that it has. overhead: part of the time that tasks cost.
+        bytes, files: of the result. chunks: tasks that compute it. overhead: part of the time that tasks cost.
         cost: by the price of a core for an hour.
     """
 
@@ -36,6 +37,7 @@ class Plan(NamedTuple):
     time_s: float
     core_hours: float
     bytes: int
+    files: int
     chunks: int
     overhead: float
     cost: float
@@ -77,6 +79,7 @@ def plan_campaign(
         time_s=total_s / cores,
         core_hours=total_s / 3600.0,
         bytes=round(row_bytes * plants),
+        files=math.ceil(plants / FULL_ROWS),
         chunks=math.ceil(total_s / chunk_s),
         overhead=TASK_S / chunk_s,
         cost=price_per_core_hour * total_s / 3600.0,

@@ -1,11 +1,10 @@
-"""The folder of a result: a head, and one Parquet file for each chunk that is there."""
+"""The folder of a result: a head, and the rows that are there."""
 
 from __future__ import annotations
 
 import itertools
 import json
-import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -15,25 +14,22 @@ import numpy as np
 from gantryctl.engineering.campaign.job import INDEX, REFUSED
 from gantryctl.engineering.campaign.measures import Output
 from gantryctl.engineering.campaign.population import Campaign
+from gantryctl.engineering.campaign.row_files import RowFiles
 from gantryctl.engineering.campaign.sampling import Design
 from gantryctl.engineering.scheduler.identity import Identity, identity
 from gantryctl.engineering.scheduler.job import Chunk, Rows
 from gantryctl.errors import StateError, UsageError
-from gantryctl.files import replacing, write_whole
-from gantryctl.machine import config_hash
+from gantryctl.files import write_whole
+from gantryctl.machine import config_hash, field_specs
 from gantryctl.machine.reading import printable
 
 HEAD_FILE: Final = "result.json"
 CAMPAIGN_FILE: Final = "campaign.toml"
-METADATA_KEY: Final = b"gantryctl"
 _FORMAT: Final = 1
-_ROWS_FILE: Final = re.compile(r"rows-(\d{10})-(\d{10})\.parquet")
-# Rows of a plant are unlike each other: a dictionary only grows, streams of equal bytes compress.
-_WRITING: Final[dict[str, Any]] = {
-    "compression": "zstd",
-    "use_dictionary": [REFUSED],
-    "use_byte_stream_split": False,
-}
+# Rows that statistics take at once.
+_BATCH: Final = 2**16
+# Numbers of a small result that are read once and kept: 64 MB.
+_HELD: Final = 2**23
 
 
 @dataclass(frozen=True)
@@ -76,6 +72,11 @@ class ResultHead:
             limits=dict(campaign.limits),
         )
 
+    @property
+    def scalar_keys(self) -> list[str]:
+        """Varied keys that have a column; arrays, such as phases, follow from the number of the row."""
+        return [key for key in self.keys if field_specs()[key].kind != "numbers"]
+
     def limits_of(self, column: str) -> tuple[float, ...]:
         """Limits of the figure of a column."""
         return self.limits.get(column.rpartition(".")[2], ())
@@ -100,7 +101,7 @@ class ResultFolder:
         head = ResultHead.of(campaign)
         if (self.path / HEAD_FILE).exists():
             self._check_same(self.head(), head)
-        elif self.path.exists() and any(_ROWS_FILE.fullmatch(file.name) for file in self.path.iterdir()):
+        elif any(self.path.glob("rows-*.parquet")):
             raise StateError(f"{self.path}: has rows but no {HEAD_FILE}; choose another --out")
         write_whole(self.path / CAMPAIGN_FILE, campaign.text, make_folder=True)
         text = json.dumps({"format": _FORMAT, **asdict(head), **_named(head)}, indent=2, allow_nan=False)
@@ -142,9 +143,11 @@ class ResultFolder:
         Raises:
             StateError: a file is damaged or of another campaign.
         """
+        files = self._files(head)
+        files.check()
         found = []
         free = 0
-        for chunk in sorted(self._checked(head)):
+        for chunk in files.ranges():
             if chunk.first > free:
                 found.append(Chunk(free, chunk.first - free))
             free = chunk.last + 1
@@ -157,43 +160,34 @@ class ResultFolder:
         Raises:
             StateError: the disk does not take it.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        self._files(head).write(chunk, rows, _about(head))
 
-        about = {
-            "campaign_hash": head.campaign_hash,
-            "machine_hash": head.machine_hash,
-            "made_by": head.made_by._asdict(),
-        }
-        table = pa.table({name: pa.array(column) for name, column in rows.items()})
-        table = table.replace_schema_metadata({METADATA_KEY: json.dumps(about, sort_keys=True).encode()})
-        path = self.path / f"rows-{chunk.first:010d}-{chunk.last:010d}.parquet"
-        with replacing(path) as draft:
-            pq.write_table(table, draft, **_WRITING)
-
-    def read(self, columns: Sequence[str]) -> Rows:
-        """Columns of all rows that are there, in the order of the rows, with "row" and "refused_by".
+    def merge(self, head: ResultHead) -> None:
+        """Make few large files of many small ones; only the process that writes the result may.
 
         Raises:
-            StateError: a file is damaged or of another campaign.
+            StateError: a file is damaged, or the disk does not take the merged one; nothing is lost.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+        files = self._files(head)
+        files.remove_superseded()
+        files.merge(_about(head))
 
+    def rows(self) -> ResultRows:
+        """Rows that are there now.
+
+        Raises:
+            UsageError: the folder holds no result. StateError: it is damaged.
+        """
         head = self.head()
-        names = [INDEX, REFUSED, *columns]
-        files = [self._file(chunk) for chunk in sorted(self._checked(head))]
-        if not files:
-            return {name: np.empty(0) for name in names}
-        table = pa.concat_tables(pq.read_table(file, columns=names) for file in files)
-        found = {name: table[name].to_numpy() for name in names}
-        # A result that was made longer may end within a chunk.
-        inside = found[INDEX] < head.design.rows
-        return {name: column[inside] for name, column in found.items()}
+        files = self._files(head)
+        return ResultRows(head, files, files.ranges())
 
     def bytes_on_disk(self) -> int:
         """Size of the rows."""
-        return sum(self._file(chunk).stat().st_size for chunk in self._chunks())
+        return sum(file.stat().st_size for file in self.path.glob("rows-*.parquet"))
+
+    def _files(self, head: ResultHead) -> RowFiles:
+        return RowFiles(self.path, head.campaign_hash)
 
     def _check_same(self, there: ResultHead, wanted: ResultHead) -> None:
         if there.campaign_hash != wanted.campaign_hash:
@@ -209,43 +203,82 @@ class ResultFolder:
                 "--out"
             )
 
-    def _chunks(self) -> Iterable[Chunk]:
-        if not self.path.is_dir():
+
+class ResultRows:
+    """Rows of a result at one moment: every pass over them gives the same ones, whatever is written meanwhile.
+
+    Attributes:
+        head: of the result.
+        there: number of rows.
+    """
+
+    def __init__(self, head: ResultHead, files: RowFiles, ranges: Sequence[Chunk]) -> None:
+        rows = head.design.rows
+        self.head = head
+        self._files = files
+        # A result that was made longer may end within a chunk.
+        self._ranges = [each for each in ranges if each.first < rows]
+        self.there = sum(min(each.size, rows - each.first) for each in self._ranges)
+        self._held: list[tuple[int, Rows]] = []
+
+    def batches(self, columns: Sequence[str]) -> Iterator[tuple[int, Rows]]:
+        """Columns of all rows: the number of the first row, and rows that follow each other, ascending.
+
+        Where a batch ends depends on the numbers of the rows alone, so sums come out the same whatever files hold them.
+
+        Raises:
+            StateError: a file is damaged or of another campaign.
+        """
+        if self.there * len(self._columns) > _HELD:
+            yield from self._aligned(columns)
             return
-        for file in self.path.iterdir():
-            match = _ROWS_FILE.fullmatch(file.name)
-            if match:
-                first, last = int(match[1]), int(match[2])
-                yield Chunk(first, last - first + 1)
+        if not self._held:
+            self._held = list(self._aligned(self._columns))
+        for first, rows in self._held:
+            yield first, {name: rows[name] for name in columns}
 
-    def _file(self, chunk: Chunk) -> Path:
-        return self.path / f"rows-{chunk.first:010d}-{chunk.last:010d}.parquet"
+    @property
+    def _columns(self) -> list[str]:
+        return [INDEX, REFUSED, *self.head.outputs, *self.head.scalar_keys]
 
-    def _checked(self, head: ResultHead) -> list[Chunk]:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
+    def _aligned(self, columns: Sequence[str]) -> Iterator[tuple[int, Rows]]:
+        """Batches that end at multiples of the batch size, at gaps and at the end."""
+        waiting: list[Rows] = []
+        begin = end = 0
+        for first, rows in self._pieces(columns):
+            if waiting and (first != end or first % _BATCH == 0):
+                yield begin, _joined(waiting)
+                waiting.clear()
+            if not waiting:
+                begin = first
+            waiting.append(rows)
+            end = first + _length(rows)
+        if waiting:
+            yield begin, _joined(waiting)
 
-        found = sorted(self._chunks())
-        for chunk, after in itertools.pairwise(found):
-            if after.first <= chunk.last:
-                raise StateError(
-                    f"{self._file(after)}: its rows are in {self._file(chunk).name} too; remove one"
-                )
-        for chunk in found:
-            path = self._file(chunk)
-            try:
-                about = pq.read_metadata(path)
-                said = json.loads(about.metadata[METADATA_KEY])
-                right = about.num_rows == chunk.size and said["campaign_hash"] == head.campaign_hash
-            except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as fault:
-                raise StateError(
-                    f"{path}: cannot be read: {printable(fault, 200)}; remove it and run again"
-                ) from None
-            if not right:
-                raise StateError(
-                    f"{path}: holds other rows than its name and {HEAD_FILE} say; remove it and run again"
-                )
-        return found
+    def _pieces(self, columns: Sequence[str]) -> Iterator[tuple[int, Rows]]:
+        for first, rows in self._files.batches(self._ranges, columns):
+            count = min(_length(rows), self.head.design.rows - first)
+            cuts = [0, *range(-first % _BATCH or _BATCH, count, _BATCH), count]
+            for low, high in itertools.pairwise(cuts):
+                yield first + low, {name: column[low:high] for name, column in rows.items()}
+
+
+def _joined(parts: Sequence[Rows]) -> Rows:
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _length(rows: Rows) -> int:
+    return len(next(iter(rows.values())))
+
+
+def _about(head: ResultHead) -> dict[str, Any]:
+    """What stands in every file of the rows."""
+    return {
+        "campaign_hash": head.campaign_hash,
+        "machine_hash": head.machine_hash,
+        "made_by": head.made_by._asdict(),
+    }
 
 
 def _named(head: ResultHead) -> dict[str, Any]:

@@ -22,6 +22,8 @@ from gantryctl.runtime import StateLock
 
 # Plants that are tried against the checks of the machine before a run: a tenth of a second.
 SURVEY: Final = 1000
+# New files of a long run that are merged at once: a listing of its folder stays short.
+MERGED_FILES: Final = 512
 # Lines of progress: the first after some seconds, then rarer and rarer.
 _FIRST_LINE_S: Final = 3.0
 _LINE_PART: Final = 0.1
@@ -104,7 +106,7 @@ def run_campaign(
         rows, left = head.design.rows, sum(chunk.size for chunk in missing)
         if left < rows:
             say(f"{rows - left} of {rows} rows are there")
-        computed = 0
+        computed = files = 0
         if left:
             progress = _Progress(say, left, now_s)
             job = CampaignJob(campaign)
@@ -112,5 +114,9 @@ def run_campaign(
                 for chunk, found in run_job(missing, pool, job.pack, stopped):
                     result.write(head, chunk, found)
                     computed += chunk.size
+                    files += 1
+                    if files % MERGED_FILES == 0:
+                        result.merge(head)
                     progress.advance(chunk.size)
+        result.merge(head)
         return RunEnd(rows, rows - left + computed, computed)

@@ -2,25 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gantryctl.engineering.campaign.job import INDEX, REFUSED
-from gantryctl.engineering.campaign.result import ResultFolder, ResultHead
+from gantryctl.engineering.campaign.job import REFUSED
+from gantryctl.engineering.campaign.order_statistics import order_statistics
+from gantryctl.engineering.campaign.result import ResultFolder, ResultHead, ResultRows
 from gantryctl.engineering.campaign.sampling import Design, members
 from gantryctl.errors import UsageError
-from gantryctl.machine import field_specs
 
 Floats = NDArray[np.float64]
 
 LEVEL: Final = 0.95
 PARTS: Final = (0.05, 0.5, 0.95, 0.99)
+CURVE: Final = tuple(percent / 100.0 for percent in range(101))
 # More values of one key are a law without steps.
 _VALUES_MAX: Final = 40
+# Values that Sobol indices are made of, 16 MB: 2^17 base points of a dozen factors leave an error of 0.001.
+_VALUES_OF_INDICES: Final = 2**21
 # Resamples for the interval of a Sobol index.
 _RESAMPLES: Final = 300
 
@@ -67,7 +72,9 @@ class FigureStatistics(NamedTuple):
     """One figure over the population.
 
     Attributes:
-        plants: number of them. sensitivity: empty for a campaign that is no sensitivity analysis.
+        plants: number of them.
+        curve: value below which 0, 1, ... 100 % of the plants are.
+        sensitivity: empty for a campaign that is no sensitivity analysis.
     """
 
     column: str
@@ -77,16 +84,16 @@ class FigureStatistics(NamedTuple):
     smallest: float
     largest: float
     quantiles: tuple[Quantile, ...]
+    curve: tuple[float, ...]
     passing: tuple[Passing, ...]
     sensitivity: tuple[Sensitivity, ...]
 
 
 class Population(NamedTuple):
-    """A result, evaluated.
+    """A result, or a part of one, evaluated.
 
     Attributes:
         rows: of the campaign. there: rows that are computed. refused: rows without figures, by name of the reason.
-        values: figures of all plants that have them, by column. keys: their varied keys.
     """
 
     head: ResultHead
@@ -94,8 +101,6 @@ class Population(NamedTuple):
     there: int
     refused: dict[str, int]
     figures: tuple[FigureStatistics, ...]
-    values: dict[str, Floats]
-    keys: dict[str, Floats]
 
 
 def population_of(folder: ResultFolder) -> Population:
@@ -104,111 +109,178 @@ def population_of(folder: ResultFolder) -> Population:
     Raises:
         UsageError: there is no result, or fewer than two plants have figures. StateError: it is damaged.
     """
-    head = folder.head()
-    keys = _scalar_keys(head)
-    table = folder.read([*head.outputs, *keys])
-    good = table[REFUSED] == ""
-    design, there = head.design, len(good)
-    whole = design.sampling == "sensitivity" and there == design.rows and bool(good.all())
-    sensitivity = {
-        name: sensitivity_of(np.asarray(table[name]), design, head.factors) if whole else ()
-        for name in head.outputs
-    }
-    if design.sampling == "sensitivity":
-        # The design repeats its points: the first member of each base point is the population.
-        good &= table[INDEX] % (len(design.widths) + 2) == 0
-    if int(good.sum()) < 2:
+    rows = folder.rows()
+    head, refused = rows.head, _refused(rows)
+    whole = head.design.sampling == "sensitivity" and rows.there == head.design.rows and not refused
+    figures = []
+    for column in head.outputs:
+        values = partial(_plants, rows, column)
+        sensitivity = _sensitivity(rows, column) if whole else ()
+        figures.append(figure_statistics(column, values, head.limits_of(column), sensitivity))
+    if figures[0].plants < 2:
         raise UsageError(
-            f"{folder.path}: {int(good.sum())} of {design.rows} plants have figures, quantiles need two; run "
+            f"{folder.path}: {figures[0].plants} of {head.design.rows} plants have figures, quantiles need two; run "
             "the campaign first"
         )
-    values = {name: np.asarray(table[name][good], dtype=np.float64) for name in head.outputs}
-    return Population(
-        head=head,
-        rows=design.rows,
-        there=there,
-        refused=dict(Counter(str(name) for name in table[REFUSED] if name).most_common()),
-        figures=tuple(
-            figure_statistics(name, column, head.limits_of(name), sensitivity[name])
-            for name, column in values.items()
-        ),
-        values=values,
-        keys={name: np.asarray(table[name][good]) for name in keys},
-    )
+    return Population(head, head.design.rows, rows.there, refused, tuple(figures))
 
 
-def split_by(found: Population, key: str) -> list[tuple[str, Population]]:
-    """A population by the values of a key that has few, such as the grade of its gears; each with a name.
+def parts_of(folder: ResultFolder, key: str) -> list[tuple[str, Population]]:
+    """A result by the values of a key that has few, such as the grade of its gears; each part with a name.
 
     Raises:
-        UsageError: the key does not vary, or takes more than 40 values.
+        UsageError: as `population_of`; or the key does not vary, or takes more than 40 values.
     """
-    if key not in found.keys:
-        raise UsageError(
-            f"--by {key}: does not vary here; {', '.join(found.keys) or 'no single number'} does"
-        )
-    values = np.unique(found.keys[key])
-    if len(values) > _VALUES_MAX:
-        raise UsageError(
-            f"--by {key}: has {len(values)} values here, at most {_VALUES_MAX}; it is no discrete law"
-        )
+    whole = population_of(folder)
+    keys = whole.head.scalar_keys
+    if key not in keys:
+        raise UsageError(f"--by {key}: does not vary here; {', '.join(keys) or 'no single number'} does")
+    rows = folder.rows()
+    values: Floats = np.empty(0)
+    for batch in _plants(rows, key):
+        values = np.unique(np.concatenate([values, batch]))
+        if len(values) > _VALUES_MAX:
+            raise UsageError(f"--by {key}: has more than {_VALUES_MAX} values here; it is no discrete law")
     parts = []
-    for value in values:
-        chosen = found.keys[key] == value
-        own = {name: column[chosen] for name, column in found.values.items()}
+    for value in values.tolist():
         figures = tuple(
-            figure_statistics(name, column, found.head.limits_of(name)) for name, column in own.items()
+            figure_statistics(
+                column, partial(_plants, rows, column, (key, value)), whole.head.limits_of(column)
+            )
+            for column in whole.head.outputs
         )
-        keys = {name: column[chosen] for name, column in found.keys.items()}
-        name = f"{key.rpartition('.')[2]} {value:.4g}"
-        parts.append((name, found._replace(figures=figures, values=own, keys=keys)))
+        parts.append((f"{key.rpartition('.')[2]} {value:.4g}", whole._replace(figures=figures)))
     return parts
 
 
-def _scalar_keys(head: ResultHead) -> list[str]:
-    return [key for key in head.keys if field_specs()[key].kind != "numbers"]
+def _plants(rows: ResultRows, column: str, part: tuple[str, float] | None = None) -> Iterator[Floats]:
+    """A column of the plants that have figures; those of a part only, by a key and its value."""
+    figure = next(iter(rows.head.outputs))
+    design = rows.head.design
+    names = dict.fromkeys([column, figure] if part is None else [column, figure, part[0]])
+    for first, batch in rows.batches(list(names)):
+        chosen = ~np.isnan(batch[figure])
+        if design.sampling == "sensitivity":
+            # The design repeats its points: the first member of each base point is the population.
+            chosen &= np.arange(first, first + len(chosen)) % (len(design.widths) + 2) == 0
+        if part is not None:
+            chosen &= batch[part[0]] == part[1]
+        yield np.asarray(batch[column][chosen], dtype=np.float64)
+
+
+def _refused(rows: ResultRows) -> dict[str, int]:
+    counted: Counter[str] = Counter()
+    for _, batch in rows.batches([REFUSED]):
+        counted.update(batch[REFUSED].tolist())
+    del counted[""]
+    return dict(counted.most_common())
 
 
 def figure_statistics(
-    column: str, values: Floats, limits: Sequence[float], sensitivity: tuple[Sensitivity, ...] = ()
+    column: str,
+    values: Callable[[], Iterable[Floats]],
+    limits: Sequence[float],
+    sensitivity: tuple[Sensitivity, ...] = (),
 ) -> FigureStatistics:
-    """Statistics of one figure of independent plants, shape (plants,)."""
+    """Statistics of one figure of independent plants, in memory that does not grow with them.
+
+    Args:
+        values: begins a pass over all values; the same ones each time.
+    """
+    count, mean, squares = 0, 0.0, 0.0
+    smallest, largest = math.inf, -math.inf
+    passed = [0] * len(limits)
+    for batch in values():
+        if not len(batch):
+            continue
+        # Two samples as one (Chan, Golub, LeVeque 1983).
+        own = float(batch.mean())
+        step, count = own - mean, count + len(batch)
+        squares += float(np.sum((batch - own) ** 2)) + step * step * len(batch) * (count - len(batch)) / count
+        mean += step * len(batch) / count
+        smallest, largest = min(smallest, float(batch.min())), max(largest, float(batch.max()))
+        for k, limit in enumerate(limits):
+            passed[k] += int(np.count_nonzero(np.abs(batch) <= limit))
+    quantiles, curve = quantiles_of(values, count) if count else ((), ())
     return FigureStatistics(
         column=column,
-        plants=len(values),
-        mean=float(values.mean()),
-        deviation=float(values.std(ddof=1)) if len(values) > 1 else 0.0,
-        smallest=float(values.min()),
-        largest=float(values.max()),
-        quantiles=tuple(quantile_of(values, part) for part in PARTS),
-        passing=tuple(passing_of(values, limit) for limit in limits),
+        plants=count,
+        mean=mean,
+        deviation=math.sqrt(squares / (count - 1)) if count > 1 else 0.0,
+        smallest=smallest,
+        largest=largest,
+        quantiles=quantiles,
+        curve=curve,
+        passing=tuple(passing_of(part, count, limit) for part, limit in zip(passed, limits, strict=True)),
         sensitivity=sensitivity,
     )
 
 
-def quantile_of(values: Floats, part: float, level: float = LEVEL) -> Quantile:
-    """Quantile with the interval between two order statistics, valid for every distribution (binomial ranks)."""
+def quantiles_of(
+    values: Callable[[], Iterable[Floats]], count: int, level: float = LEVEL
+) -> tuple[tuple[Quantile, ...], tuple[float, ...]]:
+    """Quantiles of `PARTS` and the curve of all percentiles: between order statistics, linear, as numpy.quantile.
+
+    The interval of a quantile lies between two order statistics, valid for every distribution (binomial ranks).
+
+    Args:
+        values: begins a pass over all values. count: their number.
+    """
     from scipy.stats import binom
 
-    ordered, count = np.sort(values), len(values)
     # The number of plants below the true quantile is binomial: ranks between which it lies with this level.
-    low = int(binom.ppf(0.5 - 0.5 * level, count, part))
-    high = int(binom.ppf(0.5 + 0.5 * level, count, part)) + 1
-    return Quantile(
-        part,
-        float(np.quantile(values, part)),
-        float(ordered[low - 1]) if low >= 1 else None,
-        float(ordered[high - 1]) if high <= count else None,
+    ends = [
+        (int(binom.ppf(0.5 - 0.5 * level, count, part)) - 1, int(binom.ppf(0.5 + 0.5 * level, count, part)))
+        for part in PARTS
+    ]
+    places = [part * (count - 1) for part in (*PARTS, *CURVE)]
+    ranks = {rank for place in places for rank in (math.floor(place), math.ceil(place))}
+    ranks |= {rank for pair in ends for rank in pair if 0 <= rank < count}
+    ordered = sorted(ranks)
+    found = dict(zip(ordered, order_statistics(values, count, ordered).tolist(), strict=True))
+
+    def between(place: float) -> float:
+        low, high = found[math.floor(place)], found[math.ceil(place)]
+        return float(low + (high - low) * (place - math.floor(place)))
+
+    quantiles = tuple(
+        Quantile(part, between(place), found.get(low), found.get(high))
+        for part, place, (low, high) in zip(PARTS, places, ends, strict=False)
     )
+    return quantiles, tuple(between(place) for place in places[len(PARTS) :])
 
 
-def passing_of(values: Floats, limit: float, level: float = LEVEL) -> Passing:
-    """Probability of a magnitude at or below a limit, with the interval of Clopper and Pearson."""
+def passing_of(passed: int, count: int, limit: float, level: float = LEVEL) -> Passing:
+    """Probability of a magnitude at or below a limit, with the interval of Clopper and Pearson.
+
+    Args:
+        passed: plants of `count` that keep the limit.
+    """
     from scipy.stats import binomtest
 
-    passed = int(np.count_nonzero(np.abs(values) <= limit))
-    interval = binomtest(passed, len(values)).proportion_ci(level, "exact")
-    return Passing(limit, passed / len(values), float(interval.low), float(interval.high))
+    if not count:
+        return Passing(limit, math.nan, 0.0, 1.0)
+    interval = binomtest(passed, count).proportion_ci(level, "exact")
+    return Passing(limit, passed / count, float(interval.low), float(interval.high))
+
+
+def base_sample(design: Design) -> Design:
+    """The first base points of a design, as many as Sobol indices are made of."""
+    while design.rows > _VALUES_OF_INDICES:
+        design = design._replace(size=design.size // 2)
+    return design
+
+
+def _sensitivity(rows: ResultRows, column: str) -> tuple[Sensitivity, ...]:
+    """Sobol indices of a figure; of a long design by its first base points, which are a design too."""
+    design = base_sample(rows.head.design)
+    taken = np.empty(design.rows)
+    for first, batch in rows.batches([column]):
+        if first >= len(taken):
+            break
+        part = batch[column][: len(taken) - first]
+        taken[first : first + len(part)] = part
+    return sensitivity_of(taken, design, rows.head.factors)
 
 
 def sensitivity_of(

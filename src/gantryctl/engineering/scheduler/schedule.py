@@ -17,8 +17,6 @@ CHUNK_MIN_S: Final = 1.0
 CHUNK_MAX_S: Final = 300.0
 # A long run is cut into so many chunks for each worker: few enough for their files, enough to end together.
 _PARTS: Final = 100
-# Before the first chunk nobody knows how long a row takes.
-_FIRST_ROWS: Final = 2
 # A row that takes its worker with it each time would go round for ever.
 _LOST_MAX: Final = 8
 _POLL_S: Final = 0.5
@@ -41,6 +39,11 @@ class _Backlog:
         known_s = row_s if self._row_s is None else self._row_s
         self._row_s = 0.5 * (known_s + row_s) if row_s > known_s else row_s
 
+    @property
+    def chunks_per_slot(self) -> int:
+        """One chunk waits for each slot, so that no worker waits for the client; before a row is measured none does."""
+        return 1 if self._row_s is None else 2
+
     def put_back(self, chunk: Chunk) -> None:
         """These rows are still missing."""
         self._ranges.appendleft(chunk)
@@ -57,7 +60,7 @@ class _Backlog:
 
     def _size(self, slots: int) -> int:
         if self._row_s is None:
-            return max(_FIRST_ROWS, self._pack)
+            return self._pack
         ahead_s = self._row_s * self.rows / slots
         target_s = min(max(ahead_s / _PARTS, CHUNK_MIN_S), CHUNK_MAX_S)
         size = round(target_s / max(self._row_s, 1e-9))
@@ -67,7 +70,7 @@ class _Backlog:
 def run_job(
     missing: Iterable[Chunk], pool: Pool, pack: int = 1, stopped: Callable[[], bool] = lambda: False
 ) -> Iterator[tuple[Chunk, Rows]]:
-    """Every missing row once, in chunks of a second to five minutes, in any order.
+    """Every missing row once, in any order; a pack for each slot, then chunks of a second to five minutes.
 
     Args:
         missing: ranges of rows, apart from each other.
@@ -81,8 +84,7 @@ def run_job(
     lost: Counter[int] = Counter()
     under_way = 0
     while under_way or (backlog.rows and not stopped()):
-        # One chunk waits for each slot, so that no worker waits for the client.
-        while backlog.rows and under_way < 2 * pool.slots and not stopped():
+        while backlog.rows and under_way < backlog.chunks_per_slot * pool.slots and not stopped():
             pool.submit(backlog.take(pool.slots))
             under_way += 1
         if stopped():

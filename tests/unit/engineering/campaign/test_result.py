@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,8 @@ import pytest
 from gantryctl.engineering.campaign import result as result_module
 from gantryctl.engineering.campaign.job import CampaignJob
 from gantryctl.engineering.campaign.population import Campaign
-from gantryctl.engineering.campaign.result import METADATA_KEY, ResultFolder
+from gantryctl.engineering.campaign.result import ResultFolder
+from gantryctl.engineering.campaign.row_files import METADATA_KEY
 from gantryctl.engineering.campaign.run import RunEnd, run_campaign
 from gantryctl.engineering.campaign.statistics import population_of
 from gantryctl.engineering.scheduler.identity import identity
@@ -20,6 +22,7 @@ from gantryctl.engineering.scheduler.job import Chunk
 from gantryctl.engineering.scheduler.pools import ThreadPool
 from gantryctl.errors import StateError, UsageError
 from gantryctl.runtime import StateLock
+from support.campaign_results import rows_of
 
 from .conftest import INERTIA, ORDER
 
@@ -59,8 +62,7 @@ def test_a_run_that_was_ended_goes_on_and_gives_the_same_rows(made: Made, tmp_pa
     assert not first.complete
     second = run(campaign, folder)
     assert second == RunEnd(8, 8, 8 - first.there)
-    found = ResultFolder(folder).read([FIGURE])
-    assert np.array_equal(found[FIGURE], CampaignJob(campaign).rows(0, 8)[FIGURE])
+    assert np.array_equal(rows_of(folder, [FIGURE])[FIGURE], CampaignJob(campaign).rows(0, 8)[FIGURE])
     assert run(campaign, folder) == RunEnd(8, 8, 0)
 
 
@@ -70,7 +72,7 @@ def test_what_is_missing_is_what_no_file_holds(made: Made, tmp_path: Path) -> No
     for chunk in (Chunk(2, 2), Chunk(5, 1)):
         result.write(head, chunk, CampaignJob(campaign).rows(*chunk))
     assert result.missing(head) == [Chunk(0, 2), Chunk(4, 1), Chunk(6, 2)]
-    assert result.read([FIGURE])["row"].tolist() == [2, 3, 5]
+    assert rows_of(tmp_path, ["row"])["row"].tolist() == [2, 3, 5]
 
 
 def test_a_longer_campaign_goes_on_with_the_rows_that_are_there(made: Made, tmp_path: Path) -> None:
@@ -107,20 +109,25 @@ def test_another_campaign_and_other_code_are_refused(
 
 
 def test_damage_is_named(made: Made, tmp_path: Path) -> None:
-    campaign = made()
-    run(campaign, tmp_path)
+    campaign, result = made(), ResultFolder(tmp_path)
+    head = result.begin(campaign)
+    for chunk in (Chunk(0, 2), Chunk(4, 2)):
+        result.write(head, chunk, CampaignJob(campaign).rows(*chunk))
     file = sorted(tmp_path.glob("rows-*.parquet"))[0]
     whole = file.read_bytes()
     file.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(StateError, match=f"{file.name}: cannot be read"):
         run(campaign, tmp_path)
     file.write_bytes(whole)
-    twice = file.with_name("rows-0000000000-0000000007.parquet")
+    twice = file.with_name("rows-0000000001-0000000004.parquet")
     twice.write_bytes(whole)
-    with pytest.raises(StateError, match=r"its rows are in .* too"):
+    with pytest.raises(StateError, match=r"some of its rows are in .* too"):
         run(campaign, tmp_path)
     twice.unlink()
     file.rename(file.with_name("rows-0000000100-0000000101.parquet"))
+    with pytest.raises(StateError, match=r"0000000101\.parquet: holds other rows than its name"):
+        run(campaign, tmp_path)
+    (tmp_path / "rows-0000000100-0000000101.parquet").unlink()
     assert run(campaign, tmp_path).complete
     (tmp_path / "result.json").write_text("{}")
     with pytest.raises(StateError, match=r"result\.json: cannot be read"):
@@ -146,3 +153,29 @@ def test_two_runs_do_not_write_one_result(made: Made, tmp_path: Path) -> None:
 def test_there_is_no_result_in_an_empty_folder(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="holds no result of a campaign"):
         population_of(ResultFolder(tmp_path))
+
+
+@pytest.mark.parametrize("held", [0, 10**6])
+def test_batches_depend_on_the_rows_and_not_on_their_files(
+    made: Made, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, held: int
+) -> None:
+    """Sums of floats depend on their order: the same rows must give the same figures before and after a merge."""
+    monkeypatch.setattr(result_module, "_BATCH", 4)
+    monkeypatch.setattr(result_module, "_HELD", held)
+    campaign = made(order=ORDER.replace("count = 8", "count = 13"))
+    rows = CampaignJob(campaign).rows(0, 16)
+    found = []
+    for k, cuts in enumerate(([0, 12], [0, 1, 3, 6, 7, 12])):
+        result = ResultFolder(tmp_path / str(k))
+        head = result.begin(campaign)
+        for low, high in itertools.pairwise(cuts):
+            chunk = {name: column[low:high] for name, column in rows.items()}
+            result.write(head, Chunk(low, high - low), chunk)
+        batches = list(result.rows().batches([FIGURE]))
+        assert [first for first, _ in batches] == [0, 4, 8]
+        found.append([part[FIGURE].tobytes() for _, part in batches])
+    assert found[0] == found[1]
+    # The campaign ends within a chunk.
+    result.write(head, Chunk(12, 4), {name: column[12:] for name, column in rows.items()})
+    assert result.rows().there == 13
+    assert [len(part[FIGURE]) for _, part in result.rows().batches([FIGURE])] == [4, 4, 4, 1]

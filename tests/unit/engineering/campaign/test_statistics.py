@@ -10,11 +10,18 @@ import pytest
 from gantryctl.engineering.campaign.report.text import percent
 from gantryctl.engineering.campaign.sampling import Design, unit_points
 from gantryctl.engineering.campaign.statistics import (
+    PARTS,
+    Quantile,
     figure_statistics,
     passing_of,
-    quantile_of,
+    quantiles_of,
     sensitivity_of,
 )
+
+
+def quantile_of(values: np.ndarray, part: float) -> Quantile:
+    quantiles, _ = quantiles_of(lambda: [values], len(values))
+    return quantiles[PARTS.index(part)]
 
 
 def test_the_interval_of_a_median_of_ten_lies_between_the_second_and_the_ninth() -> None:
@@ -45,17 +52,18 @@ def test_the_interval_holds_the_true_quantile_as_often_as_it_says(part: float) -
 
 def test_nobody_of_thirty_is_the_rule_of_three() -> None:
     """No failure in n: the exact upper end of the failures is 1 - 0.025^(1/n), 11.6 % for 30."""
-    found = passing_of(np.full(30, -0.05), 0.1)
+    found = figure_statistics("x", lambda: [np.full(30, -0.05)], (0.1,)).passing[0]
     assert found.probability == found.high == 1.0
     assert found.low == pytest.approx(0.025 ** (1.0 / 30.0))
-    beyond = passing_of(np.array([0.2] * 5 + [0.1] * 5), 0.1)
+    beyond = passing_of(5, 10, 0.1)
     assert beyond.probability == 0.5
     # Clopper and Pearson (1934), their table for 5 of 10.
     assert (beyond.low, beyond.high) == (pytest.approx(0.1871, abs=1e-4), pytest.approx(0.8129, abs=1e-4))
 
 
 def test_mean_and_deviation_are_those_of_the_sample() -> None:
-    found = figure_statistics("x", np.array([1.0, 2.0, 3.0, 6.0]), (2.5,))
+    batches = [np.array([1.0, 2.0]), np.empty(0), np.array([3.0, 6.0])]
+    found = figure_statistics("x", lambda: batches, (2.5,))
     assert (found.mean, found.smallest, found.largest, found.plants) == (3.0, 1.0, 6.0, 4)
     assert found.deviation == pytest.approx(math.sqrt(14.0 / 3.0))
     assert found.passing[0].probability == 0.5

@@ -38,6 +38,7 @@ def _figure(found: Population, figure: FigureStatistics) -> dict[str, Any]:
         "smallest": figure.smallest,
         "largest": figure.largest,
         "quantiles": [each._asdict() for each in figure.quantiles],
+        "curve": list(figure.curve),
         "passing": [each._asdict() for each in figure.passing],
         "sensitivity": [each._asdict() for each in figure.sensitivity],
     }

@@ -3,57 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.campaign.statistics import FigureStatistics, Population
+from gantryctl.engineering.campaign.statistics import CURVE, Sensitivity
 from gantryctl.engineering.report.svg import BLUE, ORANGE, WIDTH_IN, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Results differ by colour and by line: the page is printed in grey, too.
 _LINES: Final = ("-", "--", "-.", ":")
 _COLOURS: Final = (BLUE, ORANGE, "#00715a", "#7a3e9d")
-# Points of a curve; more are no use at this size.
-_POINTS: Final = 400
+_LIMIT: Final = "#b3261e"
+# From here on values lie on a scale of powers of ten.
+_WIDE: Final = 30.0
+
+
+class Curve(NamedTuple):
+    """Distribution of a figure over one population.
+
+    Attributes:
+        values: below which 0, 1, ... 100 % of the plants are.
+    """
+
+    name: str
+    values: Sequence[float]
 
 
 @styled
-def distribution(populations: Sequence[tuple[str, Population]], columns: Sequence[str], title: str) -> Figure:
-    """Part of the plants at or below a value: one curve for each result and column, limits as lines."""
+def distribution(curves: Sequence[Curve], limits: Sequence[float], label: str) -> Figure:
+    """Part of the plants at or below a value: one curve for each population, limits as lines."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH_IN, 3.2), layout="constrained")
     axes = figure.subplots()
-    curves = [
-        (name, column, found) for name, found in populations for column in columns if column in found.values
-    ]
-    for k, (name, column, found) in enumerate(curves):
-        ordered = np.sort(found.values[column])
-        rank = np.unique(np.linspace(0, len(ordered) - 1, _POINTS).round().astype(int))
-        label = " ".join(part for part in (name, column.rpartition(".")[0]) if part)
+    for k, curve in enumerate(curves):
         colour, line = _COLOURS[k % len(_COLOURS)], _LINES[k // len(_COLOURS) % len(_LINES)]
-        axes.plot(
-            ordered[rank],
-            100.0 * (rank + 1) / len(ordered),
-            line,
-            color=colour,
-            label=label,
-            drawstyle="steps-post",
-        )
-    limits = sorted({limit for _, column, found in curves for limit in found.head.limits_of(column)})
-    for limit in limits:
-        axes.axvline(limit, color="#b3261e", linewidth=0.9, linestyle=":")
-        axes.annotate(
-            f"{limit:g}", (limit, 1.0), xycoords=("data", "axes fraction"), color="#b3261e", va="bottom"
-        )
-    _, column, found = curves[0]
-    values = np.concatenate([found.values[column] for _, column, found in curves])
-    if float(values.min()) > 0.0 and float(values.max()) > 30.0 * float(values.min()):
-        axes.set_xscale("log")
-    axes.set_xlabel(f"{title}, {found.head.outputs[column].unit}")
+        axes.plot(curve.values, [100.0 * part for part in CURVE], line, color=colour, label=curve.name)
+    _draw_limits(axes, limits)
+    _scale(axes, [value for curve in curves for value in curve.values])
+    axes.set_xlabel(label)
     axes.set_ylabel("plants at or below, %")
     axes.set_ylim(0.0, 100.0)
     if len(curves) > 1:
@@ -61,12 +53,55 @@ def distribution(populations: Sequence[tuple[str, Population]], columns: Sequenc
     return figure
 
 
+class Spread(NamedTuple):
+    """Figure of one population: its 5 %, 50 % and 95 % quantiles."""
+
+    name: str
+    low: float
+    median: float
+    high: float
+
+
 @styled
-def sensitivity(figure_of: FigureStatistics) -> Figure:
+def spreads(rows: Sequence[Spread], limits: Sequence[float], label: str) -> Figure:
+    """Medians below each other, with the middle 90 % of the plants as bars."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.24 * len(rows)), layout="constrained")
+    axes = figure.subplots()
+    place = np.arange(len(rows))
+    axes.hlines(
+        place, [row.low for row in rows], [row.high for row in rows], color=BLUE, linewidth=3.5, alpha=0.55
+    )
+    axes.plot([row.median for row in rows], place, "o", color=BLUE, markersize=5.0)
+    _draw_limits(axes, limits)
+    _scale(axes, [value for row in rows for value in (row.low, row.high)])
+    axes.set_yticks(place, [row.name for row in rows])
+    axes.invert_yaxis()
+    axes.set_xlabel(f"{label}: median, and 5 .. 95 % of the plants")
+    return figure
+
+
+def _draw_limits(axes: Axes, limits: Sequence[float]) -> None:
+    for limit in limits:
+        axes.axvline(limit, color=_LIMIT, linewidth=0.9, linestyle=":")
+        place = (limit, 1.0)
+        axes.annotate(
+            f"{limit:g}", place, xycoords=("data", "axes fraction"), color=_LIMIT, va="bottom", ha="center"
+        )
+
+
+def _scale(axes: Axes, values: Sequence[float]) -> None:
+    if min(values) > 0.0 and max(values) > _WIDE * min(values):
+        axes.set_xscale("log")
+
+
+@styled
+def sensitivity(indices: Sequence[Sensitivity]) -> Figure:
     """First-order and total Sobol indices of one figure, with their intervals."""
     from matplotlib.figure import Figure
 
-    rows = sorted(figure_of.sensitivity, key=lambda each: each.total)
+    rows = sorted(indices, key=lambda each: each.total)
     figure = Figure(figsize=(WIDTH_IN, 0.9 + 0.34 * len(rows)), layout="constrained")
     axes = figure.subplots()
     place = np.arange(len(rows))

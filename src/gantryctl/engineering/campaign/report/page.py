@@ -84,18 +84,24 @@ def _figures(shown: Sequence[tuple[str, Population]]) -> list[ShownFigure]:
         column.rpartition(".")[2]: output for _, each in shown for column, output in each.head.outputs.items()
     }
     for name, output in named.items():
-        columns = list(
-            dict.fromkeys(
-                column for _, each in shown for column in each.values if column.rpartition(".")[2] == name
-            )
-        )
-        figure = figures.distribution(shown, columns, output.meaning)
+        mine = [
+            (result, each, of)
+            for result, each in shown
+            for of in each.figures
+            if of.column.rpartition(".")[2] == name
+        ]
+        curves = [
+            figures.Curve(" ".join(filter(None, (result, of.column.rpartition(".")[0]))), of.curve)
+            for result, _, of in mine
+        ]
+        limits = sorted({limit for _, each, of in mine for limit in each.head.limits_of(of.column)})
+        figure = figures.distribution(curves, limits, f"{output.meaning}, {output.unit}")
         found.append(still(figure, name, f"{output.meaning}: part of the plants at or below a value."))
     for _, each in shown:
         for of in each.figures:
             if of.sensitivity:
                 caption = f"Sobol indices of {of.column}: what makes its variance."
-                found.append(still(figures.sensitivity(of), f"sobol-{of.column}", caption))
+                found.append(still(figures.sensitivity(of.sensitivity), f"sobol-{of.column}", caption))
     return found
 
 

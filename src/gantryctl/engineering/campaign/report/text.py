@@ -4,7 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from gantryctl.engineering.campaign.statistics import LEVEL, PARTS, FigureStatistics, Population
+from gantryctl.engineering.campaign.statistics import (
+    LEVEL,
+    PARTS,
+    FigureStatistics,
+    Population,
+    base_sample,
+)
 from gantryctl.engineering.report.text import TextTable
 
 
@@ -88,8 +94,9 @@ def _sensitivity_table(name: str, found: Population, figure: FigureStatistics) -
         for each in sorted(figure.sensitivity, key=lambda each: -each.total)
     )
     interval = f"{100.0 * LEVEL:g} %"
+    what = " ".join(filter(None, (figure.column, name)))
     return TextTable(
-        f"Sobol indices of {' '.join(filter(None, (figure.column, name)))}, base sample {found.head.design.size}",
+        f"Sobol indices of {what}, base sample {base_sample(found.head.design).size}",
         ("factor", "first order", interval, "total", interval),
         rows,
     )
