@@ -30,8 +30,8 @@ WRONG = {
         r"\[vary\.x\] keys: plant\.load\.inertia: no key has this path; did you mean plant\.load\.inertia_kg_m2",
     ),
     "a value beyond the limit": (
-        law("uniform", "low = 2e6\nhigh = 9e7"),
-        r"\[vary\.x\]: gives \[plant\.load\] inertia_kg_m2 = 9e\+07 kg m2, allowed 1000\.\.20000000 kg m2",
+        law("uniform", "low = 2e6\nhigh = 9e8"),
+        r"\[vary\.x\]: gives \[plant\.load\] inertia_kg_m2 = 9e\+08 kg m2, allowed 0\.01\.\.100000000 kg m2",
     ),
     "a relative value beyond the limit": (
         law("discrete", "relative = true\nvalues = [1.0, 50.0]"),
