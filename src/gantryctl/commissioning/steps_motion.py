@@ -229,7 +229,7 @@ def _unbraked_way_deg(c: Context) -> float:
 def _jog_release(c: Context, speed: float) -> float:
     """Measure a jog release: from the end of constant speed to rest."""
     with _recorded_run(c, f"jog release from {speed:g} deg/s") as (run, recorder):
-        run.jog(run.angle_deg < 0.0, speed, 3.0)
+        run.jog(run.angle_deg < c.machine.axis.start_angle_deg, speed, 3.0)
     trace = recorder.trace()
     vel, pos = np.abs(trace["vel_ref_rad_s"]), trace["pos_act_rad"]
     # From the last scan at full speed, as the jog key is let go there.
@@ -241,7 +241,7 @@ def slow_turn(c: Context) -> StepResult:
     """Fit friction and eccentric moment to the torque over the angle, both ways."""
     low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
     speed = min(TURN_SPEED, c.machine.speed.setting_max_deg_s)
-    # Forward from the middle to the end and from the other end to the middle: both ways are whole.
+    # Forward to the end and from the other end back to where it began: both ways are whole.
     with _recorded_run(c, "the whole travel") as (run, recorder):
         encoders, progress = BothEncoders(run), c.watch.meter.observer()
 
@@ -250,7 +250,7 @@ def slow_turn(c: Context) -> StepResult:
             encoders.look()
 
         run.observe(look)
-        for target in (high, low, 0.0):
+        for target in (high, low, c.machine.axis.start_angle_deg):
             run.move(target, speed)
     trace = recorder.trace()
     ratio = c.machine.axis.ratio

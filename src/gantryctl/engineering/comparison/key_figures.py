@@ -15,6 +15,7 @@ from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.machine import Machine
+from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation
@@ -95,6 +96,11 @@ KEY_FIGURES: Final = {
 }
 
 
+# Moves that are compared, where travel has them.
+QUARTER_DEG: Final = (0.0, 90.0)
+HALF_DEG: Final = (-90.0, 90.0)
+
+
 def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> list[KeyFigures]:
     """Run everything on every machine; its seed draws the tracker's noise."""
     chords = zip(*(chord_figures(machines, name, seeds) for name in "AB"), strict=True)
@@ -102,7 +108,8 @@ def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> li
 
 
 def _key_figures(machine: Machine, chord_a: ChordFigures, chord_b: ChordFigures) -> KeyFigures:
-    quarter, half = move_figures(machine, 0.0, 90.0), move_figures(machine, -90.0, 90.0)
+    quarter = move_figures(machine, *fitted_stretch_deg(machine, *QUARTER_DEG))
+    half = move_figures(machine, *fitted_stretch_deg(machine, *HALF_DEG))
     (true_a, seen_a), (true_b, seen_b) = chord_a, chord_b
     return KeyFigures(
         a_true_a=true_a,

@@ -11,6 +11,7 @@ import numpy as np
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.analysis.measured.on_engine import experiment
+from gantryctl.engineering.comparison.key_figures import HALF_DEG, QUARTER_DEG
 from gantryctl.engineering.comparison.variants import check_same_plant
 from gantryctl.engineering.identification.on_engine import EngineAxis
 from gantryctl.engineering.identification.samples import MoveLog
@@ -18,6 +19,7 @@ from gantryctl.engineering.instruments import Instrument
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
+from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.operation.run import AxisRun
 
 # Readings of the end of a dwell, s: two seconds of four of the first mode.
@@ -85,10 +87,7 @@ def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:
     procedure = chord_procedure("A")
     read = [_dwell(axis.go(stop.target_deg, fast)) for stop in procedure.stops]
     table = evaluate(procedure, read, machine.accuracy.chord_radius_m)
-    axis.go(0.0, fast)
-    quarter = axis.go(90.0, fast)
-    axis.go(-90.0, fast)
-    half = axis.go(90.0, fast)
+    quarter, half = (_move(machine, axis, stretch) for stretch in (QUARTER_DEG, HALF_DEG))
     return BusFigures(
         a_seen_deg=float(accuracy_a(table.errors_deg)),
         load_error_90_deg_s=_load_error_deg_s(quarter),
@@ -97,6 +96,12 @@ def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:
         time_180_s=_time_s(half),
         torque_nm=max(float(np.max(np.abs(log.torque_nm))) for log in (quarter, half)),
     )
+
+
+def _move(machine: Machine, axis: EngineAxis, stretch_deg: tuple[float, float]) -> MoveLog:
+    start, end = fitted_stretch_deg(machine, *stretch_deg)
+    axis.go(start, machine.speed.setting_max_deg_s)
+    return axis.go(end, machine.speed.setting_max_deg_s)
 
 
 def _dwell(log: MoveLog) -> float:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.engineering.comparison.key_figures import MoveFigures, move_figures
+from gantryctl.engineering.comparison.key_figures import QUARTER_DEG, MoveFigures, move_figures
 from gantryctl.machine import Machine, with_values
+from gantryctl.machine.places import fitted_stretch_deg
 
 # Of the bisection: acceleration to 0.1 %.
 _STEPS: Final = 12
@@ -27,20 +28,20 @@ def profiles_at_equal_base_motion(machine: Machine, base_um: float, swing_hz: fl
     Args:
         swing_hz: first mode; the S-curve takes one period of it for its acceleration ramp.
     """
-    rows = []
+    rows, quarter = [], fitted_stretch_deg(machine, *QUARTER_DEG)
     for name, profile in (("trapezoid", "trapezoid"), ("S-curve, ramps of one swing period", "jerk_limited")):
         acc = _acceleration(machine, profile, base_um, swing_hz)
-        move = move_figures(_with_profile(machine, profile, acc, swing_hz), 0.0, 90.0)
+        move = move_figures(_with_profile(machine, profile, acc, swing_hz), *quarter)
         rows.append(ProfileRow(name, acc, acc * swing_hz if profile == "jerk_limited" else 0.0, move))
     return rows
 
 
 def _acceleration(machine: Machine, profile: str, base_um: float, swing_hz: float) -> float:
-    low, high = 0.1, _HIGHEST_DEG_S2
+    low, high, quarter = 0.1, _HIGHEST_DEG_S2, fitted_stretch_deg(machine, *QUARTER_DEG)
     # Equal base motion, because a faster profile that shakes more is no better one.
     for _ in range(_STEPS):
         middle = (low * high) ** 0.5
-        shaken = move_figures(_with_profile(machine, profile, middle, swing_hz), 0.0, 90.0).base_um
+        shaken = move_figures(_with_profile(machine, profile, middle, swing_hz), *quarter).base_um
         low, high = (middle, high) if shaken <= base_um else (low, middle)
     return low
 

@@ -36,7 +36,8 @@ _POWER_S: Final = 12.0
 _CALM_S: Final = 1.0
 # Quick stop and brake test are well under way this long after they began.
 _UNDER_WAY_S: Final = 0.05
-_TARGET_DEG: Final = 170.0
+# Before the end of travel, at most.
+_TARGET_BEFORE_END_DEG: Final = 10.0
 
 COLUMNS: Final = (
     "time_s", "pos_deg", "vel_deg_s", "pos_load_deg", "vel_load_deg_s", "torque_nm", "brake_closed", "told_deg",
@@ -312,7 +313,8 @@ class FaultBench:
         """Ask for a long move in the direction of the speed."""
         speed = self._speed or 1.0
         axis = self.machine.axis
-        end = min(_TARGET_DEG, axis.pos_max_deg) if speed > 0.0 else max(-_TARGET_DEG, axis.pos_min_deg)
+        spare = min(_TARGET_BEFORE_END_DEG, 0.05 * (axis.pos_max_deg - axis.pos_min_deg))
+        end = axis.pos_max_deg - spare if speed > 0.0 else axis.pos_min_deg + spare
         self.command(move=True, target_rad=rad(end), speed_rad_s=rad(abs(speed)))
 
     def reach(self) -> None:

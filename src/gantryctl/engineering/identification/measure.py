@@ -9,6 +9,7 @@ from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop
 from gantryctl.engineering.identification.samples import MoveLog, Samples, hash_of, joined, steady
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
+from gantryctl.machine.places import fitted_stretch_deg
 
 # Speed of the slow turns: friction is steady, and the tooth mesh passes below the first mode.
 TURN_DEG_S: Final = 1.0
@@ -22,6 +23,8 @@ SWING_DEG_S: Final = 3.5
 SWING_ACC_DEG_S2: Final = 0.3
 # Where, and how fast, the speed loop is measured: friction slides.
 SPEED_LOOP_DEG: Final = 60.0
+# Room that it turns in meanwhile.
+_SPEED_LOOP_WAY_DEG: Final = 50.0
 # Of the rated torque: far above ripple and quantisation, far below the limit.
 SPEED_LOOP_SHARE: Final = 0.15
 # Of the travel, kept at both ends.
@@ -157,17 +160,18 @@ def record(axis: AxisUnderTest) -> MotionRecording:
     low, high = travel_of(machine)
     fast = machine.speed.setting_max_deg_s
     near, far = SWING_DEG
-    axis.go(min(SPEED_LOOP_DEG, high - 50.0), fast)
+    axis.go(fitted_stretch_deg(machine, SPEED_LOOP_DEG, SPEED_LOOP_DEG + _SPEED_LOOP_WAY_DEG)[0], fast)
     loop = axis.speed_loop(SPEED_LOOP_SHARE * machine.motor.torque_rated_nm)
     axis.go(low, fast)
     turns = [steady(axis.go(to, TURN_DEG_S), cruise_only=True) for to in (high, low)]
     swings = []
-    for inner, outer in ((max(low, -near), max(low, -far)), (min(high, near), min(high, far))):
+    outer_low, inner_low = fitted_stretch_deg(machine, -far, -near)
+    for inner, outer in ((inner_low, outer_low), fitted_stretch_deg(machine, near, far)):
         axis.go(inner, fast)
         swings += [steady(axis.go(to, SWING_DEG_S), cruise_only=False) for to in (outer, inner)]
-    start = max(low, -0.5 * CREEP_DEG)
+    start, end = fitted_stretch_deg(machine, -0.5 * CREEP_DEG, 0.5 * CREEP_DEG)
     axis.go(start, fast)
-    creep = steady(axis.go(start + CREEP_DEG, CREEP_DEG_S), cruise_only=True)
+    creep = steady(axis.go(end, CREEP_DEG_S), cruise_only=True)
     parts = (joined(turns), joined(swings), creep)
     return MotionRecording(
         *parts,

@@ -13,6 +13,7 @@ from gantryctl import _core
 from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
+from gantryctl.machine.places import heaviest_deg
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
 from gantryctl.units import deg, rad
@@ -100,11 +101,11 @@ def run_stop(
 def worst_stop(
     machine: Machine, stop_class: StopClass, speed_deg_s: float, quick_dec_deg_s2: float | None = None
 ) -> StopResult:
-    """The stops at +-90 deg in both directions, each figure the worst of the four."""
+    """The stops where the eccentric moment is largest, in both directions, each figure the worst of the four."""
     runs = [
         run_stop(machine, stop_class, sign * speed_deg_s, at, quick_dec_deg_s2)
-        # The eccentric moment is largest at +-90 deg and helps or hinders by direction.
-        for at in (90.0, -90.0)
+        # The moment helps or hinders by direction.
+        for at in heaviest_deg(machine)
         for sign in (1.0, -1.0)
     ]
     return worst_of(stop_class, speed_deg_s, runs)

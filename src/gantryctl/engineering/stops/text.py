@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from gantryctl.engineering.report.origin import Origin
@@ -10,10 +11,11 @@ from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopRow
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.machine import Machine, required_stopping_angle
+from gantryctl.machine.places import heaviest_deg
 from gantryctl.machine.rules.reaction import REACTION_S
 
 _NOTE = """All figures of the table are {origin}, on the full plant of the machine file; {measured}.
-Worst of four stops each (at +-90 deg, both directions), with an eccentric moment of {moment:g} kN m.
+Worst of four stops each (at {at} deg, both directions), with an eccentric moment of {moment:g} kN m.
 Angle and time: until the motor stands (below 0.05 deg/s); the load goes on swinging at the speed of the last column.
 + {reaction:g} ms: the angle with that much travel before the stop begins; permitted: {permitted:g} deg.
 Required by {source}.
@@ -22,10 +24,20 @@ Above the ratings (motor {torque:g} N m, reducer {reducer:g} kN m momentary): in
 
 def stops_text(rows: Sequence[StopRow]) -> TextTable:
     """One row per stop; the first and the last column are words."""
-    return TextTable.of("", [_row(row) for row in rows])._replace(left=(0, 10))
+    stops = [row.stop for row in rows]
+    motor = _decimals([stop.torque_motor_nm for stop in stops], 0)
+    reducer = _decimals([stop.torque_reducer_nm / 1e3 for stop in stops], 1)
+    energy = _decimals([stop.brake_energy_kj for stop in stops], 1)
+    return TextTable.of("", [_row(row, motor, reducer, energy) for row in rows])._replace(left=(0, 10))
 
 
-def _row(row: StopRow) -> dict[str, str]:
+def _decimals(values: Sequence[float], least: int) -> int:
+    """Decimals of a column: two digits of its largest value, of a small machine too."""
+    largest = max(values, default=0.0)
+    return max(least, 1 - math.floor(math.log10(largest))) if largest > 0.0 else least
+
+
+def _row(row: StopRow, motor: int, reducer: int, energy: int) -> dict[str, str]:
     stop = row.stop
     return {
         "stop": stop.stop_class.value,
@@ -33,10 +45,10 @@ def _row(row: StopRow) -> dict[str, str]:
         "angle\ndeg": f"{stop.angle_deg:.2f}",
         "+ 60 ms\ndeg": f"{row.angle_with_reaction_deg:.2f}",
         "time\ns": f"{stop.time_s:.2f}",
-        "motor\nN m": f"{stop.torque_motor_nm:.0f}",
-        "reducer\nkN m": f"{stop.torque_reducer_nm / 1e3:.1f}",
+        "motor\nN m": f"{stop.torque_motor_nm:.{motor}f}",
+        "reducer\nkN m": f"{stop.torque_reducer_nm / 1e3:.{reducer}f}",
         "base\num p-p": f"{stop.base_um:.0f}",
-        "brake\nkJ": f"{stop.brake_energy_kj:.1f}" if stop.brake_energy_kj else "-",
+        "brake\nkJ": f"{stop.brake_energy_kj:.{energy}f}" if stop.brake_energy_kj else "-",
         "load swing\ndeg/s": f"{stop.load_swing_deg_s:.2f}",
         "": "inspect afterwards" if row.inspect else "",
     }
@@ -58,6 +70,7 @@ def stops_note(machine: Machine, measured: MeasuredStops | None) -> str:
     """Origin and meaning of the columns, the permitted values, and what commissioning has measured."""
     required = required_stopping_angle(machine)
     return _NOTE.format(
+        at=" and ".join(f"{at:g}" for at in heaviest_deg(machine)),
         origin=Origin.SIMULATED,
         measured=_measured(measured),
         moment=machine.plant.load.eccentric_check_moment_nm / 1e3,

@@ -18,6 +18,7 @@ from gantryctl import _core
 from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.engineering.tuning.gains import Gains
 from gantryctl.machine import Machine, with_values
+from gantryctl.machine.places import fitted_stretch_deg, one_flank_deg
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import motion_limits, position_law
@@ -25,8 +26,6 @@ from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params
 
 Floats = NDArray[np.float64]
 
-# Where steps are made: away from the angles without eccentric moment, so that the gears stay on one flank.
-AT_DEG: Final = 75.0
 # The paper's encoder has 8192 steps; the least averaging of the speed that such an encoder needs in this drive.
 # One of 8192 steps in a drive cycle is 477 N m through the paper's Kvp. The value was taken up after it was
 # seen to explain that Kvp (docs/explanation/tuning.md).
@@ -160,7 +159,7 @@ class Bench:
         """A step on top of a slow turn, so that friction does not change; small enough for the torque limit."""
         cycle = self.drive.cycle_s
         sim = _core.GantrySim(plant_params(self.machine), self._drive_with(gains), cycle)
-        sim.static_start(rad(AT_DEG), True)
+        sim.static_start(rad(one_flank_deg(self.machine)), True)
         size = min(_STEP_RAD_S, _TORQUE_SHARE * self.machine.motor.torque_rated_nm / gains.kvp_nm_s_per_rad)
         # Turning slowly, so that friction does not change its sign with the step.
         ramp = round(0.5 * _SETTLE_S / cycle)
@@ -176,11 +175,12 @@ class Bench:
 
     def position_step(self, gains: Gains) -> PositionStep:
         """A step of the set-point while standing, without feed-forward, as large as the in-position window."""
-        loop = self._standing(gains, AT_DEG, kvf=0.0)
-        before = loop.rest(rad(AT_DEG), 1.0)
+        at_deg = one_flank_deg(self.machine)
+        loop = self._standing(gains, at_deg, kvf=0.0)
+        before = loop.rest(rad(at_deg), 1.0)
         # 0.005 deg: 0.01 deg drove the configured drive into its torque limit (docs/explanation/tuning.md).
         size = rad(self.machine.monitors.in_position_window_deg)
-        log = loop.rest(rad(AT_DEG) + size, _WATCH_S)
+        log = loop.rest(rad(at_deg) + size, _WATCH_S)
         motor = (log["pos_act_rad"] - before["pos_act_rad"][-1]) / size
         load = (log["pos_load_rad"] - before["pos_load_rad"][-1]) / size
         return PositionStep(
@@ -193,9 +193,10 @@ class Bench:
         )
 
     def move(self, gains: Gains, way_deg: float = _MOVE_DEG) -> TrialMove:
-        """A move from 0 deg with the profile of the machine file and the acceleration of the gains."""
-        loop = self._standing(gains, 0.0, gains.kvf)
-        plan = plan_move(SetPoint(0.0, 0.0, 0.0), rad(way_deg), self._limits(gains))
+        """A move, from 0 deg where it fits, with the profile of the machine file and the acceleration of the gains."""
+        start_deg, end_deg = fitted_stretch_deg(self.machine, 0.0, way_deg)
+        loop = self._standing(gains, start_deg, gains.kvf)
+        plan = plan_move(SetPoint(rad(start_deg), 0.0, 0.0), rad(end_deg), self._limits(gains))
         log = loop.run(plan, plan.duration + _AFTER_S)
         return _evaluate(self.machine, log, plan)
 

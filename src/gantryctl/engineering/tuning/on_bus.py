@@ -31,6 +31,7 @@ from gantryctl.engineering.tuning.gains import Gains, configured, machine_with
 from gantryctl.errors import ConfigError, StateError, UsageError
 from gantryctl.files import write_whole
 from gantryctl.machine import Machine, with_values
+from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.operation.run import AxisRun
 from gantryctl.wiring.compensation import check_calibration
 from gantryctl.wiring.simulator import drive_params
@@ -123,8 +124,9 @@ def measured_drive(machine: Machine, run: AxisRun) -> DriveFigures:
         UsageError: the speed loop cannot be read. AlarmStop: the axis was stopped.
     """
     lowest = machine.speed.setting_min_deg_s
-    run.move(SPEED_LOOP_DEG)
-    run.begin_move(SPEED_LOOP_DEG + _WAY_DEG, max(TURN_DEG_S, lowest), min(1.0, TURN_DEG_S / lowest))
+    start_deg, end_deg = fitted_stretch_deg(machine, SPEED_LOOP_DEG, SPEED_LOOP_DEG + _WAY_DEG)
+    run.move(start_deg)
+    run.begin_move(end_deg, max(TURN_DEG_S, lowest), min(1.0, TURN_DEG_S / lowest))
     run.follow(_CALM_S)
     rated_nm = machine.motor.torque_rated_nm
     loop = measured_speed_loop(EngineProbe(run, TORQUE_LIMIT_SHARE * rated_nm), SPEED_LOOP_SHARE * rated_nm)
