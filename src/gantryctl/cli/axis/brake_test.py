@@ -12,18 +12,23 @@ from gantryctl.cli.options import (
     bus_log_option,
     config_option,
     confirm,
+    directory,
     fresh_option,
     json_option,
     machine_of,
+    out_option,
     print_json,
     proven_machine,
     refuse_local_options,
     service_option,
     take_over_option,
     to_service,
+    write_text,
 )
+from gantryctl.cli.report import head_of, report_options
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.report.head import Made
     from gantryctl.errors import GantryctlError
     from gantryctl.operation.client import AxisClient, BrakeTestReport
 
@@ -32,16 +37,26 @@ if TYPE_CHECKING:
 @bus_log_option
 @config_option
 @fresh_option
+@out_option
+@report_options
 @json_option
 @service_option
 @click.option("--yes", is_flag=True, help="Do not ask before a real drive, or the service, gives torque.")
 @take_over_option
 def brake_test(
-    config_file: Path | None, fresh: bool, as_json: bool, service: bool, yes: bool, take_over: bool
+    config_file: Path | None,
+    fresh: bool,
+    out: Path | None,
+    as_json: bool,
+    service: bool,
+    yes: bool,
+    take_over: bool,
+    made: Made,
 ) -> int:
     """Test the closed brake: torque both ways for 2 s each, and nothing may move. Power must be off.
 
-    Exit code 1 when the brake does not pass. Ctrl-C ends the test: torque off, drive disabled, the brake stays closed.
+    With --out a report as well. Exit code 1 when the brake does not pass. Ctrl-C ends the test: torque off, drive
+    disabled, the brake stays closed.
     """
     if to_service(service, config_file):
         from gantryctl.cli.axis.service_axis import ServiceAxis
@@ -49,7 +64,7 @@ def brake_test(
         refuse_local_options({"fresh": fresh})
         axis = ServiceAxis(machine_of(config_file), take_over=take_over)
         axis.look()
-        return _test(axis, yes=yes, as_json=as_json)
+        return _test(axis, out, made, yes=yes, as_json=as_json)
     from contextlib import nullcontext
 
     from gantryctl.operation.run import AxisRun
@@ -58,13 +73,14 @@ def brake_test(
     # The failed test of an earlier run refuses motion, not the next test, which is the way out of it.
     machine = proven_machine(config_file)
     with nullcontext() if fresh else StateStore(machine) as store:
-        return _test(AxisRun(machine, store, brake_test=True), yes=yes, as_json=as_json)
+        return _test(AxisRun(machine, store, brake_test=True), out, made, yes=yes, as_json=as_json)
 
 
-def _test(axis: AxisClient, *, yes: bool, as_json: bool) -> int:
-    """Ask, test, print; the exit code."""
+def _test(axis: AxisClient, out: Path | None, made: Made, *, yes: bool, as_json: bool) -> int:
+    """Ask, test, print, report; the exit code."""
     # Torque against the closed brake of a real machine is asked for like a motion.
     from gantryctl.cli.axis.move import guarded
+    from gantryctl.engineering.report.origin import origin_of
     from gantryctl.errors import CommandRefused
     from gantryctl.wiring.program import untestable
 
@@ -82,8 +98,17 @@ def _test(axis: AxisClient, *, yes: bool, as_json: bool) -> int:
         return axis.test_brake()
 
     # An alarm or a refusal ends it without a verdict; what was measured until then is still shown.
-    report, failure = guarded(axis, action)
-    return _print(machine.name, report or axis.brake_test_report(), failure, as_json=as_json)
+    folder = None if out is None else directory(out)
+    ended, failure = guarded(axis, action)
+    report = ended or axis.brake_test_report()
+    code = _print(machine.name, report, failure, as_json=as_json)
+    if folder is not None:
+        from gantryctl.engineering.report.brake_test import render_brake_test
+
+        ended_by = "" if failure is None else str(failure)
+        page = render_brake_test(report, ended_by, origin_of(machine), head_of(machine, made))
+        click.echo(f"report: {write_text(folder / 'report.html', page).resolve()}", err=as_json)
+    return code
 
 
 def _print(name: str, report: BrakeTestReport, failure: GantryctlError | None, *, as_json: bool) -> int:

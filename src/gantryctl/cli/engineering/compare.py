@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE
 from gantryctl.cli.engineering.at_the_load import SIMULATED
 from gantryctl.cli.engineering.experiment import asking, instrument_at, yes_option
 from gantryctl.cli.options import (
@@ -20,11 +21,14 @@ from gantryctl.cli.options import (
     print_json,
     seed_option,
     write_json,
+    write_text,
 )
+from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
     from gantryctl.engineering.comparison.report import CompareReport
+    from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine
 
 
@@ -48,6 +52,7 @@ if TYPE_CHECKING:
 @yes_option
 @seed_option
 @out_option
+@report_options
 @json_option
 def compare(
     first: Path,
@@ -59,6 +64,7 @@ def compare(
     seed: int,
     out: Path | None,
     as_json: bool,
+    made: Made,
 ) -> int:
     """Compare two ways of control on one plant: accuracy, speed error, times, base motion, reducer torque.
 
@@ -71,6 +77,7 @@ def compare(
     """
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.engineering.comparison.report import compare_report
+    from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.errors import UsageError
 
     # Before half a minute of runs, not after it.
@@ -82,7 +89,7 @@ def compare(
     if paper.on_bus or improved.on_bus:
         if plants:
             raise UsageError("--ensemble: random plants are simulated, a machine on a bus is the one it is")
-        return _on_bus(paper, improved, instrument, seed, folder, yes=yes, as_json=as_json)
+        return _on_bus(paper, improved, instrument, seed, folder, made, yes=yes, as_json=as_json)
     report = compare_report(
         paper,
         improved,
@@ -97,16 +104,29 @@ def compare(
     else:
         _show(report)
     if folder is not None:
+        from gantryctl.engineering.comparison.page import render_comparison
+
         path = write_json(folder / "compare.json", data)
+        head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
+        page = write_text(folder / "report.html", render_comparison(report, improved, head))
         if not as_json:
-            click.echo(f"wrote {path}")
+            click.echo(f"wrote {path}, {page}")
     return 0
 
 
 def _on_bus(
-    paper: Machine, improved: Machine, place: str, seed: int, folder: Path | None, *, yes: bool, as_json: bool
+    paper: Machine,
+    improved: Machine,
+    place: str,
+    seed: int,
+    folder: Path | None,
+    made: Made,
+    *,
+    yes: bool,
+    as_json: bool,
 ) -> int:
     from gantryctl.engineering.comparison.on_bus import bus_table, compare_on_bus
+    from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.stops import check_quick_stop
 
     for machine in (paper, improved):
@@ -128,7 +148,12 @@ def _on_bus(
     else:
         print_table(bus_table(found))
     if folder is not None:
+        from gantryctl.engineering.comparison.page import render_bus_comparison
+
         write_json(folder / "compare.json", data)
+        certificate = SIMULATED_CERTIFICATE if place == SIMULATED else ""
+        head = head_of(improved, made, MeasuredBy(found.instrument, certificate))
+        write_text(folder / "report.html", render_bus_comparison(found, improved, head))
     return 0
 
 

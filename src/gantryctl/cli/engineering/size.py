@@ -7,10 +7,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import (
+    PATH,
+    config_option,
+    directory,
+    json_option,
+    machine_of,
+    out_option,
+    print_json,
+    write_text,
+)
+from gantryctl.cli.report import report_options
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.report.head import Made
     from gantryctl.engineering.sizing.checks import Fit
     from gantryctl.engineering.sizing.sheet import Sheet
     from gantryctl.machine import Machine
@@ -26,6 +37,8 @@ if TYPE_CHECKING:
 @click.option(
     "--write", "destination", type=PATH, help="Write a whole machine file: --config with these tables."
 )
+@out_option
+@report_options
 @json_option
 def size(
     files: tuple[Path, ...],
@@ -33,7 +46,9 @@ def size(
     config_file: Path | None,
     limits: bool,
     destination: Path | None,
+    out: Path | None,
     as_json: bool,
+    made: Made,
 ) -> int:
     """Size motors for the requirement sheet SHEET (default: the reference gantry's).
 
@@ -52,6 +67,11 @@ def size(
     machine = machine_of(config_file)
     if destination is not None:
         _write(machine, shown, destination)
+    if out is not None:
+        from gantryctl.engineering.sizing.page import render_sizing
+
+        page = write_text(directory(out) / "report.html", render_sizing(shown, fits, made))
+        click.echo(f"report: {page.resolve()}", err=True)
     if limits:
         return _print_limits(machine, shown)
     if as_json:

@@ -7,10 +7,21 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import FINITE, config_option, json_option, machine_of, print_json
+from gantryctl.cli.options import (
+    FINITE,
+    config_option,
+    directory,
+    json_option,
+    machine_of,
+    out_option,
+    print_json,
+    write_text,
+)
+from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import print_table
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine
 
 
@@ -18,11 +29,20 @@ if TYPE_CHECKING:
 @config_option
 @click.option("--speed", "speeds", type=FINITE, multiple=True, help="Speed in deg/s; may be repeated.")
 @click.option("--find-quick", is_flag=True, help="Find the largest quick-stop deceleration instead.")
+@out_option
+@report_options
 @json_option
-def stops(config_file: Path | None, speeds: tuple[float, ...], find_quick: bool, as_json: bool) -> int:
+def stops(
+    config_file: Path | None,
+    speeds: tuple[float, ...],
+    find_quick: bool,
+    out: Path | None,
+    as_json: bool,
+    made: Made,
+) -> int:
     """Show what every stop costs: normal ramp, jog release, quick stop, torque off + brake.
 
-    Exit code 1 when a stop class is worse than the machine file permits.
+    With --out a report as well. Exit code 1 when a stop class is worse than the machine file permits.
     """
     from gantryctl.errors import UsageError
 
@@ -34,7 +54,9 @@ def stops(config_file: Path | None, speeds: tuple[float, ...], find_quick: bool,
                 f"--speed {speed:g}: must be above 0 and at most {machine.speed.setting_max_deg_s:g} deg/s "
                 "([speed] setting_max_deg_s)"
             )
-    return _find(machine, as_json) if find_quick else _table(machine, speeds, as_json)
+    if find_quick and out is not None:
+        raise UsageError("--find-quick finds one value and writes no report: leave out --out")
+    return _find(machine, as_json) if find_quick else _table(machine, speeds, out, as_json, made)
 
 
 def _find(machine: Machine, as_json: bool) -> int:
@@ -52,10 +74,11 @@ def _find(machine: Machine, as_json: bool) -> int:
     return 0
 
 
-def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
-    from gantryctl.engineering.stops import StopClass, stop_table
+def _table(machine: Machine, speeds: tuple[float, ...], out: Path | None, as_json: bool, made: Made) -> int:
+    from gantryctl.engineering.stops import stop_table
     from gantryctl.engineering.stops.data import stops_data
     from gantryctl.engineering.stops.measured import measured_stops
+    from gantryctl.engineering.stops.page import quick_within, render_stops
     from gantryctl.engineering.stops.text import stops_note, stops_text, watch_lines
     from gantryctl.operation.store import state_root
 
@@ -68,6 +91,9 @@ def _table(machine: Machine, speeds: tuple[float, ...], as_json: bool) -> int:
         click.echo(stops_note(machine, measured))
         for line in watch_lines(machine, rows):
             click.echo(line)
-    # Only the quick stop has a permitted angle; the other classes are shown.
-    quick = [row.angle_with_reaction_deg for row in rows if row.stop.stop_class is StopClass.QUICK]
-    return int(not all(angle <= machine.required.stopping_angle_deg for angle in quick))
+    if out is not None:
+        page = write_text(
+            directory(out) / "report.html", render_stops(machine, rows, measured, head_of(machine, made))
+        )
+        click.echo(f"report: {page.resolve()}", err=as_json)
+    return int(not quick_within(machine, rows))

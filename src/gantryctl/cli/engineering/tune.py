@@ -21,9 +21,11 @@ from gantryctl.cli.options import (
     write_json,
     write_text,
 )
+from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.report.head import Made
     from gantryctl.engineering.tuning.by_margins import Conditions
     from gantryctl.engineering.tuning.on_bus import TuningSession
     from gantryctl.engineering.tuning.procedure import Criteria
@@ -62,8 +64,8 @@ SESSION = "on_bus.json"
 @click.option("--again", is_flag=True, help="On a bus: begin anew instead of going on.")
 @yes_option
 @click.option("--log", "with_log", is_flag=True, help="Print every trial.")
-@click.option("--plot", is_flag=True, help="Write pictures to --out.")
 @out_option
+@report_options
 @json_option
 def tune(
     config_file: Path | None,
@@ -75,14 +77,15 @@ def tune(
     again: bool,
     yes: bool,
     with_log: bool,
-    plot: bool,
     out: Path | None,
     as_json: bool,
+    made: Made,
 ) -> int:
     """Tune the loops and write the result as a proposal, never over the machine file.
 
     The proposal is a whole machine file: use it with --config, or look at it with `gantryctl config diff`. It goes to
-    --out (default: tuning/) with the log. Exit code 1 when it is unstable somewhere on the uncertain plant.
+    --out (default: tuning/) with the log and a report. Exit code 1 when it is unstable somewhere on the uncertain
+    plant.
 
     On a bus, always by margins: the first call measures drive and position loop and proposes; enter Kvp and Tvi with
     the maker's tool, then call it again with --config tuning/proposal.toml: it measures what the drive has now. Exit
@@ -100,7 +103,7 @@ def tune(
     result = run(machine, method, as_paper=plant == "paper-drive", criteria=criteria, conditions=conditions)
     # Refused before anything is written.
     proposed_machine(result)
-    files = _write(result, directory(out or DEFAULT_OUT), config_file, plot)
+    files = _write(result, directory(out or DEFAULT_OUT), config_file, made)
     if as_json:
         print_json(tuning_data(result))
     else:
@@ -204,15 +207,16 @@ def _conditions(sensitivity: float, damping_left: float) -> Conditions:
     return Conditions(sensitivity=sensitivity, damping_left=damping_left)
 
 
-def _write(result: Tuning, folder: Path, config_file: Path | None, plot: bool) -> list[Path]:
+def _write(result: Tuning, folder: Path, config_file: Path | None, made: Made) -> list[Path]:
     from gantryctl.engineering.tuning.data import tuning_data
-    from gantryctl.engineering.tuning.figures import tuning_figures
+    from gantryctl.engineering.tuning.page import render_tuning
     from gantryctl.engineering.tuning.proposal import write_proposal
     from gantryctl.machine import default_machine_path
 
     files = write_proposal(result, folder / PROPOSAL, config_file or default_machine_path())
     data = write_json(folder / "tuning.json", tuning_data(result))
-    return [*files, data, *(tuning_figures(result, folder) if plot else [])]
+    head = head_of(result.machine, made)
+    return [*files, data, write_text(folder / "report.html", render_tuning(result, head))]
 
 
 def _show(result: Tuning, with_log: bool) -> None:

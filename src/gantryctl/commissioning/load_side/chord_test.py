@@ -96,7 +96,13 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
 def _head(c: Context, report: AccuracyReport) -> Head:
     made = Made(report.created, report.version, "gantryctl commission, chord test", operator_name())
     serials = known_serials(c.machine, c.store.directory)
-    return Head(c.machine.name, machine_facts(c.machine, serials), made, MeasuredBy(report.source))
+    return Head(
+        c.machine.name,
+        machine_facts(c.machine, serials),
+        made,
+        MeasuredBy(report.source),
+        c.machine.required.source,
+    )
 
 
 def _picture(report: AccuracyReport, beside: Beside) -> Picture:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,9 +17,11 @@ from gantryctl.engineering.analysis.models.paper_loop import rigid_loop
 from gantryctl.engineering.analysis.models.responses import SetPointStep, TimeResponse, time_response
 from gantryctl.engineering.analysis.models.robust import (
     DAMPINGS,
-    STIFFNESS_NM_PER_RAD,
+    SEARCHED_PARTS,
+    STIFFNESS_PARTS,
     running_damping,
     sketch_damping,
+    stiffness_range,
 )
 from gantryctl.engineering.analysis.models.sampled import Cut
 from gantryctl.engineering.analysis.study import Study, grid_of
@@ -36,6 +38,8 @@ CUTS: Final = (
     (Cut.SPEED_COMMAND, ORANGE, "cut at the speed command (position loop)"),
     (Cut.SPEED_ERROR, GREEN, "cut at the speed error (speed loop alone)"),
 )
+_DAMPING_COLOURS: Final = dict(zip(DAMPINGS, (RED, ORANGE, BLUE), strict=True))
+_DAMPING_POINTS: Final = 120
 _LOWEST_HZ: Final = 0.1
 STEP_DEG: Final = 0.01
 _SWING_S: Final = 4.0
@@ -222,8 +226,6 @@ def _equation_5(axis: Axes, machine: Machine, response: TimeResponse) -> None:
 def damping_over_stiffness(machine: Machine, folder: Path) -> Path:
     """Damping of the load mode over the uncertain stiffness, for three structural dampings; unstable below 0."""
     path = folder / "damping.png"
-    stiffness = np.geomspace(1e8, 4e9, 140)
-    colours = dict(zip(DAMPINGS, (RED, ORANGE, BLUE), strict=True))
     models = {
         "two masses, continuous (the sketch)": partial(sketch_damping, machine),
         "full plant with base, as it runs": partial(running_damping, machine),
@@ -231,31 +233,28 @@ def damping_over_stiffness(machine: Machine, folder: Path) -> Path:
     title = f"Damping that the loop leaves the load: {machine.name}, configured gains"
     with png_figure(path, title, 1, 2, figsize=(9.6, 4.2), sharey=True) as axes:
         for axis, (name, model) in zip(axes, models.items(), strict=True):
-            draw_damping(axis, stiffness, model, colours)
-            axis.axhline(0.0, color=INK, linewidth=0.9)
-            axis.axvspan(*STIFFNESS_NM_PER_RAD, color=GREY, alpha=0.13, linewidth=0.0)
-            axis.text(0.6e9, 2.55, "uncertain\nstiffness", fontsize=8, ha="center", va="top", color=INK)
+            draw_damping(axis, machine, model)
             axis.set_title(name)
-            axis.set(xlabel="stiffness at the gantry in N m/rad", xlim=(1e8, 4e9), ylim=(-1.0, 2.6))
-        axes[0].set_ylabel("damping of the load mode in %")
-        axes[0].text(1.1e8, -0.93, "below 0: the swing grows", fontsize=8, color=INK)
-        axes[1].legend(loc="upper right")
+            axis.set_xlabel("stiffness at the gantry in N m/rad")
+        axes[0].set_ylabel("damping of the load mode in %\n(below 0 the swing grows)")
+        axes[1].legend(loc="best")
     return path
 
 
-def draw_damping(
-    axis: Axes,
-    stiffness: FloatArray,
-    model: Callable[[float], Callable[[float], float]],
-    colours: Mapping[float, str],
-) -> None:
-    """Curves of damping over stiffness by structural damping, filled where the swing grows."""
-    for zeta, colour in colours.items():
+def draw_damping(axis: Axes, machine: Machine, model: Callable[[float], Callable[[float], float]]) -> None:
+    """Curves of damping over stiffness by structural damping, filled where the swing grows; the uncertain stiffness."""
+    low, high = stiffness_range(machine, SEARCHED_PARTS)
+    stiffness = np.geomspace(low, high, _DAMPING_POINTS)
+    for zeta, colour in _DAMPING_COLOURS.items():
         damping = model(zeta)
         percent = 100.0 * np.array([damping(float(k)) for k in stiffness])
         axis.semilogx(stiffness, percent, color=colour, label=f"{100.0 * zeta:g} % structural")
         grows: Any = percent < 0.0
         axis.fill_between(stiffness, percent, 0.0, where=grows, color=colour, alpha=0.25, linewidth=0.0)
+    axis.axhline(0.0, color=INK, linewidth=0.8)
+    uncertain = stiffness_range(machine, STIFFNESS_PARTS)
+    axis.axvspan(*uncertain, color=GREY, alpha=0.13, linewidth=0.0, label="uncertain stiffness")
+    axis.set_xlim(low, high)
 
 
 def measured_response(results: Sequence[MeasuredResponse], folder: Path) -> Path:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gantryctl.engineering.report.figures import GREEN, GREY, RED
 from gantryctl.engineering.report.pictures import Panel, Picture
-from gantryctl.engineering.report.svg import BLUE, ORANGE, WIDTH_IN, legend_below, styled
+from gantryctl.engineering.report.svg import BLUE, ORANGE, legend_below, new_figure, styled
 from gantryctl.trace.thinning import drawn
 
 if TYPE_CHECKING:
@@ -46,11 +46,9 @@ def looks_of(panel: Panel) -> list[Look]:
 @styled
 def draw_picture(picture: Picture) -> Figure:
     """The panels of a picture."""
-    from matplotlib.figure import Figure as NewFigure
-
     columns = picture.columns or len(picture.panels)
     rows = -(-len(picture.panels) // columns)
-    figure = NewFigure(figsize=(WIDTH_IN, rows * _ROW_IN + _FOOT_IN), layout="constrained")
+    figure = new_figure(rows * _ROW_IN + _FOOT_IN)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=columns == 1 and rows > 1)
     for ax in grid.flat[len(picture.panels) :]:
         ax.set_axis_off()

@@ -58,6 +58,13 @@ def styled(make: Callable[P, Figure]) -> Callable[P, Figure]:
     return wrapper
 
 
+def new_figure(height_in: float) -> Figure:
+    """An empty figure across the page."""
+    from matplotlib.figure import Figure as NewFigure
+
+    return NewFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
+
+
 def legend_below(figure: Figure, ax: Axes) -> None:
     """Name the curves of one of the axes below the figure, in as many columns as fit."""
     handles, labels = ax.get_legend_handles_labels()

@@ -86,16 +86,26 @@ def run_stop(
     Raises:
         ConfigError: the plant is too stiff to be simulated.
     """
+    log = log_stop(machine, stop_class, speed_deg_s, at_deg, quick_dec_deg_s2)
+    return _evaluate(machine, stop_class, speed_deg_s, log)
+
+
+def log_stop(
+    machine: Machine,
+    stop_class: StopClass,
+    speed_deg_s: float,
+    at_deg: float,
+    quick_dec_deg_s2: float | None = None,
+) -> Log:
+    """The stop of `run_stop` as it runs, from the command on."""
     loop = _cruising(machine, speed_deg_s, at_deg, quick_dec_deg_s2)
     if stop_class is StopClass.QUICK:
         ramp_s = abs(speed_deg_s) / (quick_dec_deg_s2 or machine.virtual_axis.quick_dec_deg_s2)
-        log = loop.command(_QUICK_STOP, ramp_s + _WATCH_S, brake_open=True)
-    elif stop_class is StopClass.BRAKE:
-        log = loop.command(_OFF, _BRAKE_WATCH_S, brake_open=False)
-    else:
-        plan = _ramp(machine, stop_class, SetPoint(rad(at_deg), rad(speed_deg_s), 0.0))
-        log = loop.run(plan, plan.duration + _WATCH_S)
-    return _evaluate(machine, stop_class, speed_deg_s, log)
+        return loop.command(_QUICK_STOP, ramp_s + _WATCH_S, brake_open=True)
+    if stop_class is StopClass.BRAKE:
+        return loop.command(_OFF, _BRAKE_WATCH_S, brake_open=False)
+    plan = _ramp(machine, stop_class, SetPoint(rad(at_deg), rad(speed_deg_s), 0.0))
+    return loop.run(plan, plan.duration + _WATCH_S)
 
 
 def worst_stop(

@@ -5,46 +5,37 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from gantryctl.engineering.analysis.figures import draw_damping
-from gantryctl.engineering.analysis.models.robust import (
-    DAMPINGS,
-    STIFFNESS_NM_PER_RAD,
-    running_damping,
-    sketch_damping,
-)
-from gantryctl.engineering.report.figures import BLUE, GREEN, GREY, INK, ORANGE, RED, png_figure
+from gantryctl.engineering.analysis.models.robust import running_damping, sketch_damping
+from gantryctl.engineering.report.figures import INK, RED
+from gantryctl.engineering.report.pictures import Panel, Picture, line
+from gantryctl.engineering.report.svg import BLUE, legend_below, new_figure, styled
 from gantryctl.engineering.tuning.gains import machine_with, settings_with
 from gantryctl.engineering.tuning.procedure import PHASES, Trial, Tuned
 from gantryctl.engineering.tuning.result import Candidate, Tuning
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-_COLOURS: Final = {"configured": GREY, "proposal": BLUE, "paper": ORANGE}
-_DAMPING_COLOURS: Final = dict(zip(DAMPINGS, (RED, ORANGE, GREEN), strict=True))
-_LOW, _HIGH, _POINTS = 1e8, 4e9, 90
-
-
-def tuning_figures(tuning: Tuning, folder: Path) -> list[Path]:
-    """All of them."""
-    made = [steps(tuning, folder), damping(tuning, folder)]
-    return [trials(tuning.tuned, folder), *made] if tuning.tuned else made
+# A third of the page is for one panel.
+_POINTS: Final = 700
+# The swing of a step has died out.
+_STEP_S: Final = 2.0
 
 
-def trials(tuned: Tuned, folder: Path) -> Path:
+@styled
+def trials(tuned: Tuned) -> Figure:
     """What every trial measured, phase by phase."""
-    path = folder / "trials.png"
-    with png_figure(
-        path, "The paper's procedure, trial by trial", 1, len(PHASES), figsize=(13.0, 3.4)
-    ) as all_axes:
-        for axis, phase in zip(all_axes, PHASES, strict=True):
-            _phase(axis, tuned.phase(phase))
-    return path
+    figure = new_figure(2.2 * 2)
+    grid = figure.subplots(2, 3)
+    for axis, phase in zip(grid.flat, PHASES, strict=False):
+        _phase(axis, tuned.phase(phase))
+    for axis in grid.flat[len(PHASES) :]:
+        axis.set_axis_off()
+    return figure
 
 
 def _phase(axis: Axes, log: list[Trial]) -> None:
@@ -72,52 +63,45 @@ def _phase(axis: Axes, log: list[Trial]) -> None:
     axis.legend(loc="best")
 
 
-def steps(tuning: Tuning, folder: Path) -> Path:
+def steps(tuning: Tuning) -> Picture:
     """Speed step, position step at motor and load."""
-    path = folder / "steps.png"
-    with png_figure(path, "Steps before and after", 1, 3, figsize=(12.0, 3.6)) as (speed, motor, load):
-        for candidate in tuning.candidates:
-            _steps_of(tuning, candidate, speed, motor, load)
-        speed.set(
-            title="motor speed behind a step of its command", xlabel="time in ms", ylabel="1 = the step"
+    speed, motor, load = [], [], []
+    for candidate in tuning.candidates:
+        fast, slow = (
+            tuning.bench.speed_step(candidate.gains),
+            tuning.bench.position_step(candidate.gains),
         )
-        motor.set(title="motor angle behind a small step", xlabel="time in s", xlim=(0.0, 2.0))
-        load.set(title="load angle behind the same step", xlabel="time in s", xlim=(0.0, 2.0))
-        for axis in (speed, motor, load):
-            axis.axhline(1.0, color=INK, linewidth=0.8, linestyle=":")
-        speed.legend(loc="lower right")
-    return path
+        shown = slow.time_s <= _STEP_S
+        speed.append(line(candidate.name, 1e3 * fast.time_s, fast.response, _POINTS))
+        motor.append(line(candidate.name, slow.time_s[shown], slow.motor[shown], _POINTS))
+        load.append(line(candidate.name, slow.time_s[shown], slow.load[shown], _POINTS))
+    return Picture(
+        "Motor speed behind a step of its command; motor and load angle behind a small step of the set-point. 1 = the "
+        "step.",
+        (
+            Panel("time, ms", "motor speed", tuple(speed)),
+            Panel("time, s", "motor angle", tuple(motor)),
+            Panel("time, s", "load angle", tuple(load)),
+        ),
+    )
 
 
-def _steps_of(tuning: Tuning, candidate: Candidate, speed: Axes, motor: Axes, load: Axes) -> None:
-    colour = _COLOURS[candidate.name]
-    fast, slow = tuning.bench.speed_step(candidate.gains), tuning.bench.position_step(candidate.gains)
-    speed.plot(1e3 * fast.time_s, fast.response, color=colour, label=candidate.name)
-    motor.plot(slow.time_s, slow.motor, color=colour)
-    load.plot(slow.time_s, slow.load, color=colour)
-
-
-def damping(tuning: Tuning, folder: Path) -> Path:
-    """Damping that the loop leaves the load, over the stiffness."""
-    path = folder / "damping.png"
-    k = np.geomspace(_LOW, _HIGH, _POINTS)
+@styled
+def damping(tuning: Tuning) -> Figure:
+    """Damping that the loop leaves the load, over the stiffness: sketch above, full plant below."""
     shown = tuning.candidates
-    title = "Damping that the loop leaves the load"
-    with png_figure(path, title, 2, len(shown), figsize=(4.6 * len(shown), 6.4), sharex=True) as grid:
-        for column, candidate in enumerate(shown):
-            for row, running in enumerate((False, True)):
-                axis = grid[row][column]
-                draw_damping(axis, k, _model(tuning, candidate, running), _DAMPING_COLOURS)
-                axis.axhline(0.0, color=INK, linewidth=0.8)
-                axis.axvspan(*STIFFNESS_NM_PER_RAD, color=GREY, alpha=0.12, linewidth=0.0)
-                axis.set_ylim(-1.0, 4.0)
-                name = "full plant, as it runs" if running else "two masses, continuous"
-                axis.set_title(f"{candidate.name}: {name}")
-            grid[1][column].set_xlabel("stiffness in N m/rad")
-        for row in (0, 1):
-            grid[row][0].set_ylabel("damping of the load in %")
-        grid[0][0].legend(loc="upper left")
-    return path
+    figure = new_figure(5.0)
+    grid = figure.subplots(2, len(shown), sharex=True, sharey="row", squeeze=False)
+    for column, candidate in enumerate(shown):
+        for row, running in enumerate((False, True)):
+            axis = grid[row, column]
+            draw_damping(axis, tuning.bench.linear_machine, _model(tuning, candidate, running))
+            axis.set_title(f"{candidate.name}: {'as it runs' if running else 'two masses'}")
+        grid[1, column].set_xlabel("stiffness, N m/rad")
+    for row in (0, 1):
+        grid[row, 0].set_ylabel("damping of the load, %")
+    legend_below(figure, grid[0, 0])
+    return figure
 
 
 def _model(

@@ -68,8 +68,8 @@ def judge_gains(
     # stiffness.
     tried = machine_with(machine, gains)
     bands = {
-        SKETCH: bands_by_damping(partial(sketch_damping, tried)),
-        RUNNING: bands_by_damping(partial(running_damping, machine, settings=settings)),
+        SKETCH: bands_by_damping(machine, partial(sketch_damping, tried)),
+        RUNNING: bands_by_damping(machine, partial(running_damping, machine, settings=settings)),
     }
     return GainsVerdict(gains, margins, bands, left[worst], margins.cases[worst])
 

@@ -47,25 +47,29 @@ def test_the_paper_s_procedure_in_words(ready, tmp_path):
     assert "trials: Kvp" in words
     assert "too much" in words
     assert "proposal: UNSTABLE on" in words
-    assert {path.name for path in tmp_path.iterdir()} == {"proposal.toml", "tuning.json"}
+    assert {path.name for path in tmp_path.iterdir()} == {"proposal.toml", "tuning.json", "report.html"}
 
 
-def test_by_margins_with_pictures(ready, tmp_path):
-    result = run("--method", "margins", "--plot", "--out", tmp_path / "new")
+def test_by_margins_with_a_report(ready, tmp_path):
+    result = run("--method", "margins", "--out", tmp_path / "new")
     words = " ".join(result.output.split())
     assert result.return_value == 0
     assert "proposal: stable on all of 156 uncertain plants" in words
     assert "confirmed on the whole uncertain set; one encoder step permits Kvp up to 214" in words
     assert "configured: UNSTABLE on 12 of 156 uncertain plants" in words
     names = {path.name for path in (tmp_path / "new").iterdir()}
-    assert names == {"proposal.toml", "tuning.json", "steps.png", "damping.png"}
-    for name in ("steps.png", "damping.png"):
-        assert (tmp_path / "new" / name).read_bytes().startswith(b"\x89PNG")
+    assert names == {"proposal.toml", "tuning.json", "report.html"}
+    page = (tmp_path / "new" / "report.html").read_text(encoding="utf-8")
+    assert "The proposal is stable on 156 of 156 uncertain plants" in page
+    assert page.count("<svg") == 2
+    assert page.count('class="recording"') == 1
 
 
 def test_the_trials_are_a_picture(ready, tmp_path):
-    run("--plot", "--out", tmp_path)
-    assert (tmp_path / "trials.png").stat().st_size > 20_000
+    run("--out", tmp_path)
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "What every trial measured" in page
+    assert page.count("<svg") == 3
 
 
 def test_json(ready, tmp_path):

@@ -21,7 +21,7 @@ from gantryctl.engineering.accuracy.statistics import column_mean, column_std
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.report.figures import GREY, INK, RED
 from gantryctl.engineering.report.pictures import Panel, Picture, line
-from gantryctl.engineering.report.svg import BLUE, ORANGE, WIDTH_IN, legend_below, styled
+from gantryctl.engineering.report.svg import BLUE, ORANGE, legend_below, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -139,7 +139,7 @@ def _limits(run: SpeedRun) -> tuple[float, float]:
 @styled
 def ensemble(gears: GearEnsemble, fitted_a_deg: float | None, *, with_paper: bool) -> Figure:
     """A of gears with random phases on one line, with their median, the fitted gear, the paper."""
-    figure = _figure(1.35)
+    figure = new_figure(1.35)
     ax = figure.subplots()
     a = 1e3 * np.sort(np.array(gears.a_deg))
     height = 0.12 * ((np.arange(a.size) % 3) - 1.0)
@@ -160,14 +160,8 @@ def ensemble(gears: GearEnsemble, fitted_a_deg: float | None, *, with_paper: boo
     return figure
 
 
-def _figure(height_in: float) -> Figure:
-    from matplotlib.figure import Figure as NewFigure
-
-    return NewFigure(figsize=(WIDTH_IN, height_in), layout="constrained")
-
-
 def _panels(count: int, height: float) -> tuple[Figure, list[Axes]]:
-    figure = _figure(height)
+    figure = new_figure(height)
     axes = figure.subplots(1, count, sharey=True, squeeze=False)
     return figure, list(axes[0])
 

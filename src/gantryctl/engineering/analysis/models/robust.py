@@ -28,13 +28,24 @@ from gantryctl.engineering.analysis.models.modes import least_damped
 from gantryctl.engineering.analysis.models.paper_loop import two_mass_loop
 from gantryctl.engineering.analysis.models.sampled import Cut, LoopSettings, SampledLoop, loop_settings
 from gantryctl.machine import Machine
+from gantryctl.wiring.simulator import plant_params
 
 _LOWEST_RAD_S: Final = 0.3
 _PER_DECADE: Final = 60
-# What the transmission may have, at the gantry.
-STIFFNESS_NM_PER_RAD: Final = (0.3e9, 1.2e9)
+# Stiffness of the reference machine below the first knee of its reducer, at the gantry. The uncertainty was estimated
+# on it (0.3e9 to 1.2e9 N m/rad) and is the same part of the stiffness of any other machine.
+_REFERENCE_NM_PER_RAD: Final = 5.12031263721788e8
+STIFFNESS_PARTS: Final = (0.3e9 / _REFERENCE_NM_PER_RAD, 1.2e9 / _REFERENCE_NM_PER_RAD)
+# Wider, to show where an instability ends: 1e8 to 4e9 N m/rad on the reference machine.
+SEARCHED_PARTS: Final = (1e8 / _REFERENCE_NM_PER_RAD, 4e9 / _REFERENCE_NM_PER_RAD)
 # Structural dampings for which bands of stiffness are given.
 DAMPINGS: Final = (0.005, 0.01, 0.025)
+
+
+def stiffness_range(machine: Machine, parts: tuple[float, float]) -> tuple[float, float]:
+    """Lowest and highest stiffness of the transmission at the gantry, N m/rad, as parts of the machine's own."""
+    own = plant_params(machine).stiffness_1_nm_per_rad
+    return own * parts[0], own * parts[1]
 
 
 @dataclass(frozen=True)
@@ -42,20 +53,20 @@ class Uncertainty:
     """Ranges of the uncertain plant; inertias as factors on the machine's.
 
     Attributes:
-        stiffness_nm_per_rad: lowest and highest; `stiffness_steps` values between them, equal ratios.
+        stiffness_parts: lowest and highest, of the machine's own; `stiffness_steps` values between them, equal ratios.
         damping_ratio: of the transmission. load_inertia, motor_inertia: factors.
     """
 
-    stiffness_nm_per_rad: tuple[float, float] = STIFFNESS_NM_PER_RAD
+    stiffness_parts: tuple[float, float] = STIFFNESS_PARTS
     # 13 stiffnesses, 2 dampings, 3 load and 2 motor inertias: 156 plants.
     stiffness_steps: int = 13
     damping_ratio: tuple[float, ...] = (0.01, 0.025)
     load_inertia: tuple[float, ...] = (0.8, 1.0, 1.2)
     motor_inertia: tuple[float, ...] = (0.8, 1.2)
 
-    def stiffnesses(self) -> FloatArray:
+    def stiffnesses(self, machine: Machine) -> FloatArray:
         """The grid, N m/rad."""
-        return np.geomspace(*self.stiffness_nm_per_rad, self.stiffness_steps)
+        return np.geomspace(*stiffness_range(machine, self.stiffness_parts), self.stiffness_steps)
 
 
 DEFAULT: Final = Uncertainty()
@@ -140,7 +151,7 @@ def uncertain_plants(
     # The paper's Js leaves the wave generator out; the axis turns it all the same.
     motor = machine.motor.inertia_kg_m2 + machine.plant.motor.wave_generator_inertia_kg_m2
     combinations = itertools.product(
-        uncertainty.stiffnesses(),
+        uncertainty.stiffnesses(machine),
         uncertainty.damping_ratio,
         uncertainty.load_inertia,
         uncertainty.motor_inertia,
@@ -198,7 +209,7 @@ def margins_on(plant: UncertainPlant, settings: LoopSettings) -> Case:
 Bands = Sequence[tuple[float, float]]
 
 
-def unstable_stiffness(damping: Callable[[float], float], low: float = 1e8, high: float = 4e9) -> Bands:
+def unstable_stiffness(damping: Callable[[float], float], low: float, high: float) -> Bands:
     """The bands of stiffness, N m/rad, in which the smallest damping ratio is negative; edges by bisection.
 
     Args:
@@ -254,13 +265,16 @@ def _edge(damping: Callable[[float], float], low: float, high: float) -> float:
     return low
 
 
-def bands_by_damping(model: Callable[[float], Callable[[float], float]]) -> dict[float, Bands]:
-    """Unstable bands of stiffness by structural damping.
+def bands_by_damping(
+    machine: Machine, model: Callable[[float], Callable[[float], float]]
+) -> dict[float, Bands]:
+    """Unstable bands of stiffness by structural damping, searched around the stiffness of a machine.
 
     Args:
         model: structural damping ratio to damping over stiffness, such as `sketch_damping` of one machine.
     """
-    return {zeta: unstable_stiffness(model(zeta)) for zeta in DAMPINGS}
+    low, high = stiffness_range(machine, SEARCHED_PARTS)
+    return {zeta: unstable_stiffness(model(zeta), low, high) for zeta in DAMPINGS}
 
 
 class RobustReport(NamedTuple):
@@ -273,5 +287,5 @@ class RobustReport(NamedTuple):
 def robust_report(machine: Machine) -> RobustReport:
     """The configured gains on the uncertain set and over the stiffness."""
     models = {"two-mass, continuous": sketch_damping, "full, as it runs": running_damping}
-    bands = {name: bands_by_damping(partial(model, machine)) for name, model in models.items()}
+    bands = {name: bands_by_damping(machine, partial(model, machine)) for name, model in models.items()}
     return RobustReport(robust_margins(machine), bands)
