@@ -87,9 +87,9 @@ def signs(text: str) -> str:
 
 
 def words(text: str) -> str:
-    """A sentence with the signs a page can show; its first letter large."""
+    """A sentence with the signs a page can show; its first letter large, unless it begins with a name."""
     text = signs(text)
-    return text[:1].upper() + text[1:]
+    return text[:1].upper() + text[1:] if text.partition(" ")[0].isalpha() else text
 
 
 def signed(text: str) -> str:

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from gantryctl.engineering.report.brake_test import render_brake_test
 from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
 from gantryctl.engineering.report.machine_facts import Serials, known_serials, machine_facts
+from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.page import VIEWER, Section, css_text, render_sections
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.engineering.report.recording import recorded
 from gantryctl.machine import default_machine
-from support.command_line import done
+from gantryctl.operation.client import BrakeDue, BrakeTestReport
+from gantryctl.program import BrakeTestOutcome
+from support.command_line import cli, done
 from support.reports import HEAD
 
 EVIL = '</script></style><b>"evil"</b>'
@@ -85,3 +89,34 @@ def test_a_command_names_itself_and_the_encoder_that_it_has_met(tmp_path: Path) 
     assert f"gantryctl speed-test --speed 0.5 --out {tmp_path} --witness" in text
     assert "serial number SIM-0001" in text
     assert "today" in text
+
+
+def test_every_report_stands_in_the_frame(tmp_path: Path) -> None:
+    """Verdict, required values with their source, and room for signatures, whatever was done."""
+    short = ("--fresh", "--witness", "W. W")
+    for command in (
+        ("stops", "--speed", "0.6", "--witness", "W. W"),
+        ("size", "--witness", "W. W"),
+        ("brake-test", *short),
+    ):
+        out = tmp_path / command[0]
+        cli(*command, "--out", out)
+        text = (out / "report.html").read_text("utf-8")
+        for part in (
+            "Required and found. Source of the required values: Sun",
+            "W. W",
+            "Accepted by",
+            ">pass<",
+        ):
+            assert part in text, (command, part)
+        assert f"gantryctl {command[0]}" in text
+
+
+def test_a_brake_test_that_did_not_end_is_no_pass() -> None:
+    due = BrakeDue("", 0, overdue=True)
+    nan = float("nan")
+    found = BrakeTestReport(BrakeTestOutcome.NONE, "", 70.0, 69.5, nan, nan, 0.02, due)
+    text = render_brake_test(found, "DRV_01: drive fault", Origin.SIMULATED, HEAD)
+    assert "NOT TESTED" in text
+    assert "DRV_01: drive fault" in text
+    assert text.count(">FAIL<") == 2  # the torque that was not held, and a movement that nobody knows
