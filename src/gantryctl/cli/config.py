@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gantryctl.cli.drafting import check_name, drafted, motor_option, report, write_new
 from gantryctl.cli.options import PATH, json_option, print_json
 
 if TYPE_CHECKING:
@@ -39,14 +40,39 @@ def config() -> None:
 @click.option(
     "--node", type=click.IntRange(1, 127), default=2, show_default=True, help="With --can: node id."
 )
+@click.option(
+    "--sheet", "sheet_path", type=PATH, help="A machine of your own, drafted from this requirement sheet."
+)
+@motor_option
 @json_option
 def init(
-    dest: Path, force: bool, improved: bool, interface: str | None, channel: str, node: int, as_json: bool
+    dest: Path,
+    force: bool,
+    improved: bool,
+    interface: str | None,
+    channel: str,
+    node: int,
+    sheet_path: Path | None,
+    motor_files: tuple[Path, ...],
+    as_json: bool,
 ) -> None:
-    """Write the reference machine's file to DEST, to edit from there (default: machine.toml)."""
+    """Write the reference machine's file to DEST, to edit from there (default: machine.toml).
+
+    With --sheet a whole machine file that follows from the sheet and the smallest motor that fits it; every value that
+    is still a guess is listed. `gantryctl new` asks for what a sheet needs.
+    """
     from gantryctl.errors import UsageError
     from gantryctl.machine import default_machine_path
 
+    if sheet_path is not None:
+        if improved or interface is not None:
+            raise UsageError(
+                "--sheet: goes with neither --improved nor --can; those are the reference machine's"
+            )
+        _draft(dest, sheet_path, motor_files, force, as_json)
+        return
+    if motor_files:
+        raise UsageError("--motor: goes with --sheet only; the reference machine has its motor")
     if improved and interface is not None:
         raise UsageError(
             "--improved and --can: one of them; a CAN machine is improved after it is commissioned"
@@ -73,6 +99,19 @@ def init(
         print_json({"written": [str(path) for path in written]})
         return
     click.echo(f"wrote {dest}; check it with `gantryctl config check {dest}`")
+
+
+def _draft(dest: Path, sheet_path: Path, motor_files: tuple[Path, ...], force: bool, as_json: bool) -> None:
+    """Machine file from a sheet; its name is that of the file."""
+    from gantryctl.engineering.drafting.writing import machine_text
+    from gantryctl.engineering.sizing.loading import load_sheet
+
+    if dest.is_dir():
+        dest = dest / DEFAULT_DEST
+    check_name(dest.stem, "DEST")
+    made = drafted(load_sheet(sheet_path), motor_files, dest.stem)
+    write_new({dest: machine_text(made)}, force)
+    report(made, [dest], None, as_json)
 
 
 def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:
@@ -117,7 +156,7 @@ def _write(data: bytes, dest: Path, force: bool) -> None:
 def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     """Check FILE (default: the reference machine); every problem is one line, exit code 2."""
     from gantryctl.errors import ConfigError
-    from gantryctl.machine import RULES, field_specs, load_machine, origins, short_hash
+    from gantryctl.machine import RULES, load_machine, origins, short_hash
 
     path = _chosen(file, option)
     try:
@@ -133,10 +172,11 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
         )
         return
     # What was not given is a default: the machine itself (travel, ratios, motor, encoder) has none (decision 0004).
-    given = sum(origin == "file" for origin in origins(machine).values())
+    origin = list(origins(machine).values())
+    guesses = f" ({origin.count('guess')} guesses)" if "guess" in origin else ""
     click.echo(
-        f"{path}: ok: {machine.name}, {given} keys given, {len(field_specs()) - given} by default, "
-        f"{len(RULES)} rules between keys, hash {short_hash(machine)}"
+        f"{path}: ok: {machine.name}, {len(origin) - origin.count('default')} keys given{guesses}, "
+        f"{origin.count('default')} by default, {len(RULES)} rules between keys, hash {short_hash(machine)}"
     )
 
 
@@ -262,7 +302,7 @@ def _show_values(machine: Machine, path: Path) -> None:
             table = spec.table
             click.echo(f"\n[{table}]")
         unit = "" if spec.unit == "-" else spec.unit
-        where = "file" if origin[key] == "file" else f"default, {spec.source}"
+        where = f"default, {spec.source}" if origin[key] == "default" else origin[key]
         click.echo(f"{spec.key:<34} {show_value(value, None):>20}  {unit:<10} {where}")
 
 

@@ -43,7 +43,10 @@ COMMANDS: Final = {
     "instrument": Entry(
         "engineering.instrument", "instrument", "Instruments at the load: read one, serve a simulated one."
     ),
-    "size": Entry("engineering.size", "size", "Size motors for a requirement sheet; limits that follow."),
+    "new": Entry("engineering.new", "new", "A new axis: sheet and machine file from a dozen answers."),
+    "size": Entry(
+        "engineering.size", "size", "Size motors for a requirement sheet; write a sheet, limits, a machine."
+    ),
     "analyse": Entry(
         "engineering.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
     ),

@@ -15,9 +15,11 @@ from gantryctl.machine.specs import Value, field_specs, value_at
 from gantryctl.machine.tables.fields import Table
 from gantryctl.machine.tables.model import Machine
 
-Origin: TypeAlias = Literal["file", "default"]
+Origin: TypeAlias = Literal["file", "guess", "default"]
 
 SHORT_HASH: Final = 12
+# Longer lines are refused when the file is read (`reading.MAX_LINE`).
+_LONGEST_ARRAY: Final = 300
 
 
 class Difference(NamedTuple):
@@ -78,8 +80,15 @@ def check_belongs(calibration: Calibration, machine: Machine, encoder_serial: st
 
 
 def origins(machine: Machine) -> dict[str, Origin]:
-    """Origin of every value by dotted path: given in the file, or the default."""
-    return {path: "file" if _given(machine, path) else "default" for path in field_specs()}
+    """Origin of every value by dotted path: given in the file, given there as a guess, or the default."""
+    guesses = set(machine.machine.guesses)
+
+    def origin(path: str) -> Origin:
+        if not _given(machine, path):
+            return "default"
+        return "guess" if path in guesses else "file"
+
+    return {path: origin(path) for path in field_specs()}
 
 
 def effective_values(machine: Machine) -> dict[str, Value]:
@@ -116,7 +125,8 @@ def _given(machine: Machine, path: str) -> bool:
 def _canonical(value: Value) -> Value:
     """Value with one form: -0.0 equals 0.0, so both must give the same text."""
     if isinstance(value, tuple):
-        return tuple(item + 0.0 for item in value)
+        items: tuple[Any, ...] = value
+        return tuple(item if isinstance(item, str) else item + 0.0 for item in items)
     return value + 0.0 if isinstance(value, float) else value
 
 
@@ -125,22 +135,38 @@ def to_toml(machine: Machine) -> str:
     return toml_tables(effective_values(machine))
 
 
-def toml_tables(values: Mapping[str, Value], *, units: bool = False) -> str:
-    """Values by dotted path as tables of a machine file; with `units` each has its unit in a comment."""
+def toml_tables(
+    values: Mapping[str, Value], *, units: bool = False, comments: Mapping[str, str] | None = None
+) -> str:
+    """Values by dotted path as tables of a TOML file.
+
+    Args:
+        values: in the order of the file. units: each has its unit in a comment. comments: by path, behind the unit.
+    """
     lines: list[str] = []
     table = ""
     for path, value in values.items():
-        spec = field_specs()[path]
-        if spec.table != table:
-            table = spec.table
+        at, _, key = path.rpartition(".")
+        if at != table:
+            table = at
             lines += ["", f"[{table}]"] if lines else [f"[{table}]"]
-        unit = f"  # {spec.unit}" if units and spec.unit != "-" else ""
-        lines.append(f"{spec.key} = {_toml(value)}{unit}")
+        unit = field_specs()[path].unit if units else "-"
+        words = [
+            *([unit] if unit != "-" else []),
+            *([comments[path]] if comments and path in comments else []),
+        ]
+        comment = f"  # {', '.join(words)}" if words else ""
+        lines.append(f"{key} = {toml_value(value)}{comment}")
     return "\n".join(lines) + "\n"
 
 
-def _toml(value: Value) -> str:
-    return f'"{"".join(map(_escaped, value))}"' if isinstance(value, str) else show_value(value, None)
+def toml_value(value: Value) -> str:
+    """Value as it stands in a TOML file; a long array takes a line per element."""
+    if isinstance(value, str):
+        return f'"{"".join(map(_escaped, value))}"'
+    if isinstance(value, tuple) and len(text := show_value(value, None)) > _LONGEST_ARRAY:
+        return "[\n" + "".join(f"    {show_value(item, None)},\n" for item in value) + "]"
+    return text if isinstance(value, tuple) else show_value(value, None)
 
 
 def _escaped(character: str) -> str:

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
 from typing import Any, Final, Literal, TypeAlias, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
+from gantryctl.machine.reading import printable
 from gantryctl.machine.tables.fields import BESIDE, SOURCE, Table, unit_of
 from gantryctl.machine.tables.model import Machine
 
 Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers", "texts"]
-Value: TypeAlias = "float | int | bool | str | tuple[float, ...]"
+Value: TypeAlias = "float | int | bool | str | tuple[float, ...] | tuple[str, ...]"
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -104,6 +106,11 @@ def table_models(root: type[Table] = Machine) -> dict[str, type[Table]]:
 
     visit("", root)
     return found
+
+
+def unknown_guesses(guesses: Sequence[str], specs: Mapping[str, FieldSpec]) -> str:
+    """The rows of a list of guesses that are no keys of the file, for a message; "" where all are."""
+    return ", ".join(printable(row) for row in guesses if row not in specs)
 
 
 def value_at(machine: Machine, path: str) -> Value:

@@ -84,6 +84,7 @@ def test_hash_and_diff_notice_every_field(path):
         "word": lambda: next(word for word in spec.words if word != value),
         "text": lambda: value + "x",
         "numbers": lambda: (*value[:-1], value[-1] + 0.001),
+        "texts": lambda: (*value, "axis.kind"),
     }[spec.kind]()
     changed = copy_with(MACHINE, path.split("."), other)
     assert config_hash(changed) != config_hash(MACHINE)

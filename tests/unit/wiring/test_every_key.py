@@ -458,6 +458,7 @@ ROWS: dict[str, Row] = {
 ELSEWHERE = {
     "machine.name": "shown",
     "machine.description": "shown",
+    "machine.guesses": "shown",
     "axis.kind": "rules between keys",
     "axis.mechanical_stop_min_deg": "rules between keys, gantryctl stops",
     "axis.mechanical_stop_max_deg": "rules between keys, gantryctl stops",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gantryctl.cli.drafting import answer_options, check_name, sheet_of, show_guesses, write_new
 from gantryctl.cli.options import (
     PATH,
     config_option,
@@ -27,7 +28,57 @@ if TYPE_CHECKING:
     from gantryctl.machine import Machine
 
 
-@click.command()
+class SizeGroup(click.Group):
+    """A group whose first word may be left out: `gantryctl size SHEET` is `gantryctl size motors SHEET`."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Put the usual command in front where none is named."""
+        named = bool(args) and (args[0] in self.commands or args[0] in ctx.help_option_names)
+        return super().parse_args(ctx, args if named else ["motors", *args])
+
+
+@click.group(cls=SizeGroup)
+def size() -> None:
+    """Size an axis: motors that fit a requirement sheet, and what follows from them.
+
+    `gantryctl size SHEET ...` is short for `gantryctl size motors SHEET ...`.
+    """
+
+
+@size.command()
+@click.argument("dest", type=PATH, default="sheet.toml")
+@click.option("--template", "template_name", metavar="KIND", help="Kind of axis; see `gantryctl new`.")
+@answer_options
+@click.option("--force", is_flag=True, help="Overwrite DEST.")
+@json_option
+def init(
+    dest: Path,
+    template_name: str | None,
+    answers_file: str | None,
+    options: tuple[str, ...],
+    force: bool,
+    as_json: bool,
+) -> None:
+    """Write a requirement sheet to DEST (default: sheet.toml), from a template and answers as in `gantryctl new`."""
+    from gantryctl.engineering.drafting.sheets import drafted_sheet
+    from gantryctl.engineering.drafting.writing import guess_lines, sheet_text
+
+    if dest.is_dir():
+        dest = dest / "sheet.toml"
+    check_name(dest.stem, "DEST")
+    answered, values = sheet_of(dest.stem, template_name, answers_file, options, as_json)
+    drafted_sheet(values, str(dest))
+    write_new({dest: sheet_text(values, answered.template.template.name)}, force)
+    lines = guess_lines(values)
+    if as_json:
+        print_json({"written": [str(dest)], "guesses": lines})
+        return
+    click.echo(f"wrote {dest}")
+    show_guesses("sheet", lines)
+    click.echo(f"\nnext: gantryctl size {dest}")
+
+
+@size.command()
 @click.argument("files", nargs=-1, type=PATH, metavar="[SHEET] [MOTOR]...")
 @click.option("--motor", "motor_files", type=PATH, multiple=True, help="Motor file; may be repeated.")
 @config_option
@@ -35,12 +86,15 @@ if TYPE_CHECKING:
     "--limits", is_flag=True, help="Print the tables of a machine file that follow, and nothing else."
 )
 @click.option(
-    "--write", "destination", type=PATH, help="Write a whole machine file: --config with these tables."
+    "--write",
+    "destination",
+    type=PATH,
+    help="Write a whole machine file: drafted from the sheet, or --config with these tables.",
 )
 @out_option
 @report_options
 @json_option
-def size(
+def motors(
     files: tuple[Path, ...],
     motor_files: tuple[Path, ...],
     config_file: Path | None,
@@ -52,9 +106,9 @@ def size(
 ) -> int:
     """Size motors for the requirement sheet SHEET (default: the reference gantry's).
 
-    The paper's equations (1) to (3), what they leave out, and which motors fit. Without --motor all delivered motors
-    are tried; the complete figures are those of the first that fits. Further MOTOR files may follow --motor, as the
-    shell expands `--motor motors/*.toml`. Exit code 1 when no motor fits.
+    What the load inertia alone asks for, what that leaves out, and which motors fit. Without --motor all delivered
+    motors are tried; the complete figures are those of the first that fits. Further MOTOR files may follow --motor, as
+    the shell expands `--motor motors/*.toml`. Exit code 1 when no motor fits.
     """
     from gantryctl.engineering.sizing.checks import fit
     from gantryctl.engineering.sizing.motors import load_motors
@@ -64,23 +118,35 @@ def size(
     fits = [fit(sheet, motor) for motor in load_motors(motor_paths)]
     # The figures of a motor that fits, or of the first one to show what is missing.
     shown = next((fitted for fitted in fits if fitted.fits), fits[0])
-    machine = machine_of(config_file)
+    # A sheet of its own is another machine than the reference gantry: nothing of that may come along.
+    base = machine_of(config_file) if config_file is not None or sheet_path is None else None
     if destination is not None:
-        _write(machine, shown, destination)
+        _write(base, shown, destination)
     if out is not None:
         from gantryctl.engineering.sizing.page import render_sizing
 
         page = write_text(directory(out) / "report.html", render_sizing(shown, fits, made))
         click.echo(f"report: {page.resolve()}", err=True)
     if limits:
-        return _print_limits(machine, shown)
+        return _print_limits(base, shown)
     if as_json:
         from gantryctl.engineering.sizing.data import sizing_data
 
-        print_json(sizing_data(shown, fits, machine.drive.speed_loop))
+        print_json(sizing_data(shown, fits, _followed(base, shown).drive.speed_loop if shown.fits else None))
     else:
         _show(sheet, shown, fits)
     return 0 if any(fitted.fits for fitted in fits) else 1
+
+
+def _followed(base: Machine | None, shown: Fit) -> Machine:
+    """The machine that follows: the given one with the sheet's and the motor's values, or a draft."""
+    if base is not None:
+        from gantryctl.engineering.sizing.chain import sized_machine
+
+        return sized_machine(base, shown)
+    from gantryctl.engineering.drafting.draft import draft
+
+    return draft(shown, shown.train.sheet.sheet.name).machine()
 
 
 def _sorted_files(files: tuple[Path, ...], motor_files: tuple[Path, ...]) -> tuple[Path | None, list[Path]]:
@@ -118,28 +184,33 @@ def _sheet(path: Path | None) -> Sheet:
     return load_sheet(path or default_sheet_path())
 
 
-def _print_limits(machine: Machine, shown: Fit) -> int:
-    from gantryctl.engineering.sizing.chain import as_tables, machine_values, sized_machine
+def _print_limits(base: Machine | None, shown: Fit) -> int:
+    from gantryctl.engineering.sizing.chain import as_tables, machine_values
 
     # Refuses what does not fit.
-    sized_machine(machine, shown)
+    _followed(base, shown)
     sheet, motor = shown.train.sheet, shown.motor
     click.echo(f"# requirement sheet {sheet.sheet.name}, motor {motor.name} ({motor.identity.source})")
     click.echo(as_tables(machine_values(sheet, motor)), nl=False)
     return 0
 
 
-def _write(machine: Machine, shown: Fit, path: Path) -> None:
-    from gantryctl.engineering.sizing.chain import sized_machine
+def _write(base: Machine | None, shown: Fit, path: Path) -> None:
     from gantryctl.errors import UsageError
-    from gantryctl.machine.effective import to_toml
 
-    text = to_toml(sized_machine(machine, shown))
-    head = f"# {machine.name} with requirement sheet {shown.train.sheet.sheet.name} and motor {shown.motor.name}\n"
+    if base is None:
+        check_name(path.stem, "--write")
+        text = _drafted_text(shown, path.stem)
+    else:
+        from gantryctl.machine.effective import to_toml
+
+        sheet = shown.train.sheet.sheet.name
+        head = f"# {base.name} with requirement sheet {sheet} and motor {shown.motor.name}\n"
+        text = head + to_toml(_followed(base, shown))
     try:
         # Never over a file that exists: a machine file is a person's work.
         with path.open("x", encoding="utf-8") as file:
-            file.write(head + text)
+            file.write(text)
     except FileExistsError:
         raise UsageError(f"--write {path}: exists already; choose another name") from None
     except OSError as fault:
@@ -147,11 +218,18 @@ def _write(machine: Machine, shown: Fit, path: Path) -> None:
     click.echo(f"wrote {path}; check it with `gantryctl config check {path}`", err=True)
 
 
+def _drafted_text(shown: Fit, name: str) -> str:
+    from gantryctl.engineering.drafting.draft import draft
+    from gantryctl.engineering.drafting.writing import machine_text
+
+    return machine_text(draft(shown, name))
+
+
 def _show(sheet: Sheet, shown: Fit, fits: list[Fit]) -> None:
     from gantryctl.engineering.sizing import text
 
     click.echo(f"{sheet.sheet.name}: {sheet.sheet.description}")
-    print_table(text.paper_table(sheet))
+    print_table(text.first_table(sheet))
     print_table(text.complete_table(shown))
     print_table(text.angle_table(shown))
     print_table(text.further_table(shown))

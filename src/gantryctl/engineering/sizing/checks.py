@@ -137,7 +137,7 @@ def _lasting(motor: MotorFile, train: Train, day: Duty) -> list[Check]:
             day.treatment_rms_nm * margins.thermal,
             rated,
             "N m",
-            f"r.m.s. of a treatment {day.treatment_rms_nm:.4g} x {margins.thermal:g}",
+            f"r.m.s. of a cycle {day.treatment_rms_nm:.4g} x {margins.thermal:g}",
         ),
         Check(
             "brake",
@@ -165,14 +165,14 @@ def _encoder(sheet: Sheet, motor: MotorFile) -> list[Check]:
             travel / 360.0,
             eq.encoder_range_turns(motor.encoder.turns, sheet.gears.ratio),
             "turns",
-            "gantry turns: travel and the wrap margin on both sides",
+            "turns of the axis: travel and the wrap margin on both sides",
         ),
         Check(
             "encoder step",
             eq.encoder_step_deg(motor.encoder.counts_per_turn, sheet.gears.ratio),
             sheet.required.angle_deg / sheet.margins.resolution,
             "deg",
-            "one step at the gantry, against the required accuracy",
+            "one step at the axis, against the required accuracy",
         ),
     ]
 

@@ -5,30 +5,53 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from gantryctl.engineering.sizing import equations as eq
 from gantryctl.engineering.sizing.chain import machine_values
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
+from gantryctl.engineering.sizing.loading import is_reference_sheet
 from gantryctl.engineering.sizing.paper_figures import paper_figures
 from gantryctl.engineering.sizing.train import over_angle
 from gantryctl.machine.tables.drive import SpeedLoopTable
 from gantryctl.units import deg
 
 
-def sizing_data(shown: Fit, fits: Sequence[Fit], loop: SpeedLoopTable) -> dict[str, Any]:
+def sizing_data(shown: Fit, fits: Sequence[Fit], loop: SpeedLoopTable | None) -> dict[str, Any]:
     """Everything `size --json` prints.
 
     Args:
-        shown: the motor of the complete figures. fits: all motors. loop: the drive's speed loop.
+        shown: the motor of the complete figures. fits: all motors. loop: the drive's speed loop; None where no
+            machine follows.
     """
     sheet = shown.train.sheet
     return {
         "sheet": sheet.sheet.name,
         "motor": shown.motor.name,
-        "figures": paper_figures(sheet, shown.motor, loop),
+        "figures": _figures(shown, loop),
         "complete": _complete(shown),
         "over_angle": [row._asdict() for row in over_angle(shown.train)],
         "duty": shown.duty._asdict(),
         "motors": [_motor(fitted) for fitted in fits],
         "machine_values": machine_values(sheet, shown.motor),
+    }
+
+
+def _figures(shown: Fit, loop: SpeedLoopTable | None) -> dict[str, float]:
+    """Equations (1) to (3) and the encoder: under the names of the paper's figures for the reference sheet."""
+    sheet, motor = shown.train.sheet, shown.motor
+    if is_reference_sheet(sheet) and loop is not None:
+        return paper_figures(sheet, motor, loop)
+    ratio, inertia = sheet.gears.ratio, sheet.load.inertia_kg_m2
+    speed = eq.motor_speed_r_min(sheet.motion.speed_max_r_min, ratio)
+    torque = eq.motor_torque_nm(inertia, shown.train.sizing_acc_rad_s2, ratio)
+    return {
+        "ratio": ratio,
+        "motor_speed_r_min": speed,
+        "acc_rad_s2": shown.train.sizing_acc_rad_s2,
+        "torque_load_alone_nm": torque,
+        "power_load_alone_kw": eq.power_kw(torque, speed),
+        "inertia_load_at_motor_kg_m2": eq.reflected_inertia_kg_m2(inertia, ratio),
+        "encoder_step_deg": eq.encoder_step_deg(motor.encoder.counts_per_turn, ratio),
+        "encoder_range_turns": eq.encoder_range_turns(motor.encoder.turns, ratio),
     }
 
 

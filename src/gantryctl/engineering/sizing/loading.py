@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,12 +12,25 @@ from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.errors import ConfigError
 from gantryctl.machine import configs_folder, field_specs, load_table
 from gantryctl.machine.rules.reaction import REACTION_S
+from gantryctl.machine.specs import unknown_guesses
 from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
 
 def default_sheet_path() -> Path:
     """Where the reference machine's requirement sheet lies."""
     return configs_folder() / "requirements" / "hust_gantry.toml"
+
+
+@functools.cache
+def _reference_sheet() -> Sheet:
+    return load_sheet(default_sheet_path())
+
+
+def is_reference_sheet(sheet: Sheet) -> bool:
+    """Whether a sheet asks for what the axis of the source paper must do: range, motion, load and gears are its."""
+    reference = _reference_sheet()
+    tables = ("range", "motion", "load", "gears")
+    return all(getattr(sheet, name) == getattr(reference, name) for name in tables)
 
 
 def load_sheet(path: Path | str) -> Sheet:
@@ -34,7 +48,20 @@ def load_sheet(path: Path | str) -> Sheet:
 
 def contradictions(sheet: Sheet) -> list[str]:
     """One line per contradiction: `[table] key = value: what must hold, against what`."""
-    return [*_required(sheet), *_travel(sheet), *_motion(sheet), *_gears(sheet), *_duty(sheet)]
+    return [
+        *_guesses(sheet),
+        *_required(sheet),
+        *_travel(sheet),
+        *_motion(sheet),
+        *_gears(sheet),
+        *_duty(sheet),
+    ]
+
+
+def _guesses(sheet: Sheet) -> Iterator[str]:
+    unknown = unknown_guesses(sheet.sheet.guesses, field_specs(Sheet))
+    if unknown:
+        yield f"[sheet] guesses: names {unknown}: there is no such key in a sheet; correct or delete the row"
 
 
 def _required(sheet: Sheet) -> Iterator[str]:

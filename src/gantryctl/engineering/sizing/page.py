@@ -45,7 +45,7 @@ def render_sizing(shown: Fit, fits: Sequence[Fit], made: Made) -> str:
         subtitle=f"Motors for a requirement sheet; the figures are those of {motor.name}",
         sections=[
             Section("What it means", sentences),
-            Section("Torque", tables=[text.paper_table(sheet), text.complete_table(shown)]),
+            Section("Torque", tables=[text.first_table(sheet), text.complete_table(shown)]),
             Section(
                 "Over the angle",
                 tables=[text.angle_table(shown)],

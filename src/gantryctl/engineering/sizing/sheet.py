@@ -11,7 +11,7 @@ from gantryctl.machine.tables.axis import (
     POS_MIN_DEG,
     REDUCER_RATIO,
     RING_RATIO,
-    IdentityTable,
+    FileIdentity,
 )
 from gantryctl.machine.tables.fields import Table, number, numbers, required_number, table
 from gantryctl.machine.tables.required import RequiredTable
@@ -83,12 +83,36 @@ class Gears(Table):
         return self.reducer_ratio * self.ring_ratio
 
 
+class Structure(Table):
+    """[structure]: what machine files take from the design of the steel; a motor is chosen without it."""
+
+    # A rule of thumb in place of it would be a guess about the one figure that decides what control can do.
+    first_mode_hz: float = required_number(
+        2.0, 0.02, 500.0, "Lowest natural frequency of the load with the motor held."
+    )
+    damping_ratio: float = number(0.025, 0.0, 0.5, "Its damping ratio.")
+    # Both of the base over those of the load on its transmission.
+    base_frequency_ratio: float = number(3.5, 1.0, 100.0, "Rocking frequency of the base over first_mode_hz.")
+    base_inertia_ratio: float = number(0.3, 0.01, 100.0, "Rocking inertia of the base over that of the load.")
+
+
+class Teeth(Table):
+    """[teeth]: pinion and ring; the waves of the gear error follow from them and from the ratios."""
+
+    pinion_teeth: int = number(20, 6, 500, "Teeth of the pinion.")
+    ring_radius_m: float = required_number(2.366, 0.01, 100.0, "Radius of the ring's pitch circle.")
+    # 8 is what a large milled ring has; ground ones reach 5.
+    grade: float = number(8.0, 1.0, 12.0, "Accuracy grade of pinion and ring by ISO 1328-1.")
+    # An adjusted pinion; as delivered it is 0.03 to 0.05.
+    backlash_ratio: float = number(0.0036, 0.0, 0.2, "Backlash over the module.")
+
+
 class Duty(Table):
     """[duty]: one treatment day."""
 
     treatments: int = number(40, 1, 1000, "Treatments in a day.")
     hours: float = number(12.0, 0.1, 24.0, "Length of the day.")
-    stops_deg: tuple[Annotated[float, Field(ge=-400.0, le=400.0)], ...] = numbers(
+    stops_deg: tuple[Annotated[float, Field(ge=-3600.0, le=3600.0)], ...] = numbers(
         (90.0, 180.0, -90.0, 0.0), 1, 100, "Angles of one treatment in this order; it begins at the last one."
     )
     hold_s: float = number(120.0, 0.0, 3600.0, "Time at every stop.")
@@ -113,11 +137,13 @@ class Margins(Table):
 class Sheet(Table):
     """A complete requirement sheet."""
 
-    sheet: IdentityTable = table("Name of the sheet.")
+    sheet: FileIdentity = table("Name of the sheet.")
     required: RequiredTable = table("What the axis must do.", RequiredTable)
     range: Range = table("Travel.")
     motion: Motion = table("Speeds and accelerations.")
     load: LoadSheet = table("What turns.")
     gears: Gears = table("The transmission.")
+    structure: Structure = table("How stiff it is.")
+    teeth: Teeth = table("Pinion and ring.")
     duty: Duty = table("One treatment day.", Duty)
     margins: Margins = table("How much more than needed.", Margins)

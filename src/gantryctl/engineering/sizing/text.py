@@ -7,30 +7,39 @@ from collections.abc import Sequence
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.engineering.sizing import equations as eq
 from gantryctl.engineering.sizing.checks import Fit, usable_torque_nm, wrap_margin_deg
+from gantryctl.engineering.sizing.loading import is_reference_sheet
 from gantryctl.engineering.sizing.paper_figures import printed_acceleration_rad_s2, printed_torque_nm
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.engineering.sizing.train import over_angle
 from gantryctl.units import deg
 
 
-def paper_table(sheet: Sheet) -> TextTable:
-    """Equations (1) to (3): as the paper rounds them, and exactly."""
+def first_table(sheet: Sheet) -> TextTable:
+    """Equations (1) to (3): the load inertia alone; for the reference sheet also as the paper rounds them."""
     m, ratio, inertia = sheet.motion, sheet.gears.ratio, sheet.load.inertia_kg_m2
     speed = eq.motor_speed_r_min(m.speed_max_r_min, ratio)
     acc = eq.mean_acceleration_rad_s2(m.speed_max_r_min, m.sizing_time_s)
     exact = eq.motor_torque_nm(inertia, acc, ratio)
-    rounded = printed_torque_nm(sheet)
-    rows = (
-        ("(1) motor speed n1 = i n2, r/min", f"{speed:.0f}", f"{speed:.6g}"),
-        ("acceleration alpha2, rad/s2", f"{printed_acceleration_rad_s2(sheet):g}", f"{acc:.6g}"),
-        ("(2) motor torque T1 = J alpha2/i, N m", f"{rounded:g}", f"{exact:.5g}"),
-        (
-            "(3) power P = T1 n1/9550, kW",
-            f"{eq.power_kw(rounded, speed):.2f}",
-            f"{eq.power_kw(exact, speed):.5g}",
-        ),
+    names = (
+        "(1) motor speed n1 = i n2, r/min",
+        "acceleration alpha2, rad/s2",
+        "(2) motor torque T1 = J alpha2/i, N m",
+        "(3) power P = T1 n1/9550, kW",
     )
-    return TextTable("The paper's equations: load inertia only", ("", "as printed", "exact"), rows)
+    figures = (f"{speed:.6g}", f"{acc:.6g}", f"{exact:.5g}", f"{eq.power_kw(exact, speed):.5g}")
+    if not is_reference_sheet(sheet):
+        return TextTable("Load inertia alone", ("", ""), tuple(zip(names, figures, strict=True)))
+    rounded = printed_torque_nm(sheet)
+    printed = (
+        f"{speed:.0f}",
+        f"{printed_acceleration_rad_s2(sheet):g}",
+        f"{rounded:g}",
+        f"{eq.power_kw(rounded, speed):.2f}",
+    )
+    heads = ("", "as printed", "exact")
+    return TextTable(
+        "The paper's equations: load inertia only", heads, tuple(zip(names, printed, figures, strict=True))
+    )
 
 
 def complete_table(fitted: Fit) -> TextTable:
@@ -69,9 +78,9 @@ Rows = tuple[tuple[str, str], ...]
 def _day_rows(fitted: Fit) -> Rows:
     day = fitted.duty
     return (
-        ("one treatment: moving; whole", f"{day.moving_s:.0f} s; {day.treatment_s:.0f} s"),
+        ("one cycle: moving; whole", f"{day.moving_s:.0f} s; {day.treatment_s:.0f} s"),
         (
-            "r.m.s. torque: of a treatment; of the day",
+            "r.m.s. torque: of a cycle; of the day",
             f"{day.treatment_rms_nm:.1f} N m; {day.day_rms_nm:.1f} N m",
         ),
     )
@@ -110,8 +119,8 @@ def _holding_rows(fitted: Fit) -> Rows:
     return (
         ("quick stop, at least", f"{deg(train.quick_dec_rad_s2):.2f} deg/s2, {train.quick_stop_nm:.0f} N m"),
         ("holding: needed; brake", f"{train.hold_nm:.1f} N m; {motor.brake.torque_nm:g} N m{reserve}"),
-        ("encoder range; wrap beyond travel", f"{turns:.2f} gantry turns; {wrap:.1f} deg each side"),
-        ("encoder step at the gantry; interpolated", f"{step:.3g} deg; {fine:.2g} deg"),
+        ("encoder range; wrap beyond travel", f"{turns:.2f} turns of the axis; {wrap:.1f} deg each side"),
+        ("encoder step at the axis; interpolated", f"{step:.3g} deg; {fine:.2g} deg"),
     )
 
 
@@ -120,7 +129,7 @@ def _energy_rows(fitted: Fit) -> Rows:
     back = f"{efficiency * day.returned_j / 1e3:.1f} kJ; {efficiency * day.returned_mean_w:.0f} W"
     return (
         ("energy of motion at the highest speed", f"{fitted.train.kinetic_energy_j / 1e3:.1f} kJ"),
-        ("regeneration, electrical: per treatment; mean of the day", back),
+        ("regeneration, electrical: per cycle; mean of the day", back),
         (
             "regeneration, largest: braking as in the sizing case",
             f"{efficiency * fitted.train.braking_power_w / 1e3:.1f} kW",
@@ -160,13 +169,13 @@ def sentences(shown: Fit, fits: Sequence[Fit]) -> list[str]:
 def _torque(shown: Fit) -> str:
     train, motor = shown.train, shown.motor
     speed = eq.motor_speed_r_min(train.sheet.motion.speed_max_r_min, train.ratio)
-    paper = eq.motor_torque_nm(train.sheet.load.inertia_kg_m2, train.sizing_acc_rad_s2, train.ratio)
+    alone = eq.motor_torque_nm(train.sheet.load.inertia_kg_m2, train.sizing_acc_rad_s2, train.ratio)
     complete = train.largest_nm(train.sizing_acc_rad_s2)
     rated = motor.torque_at_nm(motor.motor.torque_rated_nm, speed)
     how = "within" if complete <= rated else "above"
     return (
-        f"The sizing case takes {complete:.0f} N m, not the {paper:.0f} N m of eq. (2): {how} the {rated:.0f} N m that "
-        f"{motor.name} gives continuously at {speed:.0f} r/min"
+        f"The sizing case takes {_whole(complete)} N m, not the {_whole(alone)} N m of eq. (2): {how} the "
+        f"{_whole(rated)} N m that {motor.name} gives continuously at {speed:.0f} r/min"
         + (
             f"; for {train.sheet.motion.sizing_time_s:g} s it needs its overload of {motor.motor.torque_max_nm:g} N m."
             if complete > rated
@@ -175,12 +184,17 @@ def _torque(shown: Fit) -> str:
     )
 
 
+def _whole(torque_nm: float) -> str:
+    """A torque with three digits at least."""
+    return f"{torque_nm:.0f}" if torque_nm >= 100.0 else f"{torque_nm:.3g}"
+
+
 def _acceleration(shown: Fit) -> str:
     train = shown.train
     ratio = train.sizing_acc_rad_s2 / train.normal_acc_rad_s2
     return (
         f"Normal moves accelerate with {deg(train.normal_acc_rad_s2):.4g} deg/s2, {ratio:.3g} times less than the "
-        f"sizing case, and take at most {train.largest_nm(train.normal_acc_rad_s2):.0f} N m."
+        f"sizing case, and take at most {_whole(train.largest_nm(train.normal_acc_rad_s2))} N m."
     )
 
 

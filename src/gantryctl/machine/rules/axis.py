@@ -3,8 +3,16 @@
 from __future__ import annotations
 
 from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, rule
+from gantryctl.machine.specs import field_specs, unknown_guesses
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN
+
+
+@rule("machine.guesses")
+def guesses_are_keys(m: Machine) -> Broken:
+    """Every row of the guesses is a key of the machine file."""
+    unknown = unknown_guesses(m.machine.guesses, field_specs())
+    return f"must be keys of the file: {unknown} is none; correct or delete the row" if unknown else None
 
 
 # --- travel -------------------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from typing import Any, Final, Literal
 
 from pydantic import Field
 
-from gantryctl.machine.tables.fields import Table, beside, choice, number, required_number, text
+from gantryctl.machine.tables.fields import Table, beside, choice, number, required_number, text, texts
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
 # Ten turns each way: more than a cable drum of any of these axes takes.
@@ -27,6 +27,16 @@ class IdentityTable(Table):
         description="Short name, used in messages and file names: letters, digits, '_', '-', '.'.",
     )
     description: str = text("", 300, "One line for people.")
+
+
+class FileIdentity(IdentityTable):
+    """[machine] and [sheet]: the name, and which values nobody has measured or decided yet."""
+
+    guesses: tuple[str, ...] = texts(
+        0,
+        200,
+        "Keys of this file whose values are guesses, by dotted path; delete a row once its value is known.",
+    )
 
 
 class AxisTable(Table):

@@ -107,6 +107,11 @@ def text(default: str, longest: int, meaning: str, source: Source = "choice") ->
     return _field(meaning, {SOURCE: source}, default=default, max_length=longest)
 
 
+def texts(least: int, most: int, meaning: str, source: Source = "choice") -> Any:
+    """Declare an array of `least` to `most` texts, empty by default."""
+    return _field(meaning, {SOURCE: source}, default=(), min_length=least, max_length=most)
+
+
 def table(meaning: str, default: type[Table] | None = None) -> Any:
     """Declare a sub-table; without `default` the machine file must contain it."""
     if default is None:

@@ -8,7 +8,7 @@ from pydantic import PrivateAttr, ValidationInfo, model_validator
 
 from gantryctl.machine.calibration import Calibration
 from gantryctl.machine.rules.book import violations
-from gantryctl.machine.tables.axis import AxisTable, IdentityTable, SpeedTable, VirtualAxisTable
+from gantryctl.machine.tables.axis import AxisTable, FileIdentity, SpeedTable, VirtualAxisTable
 from gantryctl.machine.tables.can import CanTable
 from gantryctl.machine.tables.control import AccuracyTable, ControlTable, MonitorsTable
 from gantryctl.machine.tables.drive import DriveTable
@@ -28,7 +28,7 @@ class Machine(Table):
     built in any other way obeys the same rules, except by `model_copy(update=...)`, which checks nothing.
     """
 
-    machine: IdentityTable = table("Name of the machine.")
+    machine: FileIdentity = table("Name of the machine.")
     required: RequiredTable = table("What the axis must do.", RequiredTable)
     axis: AxisTable = table("Travel, limits, ratio.")
     speed: SpeedTable = table("Speed chain.", SpeedTable)

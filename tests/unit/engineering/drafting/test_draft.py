@@ -1,0 +1,144 @@
+"""From a sheet to a machine: valid, whole, of its own numbers, each with where it comes from."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gantryctl.engineering.analysis.models.mechanics import PlantKind, mechanics
+from gantryctl.engineering.analysis.models.modes import Oscillation
+from gantryctl.engineering.analysis.models.robust import Uncertainty, robust_margins
+from gantryctl.engineering.drafting.draft import BUS, draft
+from gantryctl.engineering.drafting.gear_errors import drawn_phases, pitch_deviation_um, ring_um
+from gantryctl.engineering.drafting.origin import Origin
+from gantryctl.engineering.drafting.templates import template_names
+from gantryctl.engineering.drafting.writing import guess_lines, machine_text
+from gantryctl.engineering.sizing.checks import fit
+from gantryctl.engineering.sizing.loading import default_sheet_path, load_sheet
+from gantryctl.engineering.sizing.motors import load_motors
+from gantryctl.errors import ConfigError
+from gantryctl.machine import (
+    config_hash,
+    configs_folder,
+    default_machine,
+    effective_values,
+    field_specs,
+    origins,
+    parse_machine,
+)
+
+TEMPLATES = template_names()
+# What the reference gantry was fitted, tuned or drawn to: no other machine has it by chance.
+OF_THE_REFERENCE = (
+    "drive.speed_loop.kvp_nm_s_per_rad",
+    "control.compensation.gear_map.cycles_per_turn",
+    "plant.transmission.reducer_stiffness_1_nm_per_rad",
+    "plant.transmission.rest_stiffness_nm_per_rad",
+    "plant.transmission.hysteresis_torque_nm",
+    "plant.transmission.backlash_mm",
+    "plant.gear_error.ring_radius_m",
+    "plant.gear_error.ring_um",
+    "plant.gear_error.phases_rad",
+    "plant.base.inertia_kg_m2",
+    "plant.base.frequency_hz",
+    "plant.roller_friction.coulomb_nm",
+    "plant.motor_friction.coulomb_nm",
+    "plant.encoder.serial",
+    "virtual_axis.quick_dec_deg_s2",
+)
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_every_template_is_a_machine_that_the_full_plant_accepts(made, template):
+    """`draft_with` has checked rules and quick stop; the text is the same machine."""
+    machine = made(template).machine()
+    assert config_hash(parse_machine(machine_text(made(template)))) == config_hash(machine)
+    assert machine.name == f"my_{template}"
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_no_key_of_the_machine_is_left_to_a_default(made, template):
+    """Defaults are the reference gantry's: only [can], which a simulated machine does not read, keeps them."""
+    origin = origins(made(template).machine())
+    assert [path for path, where in origin.items() if where == "default" and not path.startswith(BUS)] == []
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_nothing_of_the_reference_gantry_comes_along(made, template):
+    own, reference = effective_values(made(template).machine()), effective_values(default_machine())
+    assert [path for path in OF_THE_REFERENCE if own[path] == reference[path]] == []
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_the_load_swings_with_the_first_mode_of_the_sheet(made, template):
+    """Stiffness follows from the mode with the base in series; its mass, left out there, moves the mode by 1 to 3 %."""
+    drafted = made(template)
+    plant = mechanics(drafted.machine(), PlantKind.FULL)
+    found = Oscillation.of(complex(plant.held_poles()[0])).hz
+    assert found == pytest.approx(drafted.fit.train.sheet.structure.first_mode_hz, rel=0.03)
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_gains_are_stable_with_margins_on_plants_around_the_machine(made, template):
+    """Stiffness 0.8 to 1.3 times, inertia 0.9 to 1.1: inside the set of the search, so 30 deg must be left."""
+    machine = made(template).machine()
+    stiffness = float(mechanics(machine, PlantKind.TWO_MASS).stiffness[1, 1])
+    damping = machine.plant.transmission.damping_ratio
+    around = Uncertainty((0.8 * stiffness, 1.3 * stiffness), 4, (damping,), (0.9, 1.1), (1.0,))
+    margins = robust_margins(machine, around)
+    assert margins.stable
+    assert margins.worst_phase.phase_margin_deg > 30.0
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_gear_waves_follow_from_the_machine_s_own_ratios_and_teeth(made, template):
+    machine = made(template).machine()
+    ratio, teeth = machine.axis.ratio, machine.plant.gear_error.pinion_teeth * machine.axis.ring_ratio
+    waves = machine.control.compensation.gear_map.cycles_per_turn
+    assert waves == pytest.approx((teeth, ratio, 2.0 * ratio, 4.0 * ratio))
+
+
+def test_the_ring_has_the_pitch_deviation_of_its_grade():
+    """Module 14, 4.73 m, grade 8: 0.27 mm, the reference ring (`machine.tables.plant`); the sum of waves has it too."""
+    total = pitch_deviation_um(14.0, 4732.0, 8.0)
+    assert total == pytest.approx(270.0, rel=0.03)
+    assert pitch_deviation_um(14.0, 4732.0, 9.0) == pytest.approx(math.sqrt(2.0) * total)
+    phases = drawn_phases("any")
+    turn = np.linspace(0.0, 2.0 * math.pi, 5000)
+    waves = enumerate(ring_um(total, phases), start=1)
+    whole = sum(um * np.sin(n * turn + phases[n - 1]) for n, um in waves)
+    # Amplitudes have three digits, and 5000 points miss a peak of 12 waves by less than 0.1 %.
+    assert np.ptp(whole) == pytest.approx(total, rel=0.01)
+    assert drawn_phases("any") == phases != drawn_phases("other")
+
+
+def test_the_reference_sheet_needs_only_what_it_gives(made):
+    """A sheet without guesses: every value of it stands in the machine as the sheet's."""
+    (motor,) = load_motors([configs_folder() / "motors" / "im_31kw_1150.toml"])
+    drafted = draft(fit(load_sheet(default_sheet_path()), motor), "other")
+    assert drafted.values["plant.load.inertia_kg_m2"].origin is Origin.SHEET
+    assert drafted.values["axis.ring_ratio"].origin is Origin.SHEET
+    assert drafted.values["motor.inertia_kg_m2"].origin is Origin.CATALOGUE
+    # Nobody says where the switches stand, and the sheet leaves the base open.
+    assert {"axis.limit_switch_max_deg", "plant.base.frequency_hz"} <= set(drafted.guesses)
+    assert "plant.transmission.rest_stiffness_nm_per_rad" not in drafted.guesses
+
+
+def test_guesses_are_in_the_file_its_list_and_the_printed_lines(made):
+    drafted = made("tilt_table")
+    text, machine = machine_text(drafted), drafted.machine()
+    assert set(machine.machine.guesses) == set(drafted.guesses)
+    assert {path for path, where in origins(machine).items() if where == "guess"} == set(drafted.guesses)
+    lines = guess_lines(drafted.values)
+    for path, line in zip(drafted.guesses, lines, strict=True):
+        spec = field_specs()[path]
+        assert line.startswith(f"[{spec.table}] {spec.key} = ")
+        assert drafted.values[path].rule in line
+        assert f"guess: {drafted.values[path].rule}" in text
+
+
+def test_a_motor_that_does_not_fit_gives_no_draft(made):
+    (small,) = load_motors([configs_folder() / "motors" / "pm_200w_3000.toml"])
+    sheet = made("gantry").fit.train.sheet
+    with pytest.raises(ConfigError, match="pm_200w_3000 does not fit my_gantry: "):
+        draft(fit(sheet, small), "x")

@@ -1,0 +1,181 @@
+"""`gantryctl new`, `config init --sheet`, `size init` and `size --write`: files that the next command takes."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from gantryctl.cli.main import cli
+from gantryctl.errors import ConfigError, GantryctlError, UsageError
+from gantryctl.machine import config_hash, configs_folder, load_machine, origins
+
+MOTORS = configs_folder() / "motors"
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def run(*arguments, stdin=None):
+    result = CliRunner().invoke(cli, [*map(str, arguments)], standalone_mode=False, input=stdin)
+    if isinstance(result.exception, GantryctlError):
+        raise result.exception
+    assert result.exception is None, result.exception
+    return result
+
+
+def test_a_new_axis_is_a_sheet_and_a_machine_that_moves(tmp_path):
+    said = run(
+        "new", "rig", "--template", "tilt_table", "--set", "pos_max_deg=80", "--set", "source=rig 3"
+    ).output
+    assert "wrote rig_sheet.toml and rig.toml: motor pm_2kw_2000" in said
+    assert "values of the sheet are guesses" in said
+    assert "[load] inertia_kg_m2 = 20000: usual for a tilt_table" in said
+    assert "pos_max_deg" not in said
+    machine = load_machine("rig.toml")
+    assert machine.axis.pos_max_deg == 80.0
+    assert machine.required.source == "rig 3"
+    assert run("config", "check", "rig.toml").output.startswith("rig.toml: ok: rig, ")
+    moved = run("move", "10", "--config", "rig.toml", "--fresh", "--no-trace").output
+    assert "done: 0.0000 -> 10.0000 deg" in moved
+
+
+def test_the_same_machine_by_every_way(tmp_path):
+    """`new`, a sheet of `size init` through `config init`, and through `size --write` give one machine."""
+    run("new", "rig", "--template", "tilt_table", "--set", "pos_max_deg=80")
+    answers = tmp_path / "answers.toml"
+    answers.write_text("pos_max_deg = 80\n")
+    run("new", "file", "--template", "tilt_table", "--answers", answers)
+    run("new", "piped", "--template", "tilt_table", "--answers", "-", stdin="pos_max_deg = 80\n")
+    (tmp_path / "own").mkdir()
+    run("size", "init", "own/rig.toml", "--template", "tilt_table", "--set", "pos_max_deg=80")
+    run("config", "init", "own/drafted.toml", "--sheet", "own/rig.toml")
+    run("size", "own/rig.toml", "--motor", MOTORS / "pm_2kw_2000.toml", "--write", "own/sized.toml")
+    machines = [load_machine(name) for name in ("rig.toml", "own/drafted.toml", "own/sized.toml")]
+    alike = {config_hash(machine.model_copy(update={"machine": machines[0].machine})) for machine in machines}
+    assert len(alike) == 1
+    assert load_machine("file.toml").axis == load_machine("piped.toml").axis == machines[0].axis
+    assert {machine.name for machine in machines} == {"rig", "drafted", "sized"}
+
+
+def test_json_and_the_origin_of_every_value():
+    said = json.loads(run("new", "rig", "--template", "rotary_table", "--json").output)
+    assert said["written"] == ["rig_sheet.toml", "rig.toml"]
+    machine = load_machine("rig.toml")
+    assert len(said["guesses"]["machine"]) == len(machine.machine.guesses)
+    assert said["motor"].startswith("pm_")
+    shown = run("config", "show", "rig.toml", "--no-derived").output
+    line = next(line for line in shown.splitlines() if line.startswith("mechanical_stop_max_deg"))
+    assert line.split()[-1] == "guess"
+    assert origins(machine)["axis.mechanical_stop_max_deg"] == "guess"
+    assert origins(machine)["control.kpp_per_s"] == "file"
+
+
+def test_motors_to_choose_from():
+    run("new", "rig", "--template", "tilt_table", "--motor", MOTORS / "pm_5kw_2000.toml")
+    assert load_machine("rig.toml").motor.power_rated_kw == 5.0
+    with pytest.raises(ConfigError, match=r"pm_200w_3000 does not fit two: .* needed"):
+        run("new", "two", "--template", "tilt_table", "--motor", MOTORS / "pm_200w_3000.toml")
+
+
+def test_a_person_is_asked_and_asked_again(monkeypatch):
+    """Enter keeps the usual value; an answer that is refused is asked for again with what is allowed."""
+    monkeypatch.setattr("gantryctl.cli.drafting._at_a_terminal", lambda: True)
+    answers = ["tilt_table", "-5", "much", "80", "", "", "", "", "", "", "", "", "", "", "rig 3"]
+    said = run("new", "rig", stdin="\n".join(answers) + "\n").output
+    assert "Highest angle the set-point may reach (deg) [95]:" in said
+    machine = load_machine("rig.toml")
+    assert (machine.axis.pos_min_deg, machine.axis.pos_max_deg) == (-5.0, 80.0)
+    assert machine.required.source == "rig 3"
+    assert "axis.pos_max_deg" not in machine.machine.guesses
+    assert "plant.load.inertia_kg_m2" in machine.machine.guesses
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (("new", "rig"), UsageError, "--template: is missing; choose crane_slew, gantry"),
+        (("new", "rig", "--template", "lathe"), UsageError, "--template lathe: there is none"),
+        (
+            ("new", "a b", "--template", "gantry"),
+            UsageError,
+            "NAME a b: a name of a machine has 1 to 64 letters",
+        ),
+        (("new", "../up", "--template", "gantry"), UsageError, "NAME ../up: a name"),
+        (("new", "x" * 65, "--template", "gantry"), UsageError, "a name of a machine has 1 to 64"),
+        (("new", "r", "--template", "gantry", "--set", "speed=1"), ConfigError, "speed: unknown key"),
+        (
+            ("new", "r", "--template", "gantry", "--set", "speed_max_r_min=0"),
+            ConfigError,
+            "speed_max_r_min = 0.0",
+        ),
+        (
+            ("new", "r", "--template", "gantry", "--answers", "none.toml"),
+            ConfigError,
+            "none.toml: does not exist",
+        ),
+        (
+            ("new", "r", "--template", "gantry", "--out", "nowhere"),
+            UsageError,
+            "cannot be written: No such file",
+        ),
+        (
+            ("new", "r", "--template", "gantry", "--motor", "none.toml"),
+            ConfigError,
+            "none.toml: does not exist",
+        ),
+        (("new", "r", "--template", "gantry", "--set", "inertia_kg_m2=1e8"), ConfigError, "does not fit r"),
+        (("new", "r", "--template", "gantry", "--set", "acc_time_s=0.1"), ConfigError, "does not fit r"),
+        (("new", "r", "--template", "gantry", "--set", "gear_ratio=5"), ConfigError, "reducer_ratio = "),
+        (
+            ("new", "r", "--template", "gantry", "--set", "pos_min_deg=200"),
+            ConfigError,
+            "must lie at least 1 deg",
+        ),
+        (("config", "init", "m.toml", "--sheet", "none.toml"), ConfigError, "none.toml: does not exist"),
+        (
+            ("config", "init", "m.toml", "--sheet", "x", "--can", "can0"),
+            UsageError,
+            "--sheet: goes with neither",
+        ),
+        (("config", "init", "m.toml", "--motor", "x"), UsageError, "--motor: goes with --sheet only"),
+        (("config", "init", "a b.toml", "--sheet", "x"), UsageError, "DEST a b: a name of a machine"),
+        (("size", "init"), UsageError, "--template: is missing"),
+        (
+            ("size", "init", "none/s.toml", "--template", "gantry"),
+            UsageError,
+            "none/s.toml: cannot be written",
+        ),
+        (("size", "init", "--template", "gantry", "--set", "x"), UsageError, "write --set KEY=VALUE"),
+    ],
+)
+def test_what_cannot_be_done_is_refused_and_nothing_is_written(tmp_path, arguments, error, message):
+    with pytest.raises(error) as caught:
+        run(*arguments)
+    assert message in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_are_never_overwritten_unasked(tmp_path):
+    run("new", "rig", "--template", "tilt_table")
+    before = (tmp_path / "rig.toml").read_text()
+    (tmp_path / "rig_sheet.toml").unlink()
+    for arguments in (("new", "rig"), ("size", "init", "rig.toml")):
+        with pytest.raises(UsageError, match="exists already; --force overwrites it"):
+            run(*arguments, "--template", "gantry")
+    assert (tmp_path / "rig.toml").read_text() == before
+    # None of two files when one of them exists.
+    assert not (tmp_path / "rig_sheet.toml").exists()
+    run("new", "rig", "--template", "gantry", "--force")
+    assert (tmp_path / "rig.toml").read_text() != before
+
+
+def test_a_sheet_that_names_a_guess_it_does_not_have(tmp_path):
+    run("size", "init", "s.toml", "--template", "tilt_table")
+    text = (tmp_path / "s.toml").read_text().replace('"load.mass_kg"', '"load.mass"')
+    (tmp_path / "s.toml").write_text(text)
+    with pytest.raises(
+        ConfigError, match=r"\[sheet\] guesses: names load\.mass: there is no such key in a sheet"
+    ):
+        run("config", "init", "m.toml", "--sheet", "s.toml")
