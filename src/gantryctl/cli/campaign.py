@@ -103,7 +103,7 @@ def show(result: Path, by: str | None, as_json: bool) -> None:
 
     parts = _populations((result,), by)
     if as_json:
-        data = [population_data(found) | {"part": name if by else ""} for name, found in parts]
+        data = [population_data(found) for _, found in parts]
         print_json(data if by else data[0])
         return
     for table in tables(parts):

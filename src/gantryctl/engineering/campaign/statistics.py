@@ -94,6 +94,8 @@ class Population(NamedTuple):
 
     Attributes:
         rows: of the campaign. there: rows that are computed. refused: rows without figures, by name of the reason.
+        base_points: of a sensitivity analysis, that its indices are made of; 0 where there are none.
+        part: key and value that all plants share; None for all of them.
     """
 
     head: ResultHead
@@ -101,6 +103,8 @@ class Population(NamedTuple):
     there: int
     refused: dict[str, int]
     figures: tuple[FigureStatistics, ...]
+    base_points: int
+    part: tuple[str, float] | None = None
 
 
 def population_of(folder: ResultFolder) -> Population:
@@ -111,18 +115,19 @@ def population_of(folder: ResultFolder) -> Population:
     """
     rows = folder.rows()
     head, refused = rows.head, _refused(rows)
-    whole = head.design.sampling == "sensitivity" and rows.there == head.design.rows and not refused
+    base = _base_sample(rows)
     figures = []
     for column in head.outputs:
         values = partial(_plants, rows, column)
-        sensitivity = _sensitivity(rows, column) if whole else ()
+        sensitivity = _sensitivity(rows, column, base) if base else ()
         figures.append(figure_statistics(column, values, head.limits_of(column), sensitivity))
     if figures[0].plants < 2:
         raise UsageError(
             f"{folder.path}: {figures[0].plants} of {head.design.rows} plants have figures, quantiles need two; run "
             "the campaign first"
         )
-    return Population(head, head.design.rows, rows.there, refused, tuple(figures))
+    points = base.size if base else 0
+    return Population(head, head.design.rows, rows.there, refused, tuple(figures), points)
 
 
 def parts_of(folder: ResultFolder, key: str) -> list[tuple[str, Population]]:
@@ -149,7 +154,8 @@ def parts_of(folder: ResultFolder, key: str) -> list[tuple[str, Population]]:
             )
             for column in whole.head.outputs
         )
-        parts.append((f"{key.rpartition('.')[2]} {value:.4g}", whole._replace(figures=figures)))
+        part = whole._replace(figures=figures, base_points=0, part=(key, value))
+        parts.append((f"{key.rpartition('.')[2]} {value:.4g}", part))
     return parts
 
 
@@ -264,16 +270,29 @@ def passing_of(passed: int, count: int, limit: float, level: float = LEVEL) -> P
     return Passing(limit, passed / count, float(interval.low), float(interval.high))
 
 
-def base_sample(design: Design) -> Design:
-    """The first base points of a design, as many as Sobol indices are made of."""
-    while design.rows > _VALUES_OF_INDICES:
+def _base_sample(rows: ResultRows) -> Design | None:
+    """The design of the first base points, as many as are there whole and Sobol indices are made of.
+
+    A power of 2 of them is a design too; None for fewer than 2, and for a campaign that is no sensitivity analysis.
+    """
+    design = rows.head.design
+    if design.sampling != "sensitivity":
+        return None
+    whole = 0
+    figure = next(iter(rows.head.outputs))
+    for first, batch in rows.batches([figure]):
+        lacking = np.flatnonzero(np.isnan(batch[figure]))
+        if first == whole:
+            whole += int(lacking[0]) if len(lacking) else len(batch[figure])
+        if first + len(batch[figure]) > min(whole, _VALUES_OF_INDICES):
+            break
+    while design.rows > min(whole, _VALUES_OF_INDICES):
         design = design._replace(size=design.size // 2)
-    return design
+    return design if design.size >= 2 else None
 
 
-def _sensitivity(rows: ResultRows, column: str) -> tuple[Sensitivity, ...]:
-    """Sobol indices of a figure; of a long design by its first base points, which are a design too."""
-    design = base_sample(rows.head.design)
+def _sensitivity(rows: ResultRows, column: str, design: Design) -> tuple[Sensitivity, ...]:
+    """Sobol indices of a figure by the rows of a design, all of which are there."""
     taken = np.empty(design.rows)
     for first, batch in rows.batches([column]):
         if first >= len(taken):

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gantryctl.engineering.campaign.population import Campaign
 from gantryctl.engineering.campaign.report.text import percent
+from gantryctl.engineering.campaign.result import ResultFolder
 from gantryctl.engineering.campaign.sampling import Design, unit_points
 from gantryctl.engineering.campaign.statistics import (
     PARTS,
     Quantile,
     figure_statistics,
     passing_of,
+    population_of,
     quantiles_of,
     sensitivity_of,
 )
+from gantryctl.engineering.scheduler.job import Chunk
 
 
 def quantile_of(values: np.ndarray, part: float) -> Quantile:
@@ -110,3 +116,37 @@ def test_a_figure_that_never_changes_depends_on_nothing() -> None:
 )
 def test_a_probability_is_not_rounded_to_certainty(part: float, shown: str) -> None:
     assert percent(part) == shown
+
+
+def test_indices_come_from_the_first_base_points_that_are_there_whole(
+    made: Callable[..., Campaign], tmp_path: Path
+) -> None:
+    """Of 8 base points of 3 rows: 20 rows are there from the first on, 6 base points, so 4 of them."""
+    campaign = made(order='tests = ["move"]\noutputs = ["move_base_um"]\nsampling = "sensitivity"\ncount = 8')
+    design = campaign.design
+    values = unit_points(design, 0, 24)[:, 0] ** 2
+    result = ResultFolder(tmp_path)
+    head = result.begin(campaign)
+
+    def write(first: int, end: int, refused: int = -1) -> None:
+        rows = np.arange(first, end)
+        figures = {
+            "row": rows,
+            "refused_by": np.where(rows == refused, "move", "").astype(object),
+            "plant.load.inertia_kg_m2": values[first:end],
+            "move_base_um": np.where(rows == refused, np.nan, values[first:end]),
+        }
+        result.write(head, Chunk(first, end - first), figures)
+
+    write(0, 7)
+    write(7, 20)
+    found = population_of(result)
+    assert found.base_points == 4
+    assert found.figures[0].sensitivity == sensitivity_of(values[:12], design._replace(size=4), ("inertia",))
+    assert found.figures[0].plants == 7
+    write(20, 24, refused=22)
+    assert population_of(result).base_points == 4
+    result.merge(head)
+    next(tmp_path.glob("rows-*.parquet")).unlink()
+    write(0, 24)
+    assert population_of(result).base_points == 8

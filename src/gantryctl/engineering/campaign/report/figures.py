@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 _LINES: Final = ("-", "--", "-.", ":")
 _COLOURS: Final = (BLUE, ORANGE, "#00715a", "#7a3e9d")
 _LIMIT: Final = "#b3261e"
+# A limit beyond so many times the largest value is not drawn.
+_FAR: Final = 1.5
 # From here on values lie on a scale of powers of ten.
 _WIDE: Final = 30.0
 
@@ -43,8 +45,9 @@ def distribution(curves: Sequence[Curve], limits: Sequence[float], label: str) -
     for k, curve in enumerate(curves):
         colour, line = _COLOURS[k % len(_COLOURS)], _LINES[k // len(_COLOURS) % len(_LINES)]
         axes.plot(curve.values, [100.0 * part for part in CURVE], line, color=colour, label=curve.name)
-    _draw_limits(axes, limits)
-    _scale(axes, [value for curve in curves for value in curve.values])
+    values = [value for curve in curves for value in curve.values]
+    _draw_limits(axes, limits, max(values))
+    _scale(axes, values)
     axes.set_xlabel(label)
     axes.set_ylabel("plants at or below, %")
     axes.set_ylim(0.0, 100.0)
@@ -74,26 +77,47 @@ def spreads(rows: Sequence[Spread], limits: Sequence[float], label: str) -> Figu
         place, [row.low for row in rows], [row.high for row in rows], color=BLUE, linewidth=3.5, alpha=0.55
     )
     axes.plot([row.median for row in rows], place, "o", color=BLUE, markersize=5.0)
-    _draw_limits(axes, limits)
-    _scale(axes, [value for row in rows for value in (row.low, row.high)])
+    values = [value for row in rows for value in (row.low, row.high)]
+    _draw_limits(axes, limits, max(values))
+    _scale(axes, values)
     axes.set_yticks(place, [row.name for row in rows])
     axes.invert_yaxis()
     axes.set_xlabel(f"{label}: median, and 5 .. 95 % of the plants")
     return figure
 
 
-def _draw_limits(axes: Axes, limits: Sequence[float]) -> None:
-    for limit in limits:
+def _draw_limits(axes: Axes, limits: Sequence[float], largest: float) -> None:
+    """Limits as lines; one that is far beyond the largest value is named at the edge, or nothing else would be seen."""
+    for limit in (limit for limit in limits if limit <= _FAR * largest):
         axes.axvline(limit, color=_LIMIT, linewidth=0.9, linestyle=":")
         place = (limit, 1.0)
         axes.annotate(
             f"{limit:g}", place, xycoords=("data", "axes fraction"), color=_LIMIT, va="bottom", ha="center"
         )
+    far = ", ".join(f"{limit:g}" for limit in limits if limit > _FAR * largest)
+    if far:
+        axes.annotate(
+            f"{far} \N{RIGHTWARDS ARROW}",
+            (1.0, 1.0),
+            xycoords="axes fraction",
+            # Above a limit that lies at the edge.
+            xytext=(0.0, 9.0),
+            textcoords="offset points",
+            color=_LIMIT,
+            va="bottom",
+            ha="right",
+        )
 
 
 def _scale(axes: Axes, values: Sequence[float]) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
     if min(values) > 0.0 and max(values) > _WIDE * min(values):
         axes.set_xscale("log")
+        decades = max(values) / min(values)
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if decades < _WIDE**2 else (1.0,)))
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 @styled

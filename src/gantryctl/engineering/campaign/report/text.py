@@ -9,7 +9,6 @@ from gantryctl.engineering.campaign.statistics import (
     PARTS,
     FigureStatistics,
     Population,
-    base_sample,
 )
 from gantryctl.engineering.report.text import TextTable
 
@@ -96,7 +95,7 @@ def _sensitivity_table(name: str, found: Population, figure: FigureStatistics) -
     interval = f"{100.0 * LEVEL:g} %"
     what = " ".join(filter(None, (figure.column, name)))
     return TextTable(
-        f"Sobol indices of {what}, base sample {base_sample(found.head.design).size}",
+        f"Sobol indices of {what}, {found.base_points} base points",
         ("factor", "first order", interval, "total", interval),
         rows,
     )
@@ -112,10 +111,11 @@ def lines(found: Population) -> list[str]:
         total = sum(found.refused.values())
         named = ", ".join(f"{name} ({count})" for name, count in found.refused.items())
         made.append(f"{total} rows have no figures and are left out: {named}")
-    if head.design.sampling == "sensitivity" and not found.figures[0].sensitivity:
-        lacking = found.rows - found.there
-        why = f"{lacking} rows are missing" if lacking else "rows were refused"
-        made.append(f"no Sobol indices: they need every row of the design, and {why}")
+    if head.design.sampling == "sensitivity" and found.part is None and found.base_points < head.design.size:
+        made.append(
+            f"Sobol indices by the first {found.base_points} of {head.design.size} base points: more are missing, have "
+            "refused rows, or are not needed"
+        )
     if head.design.sampling in ("sobol", "latin_hypercube", "sensitivity"):
         made.append("intervals are those of independent plants; an even sample is closer than they say")
     return made
