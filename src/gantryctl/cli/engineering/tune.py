@@ -226,7 +226,8 @@ def _show(result: Tuning, with_log: bool) -> None:
     if result.tuned is not None:
         if with_log:
             print_table(text.log_table(result.tuned))
-        print_table(text.paper_table(result))
+        if result.paper is not None:
+            print_table(text.paper_table(result))
     print_table(text.before_after_table(result))
     click.echo()
     for sentence in text.sentences(result):

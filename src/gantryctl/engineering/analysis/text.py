@@ -219,11 +219,8 @@ def robust_sentences(report: RobustReport) -> list[str]:
     for name, by_damping in report.bands.items():
         parts = []
         for zeta, spans in by_damping.items():
-            where = " and ".join(f"{low / 1e9:.2f}..{high / 1e9:.2f}e9" for low, high in spans)
-            parts.append(
-                f"{100.0 * zeta:g} % "
-                + (f"unstable for k = {where} N m/rad" if where else "stable at every stiffness")
-            )
+            where = f"unstable for k = {bands_text(spans)}" if spans else "stable at every stiffness"
+            parts.append(f"{100.0 * zeta:g} % {where}")
         found.append(f"Configured gains on the {name} plant, by structural damping: {'; '.join(parts)}.")
     worst = report.margins.worst_damping
     state = "unstable" if worst.zeta < 0.0 else "stable"
@@ -236,7 +233,12 @@ def robust_sentences(report: RobustReport) -> list[str]:
 
 def bands_text(bands: Bands) -> str:
     """Bands of stiffness: "0.63..1.60e9 N m/rad"."""
-    return " and ".join(f"{low / 1e9:.2f}..{high / 1e9:.2f}e9" for low, high in bands) + " N m/rad"
+    largest = max((high for _, high in bands), default=1e9)
+    # Powers of a thousand, 1e9 for stiffnesses of the size of the reference machine's.
+    power = 9 if largest >= 1e8 else 3 * math.floor(math.log10(largest) / 3.0)
+    unit = 10.0**power
+    spans = " and ".join(f"{low / unit:.2f}..{high / unit:.2f}e{power}" for low, high in bands)
+    return f"{spans} N m/rad"
 
 
 def describe(variation: Variation) -> str:

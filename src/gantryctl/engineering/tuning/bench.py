@@ -32,6 +32,8 @@ Floats = NDArray[np.float64]
 AVERAGED_S: Final = 0.002
 _SPEED_MODE: Final = 1
 _CRAWL_RAD_S: Final = 5.0
+# Of the highest speed, at most.
+_CRAWL_SHARE: Final = 0.1
 _STEP_RAD_S: Final = 1.0
 # A step that reaches the torque limit says nothing about the gains.
 _TORQUE_SHARE: Final = 0.4
@@ -155,19 +157,28 @@ class Bench:
         """Inertia that the drive turns above the frequencies of the load: rotor and reducer input."""
         return plant_params(self.machine).inertia_motor_kg_m2
 
+    @property
+    def _crawl_rad_s(self) -> float:
+        """A slow turn of the motor, also where its highest speed is one."""
+        machine = self.machine
+        return min(_CRAWL_RAD_S, _CRAWL_SHARE * rad(machine.speed.setting_max_deg_s) * machine.axis.ratio)
+
     def speed_step(self, gains: Gains) -> SpeedStep:
         """A step on top of a slow turn, so that friction does not change; small enough for the torque limit."""
         cycle = self.drive.cycle_s
         sim = _core.GantrySim(plant_params(self.machine), self._drive_with(gains), cycle)
         sim.static_start(rad(one_flank_deg(self.machine)), True)
-        size = min(_STEP_RAD_S, _TORQUE_SHARE * self.machine.motor.torque_rated_nm / gains.kvp_nm_s_per_rad)
+        crawl = self._crawl_rad_s
+        size = min(
+            _STEP_RAD_S,
+            0.2 * crawl,
+            _TORQUE_SHARE * self.machine.motor.torque_rated_nm / gains.kvp_nm_s_per_rad,
+        )
         # Turning slowly, so that friction does not change its sign with the step.
         ramp = round(0.5 * _SETTLE_S / cycle)
-        before = [
-            _speed_after(sim, _CRAWL_RAD_S * min(1.0, k / ramp)) for k in range(round(_SETTLE_S / cycle))
-        ]
+        before = [_speed_after(sim, crawl * min(1.0, k / ramp)) for k in range(round(_SETTLE_S / cycle))]
         start = float(np.mean(before[-round(_BASELINE_S / cycle) :]))
-        after = np.array([_speed_after(sim, _CRAWL_RAD_S + size) for _ in range(round(_SCOPE_S / cycle))])
+        after = np.array([_speed_after(sim, crawl + size) for _ in range(round(_SCOPE_S / cycle))])
         response: Floats = (after - start) / size
         limited = bool(sim.feedback(1.0)[4])
         time: Floats = cycle * np.arange(1.0, len(response) + 1.0)

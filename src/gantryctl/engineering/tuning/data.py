@@ -24,6 +24,7 @@ def tuning_data(tuning: Tuning) -> dict[str, Any]:
         "candidates": {
             c.name: {"gains": vars(c.gains), "move": c.move._asdict(), "verdict": _verdict(c.verdict)}
             for c in (tuning.configured, tuning.proposal, tuning.paper)
+            if c is not None
         },
         "difference_to_paper": differences(tuning),
     }

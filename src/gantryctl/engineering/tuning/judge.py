@@ -1,4 +1,4 @@
-"""Gains on the uncertain plant: stiffness 0.3..1.2e9 N m/rad, damping, inertias; and where they are unstable."""
+"""Gains on the uncertain plant: stiffness, damping, inertias; and where they are unstable."""
 
 from __future__ import annotations
 

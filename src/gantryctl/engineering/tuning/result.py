@@ -8,10 +8,10 @@ from typing import Final
 from gantryctl.engineering.analysis.models.robust import uncertain_plants
 from gantryctl.engineering.tuning.bench import Bench, TrialMove, bench_of_paper
 from gantryctl.engineering.tuning.by_margins import STATED, Conditions, Designed, by_margins
-from gantryctl.engineering.tuning.gains import PAPER, POOR, Gains, configured
+from gantryctl.engineering.tuning.gains import PAPER, POOR, Gains, configured, poor
 from gantryctl.engineering.tuning.judge import GainsVerdict, judge_gains
 from gantryctl.engineering.tuning.procedure import QUARTERS, Criteria, Tuned, paper_procedure
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, is_reference_machine
 
 PAPER_METHOD, MARGINS_METHOD = "paper", "margins"
 # Difference to the paper's gains that counts as the same.
@@ -36,7 +36,7 @@ class Tuning:
     Attributes:
         machine: of the user; the proposal is it with other gains. bench: the axis that was tuned.
         tuned: log of the paper's procedure. designed: of the method by margins; one of the two.
-        configured, proposal, paper: the candidates compared.
+        configured, proposal, paper: the candidates compared; the paper's gains on the reference machine only.
     """
 
     machine: Machine
@@ -46,11 +46,13 @@ class Tuning:
     designed: Designed | None
     configured: Candidate
     proposal: Candidate
-    paper: Candidate
+    paper: Candidate | None
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Candidates to show: the paper's gains once, when they are configured already."""
+        if self.paper is None:
+            return (self.configured, self.proposal)
         if replace(self.configured.gains, acc_deg_s2=0.0) == replace(PAPER, acc_deg_s2=0.0):
             return (self.configured, self.proposal)
         return (self.configured, self.proposal, self.paper)
@@ -61,7 +63,7 @@ def tune(
     method: str,
     *,
     as_paper: bool = False,
-    start: Gains = POOR,
+    start: Gains | None = None,
     criteria: Criteria = QUARTERS,
     conditions: Conditions = STATED,
 ) -> Tuning:
@@ -70,7 +72,8 @@ def tune(
     Args:
         machine: see `Tuning`. method: "paper" or "margins".
         as_paper: on the axis that the paper's drive saw, `bench_of_paper`.
-        start, criteria: of the paper's procedure. conditions: of the method by margins.
+        start, criteria: of the paper's procedure; poor gains for this axis when no start is given.
+        conditions: of the method by margins.
 
     Raises:
         UsageError: the axis does not bear the start, or no gains meet the conditions.
@@ -78,7 +81,9 @@ def tune(
     bench = bench_of_paper(machine) if as_paper else Bench(machine)
     linear = bench.linear_machine
     plants = uncertain_plants(linear)
-    tuned = paper_procedure(bench, start, criteria) if method == PAPER_METHOD else None
+    known = is_reference_machine(machine)
+    begin = start or (POOR if known else poor(bench.fast_inertia_kg_m2, machine.virtual_axis.acc_deg_s2))
+    tuned = paper_procedure(bench, begin, criteria) if method == PAPER_METHOD else None
     designed = None if tuned else by_margins(linear, conditions, plants)
     found = tuned or designed
     assert found is not None
@@ -86,8 +91,8 @@ def tune(
     def candidate(name: str, gains: Gains) -> Candidate:
         return Candidate(name, gains, bench.move(gains), judge_gains(linear, gains, plants))
 
-    # The acceleration is the user's: the paper's gains are compared at the same one.
     present = configured(machine)
+    # The acceleration is the user's: the paper's gains are compared at the same one.
     paper = replace(PAPER, acc_deg_s2=present.acc_deg_s2)
     return Tuning(
         machine,
@@ -97,12 +102,14 @@ def tune(
         designed,
         candidate("configured", present),
         candidate("proposal", found.gains),
-        candidate("paper", paper),
+        candidate("paper", paper) if known else None,
     )
 
 
 def differences(tuning: Tuning) -> dict[str, float]:
-    """Relative difference of the proposal to the paper's Kvp, Tvi, Kpp."""
+    """Relative difference of the proposal to the paper's Kvp, Tvi, Kpp; nothing on another machine."""
+    if tuning.paper is None:
+        return {}
     found = tuning.proposal.gains
     return {
         "Kvp": found.kvp_nm_s_per_rad / PAPER.kvp_nm_s_per_rad - 1.0,

@@ -28,7 +28,8 @@ def sentences(tuning: Tuning) -> list[str]:
 
 def _method(tuning: Tuning) -> list[str]:
     if tuning.tuned is not None:
-        return [_end(tuning.tuned), *_against_paper(tuning), _CHOICES]
+        reasons = [*_against_paper(tuning), _CHOICES] if tuning.paper is not None else []
+        return [_end(tuning.tuned), *reasons]
     designed = tuning.designed
     assert designed is not None
     # Without interpolation one encoder step limits Kvp before any margin does.
@@ -119,9 +120,9 @@ def gain_rows(gains: Gains) -> dict[str, str]:
 
 
 def move_rows(move: TrialMove) -> dict[str, str]:
-    """A simulated move of 90 deg."""
+    """A simulated move, of 90 deg where travel has them."""
     return {
-        "time of 90 deg, s": f"{move.time_s:.2f}",
+        "time of the move, s": f"{move.time_s:.2f}",
         "speed error motor, deg/s": f"{move.motor_error_deg_s:.4f}",
         "speed error load, deg/s": f"{move.load_error_deg_s:.4f}",
         "following error in cruise, mdeg": f"{1e3 * move.cruise_error_deg:.3g}",

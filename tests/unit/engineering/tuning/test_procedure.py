@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.tuning.bench import Bench, PositionStep, SpeedStep, TrialMove
-from gantryctl.engineering.tuning.gains import POOR
+from gantryctl.engineering.tuning.gains import POOR, poor
 from gantryctl.engineering.tuning.procedure import PHASES, Criteria, paper_procedure
 from gantryctl.errors import UsageError
 from gantryctl.machine import default_machine
@@ -115,3 +115,11 @@ def test_a_value_without_end_is_refused():
 
     with pytest.raises(UsageError, match="Kvp can be raised without end"):
         run(bench=Endless(default_machine()))
+
+
+def test_poor_gains_are_as_poor_on_an_axis_of_any_size():
+    """10 N m s/rad stall the motor of a table of 50 kg m2: its rotor turns with 0.25 g m2, not with 0.36 kg m2."""
+    assert poor(0.362, 450.0 / 1144.0) == POOR
+    small = poor(2.5e-4, 12.0)
+    assert small.kvp_nm_s_per_rad / 2.5e-4 == pytest.approx(POOR.kvp_nm_s_per_rad / 0.362)
+    assert poor(0.1, 0.1).acc_deg_s2 < 0.1
