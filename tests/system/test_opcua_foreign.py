@@ -67,6 +67,11 @@ def test_node_opcua_reads_the_axis_and_can_change_nothing(tmp_path: Path) -> Non
     assert said.pop("position") == pytest.approx(0.0, abs=0.01)
     assert said.pop("disabled") is True
     assert said.pop("machine") == "hust_gantry"
-    assert set(said) == {"write", "plain", "anonymous", "wrong"}
+    assert said.pop("Aes128_Sha256_RsaOaep") is True
+    assert said.pop("Aes256_Sha256_RsaPss") is True
+    assert said.pop("registered") == pytest.approx(0.0, abs=0.01)
+    assert said.pop("unit") == 17476  # DD, degree
+    assert said.pop("range") >= 360.0
+    assert set(said) == {"write", "plain", "signed", "old", "anonymous", "wrong"}
     assert "Good" not in said.values()
     assert "done" not in said.values()

@@ -7,18 +7,12 @@ import contextlib
 import logging
 import socket
 import time
-from collections import Counter
 from typing import Any, Final
 
 import uvicorn
 
-from gantryctl.gateway.settings import (
-    CONNECTIONS,
-    CONNECTIONS_REMOTE,
-    HEADER_S,
-    is_loopback,
-    neighbourhood,
-)
+from gantryctl.gateway.places import Place, Places
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, HEADER_S
 
 WAITING: Final = 4 * CONNECTIONS
 """HTTP connections of all addresses together."""
@@ -29,48 +23,12 @@ _QUIET_S: Final = 60.0
 _LOG: Final = logging.getLogger("uvicorn.error")
 
 
-class Places:
-    """Places for connections, limited for each address and in all."""
-
-    def __init__(self, most_in_all: int = WAITING) -> None:
-        self._taken: Counter[str] = Counter()
-        self._most_in_all = most_in_all
-
-    def take(self, address: str) -> Place | None:
-        """A place, or None when there is none for this address."""
-        key = neighbourhood(address)
-        most = CONNECTIONS if is_loopback(address) else CONNECTIONS_REMOTE
-        if self._taken[key] >= most or self._taken.total() >= self._most_in_all:
-            return None
-        self._taken[key] += 1
-        return Place(self._taken, key)
-
-
-class Place:
-    """Place of one connection, given back once.
-
-    Attributes:
-        mine: not given back yet.
-    """
-
-    def __init__(self, taken: Counter[str], key: str) -> None:
-        self._taken, self._key, self.mine = taken, key, True
-
-    def leave(self) -> None:
-        """Give the place back."""
-        if self.mine:
-            self.mine = False
-            self._taken[self._key] -= 1
-            if not self._taken[self._key]:
-                del self._taken[self._key]
-
-
 class Door(uvicorn.Server):
     """uvicorn with another way of accepting connections: its `http_protocol_class` is called with `place` too."""
 
     def __init__(self, config: uvicorn.Config) -> None:
         super().__init__(config)
-        self._places = Places()
+        self._places = Places(WAITING, loopback=CONNECTIONS, remote=CONNECTIONS_REMOTE)
         self._tasks: set[asyncio.Task[None]] = set()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:

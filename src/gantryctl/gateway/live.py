@@ -9,10 +9,10 @@ from typing import Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from gantryctl.gateway.access import Access
-from gantryctl.gateway.door import Places
 from gantryctl.gateway.guard import address_of, deny, error
+from gantryctl.gateway.places import Places
 from gantryctl.gateway.sessions import Session
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_OF_USER
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_OF_USER, CONNECTIONS_REMOTE
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
@@ -28,7 +28,7 @@ class Live:
 
     def __init__(self, access: Access, hub: Hub) -> None:
         self._access, self._hub = access, hub
-        self._places = Places(CONNECTIONS)
+        self._places = Places(CONNECTIONS, loopback=CONNECTIONS, remote=CONNECTIONS_REMOTE)
 
     async def serve(self, socket: WebSocket) -> None:
         """One connection from its handshake to its end."""

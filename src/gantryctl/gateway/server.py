@@ -12,7 +12,8 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
-from gantryctl.gateway.door import WAITING, Door, Place
+from gantryctl.gateway.door import WAITING, Door
+from gantryctl.gateway.places import Place
 from gantryctl.gateway.settings import HEADER_S, Settings
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 

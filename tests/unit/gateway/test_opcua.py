@@ -4,93 +4,47 @@ from __future__ import annotations
 
 import asyncio
 import json
-import socket
-from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import asynccontextmanager, suppress
+from collections.abc import Iterator
+from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 asyncua = pytest.importorskip("asyncua", reason="the extra [opcua] is not installed")
 from asyncua import Client, ua  # noqa: E402
-from asyncua.crypto.cert_gen import (  # noqa: E402
-    load_private_key,
-    setup_self_signed_certificate,
+from asyncua.crypto.cert_gen import load_private_key  # noqa: E402
+from asyncua.crypto.security_policies import (  # noqa: E402
+    SecurityPolicyAes128Sha256RsaOaep,
+    SecurityPolicyAes256Sha256RsaPss,
 )
-from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256  # noqa: E402
 from cryptography import x509  # noqa: E402
+from cryptography.hazmat.primitives.asymmetric import rsa  # noqa: E402
 from cryptography.hazmat.primitives.hashes import SHA256  # noqa: E402
 from cryptography.hazmat.primitives.serialization import Encoding  # noqa: E402
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID  # noqa: E402
 
-from gantryctl.gateway.opcua.server import POLICIES, Settings, make_server  # noqa: E402
-from gantryctl.service.memory.events import EventLog  # noqa: E402
-from gantryctl.service.memory.ring import Ring  # noqa: E402
-from gantryctl.service.protocol.roles import Role  # noqa: E402
+from gantryctl.gateway.opcua.server import POLICIES  # noqa: E402
 from gantryctl.service.protocol.tags import TAGS  # noqa: E402
 from gantryctl.service.supervisor.users import Users  # noqa: E402
+from support.opcua_bench import CLIENT, PASSWORD, Bench, Run, sharing  # noqa: E402
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of asyncua itself
-PASSWORD = "correct horse battery"
-CLIENT = "urn:example:client"
 
 
-class Bench:
-    def __init__(self, root: Path, port: int, server: Any, space: Any, trust: Any, events: Ring) -> None:
-        self.root, self.server, self.space, self.trust, self.events = root, server, space, trust, events
-        self.address = f"opc.tcp://127.0.0.1:{port}/gantryctl"
-
-    async def client(self, user: str = "viewer", password: str = PASSWORD, key: str = "client") -> Client:
-        made = Client(self.address, timeout=5)
-        made.application_uri = CLIENT
-        if user:
-            made.set_user(user)
-            made.set_password(password)
-        if key:
-            await made.set_security(
-                SecurityPolicyBasic256Sha256, str(self.root / f"{key}.der"), str(self.root / f"{key}.pem"),
-                server_certificate=str(self.root / "opcua" / "certificate.der"),
-            )  # fmt: skip
-        return made
-
-
-@asynccontextmanager
-async def running(root: Path) -> AsyncIterator[Bench]:
-    Users(root).add("viewer", Role.VIEWER, PASSWORD)
-    uses = [ExtendedKeyUsageOID.CLIENT_AUTH]
-    for name in ("client", "stranger"):
-        await setup_self_signed_certificate(
-            root / f"{name}.pem", root / f"{name}.der", CLIENT, "localhost", uses, {"commonName": name}
-        )
-    trusted = root / "opcua" / "trusted"
-    trusted.mkdir(parents=True)
-    (trusted / "client.der").write_bytes((root / "client.der").read_bytes())
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    ring = Ring(memoryview(bytearray(192 + 64 * 1024)), 1024)
-    settings = Settings("127.0.0.1", port, str(root), str(root))
-    server, space, trust = await make_server(settings, EventLog(ring))
-    async with server:
-        yield Bench(root, port, server, space, trust, ring)
-
-
-def run(root: Path, check: Callable[[Bench], Awaitable[None]]) -> None:
-    async def whole() -> None:
-        async with running(root) as bench:
-            await asyncio.wait_for(check(bench), 60)
-
-    asyncio.run(whole())
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    with sharing(tmp_path_factory.mktemp("opcua")) as made:
+        yield made
 
 
 SHOWN = {"axis_state": "continuous_motion", "pos_act_deg": 12.5, "power": True, "scan": 7, "machine": "m",
          "alarms": [{"first_out": True, "code": "CTL-03", "text": "CTL-03 STOP"}]}  # fmt: skip
 
 
-def test_a_trusted_client_reads_the_axis_and_can_change_nothing(tmp_path: Path) -> None:
+def test_a_trusted_client_reads_the_axis_and_can_change_nothing(run: Run) -> None:
     async def check(bench: Bench) -> None:
-        await bench.space.show(SHOWN, fresh=True)
+        await bench.space.show(SHOWN, age_ms=0.0)
         async with await bench.client() as client:
             space = await client.get_namespace_index("urn:gantryctl:axis")
 
@@ -119,14 +73,11 @@ def test_a_trusted_client_reads_the_axis_and_can_change_nothing(tmp_path: Path) 
                 with pytest.raises(ua.UaError):
                     await change
             assert await value("Tags.pos_act_deg") == 12.5
-            await bench.space.show(SHOWN, fresh=False)
-            with pytest.raises(ua.UaStatusCodeError, match="BadNoCommunication"):
-                await value("ReadActualPosition.Position")
 
-    run(tmp_path, check)
+    run(check)
 
 
-def test_nobody_else_gets_in(tmp_path: Path) -> None:
+def test_nobody_else_gets_in(run: Run) -> None:
     async def check(bench: Bench) -> None:
         wrong: tuple[dict[str, str], ...] = (
             {"key": ""},  # no security
@@ -143,48 +94,42 @@ def test_nobody_else_gets_in(tmp_path: Path) -> None:
         async with await bench.client():
             pass
 
-    run(tmp_path, check)
+    run(check)
 
 
-def texts(events: Ring) -> list[str]:
-    """What was written for the journal."""
-    found = []
-    while (record := events.take()) is not None:
-        found.append(json.loads(record)["text"])
-    return found
-
-
-def test_wrong_passwords_are_in_the_journal(tmp_path: Path) -> None:
+def test_wrong_passwords_are_in_the_journal(run: Run) -> None:
     async def check(bench: Bench) -> None:
         for _ in range(2):
             client = await bench.client(password="wrong wrong wrong")
             with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError, OSError)):
                 await client.connect()
-        assert texts(bench.events) == [f"refused: wrong name or password, {n} times" for n in (1, 2)]
+        assert bench.texts() == [f"refused: wrong name or password, {n} times" for n in (1, 2)]
 
-    run(tmp_path, check)
+    run(check)
 
 
 @pytest.mark.parametrize("change", ["password", "damaged"])
-def test_a_session_ends_when_its_user_is_not_the_same_any_more(tmp_path: Path, change: str) -> None:
+def test_a_session_ends_when_its_user_is_not_the_same_any_more(run: Run, change: str) -> None:
     async def check(bench: Bench) -> None:
-        users = Users(tmp_path)
-        client = await bench.client()
+        users = Users(bench.root)
+        before = users.path.read_bytes()
+        client = await bench.client("other")
         await client.connect()
-        await bench.server.iserver.user_manager.end_sessions(bench.server)
+        await bench.listener.sweep()
         assert await client.nodes.server_state.read_value() is not None  # nothing has changed yet
         if change == "password":
-            users.set_password("viewer", PASSWORD + "!")
+            users.set_password("other", PASSWORD + "!")
         else:
             users.path.write_text("{", encoding="utf-8")
-        await bench.server.iserver.user_manager.end_sessions(bench.server)
+        await bench.listener.sweep()
         with pytest.raises((ua.UaError, ConnectionError, asyncio.TimeoutError, OSError)):
             await client.nodes.server_state.read_value()
-        assert texts(bench.events) == ["OPC UA session", "OPC UA session ended: the user has changed"]
+        assert bench.texts() == ["OPC UA session", "OPC UA session ended: the user has changed"]
         with suppress(ua.UaError, ConnectionError, asyncio.TimeoutError, OSError):
             await client.disconnect()
+        users.path.write_bytes(before)
 
-    run(tmp_path, check)
+    run(check)
 
 
 async def refused(bench: Bench, key: str) -> bool:
@@ -195,34 +140,30 @@ async def refused(bench: Bench, key: str) -> bool:
         return True
 
 
-def test_the_trust_list_is_read_again_without_a_new_start(tmp_path: Path) -> None:
-    async def refused(bench: Bench, key: str) -> bool:
-        try:
-            async with await bench.client(key=key):
-                return False
-        except (TimeoutError, ua.UaError, ConnectionError, OSError):
-            return True
-
+def test_the_trust_list_is_read_again_without_a_new_start(run: Run) -> None:
     async def check(bench: Bench) -> None:
         trusted = bench.root / "opcua" / "trusted"
         assert await refused(bench, "stranger")
         (trusted / "stranger.der").write_bytes((bench.root / "stranger.der").read_bytes())
-        await bench.trust.refresh()
+        await bench.listener.sweep()
         assert not await refused(bench, "stranger")
         (trusted / "broken.der").write_bytes(b"no certificate")
-        await bench.trust.refresh()  # the list before stays in force
+        await bench.listener.sweep()  # it is left out
         assert not await refused(bench, "stranger")
         (trusted / "broken.der").unlink()
         (trusted / "stranger.der").unlink()
-        await bench.trust.refresh()
+        await bench.listener.sweep()
         assert await refused(bench, "stranger")
         assert not await refused(bench, "client")
 
-    run(tmp_path, check)
+    run(check)
 
 
-def of_client(key: Any, days: int) -> x509.Certificate:
-    """A client's certificate whose last day is so far away."""
+AUTHORITY = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "authority")])
+
+
+def of_client(key: Any, days: int, authority: Any = None) -> x509.Certificate:
+    """A client's certificate whose last day is so far away, signed by itself or by an authority."""
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "dated")])
     uses = dict.fromkeys(
         ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment"), True
@@ -234,7 +175,7 @@ def of_client(key: Any, days: int) -> x509.Certificate:
     return (
         x509.CertificateBuilder()
         .subject_name(name)
-        .issuer_name(name)
+        .issuer_name(name if authority is None else AUTHORITY)
         .public_key(key.public_key())
         .serial_number(x509.random_serial_number())
         .not_valid_before(now - timedelta(days=10))
@@ -243,11 +184,11 @@ def of_client(key: Any, days: int) -> x509.Certificate:
         .add_extension(x509.KeyUsage(**uses, **never), critical=False)
         .add_extension(x509.ExtendedKeyUsage([ExtendedKeyUsageOID.CLIENT_AUTH]), critical=False)
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .sign(key, SHA256())
+        .sign(authority or key, SHA256())
     )
 
 
-def test_a_client_certificate_that_has_expired_is_refused(tmp_path: Path) -> None:
+def test_a_client_certificate_that_has_expired_is_refused(run: Run) -> None:
     async def check(bench: Bench) -> None:
         key = await load_private_key(bench.root / "client.pem")
         (bench.root / "dated.pem").write_bytes((bench.root / "client.pem").read_bytes())
@@ -255,13 +196,13 @@ def test_a_client_certificate_that_has_expired_is_refused(tmp_path: Path) -> Non
             made = of_client(key, days).public_bytes(Encoding.DER)
             (bench.root / "dated.der").write_bytes(made)
             (bench.root / "opcua" / "trusted" / "dated.der").write_bytes(made)
-            await bench.trust.refresh()
+            await bench.listener.sweep()
             assert await refused(bench, "dated") is (days < 0)
 
-    run(tmp_path, check)
+    run(check)
 
 
-def test_only_policies_that_sign_and_encrypt_are_offered(tmp_path: Path) -> None:
+def test_only_policies_that_sign_and_encrypt_are_offered(run: Run) -> None:
     async def check(bench: Bench) -> None:
         offered = await Client(bench.address).connect_and_get_server_endpoints()
         assert len(offered) == len(POLICIES)
@@ -270,4 +211,124 @@ def test_only_policies_that_sign_and_encrypt_are_offered(tmp_path: Path) -> None
             assert [token.TokenType for token in endpoint.UserIdentityTokens] == [ua.UserTokenType.UserName]
         assert (bench.root / "opcua" / "key.pem").stat().st_mode & 0o077 == 0
 
-    run(tmp_path, check)
+    run(check)
+
+
+def test_the_status_of_a_value_follows_its_age(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        async with await bench.client() as client:
+            node = client.get_node(ua.NodeId("ReadActualPosition.Position", 2))
+            spent = client.get_node(ua.NodeId("Tags.estop_ok_2", 2))
+            for age_ms, name in (
+                (0.0, "Good"),
+                (499.0, "Good"),
+                (501.0, "UncertainNoCommunicationLastUsableValue"),
+                (4999.0, "UncertainNoCommunicationLastUsableValue"),
+                (5001.0, "BadNoCommunication"),
+                (0.0, "Good"),
+            ):
+                await bench.space.show(SHOWN, age_ms)
+                found = await node.read_data_value(raise_on_bad_status=False)
+                assert found.StatusCode.name == name
+                assert found.Value.Value == (None if name.startswith("Bad") else 12.5)
+            # What is not believed, and what is not fitted, is no good value either.
+            await bench.space.show({**SHOWN, "pos_act_deg": None}, 0.0)
+            for each, name in ((node, "BadSensorFailure"), (spent, "BadOutOfService")):
+                assert (await each.read_data_value(raise_on_bad_status=False)).StatusCode.name == name
+
+    run(check)
+
+
+def test_a_subscriber_with_a_deadband_is_told_that_a_value_has_gone_bad(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        told: list[str] = []
+
+        class Listener:
+            def datachange_notification(self, node: Any, value: Any, data: Any) -> None:
+                told.append(data.monitored_item.Value.StatusCode.name)
+
+        await bench.space.show(SHOWN, 0.0)
+        async with await bench.client() as client:
+            subscription = await client.create_subscription(200, Listener())
+            node = client.get_node(ua.NodeId("ReadActualPosition.Position", 2))
+            await subscription.deadband_monitor(node, 0.5)
+            await bench.space.show(SHOWN, 6000.0)
+            for _ in range(250):
+                await asyncio.sleep(0.02)
+                if told[-1:] == ["BadNoCommunication"]:
+                    break
+            assert told[-1] == "BadNoCommunication"
+
+    run(check)
+
+
+def test_every_analogue_tag_has_its_unit_and_range(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        limits = {"pos_min_deg": -95.0, "pos_max_deg": 180.0, "torque_max_nm": 385.0, "speed_max_deg_s": 6.0}
+        await bench.space.show({**SHOWN, **limits}, 0.0)
+        async with await bench.client("viewer", policy=SecurityPolicyAes256Sha256RsaPss) as client:
+            ranges, units = {}, {}
+            for tag in TAGS:
+                node = client.get_node(ua.NodeId(f"Tags.{tag.name}", 2))
+                names = {(await each.read_browse_name()).Name: each for each in await node.get_properties()}
+                assert set(names) == ({"EURange", "EngineeringUnits"} if tag.kind == "float" else set()), tag
+                if not names:
+                    continue
+                assert await node.read_type_definition() == ua.NodeId(ua.ObjectIds.AnalogItemType)
+                ranges[tag.name] = await names["EURange"].read_value()
+                units[tag.unit] = (await names["EngineeringUnits"].read_value()).UnitId
+                assert ranges[tag.name].Low < ranges[tag.name].High
+        # UNECE Recommendation 20 as the OPC Foundation numbers it: DD, E96, M45, NU, SEC, C26, B98, P1, C62.
+        assert units == {
+            "deg": 17476, "deg/s": 4536630, "deg/s2": 5059637, "N m": 20053, "s": 5457219, "ms": 4403766,
+            "us": 4340024, "%": 20529, "": 4404786,
+        }  # fmt: skip
+        shown = {name: (ranges[name].Low, ranges[name].High) for name in ("pos_act_deg", "torque_act_nm")}
+        assert shown == {"pos_act_deg": (-180.0, 180.0), "torque_act_nm": (-385.0, 385.0)}
+        assert (ranges["override_percent"].Low, ranges["override_percent"].High) == (0.0, 100.0)
+
+    run(check)
+
+
+def test_all_offered_policies_work_with_the_library_s_client(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        for policy in (SecurityPolicyAes128Sha256RsaOaep, SecurityPolicyAes256Sha256RsaPss):
+            async with await bench.client(policy=policy) as client:
+                (node,) = await client.register_nodes([client.get_node(ua.NodeId("Tags.scan", 2))])
+                assert await node.read_value() == 7
+                await client.unregister_nodes([node])
+
+    run(check)
+
+
+def test_an_authority_in_the_list_speaks_for_the_clients_that_it_has_signed(run: Run) -> None:
+    async def check(bench: Bench) -> None:
+        key = await load_private_key(bench.root / "client.pem")
+        authority = rsa.generate_private_key(65537, 2048)
+        (bench.root / "signed.pem").write_bytes((bench.root / "client.pem").read_bytes())
+        signed = of_client(key, 5, authority).public_bytes(Encoding.DER)
+        (bench.root / "signed.der").write_bytes(signed)
+        assert await refused(bench, "signed")
+        (bench.trusted / "authority.pem").write_bytes(of_authority(authority).public_bytes(Encoding.PEM))
+        await bench.listener.sweep()
+        assert not await refused(bench, "signed")
+        assert await refused(bench, "stranger")
+
+    run(check)
+
+
+def of_authority(key: Any) -> x509.Certificate:
+    """An authority's own certificate."""
+    now = datetime.now(UTC)
+    usage = dict.fromkeys(
+        ("digital_signature", "content_commitment", "key_encipherment", "data_encipherment", "key_agreement"),
+        False,
+    )
+    builder = x509.CertificateBuilder().subject_name(AUTHORITY).issuer_name(AUTHORITY)
+    builder = builder.public_key(key.public_key()).serial_number(x509.random_serial_number())
+    builder = builder.not_valid_before(now - timedelta(days=10)).not_valid_after(now + timedelta(days=10))
+    builder = builder.add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+    signs = x509.KeyUsage(
+        **usage, key_cert_sign=True, crl_sign=True, encipher_only=False, decipher_only=False
+    )
+    return builder.add_extension(signs, critical=True).sign(key, SHA256())

@@ -21,8 +21,8 @@ from starlette.websockets import WebSocket
 from websockets.asyncio.client import connect
 
 from gantryctl.gateway import door, server
-from gantryctl.gateway.door import Places
 from gantryctl.gateway.guard import deny, error
+from gantryctl.gateway.places import Places
 from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, neighbourhood
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
@@ -201,7 +201,7 @@ def test_a_websocket_has_no_such_limit_and_leaves_its_place_to_others() -> None:
 
 
 def test_an_address_has_its_places_and_no_more() -> None:
-    places = Places()
+    places = Places(door.WAITING, loopback=CONNECTIONS, remote=CONNECTIONS_REMOTE)
     mine = [places.take("192.0.2.7") for _ in range(CONNECTIONS_REMOTE)]
     assert None not in mine
     assert places.take("192.0.2.7") is None
@@ -214,7 +214,7 @@ def test_an_address_has_its_places_and_no_more() -> None:
 
 
 def test_all_addresses_together_have_so_many() -> None:
-    places = Places()
+    places = Places(door.WAITING, loopback=CONNECTIONS, remote=CONNECTIONS_REMOTE)
     assert sum(places.take(f"192.0.2.{n // 4}") is not None for n in range(1000)) == door.WAITING
 
 

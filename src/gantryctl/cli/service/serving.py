@@ -124,7 +124,7 @@ def certificate_files(page: Listen | None, opcua: Path | None) -> list[Path]:
     if opcua is not None:
         folder = opcua / "opcua"
         found += [*folder.glob("certificate.der"), *sorted(folder.glob("trusted/*"))]
-    return [file for file in found if file.name != "own.der"]
+    return found
 
 
 def _listener(page: Listen, root: Path) -> socket.socket:

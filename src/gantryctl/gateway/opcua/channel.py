@@ -1,0 +1,309 @@
+"""The gate of OPC UA: every message of a connection is judged here before the library acts on it.
+
+The library checks neither that a channel is secured nor whose session a request is for, so nothing reaches it that is
+not in `services` and asked for by the session of this very channel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import time
+from typing import Any, Final, NamedTuple
+
+from asyncua import ua
+from asyncua.common.connection import TransportLimits
+from asyncua.common.utils import Buffer, ServiceError
+from asyncua.crypto.security_policies import SecurityPolicyNone
+from asyncua.server.internal_server import InternalServer
+from asyncua.server.uaprocessor import UaProcessor
+from asyncua.ua.ua_binary import nodeid_from_binary, struct_from_binary, struct_to_binary, uatcp_to_binary
+
+from gantryctl.gateway.opcua.people import People, Reader
+from gantryctl.gateway.opcua.services import ACTIVATE, CHANGES, CLOSE, CREATE, DISCOVERY, READING, Holdings
+from gantryctl.gateway.opcua.trust import NotTrusted, TrustList, first_of, speaks_for
+
+BUFFER_MIN: Final = 8192
+"""Smallest buffer that a client may announce, bytes (OPC UA Part 6, section 7.1.2.3)."""
+MESSAGE_MAX: Final = 2**20
+"""Longest message, bytes, both ways."""
+LIFETIME_MIN_MS, LIFETIME_MAX_MS = 60_000, 3_600_000
+NONCE_MIN: Final = 32
+"""Bytes; of the offered policies, and of a session (Part 4, section 5.6.2.2)."""
+
+
+class ChannelRefused(Exception):
+    """Ends a connection with a status; `journal` is for the journal, and the other end is not told (Part 4, 6.1.3)."""
+
+    def __init__(self, status: int, journal: str = "") -> None:
+        super().__init__(journal)
+        self.status, self.journal = status, journal
+
+
+class Sessions(InternalServer):
+    """The library's server with sessions that nobody can guess, and that belong to their channel."""
+
+    def create_session(self, *how: Any, **named: Any) -> Any:
+        """Make a session."""
+        made = super().create_session(*how, **named)
+        # The library counts tokens up, and hands a session over to any channel that names one.
+        self.unregister_external_session(made)
+        made.auth_token = ua.NodeId(secrets.token_bytes(32), 0, ua.NodeIdType.ByteString)
+        return made
+
+
+class Answers(UaProcessor):
+    """The library's services, with a limit on the length of an answer."""
+
+    def send_response(
+        self, requesthandle: Any, seqhdr: Any, response: Any, msgtype: Any = ua.MessageType.SecureMessage
+    ) -> None:
+        """Send an answer, or that it is too long."""
+        if len(struct_to_binary(response)) > MESSAGE_MAX:
+            response = _fault(ua.StatusCodes.BadResponseTooLarge)
+        super().send_response(requesthandle, seqhdr, response, msgtype)
+
+
+class Wall(NamedTuple):
+    """What all channels share.
+
+    Attributes:
+        internal: the library's server. policies: its security policies, by their address.
+    """
+
+    internal: Sessions
+    policies: dict[str, Any]
+    trust: TrustList
+    people: People
+    limits: TransportLimits
+
+
+class Channel:
+    """One connection, from Hello to its end.
+
+    Attributes:
+        certificate: of the client (DER), empty before there is a secured channel.
+        address: of the other end.
+    """
+
+    def __init__(self, wall: Wall, transport: Any, address: str) -> None:
+        self._wall, self._transport, self.address = wall, transport, address
+        self._answers = Answers(wall.internal, transport, wall.limits)
+        self._answers.set_policies(list(wall.policies.values()))
+        self._secure = self._answers._connection
+        self._greeted = self._open = False
+        self._until_s = 0.0
+        self.certificate = b""
+
+    @property
+    def session(self) -> Any:
+        """The library's session that is logged in, or None."""
+        found = self._answers.session
+        return found if found is not None and found.is_activated() else None
+
+    def lapsed(self, users: dict[str, Any]) -> str:
+        """Why a session may not go on, "" if it may.
+
+        Args:
+            users: those of the service as they are now.
+        """
+        if self.certificate:
+            try:
+                self._wall.trust.judge(self.certificate)
+            except NotTrusted as fault:
+                return str(fault)
+        session = self.session
+        reader = session.user if session is not None else None
+        if (
+            isinstance(reader, Reader)
+            and reader.known is not None
+            and users.get(reader.known.name) != reader.known
+        ):
+            return "the user has changed"
+        return ""
+
+    async def end(self) -> None:
+        """End the session with everything that it holds."""
+        await self._answers.close()
+        if self._answers.session is not None:
+            # With the subscriptions: nobody may find them on another channel.
+            await self._answers.session.close_session(True)
+
+    async def take(self, header: Any, body: Buffer) -> bool:
+        """Act on one chunk; False when the client closes the channel.
+
+        Raises:
+            ChannelRefused: the connection is to be closed.
+        """
+        kind = header.MessageType
+        if kind == ua.MessageType.Hello:
+            self._hello(struct_from_binary(ua.Hello, body))
+        elif not self._greeted:
+            raise ChannelRefused(ua.StatusCodes.BadTcpMessageTypeInvalid)
+        elif kind == ua.MessageType.SecureOpen:
+            self._open_channel(header, body)
+        elif kind not in (ua.MessageType.SecureMessage, ua.MessageType.SecureClose):
+            raise ChannelRefused(ua.StatusCodes.BadTcpMessageTypeInvalid)
+        elif not self._open or time.monotonic() > self._until_s:
+            raise ChannelRefused(ua.StatusCodes.BadSecureChannelClosed)
+        else:
+            message = self._received(header, body)
+            if kind == ua.MessageType.SecureClose:
+                return False
+            if message is not None:
+                await self._request(message.SequenceHeader(), message.body())
+        return True
+
+    def _hello(self, hello: Any) -> None:
+        if self._greeted:
+            raise ChannelRefused(ua.StatusCodes.BadTcpMessageTypeInvalid)
+        if min(hello.ReceiveBufferSize, hello.SendBufferSize) < BUFFER_MIN:
+            raise ChannelRefused(ua.StatusCodes.BadConnectionRejected)
+        self._greeted = True
+        answer = self._answers._limits.create_acknowledge_and_set_limits(hello)
+        self._transport.write(uatcp_to_binary(ua.MessageType.Acknowledge, answer))
+
+    def _received(self, header: Any, body: Buffer) -> Any:
+        """Decrypt and verify a chunk; the whole message with its last one."""
+        try:
+            return self._secure.receive_from_header_and_body(header, body)
+        except ua.uaerrors.BadRequestTooLarge:
+            raise ChannelRefused(ua.StatusCodes.BadRequestTooLarge) from None
+        except Exception as fault:  # whatever the library and cryptography find
+            raise ChannelRefused(
+                ua.StatusCodes.BadSecurityChecksFailed, f"a message is not sound: {fault!r:.80}"
+            ) from None
+
+    # --- the channel ------------------------------------------------------------------------------
+
+    def _open_channel(self, header: Any, body: Buffer) -> None:
+        asked = struct_from_binary(ua.AsymmetricAlgorithmHeader, body.copy(header.body_size))
+        secured = asked.SecurityPolicyURI != SecurityPolicyNone.URI
+        if secured and asked.SecurityPolicyURI not in self._wall.policies:
+            raise ChannelRefused(ua.StatusCodes.BadSecurityPolicyRejected)
+        certificate = first_of(asked.SenderCertificate) if secured else b""
+        if secured:
+            # Before anything is decrypted: a stranger costs nothing.
+            try:
+                self._wall.trust.judge(certificate)
+            except NotTrusted as fault:
+                raise ChannelRefused(ua.StatusCodes.BadSecurityChecksFailed, str(fault)) from None
+        if self._open and (asked.SecurityPolicyURI, certificate) != (
+            self._secure.security_policy.URI,
+            self.certificate,
+        ):
+            raise ChannelRefused(ua.StatusCodes.BadSecurityChecksFailed, "another certificate in a renewal")
+        message = self._received(header, body)
+        if message is None:  # an OpenSecureChannel message has one chunk
+            raise ChannelRefused(ua.StatusCodes.BadTcpMessageTypeInvalid)
+        request = struct_from_binary(ua.OpenSecureChannelRequest, message.body())
+        wanted = request.Parameters
+        mode = ua.MessageSecurityMode.SignAndEncrypt if secured else ua.MessageSecurityMode.None_
+        if wanted.SecurityMode != mode:
+            raise ChannelRefused(ua.StatusCodes.BadSecurityModeRejected)
+        if secured and len(wanted.ClientNonce or b"") != NONCE_MIN:
+            raise ChannelRefused(ua.StatusCodes.BadNonceInvalid)
+        if (wanted.RequestType == ua.SecurityTokenRequestType.Renew) is not self._open:
+            raise ChannelRefused(ua.StatusCodes.BadRequestTypeInvalid)
+        wanted.RequestedLifetime = min(max(wanted.RequestedLifetime, LIFETIME_MIN_MS), LIFETIME_MAX_MS)
+        answer = ua.OpenSecureChannelResponse()
+        answer.Parameters = self._secure.open(wanted, self._wall.internal)
+        self._open, self.certificate = True, certificate
+        # Clients renew at three quarters; a quarter more is theirs (Part 4, section 5.5.2.1).
+        self._until_s = time.monotonic() + wanted.RequestedLifetime * 1.25e-3
+        self._answers.send_response(
+            request.RequestHeader.RequestHandle, message.SequenceHeader(), answer, ua.MessageType.SecureOpen
+        )
+
+    # --- requests ---------------------------------------------------------------------------------
+
+    async def _request(self, sequence: Any, body: Buffer) -> None:
+        handle = 0
+        try:
+            kind = nodeid_from_binary(body)
+            head = struct_from_binary(ua.RequestHeader, body)
+            handle = head.RequestHandle
+            allowed = await self._judged(kind.Identifier if kind.NamespaceIndex == 0 else 0, head, body)
+            await self._answers._process_message(kind, head, sequence, allowed)
+        except (ServiceError, ua.uaerrors.UaStatusCodeError) as fault:
+            self._answers.send_response(handle, sequence, _fault(fault.code))
+        except Exception:  # a request that the library cannot read
+            self._answers.send_response(handle, sequence, _fault(ua.StatusCodes.BadDecodingError))
+
+    async def _judged(self, kind: Any, head: Any, body: Buffer) -> Buffer:
+        """The body that the library may act on.
+
+        Raises:
+            ServiceError: the request is refused.
+        """
+        if kind in DISCOVERY:
+            return body
+        if not self.certificate:
+            raise ServiceError(ua.StatusCodes.BadSecurityPolicyRejected)
+        session = self._answers.session
+        if kind == CREATE:
+            return await self._may_create(session, body)
+        # Another token is another session's, whoever asks.
+        if session is None or session.auth_token != head.AuthenticationToken or _closed(session):
+            raise ServiceError(ua.StatusCodes.BadSessionIdInvalid)
+        if kind == ACTIVATE:
+            await self._may_activate(session, body)
+            return body
+        if kind == CLOSE:
+            return body
+        if not session.is_activated() or not isinstance(session.user, Reader):
+            raise ServiceError(ua.StatusCodes.BadSessionNotActivated)
+        if kind in CHANGES:
+            raise ServiceError(ua.StatusCodes.BadUserAccessDenied)
+        rule = READING.get(kind)
+        if rule is None:
+            raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
+        return rule(Holdings(self._wall.internal, session), body)
+
+    async def _may_create(self, session: Any, body: Buffer) -> Buffer:
+        wanted = struct_from_binary(ua.CreateSessionParameters, body.copy())
+        # The library looks at this one alone, and anybody can send the certificate of somebody else.
+        if first_of(wanted.ClientCertificate) != self.certificate:
+            raise ServiceError(ua.StatusCodes.BadCertificateInvalid)
+        if not speaks_for(self._wall.trust.judge(self.certificate), wanted.ClientDescription):
+            raise ServiceError(ua.StatusCodes.BadCertificateUriInvalid)
+        if len(wanted.ClientNonce or b"") < NONCE_MIN:
+            raise ServiceError(ua.StatusCodes.BadNonceInvalid)
+        if session is not None and not _closed(session):
+            if session.is_activated():
+                raise ServiceError(ua.StatusCodes.BadTooManySessions)
+            await session.close_session(True)
+        return body
+
+    async def _may_activate(self, session: Any, body: Buffer) -> None:
+        wanted = struct_from_binary(ua.ActivateSessionParameters, body.copy())
+        token, policy = wanted.UserIdentityToken, self._secure.security_policy
+        if not isinstance(token, ua.UserNameIdentityToken):
+            raise ServiceError(ua.StatusCodes.BadIdentityTokenRejected)
+        try:
+            signed = policy.host_certificate + session.nonce
+            policy.asymmetric_cryptography.verify(signed, wanted.ClientSignature.Signature)
+        except Exception:  # none, or another one
+            raise ServiceError(ua.StatusCodes.BadApplicationSignatureInvalid) from None
+        # The channel encrypts; a password may be encrypted once more, as its policy does it. The library would take
+        # RSA PKCS 1.5, too, and tell a stranger byte by byte whether a guess decrypts.
+        if token.EncryptionAlgorithm not in (None, "", policy.AsymmetricEncryptionURI):
+            raise ServiceError(ua.StatusCodes.BadIdentityTokenInvalid)
+        try:
+            name, password = self._wall.internal.decrypt_user_token(session, token)
+        except Exception:  # not encrypted for us, or no text
+            raise ServiceError(ua.StatusCodes.BadIdentityTokenInvalid) from None
+        client = hashlib.sha256(self.certificate).hexdigest()[:16]
+        people = self._wall.people
+        if not await people.admit(name or "", password or "", policy.peer_certificate, client, self.address):
+            raise ServiceError(ua.StatusCodes.BadUserAccessDenied)
+
+
+def _closed(session: Any) -> bool:
+    return bool(session.state.name == "Closed")
+
+
+def _fault(status: int) -> Any:
+    answer = ua.ServiceFault()
+    answer.ResponseHeader.ServiceResult = ua.StatusCode(status)
+    return answer

@@ -1,0 +1,163 @@
+"""The services of OPC UA that a client may use, and how much of each; what is not in the tables is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final
+
+from asyncua import ua
+from asyncua.common.utils import Buffer, ServiceError
+from asyncua.ua.ua_binary import struct_from_binary, struct_to_binary
+
+from gantryctl.gateway.opcua.space import PERIOD_S
+
+NODES_MAX: Final = 1000
+"""Nodes in one request to read or to register."""
+PATHS_MAX: Final = 100
+"""Nodes in one request to browse, or browse paths: their answers are long."""
+SUBSCRIPTIONS_MAX: Final = 8
+"""Of one session."""
+ITEMS_MAX: Final = 1000
+"""Monitored items of one session."""
+INTERVAL_MAX_MS: Final = 60_000.0
+"""Longest publishing interval."""
+
+
+def _named(*names: str) -> frozenset[int]:
+    return frozenset(getattr(ua.ObjectIds, f"{name}Request_Encoding_DefaultBinary") for name in names)
+
+
+# OPC UA Part 4, section 5.4: for clients that do not know yet which policy they need.
+DISCOVERY: Final = _named("FindServers", "GetEndpoints")
+CREATE, ACTIVATE, CLOSE = (
+    ua.ObjectIds.CreateSessionRequest_Encoding_DefaultBinary,
+    ua.ObjectIds.ActivateSessionRequest_Encoding_DefaultBinary,
+    ua.ObjectIds.CloseSessionRequest_Encoding_DefaultBinary,
+)
+# Services that change something: nobody may, and the status says so. All others are not there.
+CHANGES: Final = _named(
+    "Write", "Call", "HistoryUpdate", "AddNodes", "DeleteNodes", "AddReferences", "DeleteReferences"
+)
+
+
+class Holdings:
+    """What one session holds in asyncua's server: its subscriptions, and their monitored items."""
+
+    def __init__(self, internal: Any, session: Any) -> None:
+        self._internal, self._session = internal, session
+
+    def subscriptions(self) -> dict[int, Any]:
+        """Subscriptions of the session by their number."""
+        found = self._internal.subscription_service.subscriptions
+        return {n: each for n, each in found.items() if each.session_id == self._session.session_id}
+
+    def items(self) -> int:
+        """Number of its monitored items."""
+        # asyncua keeps them private, and has no limit of its own.
+        return sum(len(each.monitored_item_srv._monitored_items) for each in self.subscriptions().values())
+
+    def must_own(self, *numbers: int) -> None:
+        """Raise ServiceError for a subscription of somebody else: asyncua takes any number from anybody."""
+        if not set(numbers) <= self.subscriptions().keys():
+            raise ServiceError(ua.StatusCodes.BadSubscriptionIdInvalid)
+
+
+Rule = Callable[[Holdings, Buffer], Buffer]
+
+
+def _list(parameters: Any, name: str, most: int) -> Rule:
+    def rule(_: Holdings, body: Buffer) -> Buffer:
+        if len(getattr(struct_from_binary(parameters, body.copy()), name)) > most:
+            raise ServiceError(ua.StatusCodes.BadTooManyOperations)
+        return body
+
+    return rule
+
+
+def _of_one(parameters: Any) -> Rule:
+    def rule(held: Holdings, body: Buffer) -> Buffer:
+        held.must_own(struct_from_binary(parameters, body.copy()).SubscriptionId)
+        return body
+
+    return rule
+
+
+def _of_many(parameters: Any) -> Rule:
+    def rule(held: Holdings, body: Buffer) -> Buffer:
+        held.must_own(*struct_from_binary(parameters, body.copy()).SubscriptionIds)
+        return body
+
+    return rule
+
+
+def _subscribe(held: Holdings, body: Buffer) -> Buffer:
+    if len(held.subscriptions()) >= SUBSCRIPTIONS_MAX:
+        raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
+    found = struct_from_binary(ua.CreateSubscriptionParameters, body)
+    # asyncua takes any interval, and one of a microsecond would take the processor; NaN fails every comparison.
+    wanted = found.RequestedPublishingInterval
+    shortest = PERIOD_S * 1e3
+    found.RequestedPublishingInterval = min(wanted, INTERVAL_MAX_MS) if wanted >= shortest else shortest
+    return Buffer(struct_to_binary(found))
+
+
+def _monitor(held: Holdings, body: Buffer) -> Buffer:
+    found = struct_from_binary(ua.CreateMonitoredItemsParameters, body)
+    held.must_own(found.SubscriptionId)
+    if held.items() + len(found.ItemsToCreate) > ITEMS_MAX:
+        raise ServiceError(ua.StatusCodes.BadTooManyMonitoredItems)
+    for item in found.ItemsToCreate:
+        _without_deadband(item.RequestedParameters)
+    return Buffer(struct_to_binary(found))
+
+
+def _modify(held: Holdings, body: Buffer) -> Buffer:
+    found = struct_from_binary(ua.ModifyMonitoredItemsParameters, body)
+    held.must_own(found.SubscriptionId)
+    for item in found.ItemsToModify:
+        _without_deadband(item.RequestedParameters)
+    return Buffer(struct_to_binary(found))
+
+
+def _without_deadband(wanted: Any) -> None:
+    # With a deadband asyncua subtracts values and fails where one is missing: the client would not be told that a
+    # value has gone bad. So it is told every change.
+    if hasattr(wanted.Filter, "DeadbandType"):  # asyncua has two classes of that name
+        wanted.Filter.DeadbandType, wanted.Filter.DeadbandValue = ua.DeadbandType.None_, 0.0
+
+
+def _publish(held: Holdings, body: Buffer) -> Buffer:
+    found, own = struct_from_binary(ua.PublishParameters, body), held.subscriptions()
+    if not own:
+        raise ServiceError(ua.StatusCodes.BadNoSubscription)
+    for row in found.SubscriptionAcknowledgements:
+        if row.SubscriptionId not in own:
+            row.SubscriptionId = 0  # answered with BadSubscriptionIdInvalid
+    return Buffer(struct_to_binary(found))
+
+
+_IDS: Final = ua.ObjectIds
+# Services for a session that is logged in.
+READING: Final[dict[int, Rule]] = {
+    _IDS.ReadRequest_Encoding_DefaultBinary: _list(ua.ReadParameters, "NodesToRead", NODES_MAX),
+    _IDS.BrowseRequest_Encoding_DefaultBinary: _list(ua.BrowseParameters, "NodesToBrowse", PATHS_MAX),
+    _IDS.TranslateBrowsePathsToNodeIdsRequest_Encoding_DefaultBinary: _list(
+        ua.TranslateBrowsePathsToNodeIdsParameters, "BrowsePaths", PATHS_MAX
+    ),
+    _IDS.RegisterNodesRequest_Encoding_DefaultBinary: _list(
+        ua.RegisterNodesParameters, "NodesToRegister", NODES_MAX
+    ),
+    _IDS.UnregisterNodesRequest_Encoding_DefaultBinary: _list(
+        ua.UnregisterNodesParameters, "NodesToUnregister", NODES_MAX
+    ),
+    _IDS.CreateSubscriptionRequest_Encoding_DefaultBinary: _subscribe,
+    _IDS.ModifySubscriptionRequest_Encoding_DefaultBinary: _of_one(ua.ModifySubscriptionParameters),
+    _IDS.DeleteSubscriptionsRequest_Encoding_DefaultBinary: _of_many(ua.DeleteSubscriptionsParameters),
+    _IDS.SetPublishingModeRequest_Encoding_DefaultBinary: _of_many(ua.SetPublishingModeParameters),
+    _IDS.CreateMonitoredItemsRequest_Encoding_DefaultBinary: _monitor,
+    _IDS.ModifyMonitoredItemsRequest_Encoding_DefaultBinary: _modify,
+    _IDS.DeleteMonitoredItemsRequest_Encoding_DefaultBinary: _of_one(ua.DeleteMonitoredItemsParameters),
+    _IDS.SetMonitoringModeRequest_Encoding_DefaultBinary: _of_one(ua.SetMonitoringModeParameters),
+    _IDS.PublishRequest_Encoding_DefaultBinary: _publish,
+    _IDS.RepublishRequest_Encoding_DefaultBinary: _of_one(ua.RepublishParameters),
+}
