@@ -19,7 +19,7 @@ RING = with_values(MACHINE, {"can.load_encoder.source": "node", "can.load_encode
 
 def test_the_speed_test_runs_on_the_bus_and_says_that_nothing_measures_the_load() -> None:
     with experiment(MACHINE, needs_torque=False) as run:
-        up, down = speed_test_on(run, (0.1,))
+        up, down = speed_test_on(run, (0.6,))
     assert (up.travel_deg, down.travel_deg) == ((down.travel_deg[1], down.travel_deg[0]), down.travel_deg)
     for move in (up, down):
         assert move.passed
@@ -32,7 +32,7 @@ def test_an_encoder_on_the_ring_shows_the_speed_of_the_load() -> None:
     with experiment(RING, needs_torque=False) as run:
         recorder = run.engine.recorder
         assert isinstance(recorder, MemoryRecorder)
-        up, down = speed_test_on(run, (0.1,))
+        up, down = speed_test_on(run, (0.6,))
         # The last move is still recorded: what the simulator knows of the ring against its base.
         trace = recorder.trace()
     truth = trace["vel_load_rad_s"] - trace["vel_ref_rad_s"]
@@ -49,7 +49,7 @@ def test_a_weak_speed_loop_fails_the_speed_test_on_the_bus() -> None:
     """Four tenths of the gain and three times the integral time: 0.015 deg/s where 0.010 is the limit."""
     weak = with_values(MACHINE, {"drive.speed_loop.kvp_nm_s_per_rad": 30.0, "drive.speed_loop.tvi_ms": 30.0})
     with experiment(weak, needs_torque=False) as run:
-        runs = speed_test_on(run, (0.1,))
+        runs = speed_test_on(run, (0.6,))
     assert not any(move.passed for move in runs)
 
 

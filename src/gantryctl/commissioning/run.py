@@ -106,7 +106,7 @@ def _travel_s(machine: Machine) -> float:
 
 def _chords_s(machine: Machine) -> float:
     """The chord test: every move and dwell."""
-    return run_time_s(machine, chord_test.ORDER.made())
+    return run_time_s(machine, chord_test.order_of(machine).made())
 
 
 # What moves nothing comes first, what turns the whole travel last: each step rests on those before it.

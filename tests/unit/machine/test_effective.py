@@ -83,7 +83,7 @@ def test_hash_and_diff_notice_every_field(path):
         "switch": lambda: not value,
         "word": lambda: next(word for word in spec.words if word != value),
         "text": lambda: value + "x",
-        "numbers": lambda: (*value[:-1], value[-1] + 0.001),
+        "numbers": lambda: (*value[:-1], sum(value[-1:]) + 0.001),
         "texts": lambda: (*value, "axis.kind"),
     }[spec.kind]()
     changed = copy_with(MACHINE, path.split("."), other)

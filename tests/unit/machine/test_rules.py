@@ -14,6 +14,9 @@ COMPENSATION = "control.compensation."
 CAN = {"drive.kind": "canopen", "control.scan_period_ms": 4.0}
 BREAKS = {
     "axis_is_linear": {"axis.kind": "modulo"},
+    "bases_within_travel": {"accuracy.bases_deg": (90.0, 180.0)},
+    "displacements_ascend": {"accuracy.displacements_deg": (5.0, 15.0, 10.0)},
+    "speeds_within_settings": {"accuracy.speeds_deg_s": (0.6, 6.1)},
     "travel_is_not_empty": {"axis.pos_min_deg": 0.0, "axis.pos_max_deg": 0.5},
     "over_travel_below_lowest": {"axis.pos_min_deg": -181.0},
     "over_travel_above_highest": {"axis.pos_max_deg": 181.0},

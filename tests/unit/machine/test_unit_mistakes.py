@@ -41,6 +41,10 @@ UNNOTICED = {
     "control.compensation.latency_us": list(FACTORS),
     "can.inputs.limit_minus": list(FACTORS),  # bit 0
     "can.torque_limit_in_drive_nm": list(FACTORS),  # 0 = none
+    # None: derived from travel and speed range.
+    "accuracy.bases_deg": list(FACTORS),
+    "accuracy.displacements_deg": list(FACTORS),
+    "accuracy.speeds_deg_s": list(FACTORS),
     "can.node": [60.0],  # any of 1 to 127
     # Numbers without a unit: a count of stops, and the place of an object.
     "brake.emergency_stops_max": [60.0, 360.0, 1000.0],

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING
 import click
 
 from gantryctl.cli.engineering.accuracy_end import SIMULATED_CERTIFICATE, certificate_option, finish
-from gantryctl.cli.engineering.experiment import bus_experiment, machine_under_test, yes_option
+from gantryctl.cli.engineering.experiment import (
+    bus_experiment,
+    in_deg_s,
+    machine_under_test,
+    plan_options,
+    speeds_option,
+    yes_option,
+)
 from gantryctl.cli.engineering.measure import measure
 from gantryctl.cli.options import (
     FINITE,
@@ -54,6 +61,8 @@ accuracy.add_command(measure)
 )
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
+@plan_options
+@speeds_option
 @click.option(
     "--ensemble", type=click.IntRange(0, 100_000), default=0, help="Number of random gears beside it."
 )
@@ -80,6 +89,9 @@ def run_(
     name: str,
     chord: str,
     runs: int,
+    bases_deg: tuple[float, ...],
+    displacements_deg: tuple[float, ...],
+    speeds_r_min: tuple[float, ...],
     ensemble: int,
     radius_m: float | None,
     noise_um: float | None,
@@ -101,20 +113,29 @@ def run_(
     """
     from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report
     from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind
-    from gantryctl.engineering.accuracy.procedure.procedures import Chord, chord_procedure
+    from gantryctl.engineering.accuracy.procedure.plan import chord_test, speeds_to_test
+    from gantryctl.engineering.accuracy.procedure.procedures import Chord
     from gantryctl.engineering.report.head import MeasuredBy
 
     machine = _with_instrument(_measurable(config_file, instrument), radius_m, noise_um)
     if machine.on_bus:
         # The speed test comes from the compiled loop, which has no bus.
         with_speed = False
-    procedure = chord_procedure(name, runs=runs, chord=Chord(chord))
+    procedure = chord_test(
+        machine,
+        name,
+        runs=runs,
+        chord=Chord(chord),
+        bases_deg=bases_deg,
+        displacements_deg=displacements_deg,
+    )
+    speeds = speeds_to_test(machine, in_deg_s(speeds_r_min)) if with_speed else ()
     # Before anything runs: a long test must not end at a folder that cannot be made.
     folder = directory(out or DEFAULT_OUT)
     if not as_json:
         click.echo(_announce(machine, procedure))
     kind = InstrumentKind(instrument)
-    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, kind, on_engine, real_time)
+    job = AccuracyJob(procedure, seed, ensemble, with_speed, threads, kind, on_engine, real_time, speeds)
 
     def progress(index: int, target_deg: float) -> None:
         if not as_json:
@@ -292,16 +313,14 @@ def _shipped(table: Path) -> Path:
 @click.command("speed-test")
 @bus_log_option
 @config_option
-@click.option(
-    "--speed", "speeds", type=FINITE, multiple=True, help="r/min; may be repeated. Default: 0.1, 0.5, 1."
-)
+@speeds_option
 @out_option
 @report_options
 @yes_option
 @json_option
 def speed_test(
     config_file: Path | None,
-    speeds: tuple[float, ...],
+    speeds_r_min: tuple[float, ...],
     out: Path | None,
     yes: bool,
     as_json: bool,
@@ -313,17 +332,18 @@ def speed_test(
     moves, by what the drive reports at every SYNC (606C), and the load side is not measured. Exit code 1 when a run
     fails.
     """
+    from gantryctl.engineering.accuracy.procedure.plan import speeds_to_test
     from gantryctl.engineering.accuracy.report.data import speed_data
     from gantryctl.engineering.accuracy.report.page import render_speed_test
     from gantryctl.engineering.accuracy.report.text import speed_lines
-    from gantryctl.engineering.accuracy.speed_test import PAPER_SPEEDS_R_MIN, speed_test_on
     from gantryctl.engineering.accuracy.speed_test import speed_test as run_speeds
+    from gantryctl.engineering.accuracy.speed_test import speed_test_on
 
     machine = machine_under_test(config_file, "speed-test")
     file = directory(out) / "report.html" if out is not None else None
-    wanted = speeds or PAPER_SPEEDS_R_MIN
+    wanted = speeds_to_test(machine, in_deg_s(speeds_r_min))
     if machine.on_bus:
-        moves = f"moves both ways through the travel at {', '.join(f'{r:g}' for r in wanted)} r/min"
+        moves = f"moves both ways through the travel at {', '.join(f'{speed:g}' for speed in wanted)} deg/s"
         with bus_experiment(machine, moves, yes=yes, needs_torque=False) as run:
             runs = speed_test_on(run, wanted)
     else:

@@ -1,21 +1,33 @@
-"""What experiments on a machine have in common: which machine, who agrees, which instrument."""
+"""What experiments on a machine have in common: which machine, which plan, who agrees, which instrument."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 import click
 
 from gantryctl.cli.engineering.at_the_load import BY_HAND, LOAD_ENCODER, SIMULATED, open_instrument
-from gantryctl.cli.options import confirm, stop_signals
+from gantryctl.cli.options import FINITE, confirm, stop_signals
 
 if TYPE_CHECKING:
     from gantryctl.engineering.instruments import Instrument
     from gantryctl.machine import Machine
     from gantryctl.operation.run import AxisRun
+
+_OTHERWISE: Final = "may be repeated. [accuracy] {key}, or the travel's own, when not given."
+
+speeds_option = click.option(
+    "--speed",
+    "speeds_r_min",
+    type=FINITE,
+    multiple=True,
+    help="Speed of the speed test, r/min; may be repeated. [accuracy] speeds_deg_s, or lowest setting, half of the "
+    "highest and the highest, when not given.",
+)
+
 
 yes_option = click.option("--yes", is_flag=True, help="On a real machine: move without asking.")
 
@@ -42,6 +54,30 @@ def machine_under_test(config_file: Path | None, what: str, *, calibrated: bool 
     if machine.on_bus:
         check_quick_stop(machine)
     return machine
+
+
+def plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Add `--base` and `--displacement`: the command gets `bases_deg` and `displacements_deg`, empty if not given."""
+    options = (
+        click.option(
+            "--base", "bases_deg", type=FINITE, multiple=True,
+            help=f"Base of the chord test, deg; {_OTHERWISE.format(key='bases_deg')}",
+        ),
+        click.option(
+            "--displacement", "displacements_deg", type=FINITE, multiple=True,
+            help=f"Chord from every base, deg; {_OTHERWISE.format(key='displacements_deg')}",
+        ),
+    )  # fmt: skip
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+def in_deg_s(speeds_r_min: tuple[float, ...]) -> tuple[float, ...]:
+    """Speeds of the option in deg/s."""
+    from gantryctl.units import DEG_S_PER_R_MIN
+
+    return tuple(speed * DEG_S_PER_R_MIN for speed in speeds_r_min)
 
 
 def asking(machine: Machine, moves: str, *, yes: bool) -> Callable[[AxisRun], None]:

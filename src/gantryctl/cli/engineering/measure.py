@@ -17,6 +17,7 @@ from gantryctl.cli.engineering.at_the_load import (
     instrument_options,
     open_instrument,
 )
+from gantryctl.cli.engineering.experiment import plan_options
 from gantryctl.cli.options import (
     bus_log_option,
     config_option,
@@ -50,6 +51,7 @@ _IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows t
 )
 @click.option("--chord", type=click.Choice(["base", "adjacent"]), default="base", show_default=True)
 @click.option("--runs", type=click.IntRange(1, 100), default=1, show_default=True, help="ISO 230-2 needs 5.")
+@plan_options
 @instrument_options(default=BY_HAND)
 @click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")
 @click.option("--yes", is_flag=True, help="Do not ask before a real gantry moves.")
@@ -76,7 +78,8 @@ def measure(
     from gantryctl.cli.axis.move import guarded
     from gantryctl.engineering.accuracy.attended.run import AttendedTest
     from gantryctl.engineering.accuracy.attended.session import session_path, store_session
-    from gantryctl.engineering.accuracy.procedure.on_batch import check_travel, run_time_s
+    from gantryctl.engineering.accuracy.procedure.on_batch import run_time_s
+    from gantryctl.engineering.accuracy.procedure.plan import check_travel
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.report.meter import Meter
     from gantryctl.operation.run import AxisRun
@@ -129,9 +132,11 @@ def _session(path: Path, machine: Machine, given: dict[str, Any]) -> ChordSessio
         new_session,
         session_to_go_on_with,
     )
+    from gantryctl.engineering.accuracy.procedure.plan import chord_plan
     from gantryctl.engineering.accuracy.procedure.procedures import Chord
 
-    order = ChordOrder(given["name"], given["runs"], Chord(given["chord"]))
+    plan = chord_plan(machine, given["bases_deg"], given["displacements_deg"])
+    order = ChordOrder(plan, given["name"], given["runs"], Chord(given["chord"]))
     kept = None if given["again"] else session_to_go_on_with(path, machine, order)
     return kept or new_session(machine, order)
 

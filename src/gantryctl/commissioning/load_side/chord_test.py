@@ -17,7 +17,7 @@ from gantryctl.engineering.accuracy.attended.session import (
     session_to_go_on_with,
     store_session,
 )
-from gantryctl.engineering.accuracy.procedure.procedures import Chord
+from gantryctl.engineering.accuracy.procedure.plan import check_travel, chord_plan
 from gantryctl.engineering.accuracy.report.page import write_report
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
@@ -27,12 +27,18 @@ from gantryctl.engineering.report.machine_facts import known_serials, machine_fa
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.errors import AlarmStop
+from gantryctl.machine import Machine
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.state import operator_name
 from gantryctl.operation.store import now_text
 
 # Every base both ways, one chord each: half the time of procedure A, which `accuracy measure` runs.
-ORDER: Final = ChordOrder("E", 1, Chord.BASE)
+PROCEDURE: Final = "E"
+
+
+def order_of(machine: Machine) -> ChordOrder:
+    """The chord test that this machine is commissioned with."""
+    return ChordOrder(chord_plan(machine), PROCEDURE)
 
 
 def accuracy(c: Context) -> StepResult:
@@ -46,7 +52,9 @@ def accuracy(c: Context) -> StepResult:
     if "accuracy" in c.results and c.results["accuracy"].figures:
         # The one before has its result: this is another.
         path.unlink(missing_ok=True)
-    session = session_to_go_on_with(path, c.machine, ORDER) or new_session(c.machine, ORDER)
+    order = order_of(c.machine)
+    check_travel(c.machine, order.made())
+    session = session_to_go_on_with(path, c.machine, order) or new_session(c.machine, order)
     run = AxisRun(c.machine, c.store, commissioning=True, observer=c.watch.meter.observer())
     alarm = None
     try:
@@ -79,7 +87,7 @@ def _judged(c: Context, session: ChordSession) -> StepResult:
     limit = required.limit
     c.watch.pictures.append(_picture(report, beside))
     ratio = session.procedure.whole_ratio
-    test = f"chord test {ORDER.procedure} by {report.source}, {origin}"
+    test = f"chord test {PROCEDURE} by {report.source}, {origin}"
     a_deg, chord_deg = report.a_as_measured_deg, report.statistics.largest_deg
     return judged(
         report.verdict.conformity is Conformity.PASS,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,7 +11,8 @@ import numpy as np
 from gantryctl.engineering.accuracy.procedure.measuring import InstrumentKind, measure
 from gantryctl.engineering.accuracy.procedure.on_batch import Readings, random_gear, run_procedure
 from gantryctl.engineering.accuracy.procedure.on_engine import Progress, run_on_engine
-from gantryctl.engineering.accuracy.procedure.procedures import Procedure, chord_procedure, evaluate
+from gantryctl.engineering.accuracy.procedure.plan import chord_test, speeds_to_test
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure, evaluate
 from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEnsemble
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
@@ -35,14 +36,14 @@ class AccuracyJob:
     Attributes:
         seed: of the tracker's noise; random gears take `seed + 1`, `seed + 2`, ...
         ensemble: number of random gears of the same grade; 0 for none.
-        with_speed_test: run figure 5 as well.
+        with_speed_test: run the speed test as well. speeds_deg_s: of it; none for those of the machine.
         threads: for the ensemble; None = all processors.
         instrument: the measuring instrument.
         on_engine: drive the chord test scan by scan with the PLC program instead of the compiled loop.
         real_time: on the engine, paced by the clock.
     """
 
-    procedure: Procedure = field(default_factory=chord_procedure)
+    procedure: Procedure
     seed: int = 0
     ensemble: int = 0
     with_speed_test: bool = True
@@ -50,6 +51,7 @@ class AccuracyJob:
     instrument: InstrumentKind = InstrumentKind.TRACKER
     on_engine: bool = False
     real_time: bool = False
+    speeds_deg_s: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         if self.ensemble < 0:
@@ -67,14 +69,16 @@ def accuracy_report(
         created: a date for the page, or "".
 
     Raises:
-        UsageError: a stop of the procedure lies outside the travel.
+        UsageError: a stop of the procedure lies outside the travel, or a speed is none of the axis.
     """
+    # A speed that the axis cannot have must not end a test of a minute.
+    speeds = speeds_to_test(machine, job.speeds_deg_s) if job.with_speed_test else ()
     # The compiled loop has no bus: a CAN machine is driven scan by scan.
     if job.on_engine or job.real_time or machine.on_bus:
         readings = run_on_engine(machine, job.procedure, real_time=job.real_time, progress=progress)
     else:
         readings = run_procedure([machine], job.procedure, threads=job.threads)
-    speed = tuple(speed_test(machine)) if job.with_speed_test else ()
+    speed = tuple(speed_test(machine, speeds)) if job.with_speed_test else ()
     radius_m = machine.accuracy.chord_radius_m
     seen = measure(machine, job.instrument, job.procedure, readings, job.seed)
     virtual = machine.virtual_axis
@@ -107,8 +111,16 @@ def accuracy_report(
         phases_fitted=phases_fitted(machine),
         speed=speed,
         ensemble=ensemble_a(machine, job) if job.ensemble else None,
-        notes=(_LEADS,) if machine.control.compensation.moves_motor else (),
+        notes=_notes(machine, speeds),
     )
+
+
+def _notes(machine: Machine, speeds_deg_s: tuple[float, ...]) -> tuple[str, ...]:
+    notes = [_LEADS] if machine.control.compensation.moves_motor else []
+    top = machine.speed.setting_max_deg_s
+    if speeds_deg_s and max(speeds_deg_s) < (1.0 - 1e-9) * top:
+        notes.append(f"speed test up to {max(speeds_deg_s):g} deg/s: the highest setting is {top:g} deg/s")
+    return tuple(notes)
 
 
 def angle_errors_deg(procedure: Procedure, readings: Readings) -> tuple[float, ...]:
@@ -171,12 +183,12 @@ def _settings(machine: Machine, readings: Readings) -> dict[str, str]:
 def run_accuracy(
     machine: Machine, procedure: str = "A", *, ensemble: int = 0, seed: int = 0, speed_test: bool = True
 ) -> AccuracyReport:
-    """The accuracy test for scripts and notebooks: chord procedure A, B, C or D on the virtual gantry.
+    """The accuracy test for scripts and notebooks: chord procedure A, B, C or D on the simulated axis.
 
     Args:
         ensemble: number of gears with random phases to run beside it.
     """
     from importlib.metadata import version
 
-    job = AccuracyJob(chord_procedure(procedure), seed, ensemble, speed_test)
+    job = AccuracyJob(chord_test(machine, procedure), seed, ensemble, speed_test)
     return accuracy_report(machine, job, version("gantryctl"))

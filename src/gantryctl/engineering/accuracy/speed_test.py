@@ -8,22 +8,21 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gantryctl.engineering.accuracy.procedure.plan import speeds_to_test
 from gantryctl.engineering.accuracy.report.report import LoadSpeedBy, SpeedCurves, SpeedRun
 from gantryctl.engineering.accuracy.table import Direction, FloatArray
 from gantryctl.engineering.batch import ClosedLoop, Log
 from gantryctl.engineering.report.origin import origin_of
-from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, required_speed_error
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.operation.run import AxisRun
 from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.trace.table import Trace
-from gantryctl.units import DEG_S_PER_R_MIN, rad
+from gantryctl.units import rad
 from gantryctl.wiring.compensation import compensation
 from gantryctl.wiring.program import motion_limits, position_law, ramps_deg
 from gantryctl.wiring.simulator import gantry_sim
 
-PAPER_SPEEDS_R_MIN: Final = (0.1, 0.5, 1.0)
 # Shortest time at the set speed.
 CRUISE_S: Final = 15.0
 REST_S: Final = 1.0
@@ -35,25 +34,28 @@ _STICK_PART: Final = 0.05
 _CURVE_POINTS: Final = 2000
 
 
-def speed_test(machine: Machine, speeds_r_min: Sequence[float] = PAPER_SPEEDS_R_MIN) -> list[SpeedRun]:
+def speed_test(machine: Machine, speeds_deg_s: Sequence[float] = ()) -> list[SpeedRun]:
     """Every speed forward, then back, centred in the travel.
+
+    Args:
+        speeds_deg_s: none for those of the machine (`procedure.plan`).
 
     Raises:
         UsageError: a speed outside the setting range, or one that no move within the travel reaches.
     """
     runs = []
-    for speed_r_min in speeds_r_min:
-        low, high = _move(machine, speed_r_min * DEG_S_PER_R_MIN)
-        speed = speed_r_min * DEG_S_PER_R_MIN
+    for speed in speeds_to_test(machine, speeds_deg_s):
+        low, high = _move(machine, speed)
         runs += [run_speed(machine, low, high, speed), run_speed(machine, high, low, speed)]
     return runs
 
 
-def speed_test_on(run: AxisRun, speeds_r_min: Sequence[float] = PAPER_SPEEDS_R_MIN) -> list[SpeedRun]:
+def speed_test_on(run: AxisRun, speeds_deg_s: Sequence[float] = ()) -> list[SpeedRun]:
     """The same on a machine under power, from what its drive reports at every scan; the load by an encoder on the ring.
 
     Args:
         run: under power, with a `MemoryRecorder`.
+        speeds_deg_s: none for those of the machine.
 
     Raises:
         UsageError: as of `speed_test`. CommandRefused: a speed that the machine may not have.
@@ -62,7 +64,7 @@ def speed_test_on(run: AxisRun, speeds_r_min: Sequence[float] = PAPER_SPEEDS_R_M
     machine, recorder = run.machine, run.engine.recorder
     assert isinstance(recorder, MemoryRecorder)
     # Before anything moves: every speed must fit into the travel.
-    ways = [(speed, *_move(machine, speed)) for speed in (r * DEG_S_PER_R_MIN for r in speeds_r_min)]
+    ways = [(speed, *_move(machine, speed)) for speed in speeds_to_test(machine, speeds_deg_s)]
     runs = []
     for speed, low, high in ways:
         run.move(low)
@@ -114,24 +116,10 @@ def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: flo
 
 def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
     """Ends of a move that cruises for `CRUISE_S`, or as long as the travel allows."""
-    speed, axis = machine.speed, machine.axis
-    if not speed.setting_min_deg_s <= speed_deg_s <= speed.setting_max_deg_s + 1e-9:
-        raise UsageError(
-            f"speed {speed_deg_s / DEG_S_PER_R_MIN:g} r/min: the setting goes from "
-            f"{speed.setting_min_deg_s / DEG_S_PER_R_MIN:g} to {speed.setting_max_deg_s / DEG_S_PER_R_MIN:g} r/min"
-        )
-    # The paper's 0.393 deg/s2 takes 45.8 deg to reach 6 deg/s and as much to leave it: the moves of the chord
-    # test peak at 1.4 to 2.8 deg/s, so the speed test is a test of its own.
-    ramps = ramps_deg(machine, speed_deg_s)
-    travel = axis.pos_max_deg - axis.pos_min_deg
-    if ramps >= travel:
-        raise UsageError(
-            f"speed {speed_deg_s:g} deg/s needs {ramps:.1f} deg to be reached and left again, the travel is "
-            f"{travel:g} deg: raise [virtual_axis] acc_deg_s2 and dec_deg_s2"
-        )
+    axis = machine.axis
+    travel, ramps = axis.pos_max_deg - axis.pos_min_deg, ramps_deg(machine, speed_deg_s)
     way = min(travel, ramps + speed_deg_s * CRUISE_S)
-    middle = 0.5 * (axis.pos_min_deg + axis.pos_max_deg)
-    return middle - 0.5 * way, middle + 0.5 * way
+    return axis.middle_deg - 0.5 * way, axis.middle_deg + 0.5 * way
 
 
 class _Speeds(NamedTuple):

@@ -9,7 +9,8 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.noise import a_draws
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
-from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.procedure.plan import ChordPlan, chord_plan
+from gantryctl.engineering.accuracy.procedure.procedures import Procedure, evaluate
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.campaign.tables import CampaignFile
@@ -18,6 +19,7 @@ from gantryctl.engineering.stops.limits import hardest_quick_stop
 from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
+from gantryctl.units import DEG_S_PER_R_MIN
 
 Figures: TypeAlias = "dict[str, float]"
 
@@ -59,9 +61,23 @@ class PlantTest(NamedTuple):
 def _chord_test(
     subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
 ) -> list[Figures | None]:
-    procedure = chord_procedure(settings.chord_test.procedure, runs=settings.chord_test.runs)
-    machines = [subject.machine for subject in subjects]
-    readings = run_procedure(machines, procedure, threads=1)
+    # One plan for all, but where the travel itself varies.
+    by_plan: dict[ChordPlan, list[int]] = {}
+    for place, subject in enumerate(subjects):
+        by_plan.setdefault(chord_plan(subject.machine), []).append(place)
+    found: list[Figures | None] = [None] * len(subjects)
+    for plan, places in by_plan.items():
+        procedure = plan.procedure(settings.chord_test.procedure, settings.chord_test.runs)
+        figures = _chord_figures([subjects[place] for place in places], procedure, wanted)
+        for place, own in zip(places, figures, strict=True):
+            found[place] = own
+    return found
+
+
+def _chord_figures(
+    subjects: Sequence[Subject], procedure: Procedure, wanted: Collection[str]
+) -> list[Figures | None]:
+    readings = run_procedure([subject.machine for subject in subjects], procedure, threads=1)
     found: list[Figures | None] = []
     for k, (row, machine) in enumerate(subjects):
         angles, radius_m = readings.load_rad[k], machine.accuracy.chord_radius_m
@@ -86,7 +102,7 @@ def _speed_test(
     subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
 ) -> list[Figures | None]:
     def measured(machine: Machine) -> Figures:
-        runs = speed_test(machine, settings.speed_test.speeds_r_min)
+        runs = speed_test(machine, [speed * DEG_S_PER_R_MIN for speed in settings.speed_test.speeds_r_min])
         return {
             "speed_error_load_deg_s": max(run.load_error_deg_s or 0.0 for run in runs),
             "speed_error_motor_deg_s": max(run.motor_error_deg_s for run in runs),
@@ -135,7 +151,7 @@ def _tried(measured: Callable[[Machine], Figures], machine: Machine) -> Figures 
 TESTS: Final = {
     "chord_test": PlantTest(
         {
-            "a_true_deg": Output("deg", "A by eq. (6), true angles"),
+            "a_true_deg": Output("deg", "A, true angles"),
             "a_measured_deg": Output("deg", "A as the tracker sees it, median of its noise"),
             "angle_error_deg": Output("deg", "largest angle error at a stop"),
             "chord_speed_error_load_deg_s": Output("deg/s", "speed error of the load in the chord test"),

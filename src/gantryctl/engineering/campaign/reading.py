@@ -9,8 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-from gantryctl.engineering.accuracy.procedure.on_batch import check_travel
-from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure
+from gantryctl.engineering.accuracy.procedure.plan import chord_test, speeds_to_test
 from gantryctl.engineering.campaign.distributions import range_of
 from gantryctl.engineering.campaign.measures import TESTS
 from gantryctl.engineering.campaign.population import PHASES_KEY, SCALE_KEY, Campaign, Control, Factor
@@ -32,6 +31,7 @@ from gantryctl.machine.loading import check_table
 from gantryctl.machine.problems import unknown_path
 from gantryctl.machine.reading import Data, parse_toml, printable, read_text
 from gantryctl.machine.specs import value_at
+from gantryctl.units import DEG_S_PER_R_MIN
 
 _NO_SUCH: Final = "; a shipped campaign goes by its name: "
 _MAPS: Final = ("vary", "drift", "set", "limits")
@@ -242,9 +242,14 @@ class _Reader:
             self._say(f"[campaign] outputs: {show_value(name)} is none of {', '.join(known)}{hint}")
         if "chord_test" in order.tests:
             try:
-                check_travel(machine, chord_procedure(self.settings.chord_test.procedure))
+                chord_test(machine, self.settings.chord_test.procedure)
             except UsageError as wrong:
                 self._say(f"[chord_test]: {wrong}")
+        if "speed_test" in order.tests:
+            try:
+                speeds_to_test(machine, [r * DEG_S_PER_R_MIN for r in self.settings.speed_test.speeds_r_min])
+            except UsageError as wrong:
+                self._say(f"[speed_test]: {wrong}")
         low, high = machine.axis.pos_min_deg, machine.axis.pos_max_deg
         for key, angle in (("from_deg", self.settings.move.from_deg), ("to_deg", self.settings.move.to_deg)):
             if "move" in order.tests and not low <= angle <= high:

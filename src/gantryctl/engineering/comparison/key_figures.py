@@ -10,7 +10,8 @@ import numpy as np
 
 from gantryctl.engineering.accuracy.noise import DRAWS, a_draws
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
-from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
+from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
 from gantryctl.engineering.scheduler.job import Rows
@@ -163,7 +164,8 @@ class ChordFigures(NamedTuple):
 
 def chord_figures(machines: Sequence[Machine], name: str, seeds: Sequence[int]) -> list[ChordFigures]:
     """A of every machine by a chord procedure."""
-    procedure = chord_procedure(name)
+    # Ways of control on one axis, and plants of one kind: the plan is the same for all.
+    procedure = chord_test(machines[0], name)
     found = []
     angles_of = run_procedure(machines, procedure, threads=1).load_rad
     for machine, seed, angles in zip(machines, seeds, angles_of, strict=True):

@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
+from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.analysis.measured.on_engine import experiment
 from gantryctl.engineering.comparison.key_figures import HALF_DEG, QUARTER_DEG
@@ -84,7 +85,7 @@ def compare_on_bus(
 
 def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:
     fast = machine.speed.setting_max_deg_s
-    procedure = chord_procedure("A")
+    procedure = chord_test(machine, "A")
     read = [_dwell(axis.go(stop.target_deg, fast)) for stop in procedure.stops]
     table = evaluate(procedure, read, machine.accuracy.chord_radius_m)
     quarter, half = (_move(machine, axis, stretch) for stretch in (QUARTER_DEG, HALF_DEG))

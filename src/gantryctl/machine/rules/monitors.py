@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, rule
 from gantryctl.machine.tables.model import Machine
 
@@ -111,6 +113,28 @@ def average_within_dwell(m: Machine) -> Broken:
 def average_spans_scans(m: Machine) -> Broken:
     """The averaged time holds at least two scans."""
     return at_least(m.accuracy.average_s, 0.002 * m.control.scan_period_ms, "two scans")
+
+
+@rule("accuracy.bases_deg", "axis.pos_min_deg", "axis.pos_max_deg")
+def bases_within_travel(m: Machine) -> Broken:
+    """The bases of the chord test lie within travel."""
+    low, high = m.axis.pos_min_deg, m.axis.pos_max_deg
+    return None if all(low < base < high for base in m.accuracy.bases_deg) else "must lie within travel"
+
+
+@rule("accuracy.displacements_deg")
+def displacements_ascend(m: Machine) -> Broken:
+    """The displacements of the chord test ascend."""
+    steps = m.accuracy.displacements_deg
+    return None if all(a < b for a, b in pairwise(steps)) else "must ascend"
+
+
+@rule("accuracy.speeds_deg_s", "speed.setting_min_deg_s", "speed.setting_max_deg_s")
+def speeds_within_settings(m: Machine) -> Broken:
+    """The speeds of the speed test lie between the lowest and the highest setting."""
+    low, high = m.speed.setting_min_deg_s, m.speed.setting_max_deg_s
+    inside = all(low <= speed <= high for speed in m.accuracy.speeds_deg_s)
+    return None if inside else "must lie between the lowest and the highest setting"
 
 
 @rule("accuracy.dwell_s", "monitors.in_position_dwell_ms")

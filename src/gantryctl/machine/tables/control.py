@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from gantryctl.machine.tables.compensation import CompensationTable
-from gantryctl.machine.tables.fields import Table, choice, number, switch, table
+from gantryctl.machine.tables.fields import Table, choice, number, numbers, switch, table
 
 
 class ControlTable(Table):
@@ -73,8 +75,17 @@ class MonitorsTable(Table):
 
 
 class AccuracyTable(Table):
-    """[accuracy]: the chord test."""
+    """[accuracy]: the chord test and the speed test; a plan that is not given follows from travel and speed range."""
 
+    bases_deg: tuple[Annotated[float, Field(ge=-3600.0, le=3600.0)], ...] = numbers(
+        (), 0, 20, "Bases of the chord test; none: the middle of travel and a quarter of it either side."
+    )
+    displacements_deg: tuple[Annotated[float, Field(ge=0.01, le=179.0)], ...] = numbers(
+        (), 0, 20, "Chords from every base; none: four steps of 5 deg, or of a twentieth of a shorter travel."
+    )
+    speeds_deg_s: tuple[Annotated[float, Field(ge=1e-6, le=1000.0)], ...] = numbers(
+        (), 0, 20, "Speeds of the speed test; none: the lowest setting, half of the highest, the highest."
+    )
     # The paper is silent about it; 1e-4 deg are 4.4 um at 2.5 m.
     chord_radius_m: float = number(2.5, 0.01, 100.0, "Radius of the tracker's target.", "estimate")
     # Half the maximum permissible error of a laser tracker, as usual for its typical error, averaged.

@@ -41,7 +41,7 @@ class Machine(Table):
     drive: DriveTable = table("Drive and its loops.", DriveTable)
     can: CanTable = table("CANopen bus and drive.", CanTable)
     monitors: MonitorsTable = table("Supervision.", MonitorsTable)
-    accuracy: AccuracyTable = table("Chord test.", AccuracyTable)
+    accuracy: AccuracyTable = table("Chord test and speed test.", AccuracyTable)
     plant: PlantTable = table("Simulated physics.", PlantTable)
 
     _calibration: Calibration | None = PrivateAttr(default=None)

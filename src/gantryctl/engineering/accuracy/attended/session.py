@@ -10,12 +10,8 @@ from typing import Final
 import numpy as np
 from pydantic import TypeAdapter
 
-from gantryctl.engineering.accuracy.procedure.procedures import (
-    Chord,
-    Procedure,
-    StopRole,
-    chord_procedure,
-)
+from gantryctl.engineering.accuracy.procedure.plan import ChordPlan
+from gantryctl.engineering.accuracy.procedure.procedures import Chord, Procedure, StopRole
 from gantryctl.engineering.accuracy.table import FloatArray
 from gantryctl.engineering.instruments import Reading
 from gantryctl.errors import InstrumentError, StateError, UsageError
@@ -65,13 +61,14 @@ class RestartCheck:
 class ChordOrder:
     """What a chord test is asked to do; another order begins another test."""
 
-    procedure: str
-    runs: int
-    chord: Chord
+    plan: ChordPlan
+    procedure: str = "A"
+    runs: int = 1
+    chord: Chord = Chord.BASE
 
     def made(self) -> Procedure:
         """The stops."""
-        return chord_procedure(self.procedure, runs=self.runs, chord=self.chord)
+        return self.plan.procedure(self.procedure, self.runs, self.chord)
 
 
 @dataclass(frozen=True)

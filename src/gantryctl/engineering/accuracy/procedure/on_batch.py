@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from gantryctl.engineering.accuracy.procedure.plan import check_travel
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.engineering.accuracy.table import FloatArray
 from gantryctl.engineering.batch import ClosedLoop, Leg, LegStatistics, run_legs
-from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move
 from gantryctl.units import rad
@@ -55,21 +55,6 @@ def random_gear(machine: Machine, seed: int) -> Machine:
     """The same machine with another gear of the same grade: phases of the error map drawn at random."""
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, PHASES)
     return with_values(machine, {"plant.gear_error.phases_rad": [float(p) for p in phases]})
-
-
-def check_travel(machine: Machine, procedure: Procedure) -> None:
-    """Refuse a procedure that leaves the travel of the axis.
-
-    Raises:
-        UsageError: a stop lies outside.
-    """
-    low, high = procedure.travel_deg
-    axis = machine.axis
-    if low < axis.pos_min_deg or high > axis.pos_max_deg:
-        raise UsageError(
-            f"procedure {procedure.name} goes from {low:g} to {high:g} deg; the axis ends at "
-            f"{axis.pos_min_deg:g} and {axis.pos_max_deg:g} deg: choose other bases or displacements"
-        )
 
 
 def legs_of(machine: Machine, procedure: Procedure, limits: MotionLimits | None = None) -> list[Leg]:

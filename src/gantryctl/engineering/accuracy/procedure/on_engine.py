@@ -10,7 +10,8 @@ from contextlib import nullcontext
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.procedure.on_batch import REST_S, Readings, check_travel
+from gantryctl.engineering.accuracy.procedure.on_batch import REST_S, Readings
+from gantryctl.engineering.accuracy.procedure.plan import check_travel
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure
 from gantryctl.machine import Machine
 from gantryctl.operation.run import AxisRun

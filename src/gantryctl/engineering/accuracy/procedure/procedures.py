@@ -3,11 +3,11 @@
 Nothing here knows how the axis is moved. A driver visits `Procedure.stops` in one continuous run, takes one
 reading per stop (the mean angle over the last part of the dwell) and hands all readings to `evaluate`.
 
-A   per base B and direction s: B - 10 s, B, then a staircase B + d s (recommended)
+A   per base B and direction s: B - 10 s, B, then a staircase B + d s (recommended); 10: the approach
 B   per base and direction: B, then out and back B + d s, B for every d
 C   per base: B - 10, B, staircase up, and back down the same stops; the cw row is measured from the turning
     point
-D   as B, with B - 5, B before every d, so that the base is always approached counter-clockwise
+D   as B, with B - 5 (half of the approach), B before every d, so that the base is always approached counter-clockwise
 E   short: per base and direction B, B + d s for one d, in the order that needs no way back; no reading of the
     paper's text (docs/explanation/accuracy.md)
 """
@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,10 +32,8 @@ SHORT_DISPLACEMENTS_DEG = (15.0,)
 # Procedure A finds at most this many times the A and the largest chord error of procedure E with 19 of 20 gears of
 # the same grade: 1.29 and 1.35 of 120 random ones (tests/acceptance/test_chord.py).
 WHOLE_BY_SHORT = 1.4
-# Procedures A, C and E come to a base from at least this far away.
+# Procedures A, C and E come to a base from at least this far away, procedure D from half of it below.
 APPROACH_DEG = 10.0
-# Procedure D comes to a base from this far below.
-SHORT_APPROACH_DEG = 5.0
 
 
 class StopRole(Enum):
@@ -135,6 +134,7 @@ def chord_procedure(
     displacements_deg: Sequence[float] | None = None,
     runs: int = 1,
     chord: Chord = Chord.BASE,
+    approach_deg: float = APPROACH_DEG,
 ) -> Procedure:
     """The stop points of procedure `name`, with the paper's bases and displacements unless others are given; the short
     procedure E has one displacement of its own.
@@ -147,11 +147,13 @@ def chord_procedure(
     if displacements_deg is None:
         displacements_deg = SHORT_DISPLACEMENTS_DEG if name == "E" else PAPER_DISPLACEMENTS_DEG
     _check(bases_deg, displacements_deg, runs)
+    middle = 0.5 * (min(bases_deg) + max(bases_deg))
     stops: list[ChordStop] = []
     for run in range(1, runs + 1):
         for base in bases_deg:
             before = stops[-1].target_deg if stops else None
-            for stop in _SERIES[name](float(base), tuple(map(float, displacements_deg)), before):
+            way = _Way(float(base), tuple(map(float, displacements_deg)), approach_deg, before, middle)
+            for stop in _SERIES[name](way):
                 stops.append(replace(stop, run=run, reference=_reference(stop, stops, chord)))
     if stops[0].role is StopRole.APPROACH:
         stops[0] = replace(stops[0], role=StopRole.START)
@@ -186,69 +188,83 @@ def _reference(stop: ChordStop, before: Sequence[ChordStop], chord: Chord) -> in
     return next(k for k in reversed(range(len(before))) if abs(before[k].target_deg - wanted) < 1e-9)
 
 
-def _staircase(base: float, displacements: tuple[float, ...], _: float | None) -> Iterator[ChordStop]:
+class _Way(NamedTuple):
+    """Series of one base, deg; `before`: the stop before, None for the first base; `middle`: of all bases."""
+
+    base: float
+    displacements: tuple[float, ...]
+    approach: float
+    before: float | None
+    middle: float
+
+
+def _staircase(way: _Way) -> Iterator[ChordStop]:
     """Procedure A."""
+    base = way.base
     for direction in Direction:
         s = direction.sign
         # From the side of the following moves: lost motion is taken up before the series starts.
-        yield ChordStop(base - APPROACH_DEG * s, StopRole.APPROACH, base, direction)
+        yield ChordStop(base - way.approach * s, StopRole.APPROACH, base, direction)
         yield ChordStop(base, StopRole.BASE, base, direction)
-        for d in displacements:
+        for d in way.displacements:
             yield ChordStop(base + d * s, StopRole.POINT, base, direction, d)
 
 
-def _out_and_back(base: float, displacements: tuple[float, ...], _: float | None) -> Iterator[ChordStop]:
+def _out_and_back(way: _Way) -> Iterator[ChordStop]:
     """Procedure B."""
+    base = way.base
     for direction in Direction:
         yield ChordStop(base, StopRole.BASE, base, direction)
-        for d in displacements:
+        for d in way.displacements:
             yield ChordStop(base + d * direction.sign, StopRole.POINT, base, direction, d)
             yield ChordStop(base, StopRole.BASE, base, direction)
 
 
-def _up_and_down(base: float, displacements: tuple[float, ...], _: float | None) -> Iterator[ChordStop]:
+def _up_and_down(way: _Way) -> Iterator[ChordStop]:
     """Procedure C: the cw row comes back over the stops of the ccw row and is measured from the farthest."""
-    top = base + displacements[-1]
-    yield ChordStop(base - APPROACH_DEG, StopRole.APPROACH, base, Direction.CCW)
+    base = way.base
+    top = base + way.displacements[-1]
+    yield ChordStop(base - way.approach, StopRole.APPROACH, base, Direction.CCW)
     yield ChordStop(base, StopRole.BASE, base, Direction.CCW)
-    for d in displacements:
+    for d in way.displacements:
         yield ChordStop(base + d, StopRole.POINT, base, Direction.CCW, d)
-    for d in displacements:
+    for d in way.displacements:
         yield ChordStop(top - d, StopRole.POINT, base, Direction.CW, d)
 
 
-def _from_below(base: float, displacements: tuple[float, ...], _: float | None) -> Iterator[ChordStop]:
+def _from_below(way: _Way) -> Iterator[ChordStop]:
     """Procedure D."""
+    base = way.base
     for direction in Direction:
-        for d in displacements:
-            yield ChordStop(base - SHORT_APPROACH_DEG, StopRole.APPROACH, base, direction)
+        for d in way.displacements:
+            yield ChordStop(base - 0.5 * way.approach, StopRole.APPROACH, base, direction)
             yield ChordStop(base, StopRole.BASE, base, direction)
             yield ChordStop(base + d * direction.sign, StopRole.POINT, base, direction, d)
 
 
-def _there_and_on(base: float, displacements: tuple[float, ...], before: float | None) -> Iterator[ChordStop]:
+def _there_and_on(way: _Way) -> Iterator[ChordStop]:
     """Procedure E: the direction in which the base is reached first, then the other; a stop on the way only where the
     base lies too near for lost motion to be taken up.
     """
-    at = before
+    base, at = way.base, way.before
     if at is None:
-        # The middle of the travel, or beyond the base.
-        at = min(0.0, base - APPROACH_DEG)
+        # The middle of the bases, or beyond the base.
+        at = min(way.middle, base - way.approach)
         yield ChordStop(at, StopRole.APPROACH, base, Direction.CCW)
     first = Direction.CCW if at < base else Direction.CW
     for direction in (first, *(d for d in Direction if d is not first)):
         s = direction.sign
-        if (base - at) * s < APPROACH_DEG:
-            yield ChordStop(base - APPROACH_DEG * s, StopRole.APPROACH, base, direction)
+        if (base - at) * s < way.approach:
+            yield ChordStop(base - way.approach * s, StopRole.APPROACH, base, direction)
         yield ChordStop(base, StopRole.BASE, base, direction)
-        for d in displacements:
+        for d in way.displacements:
             yield ChordStop(base + d * s, StopRole.POINT, base, direction, d)
-        at = base + displacements[-1] * s
+        at = base + way.displacements[-1] * s
 
 
 # The paper names bases and displacements but neither the order of the stops nor where a chord begins: four
-# readings of its text (docs/explanation/accuracy.md), A to D. Each gets base, displacements and the stop before.
-_SERIES: dict[str, Callable[[float, tuple[float, ...], float | None], Iterator[ChordStop]]] = {
+# readings of its text (docs/explanation/accuracy.md), A to D.
+_SERIES: dict[str, Callable[[_Way], Iterator[ChordStop]]] = {
     "A": _staircase,
     "B": _out_and_back,
     "C": _up_and_down,

@@ -21,6 +21,7 @@ from gantryctl.engineering.accuracy.attended.session import (
     session_path,
     session_to_go_on_with,
 )
+from gantryctl.engineering.accuracy.procedure.plan import chord_plan
 from gantryctl.engineering.accuracy.procedure.procedures import Chord, chord_procedure, evaluate
 from gantryctl.engineering.instruments import Reading
 from gantryctl.errors import InstrumentError, StateError, UsageError
@@ -42,7 +43,7 @@ MACHINE = with_values(
 OUT_AND_BACK = chord_procedure("B", bases_deg=(0.0,), displacements_deg=(2.0,))
 SHORT = replace(OUT_AND_BACK, stops=OUT_AND_BACK.stops[:3])
 """0, 2, 0 deg."""
-ORDER = ChordOrder("B", 1, Chord.BASE)
+ORDER = ChordOrder(chord_plan(MACHINE), "B", 1, Chord.BASE)
 U_DEG = 0.0002
 # The ideal drive comes to a stop within a few of its counts, 2.6e-7 deg each at the gantry.
 SAME_DEG = 1e-5
