@@ -118,7 +118,7 @@ WRONG = [
     (["accuracy", "run", "--procedure", "F"], "'F' is not one of 'A', 'B', 'C', 'D', 'E'"),
     (["accuracy", "run", "--chord", "x"], "'base', 'adjacent'"),
     (["accuracy", "run", "--runs", "0"], "1<=x<=100"),
-    (["accuracy", "run", "--radius-m", "0"], "chord_radius_m = 0.0: allowed 0.1..20 m"),
+    (["accuracy", "run", "--radius-m", "0"], "chord_radius_m = 0.0: allowed 0.01..100 m"),
     (["accuracy", "run", "--noise-um", "-1"], "tracker_noise_um = -1.0: allowed 0..500 um"),
     (["accuracy", "run", "--out", "a_file"], "--out a_file"),
     (["accuracy", "run", "--instrument", "eye"], "'eye'"),
