@@ -143,7 +143,10 @@ void bind_params(nb::module_& m) {
   GANTRY_PLANT_PARAMS(X)
 #undef X
   plant.def_rw("error_ring_rad", &Plant1::error_ring_rad, "gear error, n = 1..12 cycles per gantry turn, rad")
-      .def_rw("phase_ring_rad", &Plant1::phase_ring_rad, "rad");
+      .def_rw("phase_ring_rad", &Plant1::phase_ring_rad, "rad")
+      .def_rw("wind_wave_nm", &Plant1::wind_wave_nm, "gusts of the wind: amplitudes, N m")
+      .def_rw("wind_rate_rad_s", &Plant1::wind_rate_rad_s, "rad/s")
+      .def_rw("wind_phase_rad", &Plant1::wind_phase_rad, "rad");
 #define X(name, type, value, meaning) plant.def_rw(#name, &Plant1::name, meaning);
   GANTRY_PLANT_SWITCHES(X)
 #undef X

@@ -96,6 +96,11 @@ class Batch {
       set_lane(plant_.error_ring_rad[n], k, one.plant().p.error_ring_rad[n]);
       set_lane(plant_.phase_ring_rad[n], k, one.plant().p.phase_ring_rad[n]);
     }
+    for (std::size_t n = 0; n < kWindWaves; ++n) {
+      set_lane(plant_.wind_wave_nm[n], k, one.plant().p.wind_wave_nm[n]);
+      set_lane(plant_.wind_rate_rad_s[n], k, one.plant().p.wind_rate_rad_s[n]);
+      set_lane(plant_.wind_phase_rad[n], k, one.plant().p.wind_phase_rad[n]);
+    }
 #define X(name, value, meaning) set_lane(drive_.name, k, one.drive().p.name);
     GANTRY_DRIVE_PARAMS(X)
 #undef X

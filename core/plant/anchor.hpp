@@ -60,14 +60,28 @@ struct MotorWaves {
   }
 };
 
+// Moment of the wind on the load, a time after the start: its mean and a sum of waves, which rise within the
+// first ten seconds, so that a standing axis is not struck at once.
+template <class T>
+T wind_moment(const PlantParams<T>& p, T time) {
+  constexpr double kRise = 10.0;  // s
+  T gust = T(0.0);
+  for (std::size_t n = 0; n < kWindWaves; ++n)
+    gust = gust + p.wind_wave_nm[n] * sincos(p.wind_rate_rad_s[n] * time + p.wind_phase_rad[n]).sin;
+  const T risen = time * T(1.0 / kRise);
+  return p.wind_moment_nm + gust * select(risen < T(1.0), risen, T(1.0));
+}
+
 template <class T>
 struct Anchor {
   EccentricTorque<T> eccentric;
+  T wind = T(0.0);  // held until the next anchor: the fastest gust takes a hundred of them
   RingError<T> ring;
   MotorWaves<T> waves;
 
-  Anchor(const PlantParams<T>& p, const GearError<T>& gear, const PlantState<T>& x)
+  Anchor(const PlantParams<T>& p, const GearError<T>& gear, const PlantState<T>& x, T time)
       : eccentric(p, x.pos_load) {
+    if (p.wind) wind = wind_moment(p, time);
     if (p.gear_error) ring = gear.ring_error(x.pos_load - x.pos_base);
     if (p.gear_error || p.ripple) waves = MotorWaves<T>(gear, x.pos_motor);
   }

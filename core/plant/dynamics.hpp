@@ -180,7 +180,9 @@ GANTRY_INLINE Forces<T> forces(const Plant<T>& plant, const PlantState<T>& x, An
     f.roller = friction<false>(plant.roller, plant.gate, vel_ring, x.roller_z);
     on_ring = on_ring - f.roller.torque;
   }
-  f.acc_load = (on_ring + anchor.eccentric(x.pos_load)) * plant.load_inverse;
+  T on_load = on_ring + anchor.eccentric(x.pos_load);
+  if (p.wind) on_load = on_load + anchor.wind;
+  f.acc_load = on_load * plant.load_inverse;
   if (p.base)
     f.acc_base =
         (-on_ring - p.base_stiffness_nm_per_rad * x.pos_base - p.base_damping_nm_s_per_rad * x.vel_base) *
@@ -196,6 +198,7 @@ GANTRY_INLINE Forces<T> forces_rigid(const Plant<T>& plant, const PlantState<T>&
   const PlantParams<T>& p = plant.p;
   Forces<T> f;
   T torque = anchor.eccentric(x.pos_load);
+  if (p.wind) torque = torque + anchor.wind;
   if (p.roller_friction) {
     f.roller = friction<false>(plant.roller, plant.gate, x.vel_load, x.roller_z);
     torque = torque - f.roller.torque;

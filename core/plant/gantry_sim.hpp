@@ -93,7 +93,8 @@ class GantrySim {
     brake.closed = mask<T>(!servo_on);
     brake.countdown = T(0.0);
     encoder = EncoderFault<T>();
-    const T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);
+    T torque_mesh = -EccentricTorque<T>(p, theta0)(theta0);
+    if (p.wind) torque_mesh = torque_mesh - p.wind_moment_nm;
     const T torque_motor = torque_mesh / p.ratio;
     x.pos_load = theta0;
     x.pos_motor = p.ratio * theta0;
@@ -116,12 +117,12 @@ class GantrySim {
     samples.clear();
     const T start = s.pos_last;
     const T dt = T(timing_.cycle_s);
-    Anchor<T> anchor = here();
+    Anchor<T> anchor = here(0);
     int anchored = 0;  // drive cycles since then
     grip_where(brake.command(brake_open, close_cycles_, open_cycles_));
     for (int k = 0; k < timing_.cycles_per_scan; ++k) {
       if (anchored++ == cycles_per_anchor_) {
-        anchor = here();
+        anchor = here(k);
         anchored = 1;
       }
       const T u = encoder.spoilt ? drive_cycle(drive_, command, s, encoder.position(x.pos_motor),
@@ -138,7 +139,7 @@ class GantrySim {
 
   // One drive cycle of the plant alone, torque u; for tests without a controller.
   void advance(T u, T dt) {
-    Anchor<T> anchor = here();
+    Anchor<T> anchor = here(0);
     step(anchor, u, dt);
   }
 
@@ -197,7 +198,11 @@ class GantrySim {
   T count_offset = T(0.0);      // where the encoder is mounted on the shaft, counts; turns it has lost
 
  private:
-  Anchor<T> here() const { return Anchor<T>(plant_.p, plant_.gear, x); }
+  // Waves and wind at a drive cycle of the present scan.
+  Anchor<T> here(int cycle) const {
+    const T time = scans_done * T(timing_.scan_period_s) + T(cycle * timing_.cycle_s);
+    return Anchor<T>(plant_.p, plant_.gear, x, time);
+  }
 
   GANTRY_INLINE void step(Anchor<T>& anchor, T u, T dt) {
     if (timing_.scheme == Scheme::kOneEvaluation)

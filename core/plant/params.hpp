@@ -9,6 +9,7 @@
 namespace gantry::GANTRY_ISA {
 
 constexpr int kRingHarmonics = 12;
+constexpr int kWindWaves = 24;
 
 // clang-format off
 // X(name, default, meaning)
@@ -60,7 +61,8 @@ constexpr int kRingHarmonics = 12;
   X(ripple_full_torque_nm, 20.0, "torque from which the ripple has its full amplitude, at the motor")  \
   X(brake_torque_nm, 0.0, "slip torque of the closed brake, at the motor")                             \
   X(brake_presliding_rad, 5e-4, "z_b, at the motor")                                                   \
-  X(current_bandwidth_rad_s, 0.0, "wc of the current loop; 0: ideal, Te = u")
+  X(current_bandwidth_rad_s, 0.0, "wc of the current loop; 0: ideal, Te = u")                          \
+  X(wind_moment_nm, 0.0, "mean moment of the wind on the load")
 
 // X(name, default, meaning): the same for every plant of a pack
 #define GANTRY_PLANT_SWITCHES(X)                                                                       \
@@ -73,6 +75,7 @@ constexpr int kRingHarmonics = 12;
   X(motor_friction, bool, false, "motor friction present")                                             \
   X(base, bool, false, "rocking base present")                                                         \
   X(ripple, bool, false, "torque ripple present")                                                      \
+  X(wind, bool, false, "moment of the wind present")                                                   \
   X(rigid, bool, false, "one inertia J/i^2 + Jm: theta = theta_m / i")
 
 #define GANTRY_PLANT_STATE(X)                                                                          \
@@ -96,6 +99,9 @@ struct PlantParams {
 #undef X
   std::array<T, kRingHarmonics> error_ring_rad{};  // gear error, n cycles per gantry turn, rad
   std::array<T, kRingHarmonics> phase_ring_rad{};
+  std::array<T, kWindWaves> wind_wave_nm{};  // gusts, N m, rad/s, rad
+  std::array<T, kWindWaves> wind_rate_rad_s{};
+  std::array<T, kWindWaves> wind_phase_rad{};
 #define X(name, type, value, meaning) type name = value;
   GANTRY_PLANT_SWITCHES(X)
 #undef X

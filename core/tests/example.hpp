@@ -64,6 +64,12 @@ inline PlantParams<double> plant() {
     p.error_ring_rad[static_cast<std::size_t>(n)] = 3e-5 / (n + 1.0);
     p.phase_ring_rad[static_cast<std::size_t>(n)] = 0.5 * n;
   }
+  p.wind_moment_nm = 2e4;
+  for (std::size_t n = 0; n < kWindWaves; ++n) {
+    p.wind_wave_nm[n] = 3e3;
+    p.wind_rate_rad_s[n] = 0.1 * (static_cast<double>(n) + 1.0);
+    p.wind_phase_rad[n] = 0.7 * static_cast<double>(n);
+  }
   p.pinion_teeth = 26;
   p.ripple_order = 12;
   p.gear_error = p.hysteresis = p.backlash = p.roller_friction = p.motor_friction = p.base = p.ripple = true;
@@ -106,6 +112,9 @@ inline PlantParams<double> varied(PlantParams<double> p, std::mt19937& random) {
   p.friction_ep_ratio = 0.5 * factor(random);
   for (double& a : p.error_ring_rad) a *= factor(random);
   for (double& a : p.phase_ring_rad) a += factor(random);
+  for (double& a : p.wind_wave_nm) a *= factor(random);
+  for (double& a : p.wind_rate_rad_s) a *= factor(random);
+  for (double& a : p.wind_phase_rad) a += factor(random);
   return p;
 }
 

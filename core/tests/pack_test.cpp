@@ -27,6 +27,11 @@ PlantParams<Pack<N>> packed(const std::vector<PlantParams<double>>& plants) {
       pack.error_ring_rad[n].lane[k] = one.error_ring_rad[n];
       pack.phase_ring_rad[n].lane[k] = one.phase_ring_rad[n];
     }
+    for (std::size_t n = 0; n < kWindWaves; ++n) {
+      pack.wind_wave_nm[n].lane[k] = one.wind_wave_nm[n];
+      pack.wind_rate_rad_s[n].lane[k] = one.wind_rate_rad_s[n];
+      pack.wind_phase_rad[n].lane[k] = one.wind_phase_rad[n];
+    }
 #define X(name, type, value, meaning) pack.name = one.name;
     GANTRY_PLANT_SWITCHES(X)
 #undef X
@@ -145,6 +150,16 @@ TEST(Pack, equals_the_plants_under_runge_kutta) {
 
 TEST(Pack, equals_the_plants_when_the_brake_holds_them) {
   expect_pack_equals_scalars<4>(varied_plants(4, example::plant()), Scheme::kOneEvaluation, 100, false);
+}
+
+TEST(Pack, equals_plants_in_the_wind) {
+  PlantParams<double> p = example::plant();
+  p.wind = true;
+  expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 300);
+  expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kRungeKutta4, 100);
+  p.rigid = true;
+  p.gear_error = p.backlash = p.hysteresis = p.base = false;
+  expect_pack_equals_scalars<4>(varied_plants(4, p), Scheme::kOneEvaluation, 100);
 }
 
 TEST(Pack, equals_rigid_plants) {

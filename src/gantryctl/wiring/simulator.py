@@ -14,6 +14,7 @@ from gantryctl.machine import Machine
 from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTable
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import lead_deg
+from gantryctl.wiring.wind import wind_waves
 
 # Below this torque the ripple shrinks with the torque (plant equations S5).
 _RIPPLE_FULL_TORQUE_NM: Final = 20.0
@@ -45,6 +46,9 @@ def plant_params(machine: Machine) -> _core.PlantParams:
     p.ripple_full_torque_nm = _RIPPLE_FULL_TORQUE_NM
     p.brake_torque_nm = machine.brake.torque_nm * machine.plant.brake.torque_share
     p.brake_presliding_rad = plant.brake.presliding_rad
+    p.wind = switch.wind
+    p.wind_moment_nm = plant.wind.moment_nm
+    p.wind_wave_nm, p.wind_rate_rad_s, p.wind_phase_rad = map(list, wind_waves(plant.wind))
     p.rigid = switch.rigid
     current = machine.drive.current_loop
     p.current_bandwidth_rad_s = 0.0 if current.ideal else 2.0 * math.pi * current.bandwidth_hz

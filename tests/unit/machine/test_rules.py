@@ -20,6 +20,7 @@ BREAKS = {
     "travel_is_not_empty": {"axis.pos_min_deg": 0.0, "axis.pos_max_deg": 0.5},
     "over_travel_below_lowest": {"axis.pos_min_deg": -181.0},
     "over_travel_above_highest": {"axis.pos_max_deg": 181.0},
+    "check_moment_covers_wind": {"plant.switches.wind": True, "plant.wind.moment_nm": 17000.0},
     "guesses_are_keys": {"machine.guesses": ("axis.pos_min_deg", "axis.pos_min")},
     "over_travel_before_lower_switch": {"axis.over_travel_min_deg": -182.0},
     "over_travel_before_upper_switch": {"axis.over_travel_max_deg": 182.0},

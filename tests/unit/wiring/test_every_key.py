@@ -30,6 +30,7 @@ from gantryctl.wiring import compensation
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.program import axis_settings
 from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params, sim_drive
+from gantryctl.wiring.wind import wind_waves
 
 DEG = 0.017453292519943295  # rad
 MS = 0.001
@@ -103,6 +104,10 @@ def ring(m: Machine) -> list[float]:
     return [um * per_um(m) for um in m.plant.gear_error.ring_um] + [0.0] * (
         12 - len(m.plant.gear_error.ring_um)
     )
+
+
+def gusts(m: Machine) -> list[float]:
+    return list(wind_waves(m.plant.wind).amplitude_nm)
 
 
 def pinion(m: Machine) -> float:
@@ -437,6 +442,16 @@ ROWS: dict[str, Row] = {
         "plant.base_damping_nm_s_per_rad": base_damping,
     },
     "plant.base.damping_ratio": {"plant.base_damping_nm_s_per_rad": base_damping},
+    "plant.wind.moment_nm": {"plant.wind_moment_nm": 1.0, "plant.wind_wave_nm": gusts},
+    "plant.wind.turbulence": {"plant.wind_wave_nm": gusts},
+    "plant.wind.speed_m_s": {"plant.wind_wave_nm": gusts},
+    "plant.wind.length_m": {"plant.wind_wave_nm": gusts},
+    "plant.wind.width_m": {"plant.wind_wave_nm": gusts},
+    "plant.wind.seed": {
+        "plant.wind_rate_rad_s": lambda m: list(wind_waves(m.plant.wind).rate_rad_s),
+        "plant.wind_phase_rad": lambda m: list(wind_waves(m.plant.wind).phase_rad),
+    },
+    "plant.switches.wind": {"plant.wind": 1.0},
     "plant.brake.presliding_rad": {"plant.brake_presliding_rad": 1.0},
     "plant.brake.torque_share": {"plant.brake_torque_nm": brake_torque},
     "plant.encoder.latency_us": {"drive.latency_s": US},
@@ -557,6 +572,8 @@ def another(path: str, value: Any) -> Any:
 
 # On a bus, where the program knows who owns the brake, and a real one, where answers are waited for.
 MACHINE = with_key(with_key(default_machine(), "drive.kind", "canopen"), "can.interface", "socketcan")
+# In some wind.
+MACHINE = with_key(MACHINE, "plant.wind.moment_nm", 5000.0)
 # With nodes beside the drive.
 MACHINE = with_key(with_key(MACHINE, "can.io.node", 3), "can.load_encoder.source", "node")
 

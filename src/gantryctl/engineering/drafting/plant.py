@@ -6,7 +6,7 @@ from typing import Final
 
 from gantryctl.engineering.drafting.basis import Basis
 from gantryctl.engineering.drafting.gear_errors import gear_error_values
-from gantryctl.engineering.drafting.origin import Values, computed, guessed, significant
+from gantryctl.engineering.drafting.origin import Values, chosen, computed, guessed, significant
 
 # Slopes of a strain-wave reducer over the first, and where they end as parts of its rated torque (catalogue rows of the
 # largest sizes; Harmonic Drive, CSG series).
@@ -26,6 +26,7 @@ def plant_values(basis: Basis) -> Values:
         **_transmission(basis),
         **_friction(basis),
         **_base_and_brake(basis),
+        **_wind(basis),
         **_encoder(basis),
     }
     return {**{f"plant.{path}": drafted for path, drafted in found.items()}, **gear_error_values(basis)}
@@ -136,6 +137,15 @@ def _base_and_brake(basis: Basis) -> Values:
         ),
         "base.damping_ratio": guessed(0.03, "anchored steel on concrete"),
         "brake.presliding_rad": guessed(5e-4, "lining"),
+    }
+
+
+def _wind(basis: Basis) -> Values:
+    wind = basis.sheet.wind
+    blows = wind.moment_nm != 0.0
+    return {
+        **{f"wind.{key}": basis.of_sheet(f"wind.{key}") if blows else chosen(value) for key, value in wind},
+        "switches.wind": chosen(blows),
     }
 
 

@@ -27,6 +27,7 @@ from gantryctl.machine.loading import check_table
 from gantryctl.machine.reading import Data
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.machine.specs import field_specs
+from gantryctl.machine.tables.plant import WindTable
 from gantryctl.units import DEG_S_PER_R_MIN, GRAVITY_M_S2, deg, rad
 
 # Turns that the encoders of the delivered motors tell apart, of which the travel may take nine tenths.
@@ -166,6 +167,7 @@ def sheet_values(answered: Answered, name: str) -> Values:
         **_load(answered),
         **_gears(answered),
         **_structure(answered),
+        **_wind(answered),
         **_duty(answered),
         **_margins(answered),
     }
@@ -305,6 +307,21 @@ def _structure(answered: Answered) -> Values:
         ),
         "teeth.grade": guessed(proportions.grade, usual),
         "teeth.backlash_ratio": guessed(proportions.backlash_ratio, usual),
+    }
+
+
+def _wind(answered: Answered) -> Values:
+    usual = WindTable()
+    if answered.answers.wind_nm == 0.0:
+        return {f"wind.{key}": chosen(value) for key, value in usual}
+    mean = answered.answers.wind_nm / (1.0 + 7.0 * usual.turbulence)
+    return {
+        "wind.moment_nm": _from(answered, mean, "largest moment / (1 + 7 x turbulence)", "wind_nm"),
+        "wind.turbulence": guessed(usual.turbulence, "open country"),
+        "wind.speed_m_s": guessed(usual.speed_m_s, "in work"),
+        "wind.length_m": guessed(usual.length_m, "10 m above open country"),
+        "wind.width_m": guessed(significant(4.0 * answered.gyration_m, 2), "4 x radius of gyration"),
+        "wind.seed": chosen(usual.seed),
     }
 
 

@@ -119,6 +119,12 @@ def _gears(sheet: Sheet) -> Iterator[str]:
             f"[load] eccentric_check_moment_nm = {load.eccentric_check_moment_nm:g} N m: must be at least the "
             f"eccentric moment itself, mass x {GRAVITY_M_S2:g} x eccentricity = {nominal:.4g} N m"
         )
+    elif nominal + sheet.wind.largest_nm > load.eccentric_check_moment_nm * (1.0 + 1e-9):
+        yield (
+            f"[load] eccentric_check_moment_nm = {load.eccentric_check_moment_nm:g} N m: must be at least "
+            f"{nominal + sheet.wind.largest_nm:.4g} N m: the eccentric moment and [wind] "
+            "moment_nm x (1 + 7 x turbulence)"
+        )
     sizing = mean_acceleration_rad_s2(sheet.motion.speed_max_r_min, sheet.motion.sizing_time_s)
     for what, acc, key in (
         (f"sizing_time_s = {sheet.motion.sizing_time_s:g} s", sizing, "torque_momentary_nm"),

@@ -14,6 +14,7 @@ from gantryctl.machine.tables.axis import (
     FileIdentity,
 )
 from gantryctl.machine.tables.fields import Table, number, numbers, required_number, table
+from gantryctl.machine.tables.plant import WindTable
 from gantryctl.machine.tables.required import RequiredTable
 
 
@@ -145,5 +146,6 @@ class Sheet(Table):
     gears: Gears = table("The transmission.")
     structure: Structure = table("How stiff it is.")
     teeth: Teeth = table("Pinion and ring.")
+    wind: WindTable = table("Wind; its largest moment is in that of the check.", WindTable)
     duty: Duty = table("One treatment day.", Duty)
     margins: Margins = table("How much more than needed.", Margins)

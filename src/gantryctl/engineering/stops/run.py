@@ -139,6 +139,8 @@ def _cruising(
     plant, drive = plant_params(machine), drive_params(machine)
     if machine.plant.switches.eccentric_moment:
         plant.eccentric_moment_nm = _check_moment_nm(machine)
+    # The wind is in the moment of the check.
+    plant.wind = False
     if quick_dec_deg_s2 is not None:
         drive.quick_dec_rad_s2 = rad(quick_dec_deg_s2) * machine.axis.ratio
     speed = rad(speed_deg_s)

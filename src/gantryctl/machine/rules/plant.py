@@ -39,6 +39,19 @@ def check_moment_covers_nominal(m: Machine) -> Broken:
 
 
 @rule(
+    "plant.load.eccentric_check_moment_nm", "plant.load.mass_kg", "plant.load.eccentricity_m",
+    "plant.wind.moment_nm", "plant.wind.turbulence", "plant.switches.wind",
+)  # fmt: skip
+def check_moment_covers_wind(m: Machine) -> Broken:
+    """The moment that stops are proved with covers the eccentric moment and the largest gust of the wind."""
+    if not m.plant.switches.wind:
+        return None
+    need = m.plant.load.eccentric_moment_nm + m.plant.wind.largest_nm
+    why = "the eccentric moment and the wind, mean x (1 + 7 x turbulence)"
+    return at_least(m.plant.load.eccentric_check_moment_nm, need, why)
+
+
+@rule(
     "motor.torque_max_nm", *RATIO, "plant.load.mass_kg", "plant.load.eccentricity_m",
     "plant.roller_friction.breakaway_nm", "plant.motor_friction.breakaway_nm",
 )  # fmt: skip

@@ -177,6 +177,27 @@ class BaseTable(Table):
     damping_ratio: float = number(0.03, 0.0, 0.9, "Damping ratio of the rocking.", "estimate")
 
 
+class WindTable(Table):
+    """[plant.wind]: moment of the wind on the load; [plant.switches] wind puts it there."""
+
+    moment_nm: float = number(0.0, -1e9, 1e9, "Mean moment about the axis, positive as angles are.")
+    turbulence: float = number(
+        0.15, 0.0, 0.4, "Turbulence intensity: gusts over the mean speed, r.m.s.", "standard"
+    )
+    speed_m_s: float = number(10.0, 0.5, 70.0, "Mean speed of the wind.", unit="m/s")
+    # 100 m at 10 m over open country.
+    length_m: float = number(100.0, 5.0, 1000.0, "Length of the gusts along the wind.", "standard")
+    width_m: float = number(10.0, 0.1, 200.0, "Width of the surface: smaller gusts are not felt.")
+    seed: int = number(
+        1, 0, 2**31 - 1, "Seed of the phases of the gusts: another is another quarter of an hour."
+    )
+
+    @property
+    def largest_nm(self) -> float:
+        """Mean moment and 3.5 times its r.m.s. gusts, 2 x turbulence x mean: the largest of ten minutes."""
+        return abs(self.moment_nm) * (1.0 + 7.0 * self.turbulence)
+
+
 class PlantBrakeTable(Table):
     """[plant.brake]: how the closed brake gives way."""
 
@@ -221,6 +242,7 @@ class SwitchesTable(Table):
     eccentric_moment: bool = switch(True, "Eccentric moment of the load.")
     base: bool = switch(True, "Rocking base.")
     torque_ripple: bool = switch(True, "Torque ripple of the motor.")
+    wind: bool = switch(False, "Moment of the wind.")
     three_slopes: bool = switch(True, "Three slopes of the reducer; false = the first slope only.")
     rigid: bool = switch(False, "One inertia without any compliance.")
 
@@ -245,6 +267,7 @@ class PlantTable(Table):
     roller_friction: RollerFrictionTable = table("Support rollers.", RollerFrictionTable)
     motor_friction: MotorFrictionTable = table("Motor and reducer input.", MotorFrictionTable)
     base: BaseTable = table("Rocking base.", BaseTable)
+    wind: WindTable = table("Moment of the wind.", WindTable)
     brake: PlantBrakeTable = table("Brake lining.", PlantBrakeTable)
     encoder: PlantEncoderTable = table("Mounting of the motor encoder.", PlantEncoderTable)
     load_encoder: LoadEncoderTable = table("Encoder on the ring.", LoadEncoderTable)
