@@ -80,7 +80,7 @@ def table() -> Machine:
             "control.kpp_per_s": 20.0, "drive.speed_loop.kvp_nm_s_per_rad": 0.08,
             "plant.load.inertia_kg_m2": 50.0, "plant.load.mass_kg": 300.0, "plant.load.eccentricity_m": 0.002,
             "plant.load.eccentric_check_moment_nm": 20.0,
-            "plant.base.inertia_kg_m2": 2000.0, "plant.base.frequency_hz": 30.0,
+            "plant.base.inertia_kg_m2": 2000.0, "plant.base.frequency_hz": 30.0, T + "hysteresis_length_rad": 1e-4,
             "accuracy.chord_radius_m": 0.3,
         },
     )  # fmt: skip
@@ -113,11 +113,11 @@ def dish() -> Machine:
     """Dish of 40 m, 1e8 kg m2, +-270 deg, with wind of 400 kN m."""
     return with_values(
         default_machine(),
-        PLAIN | _travel(-270.0, 270.0, (0.5, 2.0, 13.0)) | _speeds(2.0, 0.1, 0.5)
+        PLAIN | _travel(-270.0, 270.0, (0.5, 2.0, 15.0)) | _speeds(2.0, 0.1, 0.4)
         | _friction(3e4, 1e5, 3.0, 0.01) | _plant(8.0, (8e6, 1e7, 1.2e7, 2e10), (1e4, 4e4), 1e4)
         | {
             "machine.name": "dish", "axis.reducer_ratio": 200.0, "axis.ring_ratio": 40.0,
-            "required.stopping_angle_deg": 10.0,
+            "required.stopping_angle_deg": 12.0,
             "motor.power_rated_kw": 30.0, "motor.torque_rated_nm": 95.5, "motor.torque_max_nm": 200.0,
             "motor.speed_rated_r_min": 3000.0, "motor.speed_max_r_min": 4000.0, "motor.inertia_kg_m2": 0.05,
             "plant.motor.wave_generator_inertia_kg_m2": 0.05,
@@ -147,10 +147,11 @@ def stage() -> Machine:
             "motor.inertia_kg_m2": 2e-6, "plant.motor.wave_generator_inertia_kg_m2": 1e-6,
             "plant.motor.torque_ripple_nm": 0.001,
             "reducer.torque_rated_nm": 1.0, "reducer.torque_momentary_nm": 3.0,
-            "brake.torque_nm": 0.2, "brake.test_torque_nm": 0.05, "brake.proof_torque_nm": 0.02,
+            "brake.torque_nm": 0.1, "brake.test_torque_nm": 0.05, "brake.proof_torque_nm": 0.02,
             "brake.close_time_ms": 20.0, "brake.open_time_ms": 20.0, "monitors.lease_ms": 200.0,
             "monitors.brake_feedback_time_ms": 100.0, "monitors.torque_saturation_time_ms": 100.0,
-            "plant.brake.presliding_rad": 0.005, "plant.motor_friction.presliding_rad": 0.02,
+            "plant.brake.presliding_rad": 0.005, T + "hysteresis_length_rad": 2e-4,
+            "plant.motor_friction.presliding_rad": 0.02,
             "plant.roller_friction.presliding_rad": 2e-4,
             "control.kpp_per_s": 20.0, "drive.speed_loop.kvp_nm_s_per_rad": 1e-3,
             "plant.load.inertia_kg_m2": 0.01, "plant.load.mass_kg": 0.9, "plant.load.eccentricity_m": 0.001,

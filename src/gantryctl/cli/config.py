@@ -154,7 +154,11 @@ def _write(data: bytes, dest: Path, force: bool) -> None:
 @click.option("--config", "option", type=PATH, help="The machine file, as in other commands.")
 @json_option
 def check(file: Path | None, option: Path | None, as_json: bool) -> None:
-    """Check FILE (default: the reference machine); every problem is one line, exit code 2."""
+    """Check FILE (default: the reference machine); every problem is one line, exit code 2.
+
+    Fields, rules between keys, calibration, and the quick stop on the full plant: what is ok here, `move` takes.
+    """
+    from gantryctl.engineering.stops import check_quick_stop
     from gantryctl.errors import ConfigError
     from gantryctl.machine import RULES, load_machine, origins, short_hash
 
@@ -162,6 +166,7 @@ def check(file: Path | None, option: Path | None, as_json: bool) -> None:
     try:
         machine = load_machine(path)
         _check_calibration(machine)
+        check_quick_stop(machine)
     except ConfigError as error:
         if as_json:
             print_json({"file": str(path), "ok": False, "problems": error.problems})

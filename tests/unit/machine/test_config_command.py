@@ -122,3 +122,12 @@ def test_diff(tmp_path, machine_file):
         "path": "control.kvf", "first": 1.0, "second": 0.9, "unit": "-",
     }  # fmt: skip
     assert run("diff", machine_file, machine_file).output == "the values in force are the same\n"
+
+
+def test_check_refuses_what_move_would_refuse(tmp_path):
+    """Fields and rules hold, and the motor does not give the quick stop on the full plant: 5.4 deg/s2 at most."""
+    path = tmp_path / "harder.toml"
+    text = default_machine_path().read_text(encoding="utf-8")
+    path.write_text(text.replace("quick_dec_deg_s2 = 5.4 ", "quick_dec_deg_s2 = 6.5 "), encoding="utf-8")
+    with pytest.raises(ConfigError, match="the motor cannot give it"):
+        run("check", path)

@@ -73,6 +73,7 @@ BREAKS = {
     "rollers_slide_soon": {"plant.roller_friction.presliding_rad": 4.3e-4},
     "rollers_reach_running_friction": {"plant.roller_friction.stribeck_deg_s": 6.0},
     "roller_breakaway_is_credible": {"plant.roller_friction.breakaway_nm": 30001.0},
+    "step_follows_hysteresis": {TRANSMISSION + "hysteresis_length_rad": 1.2e-6},
     "slopes_are_credible": {TRANSMISSION + "reducer_stiffness_3_nm_per_rad": 4.7e7},
     "position_loop_is_sampled_enough": {"control.kpp_per_s": 130.0, "control.scan_period_ms": 4.0},
     "integral_is_sampled_enough": {"drive.speed_loop.tvi_ms": 0.2},

@@ -68,7 +68,7 @@ def _find(machine: Machine, as_json: bool) -> int:
         print_json({"quick_dec_deg_s2": found, "configured_deg_s2": present, "machine": machine.name})
         return 0
     click.echo(
-        f"{machine.name}: the largest quick stop within motor and reducer is {found:.1f} deg/s2; "
+        f"{machine.name}: the largest quick stop within motor and reducer is {found:.4g} deg/s2; "
         f"the machine file has quick_dec_deg_s2 = {present:g}"
     )
     return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.drafting.basis import Basis
+from gantryctl.engineering.drafting.basis import CYCLE_S, Basis
 from gantryctl.engineering.drafting.gear_errors import gear_error_values
 from gantryctl.engineering.drafting.origin import Values, chosen, computed, guessed, significant
 
@@ -85,8 +85,8 @@ def _transmission(basis: Basis) -> Values:
         ),
         f"{at}.hysteresis_load_ratio": guessed(0.1, "a tenth of the load"),
         f"{at}.hysteresis_length_rad": guessed(
-            significant(min(5e-4, max(1e-7, length * rated * compliance)), 3),
-            f"{length:g} x wind-up at rated torque",
+            significant(max(length * rated * compliance, _followed_length_rad(basis)), 3),
+            f"{length:g} x wind-up at rated torque, or what a drive cycle of the simulator can follow",
         ),
         f"{at}.backlash_mm": basis.follows(
             significant(1e3 * basis.module_m * basis.sheet.teeth.backlash_ratio, 3),
@@ -94,6 +94,15 @@ def _transmission(basis: Basis) -> Values:
             "teeth.backlash_ratio",
         ),
     }
+
+
+def _followed_length_rad(basis: Basis) -> float:
+    """Shortest pre-sliding length that the simulation follows in a brake stop, a fifth added to the machine's rule."""
+    # The brake's torque and the rule's stiffness are those of the machine; the first slope alone is a little softer.
+    torque = max(basis.motor.brake.torque_nm, basis.motor.motor.torque_max_nm)
+    acc = torque / (basis.train.inertia_kg_m2 * basis.ratio)
+    swing = 2.0 * acc / basis.mode_rad_s
+    return 1.2 * 0.5 * CYCLE_S * swing
 
 
 def _friction(basis: Basis) -> Values:

@@ -18,8 +18,9 @@ from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
 
-RESOLUTION_DEG_S2: Final = 0.1
-_SMALLEST_DEG_S2: Final = 0.2
+# Steps of the search, of the power of ten below the configured value: 0.1 deg/s2 for 5.4.
+_RESOLUTION: Final = 0.1
+_FEWEST_STEPS, _MOST_STEPS = 2, 400
 
 
 def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) -> StopResult:
@@ -33,18 +34,19 @@ def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) 
 def find_quick_dec(machine: Machine) -> float:
     """The largest quick-stop deceleration that the full plant allows from every speed, deg/s2.
 
-    Bisection to 0.1 deg/s2, rounded down.
+    Bisection to a tenth of the power of ten below the configured value (0.1 deg/s2 for 5.4), rounded down.
 
     Raises:
-        ConfigError: not even 0.2 deg/s2 is possible.
+        ConfigError: not even the smallest of them is possible.
     """
     speed = machine.speed.setting_max_deg_s
+    resolution = _RESOLUTION * 10.0 ** math.floor(math.log10(machine.virtual_axis.quick_dec_deg_s2))
 
     def possible(steps: int) -> bool:
-        dec = steps * RESOLUTION_DEG_S2
+        dec = steps * resolution
         return within_ratings(machine, hardest_quick_stop(machine, dec))
 
-    low, high = round(_SMALLEST_DEG_S2 / RESOLUTION_DEG_S2), 400
+    low, high = _FEWEST_STEPS, _MOST_STEPS
     if not possible(low):
         raise ConfigError(
             [
@@ -57,7 +59,7 @@ def find_quick_dec(machine: Machine) -> float:
     while high - low > 1:
         middle = (low + high) // 2
         low, high = (middle, high) if possible(middle) else (low, middle)
-    return low * RESOLUTION_DEG_S2
+    return low * resolution
 
 
 # Every command that moves asks, and an answer takes twelve simulated stops.

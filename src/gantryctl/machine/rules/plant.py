@@ -242,6 +242,29 @@ def step_follows_transmission(m: Machine) -> Broken:
     return _follows(m, stiffness / m.axis.ratio**2, rotor_inertia_kg_m2(m), "the transmission")
 
 
+@rule(
+    CYCLE, "plant.transmission.hysteresis_length_rad", "brake.torque_nm", "motor.torque_max_nm", *RATIO, *ROTOR,
+    "plant.load.inertia_kg_m2", "speed.overspeed_trip_deg_s", "plant.switches.hysteresis", "plant.switches.rigid",
+    "plant.transmission.reducer_stiffness_1_nm_per_rad", "plant.transmission.rest_stiffness_nm_per_rad",
+)  # fmt: skip
+def step_follows_hysteresis(m: Machine) -> Broken:
+    """A drive cycle twists the gears by at most two pre-sliding lengths of the hysteresis, in the hardest stop."""
+    if m.plant.switches.rigid or not m.plant.switches.hysteresis:
+        return None
+    t = m.plant.transmission
+    reducer = m.axis.ring_ratio**2 * t.reducer_stiffness_1_nm_per_rad
+    stiffness = 1.0 / (1.0 / reducer + 1.0 / t.rest_stiffness_nm_per_rad)
+    inertia = m.plant.load.inertia_kg_m2 + m.axis.ratio**2 * rotor_inertia_kg_m2(m)
+    acc = max(m.brake.torque_nm, m.motor.torque_max_nm) * m.axis.ratio / inertia
+    # A step of the deceleration swings the load with twice the amplitude of a steady one, and never faster than the
+    # axis was. The explicit step of the hysteresis is stable up to two lengths.
+    swing = min(
+        2.0 * acc / math.sqrt(stiffness / m.plant.load.inertia_kg_m2), rad(m.speed.overspeed_trip_deg_s)
+    )
+    most = 2e6 * t.hysteresis_length_rad / swing
+    return at_most(m.drive.speed_loop.cycle_us, most, "or the simulation of the hysteresis swings up")
+
+
 @rule(CYCLE, "plant.base.frequency_hz")
 def step_follows_base(m: Machine) -> Broken:
     """The drive cycle follows the rocking of the base."""
