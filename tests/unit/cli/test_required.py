@@ -118,3 +118,13 @@ def test_a_requirement_that_nobody_gave_is_named_as_a_default(tmp_path: Path) ->
         "within 0.1 deg; required by hust_gantry (a default, the machine file does not give it)"
         in " ".join(answer.out.split())
     )
+
+
+@pytest.mark.slow
+def test_compare(strict: Path) -> None:
+    """Both ways of control are held against what their machine requires: A as seen is 0.0127 deg."""
+    answer = cli("compare", strict, strict)
+    assert fails_for_the_machine(answer)
+    easy = cli("compare", "paper", "paper", "--json")
+    assert easy.code == 0
+    assert easy.json["verdict"]["required"]["limit"] == 0.1

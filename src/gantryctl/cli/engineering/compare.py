@@ -27,6 +27,7 @@ from gantryctl.cli.report import head_of, report_options
 from gantryctl.cli.text import paragraph, print_table
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
     from gantryctl.engineering.comparison.report import CompareReport
     from gantryctl.engineering.report.head import Made
     from gantryctl.machine import Machine
@@ -74,6 +75,8 @@ def compare(
 
     Two machines with the same drive on a bus are run on it, one after the other: 20 minutes of axis time, chord test
     and moves, by what the drive and an instrument at the load say.
+
+    Exit code 1 when the second is not shown to have the required accuracy.
     """
     from gantryctl.engineering.comparison.data import comparison_data
     from gantryctl.engineering.comparison.report import compare_report
@@ -108,10 +111,10 @@ def compare(
 
         path = write_json(folder / "compare.json", data)
         head = head_of(improved, made, MeasuredBy("simulated tracker", SIMULATED_CERTIFICATE))
-        page = write_text(folder / "report.html", render_comparison(report, improved, head))
+        page = write_text(folder / "report.html", render_comparison(report, head))
         if not as_json:
             click.echo(f"wrote {path}, {page}")
-    return 0
+    return int(report.verdict.passed is not True)
 
 
 def _on_bus(
@@ -125,13 +128,16 @@ def _on_bus(
     yes: bool,
     as_json: bool,
 ) -> int:
+    from gantryctl.engineering.accuracy.procedure.plan import chord_test
+    from gantryctl.engineering.accuracy.report.data import verdict_data
     from gantryctl.engineering.comparison.on_bus import bus_table, compare_on_bus
     from gantryctl.engineering.report.head import MeasuredBy
     from gantryctl.engineering.stops import check_quick_stop
 
     for machine in (paper, improved):
         check_quick_stop(machine)
-    moves = "moves between -110 and 110 deg for 10 minutes with each of the two machine files"
+    low, high = chord_test(improved).travel_deg
+    moves = f"moves between {low:g} and {high:g} deg for 10 minutes with each of the two machine files"
     found = compare_on_bus(
         paper,
         improved,
@@ -141,20 +147,22 @@ def _on_bus(
     )
     data = {
         "instrument": found.instrument,
+        "verdict": verdict_data(found.verdict),
         "rows": {name: figures._asdict() for name, figures in found.rows},
     }
     if as_json:
         print_json(data)
     else:
         print_table(bus_table(found))
+        _say_verdict(found.verdict)
     if folder is not None:
         from gantryctl.engineering.comparison.page import render_bus_comparison
 
         write_json(folder / "compare.json", data)
         certificate = SIMULATED_CERTIFICATE if place == SIMULATED else ""
         head = head_of(improved, made, MeasuredBy(found.instrument, certificate))
-        write_text(folder / "report.html", render_bus_comparison(found, improved, head))
-    return 0
+        write_text(folder / "report.html", render_bus_comparison(found, head))
+    return int(found.verdict.passed is not True)
 
 
 def _progress(plants: int) -> Callable[[int], None] | None:
@@ -183,3 +191,9 @@ def _show(report: CompareReport) -> None:
     click.echo()
     for note in notes(report):
         paragraph(note)
+    _say_verdict(report.verdict)
+
+
+def _say_verdict(verdict: AccuracyVerdict) -> None:
+    click.echo()
+    paragraph(f"{verdict.conformity.value.upper()}: {verdict.text}")

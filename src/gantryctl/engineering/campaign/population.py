@@ -96,6 +96,7 @@ class Campaign:
         controls: ways of control, the machine of the campaign first.
         factors, drift: what varies from plant to plant, and what changes after identification.
         limits: limits of figures, by figure.
+        required: who requires a limit that the campaign file does not name, by figure.
     """
 
     settings: CampaignFile
@@ -104,6 +105,7 @@ class Campaign:
     factors: tuple[Factor, ...]
     drift: tuple[Factor, ...]
     limits: Mapping[str, tuple[float, ...]]
+    required: Mapping[str, str]
 
     @property
     def name(self) -> str:

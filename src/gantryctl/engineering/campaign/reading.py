@@ -26,7 +26,18 @@ from gantryctl.engineering.campaign.tables import (
 )
 from gantryctl.engineering.comparison.variants import check_same_plant, variants
 from gantryctl.errors import ConfigError, UsageError
-from gantryctl.machine import Machine, configs_folder, field_specs, load_machine, show_value, with_values
+from gantryctl.machine import (
+    Machine,
+    Requirement,
+    configs_folder,
+    field_specs,
+    load_machine,
+    required_angle,
+    required_speed_error,
+    required_stopping_angle,
+    show_value,
+    with_values,
+)
 from gantryctl.machine.loading import check_table
 from gantryctl.machine.problems import unknown_path
 from gantryctl.machine.reading import Data, parse_toml, printable, read_text
@@ -34,6 +45,13 @@ from gantryctl.machine.specs import value_at
 from gantryctl.units import DEG_S_PER_R_MIN
 
 _NO_SUCH: Final = "; a shipped campaign goes by its name: "
+_REQUIRED: Final = {
+    "a_true_deg": required_angle,
+    "a_measured_deg": required_angle,
+    "angle_error_deg": required_angle,
+    "speed_error_motor_deg_s": required_speed_error,
+    "quick_stop_angle_deg": required_stopping_angle,
+}
 _MAPS: Final = ("vary", "drift", "set", "limits")
 
 
@@ -97,9 +115,16 @@ class _Reader:
         factors = self._factors("vary", maps["vary"], machine)
         drift = self._factors("drift", maps["drift"], machine)
         controls = self._controls(machine, changes)
-        made = Campaign(self.settings, text, controls, factors, drift, {})
+        made = Campaign(self.settings, text, controls, factors, drift, {}, {})
         self._check_tests(machine)
-        made = replace(made, limits=self._limits(maps["limits"], made))
+        named = self._limits(maps["limits"], made)
+        required = {} if self.problems else _required(machine, made)
+        missing = {name: limit for name, limit in required.items() if name not in named}
+        made = replace(
+            made,
+            limits={**named, **{name: (limit.limit,) for name, limit in missing.items()}},
+            required={name: limit.origin for name, limit in missing.items()},
+        )
         self._check_size(made)
         if not factors:
             self._say(
@@ -296,6 +321,11 @@ def _factor(name: str, law: Any) -> Factor:
         return Factor(name, (SCALE_KEY,), law)
     assert isinstance(law, UniformTable | NormalTable | LognormalTable | DiscreteTable)
     return Factor(name, law.keys, law, law.relative)
+
+
+def _required(machine: Machine, made: Campaign) -> dict[str, Requirement]:
+    """What the machine requires of the figures of a campaign."""
+    return {name: _REQUIRED[name](machine) for name in made.figures if name in _REQUIRED}
 
 
 def _slug(name: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,6 +41,7 @@ class ResultHead:
         made_by: code that computes the rows.
         design: how the plants are drawn. factors: names of what varies and drifts, in the order of the design.
         keys: columns of varied keys. outputs: figures by column. limits: by figure.
+        required: who requires a limit that the campaign file does not name, by figure.
     """
 
     name: str
@@ -53,6 +54,7 @@ class ResultHead:
     keys: tuple[str, ...]
     outputs: dict[str, Output]
     limits: dict[str, tuple[float, ...]]
+    required: dict[str, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, campaign: Campaign) -> ResultHead:
@@ -70,6 +72,7 @@ class ResultHead:
             keys=campaign.varied_keys,
             outputs=campaign.columns,
             limits=dict(campaign.limits),
+            required=dict(campaign.required),
         )
 
     @property

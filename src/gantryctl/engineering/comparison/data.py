@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from gantryctl.engineering.accuracy.report.data import verdict_data
 from gantryctl.engineering.comparison.key_figures import KEY_FIGURES
 from gantryctl.engineering.comparison.report import CompareReport
 
@@ -12,8 +13,9 @@ def comparison_data(report: CompareReport) -> dict[str, Any]:
     """Everything `compare --json` prints."""
     plants = report.ensemble
     return {
-        "paper": report.paper,
-        "improved": report.improved,
+        "first": report.first,
+        "second": report.second,
+        "verdict": verdict_data(report.verdict),
         "figures": {name: {"meaning": f.meaning, "unit": f.unit} for name, f in KEY_FIGURES.items()},
         "rows": {name: row._asdict() for name, row in report.rows},
         "identified": [row._asdict() for row in report.identified],

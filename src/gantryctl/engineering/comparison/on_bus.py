@@ -11,15 +11,17 @@ import numpy as np
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
 from gantryctl.engineering.analysis.measured.on_engine import experiment
 from gantryctl.engineering.comparison.key_figures import HALF_DEG, QUARTER_DEG
+from gantryctl.engineering.comparison.report import judge_seen
 from gantryctl.engineering.comparison.variants import check_same_plant
 from gantryctl.engineering.identification.on_engine import EngineAxis
 from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.engineering.instruments import Instrument
 from gantryctl.engineering.report.text import TextTable
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, Requirement, required_angle
 from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.operation.run import AxisRun
 
@@ -49,10 +51,17 @@ class BusFigures(NamedTuple):
 
 
 class BusComparison(NamedTuple):
-    """Names and figures of two machines, and what measured the load."""
+    """Names and figures of two machines, what measured the load, and what is required of both."""
 
     instrument: str
+    required: Requirement
     rows: tuple[tuple[str, BusFigures], ...]
+
+    @property
+    def verdict(self) -> AccuracyVerdict:
+        """The second machine as the instrument saw it, beside the requirement."""
+        name, figures = self.rows[-1]
+        return judge_seen(name, figures.a_seen_deg, self.required)
 
 
 def compare_on_bus(
@@ -80,7 +89,7 @@ def compare_on_bus(
             axis = EngineAxis(machine, run, instrument_of(run), progress)
             name = axis.instrument
             rows.append((machine.name, _figures(machine, axis)))
-    return BusComparison(name, tuple(rows))
+    return BusComparison(name, required_angle(improved), tuple(rows))
 
 
 def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:

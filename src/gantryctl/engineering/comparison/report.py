@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, Final
 
+from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, judge
 from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
 from gantryctl.engineering.comparison.key_figures import (
     KeyFigures,
@@ -18,7 +19,7 @@ from gantryctl.engineering.comparison.variants import Variant, check_same_plant,
 from gantryctl.engineering.identification import Comparison, comparisons
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, Requirement, required_angle
 from gantryctl.wiring.compensation import check_calibration
 
 
@@ -27,18 +28,31 @@ class CompareReport:
     """The comparison of two machines.
 
     Attributes:
+        first, second: their names.
+        required: accuracy of the angle that judges both.
         rows: name and figures of every variant.
         identified: what the compensations know, beside the truth of the plant; empty if they know nothing.
         profiles: trapezoid and S-curve at the base motion of the first machine.
         ensemble: None unless asked for.
     """
 
-    paper: str
-    improved: str
+    first: str
+    second: str
+    required: Requirement
     rows: tuple[tuple[str, KeyFigures], ...]
     identified: tuple[Comparison, ...]
     profiles: tuple[ProfileRow, ...]
     ensemble: PlantEnsemble | None
+
+    @property
+    def verdict(self) -> AccuracyVerdict:
+        """The second machine as its instrument sees it, beside the requirement."""
+        return judge_seen(self.second, self.rows[-1][1].a_measured_a, self.required)
+
+
+def judge_seen(name: str, a_seen_deg: float, required: Requirement) -> AccuracyVerdict:
+    """Hold A as it was measured on a machine against what is required of it."""
+    return judge({f"{name}: A as measured": a_seen_deg}, required, {})
 
 
 _OWN: Final = "own"
@@ -89,8 +103,9 @@ def compare_report(
     # 2.00 Hz in the linear plant of the reference machine, 1.92 Hz as identified: a wrong value costs little.
     swing_hz = calibration.identified.swing_hz if calibration else 2.0
     return CompareReport(
-        paper=paper.name,
-        improved=improved.name,
+        first=paper.name,
+        second=improved.name,
+        required=required_angle(improved),
         rows=rows,
         identified=tuple(comparisons(improved, calibration)) if calibration else (),
         profiles=tuple(profiles_at_equal_base_motion(paper, rows[0][1].base_um, swing_hz)),

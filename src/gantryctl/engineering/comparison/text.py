@@ -24,12 +24,13 @@ def tables(report: CompareReport) -> list[TextTable]:
 def notes(report: CompareReport) -> list[str]:
     """Limits of the figures for the reader."""
     return [
-        "A by eq. (6), deg. Seen: median of 500 draws of the tracker's noise, which alone gives 0.0024 (A).",
+        "A, deg: largest X + 3 S minus smallest X - 3 S of the chord test. Seen: median of 500 draws of the tracker's "
+        "noise.",
         "Speed errors are the largest of a move from 0 to 90 deg. With wind-up and maps compensated the motor leaves "
         "the set-point on purpose: judge the load side.",
         "Base: motion at the ring radius without gravity's part; after: 0.2 to 2.2 s after the profile. Settled: time "
         "after the profile until the load stays within 0.001 deg.",
-        f"What is identified comes from runs of {report.improved} with everything off, never from [plant]; the tracker "
+        f"What is identified comes from runs of {report.second} with everything off, never from [plant]; the tracker "
         "of those runs has noise but no errors of its own.",
     ]
 
@@ -41,7 +42,7 @@ def _rows(report: CompareReport) -> TextTable:
         for row_name, row in report.rows
     )
     heads = ("", *(figure.head for figure in shown.values()))
-    return TextTable(f"{report.paper} against {report.improved}", heads, rows)
+    return TextTable(f"{report.first} against {report.second}", heads, rows)
 
 
 def _profiles(report: CompareReport) -> TextTable:
@@ -56,7 +57,7 @@ def _profiles(report: CompareReport) -> TextTable:
         }
         for row in report.profiles
     ]
-    return TextTable.of(f"Profiles at the base motion of {report.paper}, no compensation", rows)
+    return TextTable.of(f"Profiles at the base motion of {report.first}, no compensation", rows)
 
 
 def _quantiles(report: CompareReport, name: str) -> TextTable:

@@ -157,3 +157,21 @@ def test_a_machine_beside_the_file_comes_first(tmp_path: Path, made: Made) -> No
     other = with_values(default_machine(), {"plant.load.mass_kg": 1.9e5})
     (tmp_path / "hust_gantry.toml").write_text(to_toml(other), "utf-8")
     assert made(INERTIA, ORDER).hash != shipped
+
+
+def test_what_the_machine_requires_is_the_limit_where_the_campaign_names_none(
+    made: Made, tmp_path: Path
+) -> None:
+    strict = {"required.angle_deg": 0.01, "required.source": "tender 4711"}
+    text = to_toml(with_values(default_machine(), strict)).replace('name = "hust_gantry"', 'name = "dish"')
+    (tmp_path / "dish.toml").write_text(text, encoding="utf-8")
+    order = 'machine = "dish.toml"\ntests = ["chord_test", "stops"]\ncount = 8'
+    campaign = made(INERTIA + "[limits]\na_measured_deg = [0.5]", order)
+    assert campaign.limits == {
+        "a_measured_deg": (0.5,),
+        "a_true_deg": (0.01,),
+        "angle_error_deg": (0.01,),
+        "quick_stop_angle_deg": (4.0,),
+    }
+    assert set(campaign.required) == {"a_true_deg", "angle_error_deg", "quick_stop_angle_deg"}
+    assert set(campaign.required.values()) == {"dish (tender 4711)"}

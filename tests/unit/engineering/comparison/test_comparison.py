@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import pytest
 
+from gantryctl.engineering.comparison.data import comparison_data
 from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble, random_plant
 from gantryctl.engineering.comparison.key_figures import KEY_FIGURES, KeyFigures, move_figures
+from gantryctl.engineering.comparison.page import render_comparison
+from gantryctl.engineering.comparison.report import CompareReport
 from gantryctl.engineering.comparison.variants import check_same_plant, variants, without_load_encoder
 from gantryctl.errors import UsageError
-from gantryctl.machine import default_machine, effective_values, with_values
+from gantryctl.machine import Requirement, default_machine, effective_values, with_values
 from support.improved import improved_machine
+from support.reports import HEAD
+
+
+def test_the_second_way_of_control_is_judged_by_what_the_machine_requires() -> None:
+    """0.0127 deg on a machine that needs 0.01 deg; half of it is within."""
+    zeros = KeyFigures(*(0.0 for _ in KeyFigures._fields))
+    required = Requirement(0.01, "dish", "tender 4711")
+    rows = tuple(
+        (name, zeros._replace(a_measured_a=a)) for name, a in (("before", 0.0064), ("after", 0.0127))
+    )
+    report = CompareReport("before", "after", required, rows, (), (), None)
+    assert report.verdict.passed is False
+    assert report.verdict.text.endswith(
+        "after: A as measured 0.0127 deg: outside 0.01 deg; required by dish (tender 4711)"
+    )
+    assert comparison_data(report)["verdict"]["required"]["limit"] == 0.01
+    page = render_comparison(report, HEAD)
+    assert "FAIL" in page
+    assert "tender 4711" in page
+    assert replace(report, rows=rows[::-1]).verdict.passed is True
+    lost = replace(report, rows=(("after", zeros._replace(a_measured_a=math.nan)),))
+    assert lost.verdict.passed is False
 
 
 def test_every_figure_has_a_meaning() -> None:

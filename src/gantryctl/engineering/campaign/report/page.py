@@ -40,7 +40,7 @@ def render_populations(populations: Sequence[tuple[str, Population]], made: Made
         for what, value in _origin(found)
     ]
     return render_sections(
-        Head(name, tuple(facts), made),
+        Head(name, tuple(facts), made, required_source=_source(sources)),
         verdict,
         [row for result, found in shown for row in _required(result, found)],
         title=f"Campaign {name}",
@@ -62,6 +62,13 @@ def _required(result: str, found: Population) -> list[Required]:
         for figure in found.figures
         for each in figure.passing
     ]
+
+
+def _source(results: Sequence[tuple[str, Population]]) -> str:
+    """Who requires the limits, where the campaign files do not name them."""
+    named = any(set(found.head.limits) - set(found.head.required) for _, found in results)
+    by = [origin for _, found in results for origin in found.head.required.values()]
+    return ", ".join(dict.fromkeys([*(["the campaign file"] if named else []), *by]))
 
 
 def _tiles(found: Population) -> list[tuple[str, str, str]]:

@@ -118,6 +118,9 @@ def lines(found: Population) -> list[str]:
         )
     if head.design.sampling in ("sobol", "latin_hypercube", "sensitivity"):
         made.append("intervals are those of independent plants; an even sample is closer than they say")
+    if head.required:
+        origins = ", ".join(dict.fromkeys(head.required.values()))
+        made.append(f"limits of {', '.join(head.required)}: required by {origins}")
     return made
 
 
