@@ -8,13 +8,13 @@ import logging
 import os
 import signal
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
-from starlette.routing import Route, WebSocketRoute
-from starlette.types import ASGIApp
+from starlette.routing import Match, Route, WebSocketRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
 
 from gantryctl.gateway.access import Access
 from gantryctl.gateway.guard import Guard, error
@@ -25,6 +25,7 @@ from gantryctl.gateway.settings import Settings
 from gantryctl.gateway.static import Page
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
+from gantryctl.program.alarms.words import Words
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 
@@ -52,19 +53,46 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
     async def file(request: Request) -> Response:
         return shown.answer(request)
 
-    async def unknown(_: Request) -> Response:
-        return error(404, refusal(Code.SEC_12))
-
+    routes = rest.routes()
     app = Starlette(
         routes=[
-            *rest.routes(),
+            *routes,
             WebSocketRoute(f"{API}/socket", live.serve),
-            Route("/api/{rest:path}", unknown),
+            Route("/api/{rest:path}", NoRoute(routes)),
             Route("/{path:path}", file, methods=["GET"]),
         ],
+        exception_handlers={405: _page_is_read},
         lifespan=running,
     )
     return Guard(app, settings)
+
+
+class NoRoute:
+    """The answer to everything below `/api` that is no route: 405 where another method is one, else 404.
+
+    Args:
+        routes: that there are.
+    """
+
+    def __init__(self, routes: Sequence[Route]) -> None:
+        self._routes = routes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer any method."""
+        found = [each.methods or set() for each in self._routes if each.matches(scope)[0] is Match.PARTIAL]
+        allowed = ", ".join(sorted(set().union(*found)))
+        answer = wrong_method(scope["method"], allowed) if allowed else error(404, refusal(Code.SEC_12))
+        await answer(scope, receive, send)
+
+
+async def _page_is_read(request: Request, _: Exception) -> Response:
+    return wrong_method(request.method, "GET, HEAD")
+
+
+def wrong_method(method: str, allowed: str) -> Response:
+    """405, and the methods that are possible."""
+    reason = Words.METHOD_WRONG(method=method, allowed=allowed)
+    return error(405, refusal(Code.SEC_05, reason=reason), allow=allowed)
 
 
 def _end_with(task: asyncio.Task[None]) -> None:

@@ -54,6 +54,10 @@ ROUTES: Final = (
 )  # fmt: skip
 
 
+# Before any route, by `guard` and the server.
+_ALWAYS: Final = {403: "foreign host", 413: "too long", 429: "too many requests"}
+
+
 def openapi() -> dict[str, Any]:
     """The description of all routes."""
     paths: dict[str, Any] = {}
@@ -90,7 +94,7 @@ def _operation(route: RouteEntry) -> dict[str, Any]:
         "summary": route.summary,
         "responses": {
             str(status): {"description": words, **({"content": failing} if status >= 400 else {})}
-            for status, words in route.answers.items()
+            for status, words in sorted({**_ALWAYS, **route.answers}.items())
         },
         "security": [] if route.action is None else [{"session": []}],
     }

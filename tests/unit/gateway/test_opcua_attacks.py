@@ -139,6 +139,10 @@ def cells(*, whole: bool) -> Iterator[tuple[str, Any, str, str]]:
                 some = ["right", "anonymous"] if opens else ["right"]
                 for identity in IDENTITIES if whole else some:
                     yield policy, mode, key, identity
+    if not whole:
+        for policy in SECURE:
+            yield policy, MODES.Sign, "client", "right"
+            yield policy, MODES.None_, "client", "right"
 
 
 async def matrix(bench: Bench, *, whole: bool) -> None:

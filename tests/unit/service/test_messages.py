@@ -64,7 +64,7 @@ WRONG: dict[str, list[Any]] = {
     "frame": [False, 0.5, [1]],
     "epoch": ["3", None, -3, True],
     "over": [1, 0, "true", None],
-    "target_deg": [True, "1", None, 1e9, -1e9, 10**400, float("nan"), float("inf"), [1.0]],
+    "target_deg": [True, "1", None, 1.1e9, -1.1e9, 10**400, float("nan"), float("inf"), [1.0]],
     "lease": ["0" * 15, "0" * 17, "ABCDEF0123456789", LEASE + "\n", 16, "\ud800" * 16],
     "direction": ["up", "", True, None],
     "id": [1.0, True, -1],
@@ -80,7 +80,33 @@ def test_values_of_another_kind_or_range_are_refused(name: str) -> None:
     whole = {"type": kind, **STAMP, **WHOLE[kind]}
     checked(whole)
     for value in WRONG[name]:
-        refuse({**whole, name: value}, f"{kind}: '{name}' is missing, unknown or of a wrong type")
+        refuse({**whole, name: value}, f"^{kind}: '{name}' ")
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({"target_deg": ...}, "move: 'target_deg' is missing"),
+        ({"more": 1}, "move: 'more' is not a key of it"),
+        ({"target_deg": ..., "more": 1}, "move: 'target_deg' is missing"),
+        ({"target_deg": "5"}, "move: 'target_deg' is not a finite number"),
+        ({"target_deg": float("nan")}, "move: 'target_deg' is not a finite number"),
+        ({"target_deg": 1e12}, "move: 'target_deg' 1000000000000.0 is beyond 1000000000"),
+        ({"target_deg": -1e12}, "move: 'target_deg' -1000000000000.0 is beyond -1000000000"),
+        ({"seq": 2**53 + 1}, "move: 'seq' 9007199254740993 is beyond 9007199254740992"),
+        ({"seq": 1.5}, "move: 'seq' is not a whole number"),
+        ({"type": "jog", "lease": "x"}, "jog: 'lease' is not 16 hex digits"),
+        ({"type": "jog", "lease": 7}, "jog: 'lease' is not a text"),
+        ({"type": "jog", "direction": "up"}, "jog: 'direction' is not one of 'forward', 'reverse'"),
+        ({"type": "take", "over": 1}, "take: 'over' is neither true nor false"),
+    ],
+)
+def test_a_refusal_names_the_one_cause(change: dict[str, Any], cause: str) -> None:
+    kind = change.get("type", "move")
+    whole = {"type": kind, **STAMP, **WHOLE[kind], **change}
+    with pytest.raises(MessageRefused) as refused:
+        checked({name: value for name, value in whole.items() if value is not ...})
+    assert str(refused.value) == cause
 
 
 @pytest.mark.parametrize("found", [[], None, 3, {}, {"type": 3}, {"type": ["stop"]}, {"type": "start"}])

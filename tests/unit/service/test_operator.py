@@ -92,6 +92,15 @@ def test_the_journal_has_a_setting_before_and_after(tag: str, value: float) -> N
     assert events[-1]["text"] == f"set {tag} {value} (before: {value:g}): done"
 
 
+@pytest.mark.parametrize("target_deg", [1e9, -1e9])
+def test_a_target_beyond_all_machines_is_refused_with_the_travel_of_this_one(target_deg: float) -> None:
+    bench = Bench()
+    who = bench.who(Role.OPERATOR)
+    bench.powered(who)
+    reply = bench.ask(who, "move", target_deg=target_deg)
+    assert reply["text"] == f"target must be within -180.00 and 180.00 deg, got {target_deg:.0f} deg"
+
+
 def test_a_lower_acceleration_makes_the_same_move_longer() -> None:
     times = []
     for share in (1.0, 0.25):

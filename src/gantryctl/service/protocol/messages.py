@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from gantryctl.errors import GantryctlError
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, to_wire
-from gantryctl.program.alarms.words import Words
+from gantryctl.program.alarms.words import Said, Words
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 from gantryctl.service.protocol.roles import Action, Role
 
@@ -73,7 +73,8 @@ ARMABLE: Final = {"brake_test": Action.BRAKE_TEST, "reset_locked": Action.RESET_
 
 # A safe integer: JavaScript holds no larger one exactly.
 Whole: TypeAlias = Annotated[int, Field(ge=0, le=2**53)]
-Number: TypeAlias = Annotated[float, Field(gt=-1e9, lt=1e9, allow_inf_nan=False)]
+# Wider than any machine: what is beyond its travel is refused with its travel.
+Number: TypeAlias = Annotated[float, Field(ge=-1e9, le=1e9, allow_inf_nan=False)]
 Lease: TypeAlias = Annotated[
     str, Field(pattern="^[0-9a-f]{16}$", description="16 hex digits, random, new at every press")
 ]
@@ -298,8 +299,7 @@ def checked(found: object) -> Message:
         kind = found.get("type")
         if not isinstance(kind, str) or kind not in FIELDS:
             raise MessageRefused(Code.SEC_05, reason=Words.TYPE_UNKNOWN) from None
-        wrong = _first_wrong(fault)
-        raise MessageRefused(Code.SEC_05, reason=Words.KEY_WRONG(kind=kind, key=ascii(wrong[:40]))) from None
+        raise MessageRefused(Code.SEC_05, reason=_cause(kind, fault)) from None
     kind = found["type"]
     # The values as they came: 40 stays a whole number in the journal, where a float would read 40.0.
     values = {name: found[name] for name in FIELDS[kind]}
@@ -308,10 +308,30 @@ def checked(found: object) -> Message:
     )
 
 
-def _first_wrong(fault: ValidationError) -> str:
-    """Find the key that a refusal names: missing and unknown keys come first."""
-    errors = fault.errors(include_url=False, include_context=False, include_input=False)
-    return str(min(errors, key=lambda each: each["type"] not in ("missing", "extra_forbidden"))["loc"][-1])
+_CAUSES: Final = {
+    "missing": Words.KEY_MISSING,
+    "extra_forbidden": Words.KEY_UNKNOWN,
+    "float_type": Words.KEY_NO_NUMBER,
+    "finite_number": Words.KEY_NO_NUMBER,
+    "int_type": Words.KEY_NO_WHOLE_NUMBER,
+    "bool_type": Words.KEY_NO_BOOLEAN,
+    "string_pattern_mismatch": Words.KEY_NO_LEASE,
+}
+
+
+def _cause(kind: str, fault: ValidationError) -> Said:
+    """Say what is wrong with one key: missing and unknown keys come first."""
+    errors = fault.errors(include_url=False)
+    error = min(errors, key=lambda each: each["type"] not in ("missing", "extra_forbidden"))
+    key, context = ascii(str(error["loc"][-1])[:40]), error.get("ctx", {})
+    for bound in ("ge", "le"):
+        if bound in context:
+            value = ascii(error["input"])[:40]
+            return Words.KEY_BEYOND(kind=kind, key=key, value=value, limit=context[bound])
+    if error["type"] == "literal_error":
+        choices = context["expected"].replace(" or ", ", ")
+        return Words.KEY_NO_CHOICE(kind=kind, key=key, choices=choices)
+    return _CAUSES.get(error["type"], Words.KEY_NO_TEXT)(kind=kind, key=key)
 
 
 def reply_to(
