@@ -102,7 +102,12 @@ def _messages() -> Iterator[str]:
     for schema in MESSAGES.json_schema()["$defs"].values():
         keys = schema["properties"]
         kind = keys["type"]["const"]
-        own = [f"{name}: {_ts(keys[name])}" for name in keys if name not in ("type", "seq", "frame", "epoch")]
+        asked = schema["required"]
+        own = [
+            f"{name}{'' if name in asked else '?'}: {_ts(keys[name])}"
+            for name in keys
+            if name not in ("type", "seq", "frame", "epoch")
+        ]
         yield f"  {kind}: {{ {'; '.join(own)} }};" if own else f"  {kind}: Record<string, never>;"
         if "epoch" not in schema["required"]:
             timeless.append(kind)

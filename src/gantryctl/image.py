@@ -270,6 +270,16 @@ class Mode(IntEnum):
     INCREMENTAL = 2
 
 
+class Direction(IntEnum):
+    """Way of a modulo axis to an angle, with the names and numbers of PLCopen's Direction input."""
+
+    POSITIVE = 1
+    SHORTEST = 2
+    NEGATIVE = 3
+    CURRENT = 4
+    """That of the motion under way; at rest, of the last one since the start, which begins as positive."""
+
+
 class OperatorCommand(NamedTuple):
     """Command levels of the operator, angles at the gantry."""
 
@@ -284,6 +294,10 @@ class OperatorCommand(NamedTuple):
     move: bool = False
     """A rising edge starts MoveAbsolute to `target_rad` (any mode, at standstill or aborting a move)."""
     target_rad: float = 0.0
+    direction: Direction | None = None
+    """Of `move`; None takes the shortest way of a modulo axis, and the only one of a linear axis."""
+    relative: bool = False
+    """`target_rad` is a way from the set-point, of a modulo axis also beyond a turn: `move` starts MoveRelative."""
     halt: bool = False
     """Controlled stop on the normal ramp; the axis stays enabled."""
     stop: bool = False

@@ -10,6 +10,8 @@ RAD_PER_DEG: Final = math.pi / 180.0
 DEG_PER_RAD: Final = 180.0 / math.pi
 RAD_S_PER_R_MIN: Final = 2.0 * math.pi / 60.0
 DEG_S_PER_R_MIN: Final = 6.0
+# 0.005 deg of a turn, the usual window of an axis in position.
+TURN_EDGE: Final = 0.005 / 360.0
 # The paper's moments and the plant's (plant equations S1) are made with this rounded value.
 GRAVITY_M_S2: Final = 9.81
 
@@ -17,6 +19,15 @@ DriveVelocityUnit: TypeAlias = Literal[
     "inc/s", "0.1 inc/s", "16.16 inc/ms", "r/min", "0.1 r/min", "0.001 r/min", "mrev/s"
 ]
 """Unit in which a drive on a bus counts speed; `drives.od.velocity_units` has the size of each."""
+
+
+def within_turn(angle: float, low: float, turn: float) -> float:
+    """An angle of an axis that turns without end, as people read it: from `low` on within a turn, all in one unit.
+
+    The turn begins a little below `low`, so that an axis that settles at 0 deg does not show 360.
+    """
+    begin = low - turn * TURN_EDGE
+    return begin + (angle - begin) % turn
 
 
 def name_ending(name: str, suffixes: Iterable[str]) -> str:

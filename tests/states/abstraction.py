@@ -28,7 +28,17 @@ from gantryctl.program import Axis, GantryProgram, PowerPhase
 from gantryctl.program.alarms.log import Alarm, AlarmLog
 from gantryctl.program.axis.commands import MotionCommand, MotionCommands
 from gantryctl.program.blocks import BrakeTest as BrakeTestBlock
-from gantryctl.program.blocks import Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
+from gantryctl.program.blocks import (
+    Halt,
+    Inch,
+    Jog,
+    MoveAbsolute,
+    MoveRelative,
+    Power,
+    Reset,
+    SetOverride,
+    Stop,
+)
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.drag import DragWatch
 from gantryctl.program.monitors.interlocks import Interlocks
@@ -183,10 +193,10 @@ _SHOWN: Final = "_final command_aborted done error"
 
 RULES: Final[dict[type, Rules]] = {
     GantryProgram: Rules(
-        same="_keys_dead _move_gate _remote mode service",
+        same="_by_way _keys_dead _move_gate _remote mode service",
         number="_speed",
         count="_lease_age",
-        part="axis power reset override stop halt move jog inch brake_test",
+        part="axis power reset override stop halt move move_by jog inch brake_test",
         fixed="_lease_scans _without_switch trace_columns",
         special={"_last": _levels("_last")},
     ),
@@ -196,7 +206,7 @@ RULES: Final[dict[type, Rules]] = {
         part="alarms brake_test feedback interlocks liveness monitors motion power recovery virtual _site thermal",
         clock="scan time_s refusal_count",
         fixed="_drives_against "
-        "_law _park_scans _ratio _reference _torque_max _vel_max load_side plans settings zero_counts",
+        "_law _park_scans _ratio _reference _torque_max _vel_max load_side plans settings turns zero_counts",
         unread="refusal",
         special={"_vel_next": lambda axis, _: _rounded(axis._vel_next) if axis.virtual.following else None},
     ),
@@ -223,7 +233,7 @@ RULES: Final[dict[type, Rules]] = {
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
         "_change_any _change_per_torque "
         "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
-        "_jump_per_speed _old_scans _period_s _ratio",
+        "_jump_per_speed _old_scans _period_s _ratio _shown",
         special={
             "_late_scan": _since("_late_scan"),
             "_bad_scans": lambda feedback, roots: tuple(
@@ -236,7 +246,7 @@ RULES: Final[dict[type, Rules]] = {
         same="at_rest changed following override paused stopping",
         number="acc_ref_rad_s2 pos_ref_rad vel_ref_rad_s",
         clock="_duration _sample _speed start_scan",
-        fixed="_period_s _pos_max _pos_min keep_plans plans ramps",
+        fixed="_period_s _pos_max _pos_min _speed_max keep_plans plans ramps",
         special={"_target": _ref_target, "plan": _scans_left},
     ),
     PowerSequence: Rules(
@@ -369,6 +379,7 @@ RULES: Final[dict[type, Rules]] = {
         part="current stop_command waiting",
         clock="scan",
         fixed="_alarms _interlocks _monitors _power _settings _virtual",
+        unread="_sign",  # of a modulo axis only
     ),
     MotionCommand: Rules(
         same="_status endless settles state",
@@ -395,6 +406,7 @@ RULES: Final[dict[type, Rules]] = {
     Stop: Rules(same=_EXECUTE, shown=_SHOWN, part="_held command", fixed="axis", unread=_BLOCK),
     Halt: Rules(same=_EXECUTE, shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK),
     MoveAbsolute: Rules(same=_EXECUTE, shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK),
+    MoveRelative: Rules(same=_EXECUTE, shown=_SHOWN, part="command", fixed="axis", unread=_BLOCK),
     Jog: Rules(
         same=_EXECUTE + " _backward _direction _forward _released",
         shown=_SHOWN + " at_limit",

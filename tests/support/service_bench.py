@@ -6,7 +6,7 @@ import json
 from typing import Any
 
 from gantryctl.image import Mode
-from gantryctl.machine import default_machine
+from gantryctl.machine import Machine, default_machine
 from gantryctl.program import AxisState, GantryProgram
 from gantryctl.service.command.inbox import Inbox
 from gantryctl.service.command.operator import ServiceOperator
@@ -44,28 +44,28 @@ class Bench:
         stops: how often the axis has come to rest.
     """
 
-    def __init__(self, *, second_person: bool = False) -> None:
+    def __init__(self, *, second_person: bool = False, machine: Machine = MACHINE) -> None:
         self.commands, self.replies = (ring(512), ring(64)), (ring(512), ring(64))
         self.event_ring = ring(4096)
         self.events = EventLog(self.event_ring)
-        drive = sim_drive(MACHINE)
-        program = build_program(MACHINE, drive)
+        drive = sim_drive(machine)
+        program = build_program(machine, drive)
         assert isinstance(program, GantryProgram)
         self.program, self.axis = program, program.axis
         self.words = memoryview(bytearray(512)).cast("Q")
         self.words[Word.RECORDER_NS] = 2**62  # alive for ever
         self.operator = ServiceOperator(
-            MACHINE,
+            machine,
             program,
             Inbox(self.commands, self.replies, self.events),
             Permit(self.axis, JournalHealth(self.words), self.events),
             AlarmView(self.axis.alarms, self.axis.feedback, self.events).acknowledge,
-            first_levels(MACHINE, MACHINE.speed.setting_max_deg_s),
+            first_levels(machine, machine.speed.setting_max_deg_s),
             epoch=EPOCH,
             now=lambda: self.time_s,
             second_person=second_person,
         )
-        self.engine = build_engine(MACHINE, drive=drive, program=program, operator=self.operator)
+        self.engine = build_engine(machine, drive=drive, program=program, operator=self.operator)
         self.seq = 0
         self.lively = True
         self.stops = 0
@@ -87,7 +87,7 @@ class Bench:
         return Identity(client or f"{role}-{place}", str(role), role, place)
 
     def scans(self, count: int) -> None:
-        """So many scans (1 ms each)."""
+        """So many scans, 1 ms each unless the machine has others."""
         self.engine.run_until(self._after, count * self.engine.period_s)
 
     def _after(self, _: object) -> bool:
@@ -99,7 +99,7 @@ class Bench:
             AxisState.DISABLED,
         )
         holder = self.operator.authority.holder
-        if self.lively and holder is not None and self.engine.scan % 500 == 0:
+        if self.lively and holder is not None and self.engine.scan % round(0.5 / self.engine.period_s) == 0:
             self.send(holder, "alive")
         return False
 

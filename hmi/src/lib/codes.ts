@@ -263,6 +263,7 @@ export const WORDS: Record<string, string> = {
   STILL_STOPPING: "轴仍在停止：静止后再复位",
   REVERSAL_FROM_REST: "换向只能从静止开始：松开后重新按下",
   BOTH_KEYS: "两键同时按下：一次增量只需一个键",
+  DIRECTION_OF_LINEAR: "直线轴到某一角度只有一条路径：方向仅用于模数轴",
   HOME_AT_REST: "Home 需要静止状态",
   REFERENCE_AT_REST: "新的参考点需要静止",
   ENCODER_WOULD_WRAP: "编码器将在距行程 {margin:.2f}° 处回绕，至少需要 {limit:.2f}°",

@@ -355,7 +355,8 @@ export interface Commands {
   halt: Record<string, never>;
   increment: { direction: 'forward' | 'reverse' };
   jog: { lease: string; direction: 'forward' | 'reverse' };
-  move: { target_deg: number };
+  move: { target_deg: number; direction?: 'shortest' | 'positive' | 'negative' | 'current' };
+  move_by: { distance_deg: number };
   power: { on: boolean };
   quick_stop: Record<string, never>;
   release: { lease: string };

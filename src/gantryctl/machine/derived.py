@@ -64,15 +64,19 @@ def _encoder(m: Machine) -> Rows:
     below = m.plant.encoder.mounting_turns * turn_deg + m.axis.pos_min_deg
     above = (e.turns - m.plant.encoder.mounting_turns) * turn_deg - m.axis.pos_max_deg
     centred = (e.turns * turn_deg - (m.axis.pos_max_deg - m.axis.pos_min_deg)) / 2.0
+    # The encoder of a modulo axis may wrap anywhere.
+    margins = [
+        ("wrap_margin_centred", centred, "deg", "(range - travel) / 2: each side, if centred"),
+        ("wrap_margin_below", below, "deg", "lower wrap to travel, as the simulated encoder is mounted"),
+        ("wrap_margin_above", above, "deg", "travel to upper wrap, as the simulated encoder is mounted"),
+    ]
     return [
         ("counts_per_degree", e.counts_per_turn / turn_deg, "1/deg", "absolute steps per gantry degree"),
         ("fine_counts_per_degree", fine / turn_deg, "1/deg", "lines x interpolation per gantry degree"),
         ("encoder_step", turn_deg / e.counts_per_turn, "deg", "one absolute step, at the gantry"),
         ("fine_encoder_step", turn_deg / fine, "deg", "one interpolated step, at the gantry"),
         ("encoder_range", e.turns / m.axis.ratio, "turns", "gantry turns told apart"),
-        ("wrap_margin_centred", centred, "deg", "(range - travel) / 2: each side, if centred"),
-        ("wrap_margin_below", below, "deg", "lower wrap to travel, as the simulated encoder is mounted"),
-        ("wrap_margin_above", above, "deg", "travel to upper wrap, as the simulated encoder is mounted"),
+        *([] if m.axis.modulo else margins),
     ]
 
 

@@ -6,7 +6,17 @@ ends exactly at its target, keeps the limits in the direction it travels, and ne
 to rest first.
 """
 
-from gantryctl.motion.plans import hold, plan_move, plan_stop, plan_velocity, stop_point
+from gantryctl.motion.plans import cruise, hold, plan_move, plan_stop, plan_velocity, rest, stop_point
 from gantryctl.motion.types import MotionLimits, SetPoint
 
-__all__ = ["MotionLimits", "SetPoint", "hold", "plan_move", "plan_stop", "plan_velocity", "stop_point"]
+__all__ = [
+    "MotionLimits",
+    "SetPoint",
+    "cruise",
+    "hold",
+    "plan_move",
+    "plan_stop",
+    "plan_velocity",
+    "rest",
+    "stop_point",
+]

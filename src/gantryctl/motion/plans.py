@@ -1,4 +1,4 @@
-"""The four plans: to a position, to a speed, to rest, and standing still."""
+"""The plans: to a position, to a speed, to rest, and what needs none: standing still, and going on."""
 
 from __future__ import annotations
 
@@ -22,7 +22,17 @@ _SPEED_REACHED: Final = 1e-9
 
 def hold(pos_rad: float) -> Segments:
     """Plan to stand still at `pos_rad`."""
-    return Segments([], [], [], [], [], 0.0, pos_rad, 0.0)
+    return rest(pos_rad, 0.0)
+
+
+def cruise(pos_rad: float, vel_rad_s: float) -> Segments:
+    """Plan to go on from `pos_rad` with a constant speed, without an end."""
+    return Segments([], [], [], [], [], 0.0, pos_rad, vel_rad_s)
+
+
+def rest(pos_rad: float, duration_s: float) -> Segments:
+    """Plan that stands still at `pos_rad` and ends after `duration_s`."""
+    return Segments([], [], [], [], [], duration_s, pos_rad, 0.0)
 
 
 def plan_move(start: SetPoint, target_rad: float, limits: MotionLimits) -> Segments:

@@ -7,6 +7,7 @@ from enum import IntEnum, StrEnum
 from typing import NamedTuple, Protocol
 
 from gantryctl.errors import AlarmStop
+from gantryctl.image import Direction
 from gantryctl.machine import Machine
 from gantryctl.program import BrakeTestOutcome
 
@@ -174,13 +175,26 @@ class AxisClient(Protocol):
         ...
 
     def move(
-        self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+        self,
+        target_deg: float,
+        speed_deg_s: float | None = None,
+        override: float = 1.0,
+        direction: Direction | None = None,
     ) -> MotionReport:
         """Move to an angle and wait until the axis stands there.
+
+        Args:
+            direction: of a modulo axis; the shortest way when not given.
 
         Raises:
             CommandRefused: target or speed are not possible; nothing moved. AlarmStop: an alarm ended it.
         """
+        ...
+
+    def move_by(
+        self, distance_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+    ) -> MotionReport:
+        """Move by an angle, a modulo axis also beyond a turn; else as `move`."""
         ...
 
     def jog(self, forward: bool, speed_deg_s: float, seconds: float) -> MotionReport:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import Enum
+from fractions import Fraction
 from typing import Final, NamedTuple
 
 from gantryctl.image import DriveIdentity
@@ -10,6 +11,7 @@ from gantryctl.program import Code
 from gantryctl.program.alarms.reason import ClearedBy, Reason
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.runtime import Retained
+from gantryctl.units import within_turn
 
 # Settling of gears and brake: accepted, and logged from a thousandth of a degree on (fault catalogue A11, A12).
 ACCEPTED_DEG: Final = 0.05
@@ -37,7 +39,8 @@ class AbsoluteReading(NamedTuple):
         raw_counts: fine counts within the multiturn range. single_turn, multi_turn: the same in coarse steps and
             turns. angle_deg: gantry angle, None without a zero offset.
         moved_deg: way since the axis was left, the shorter way round the encoder's range; None if unknown.
-        margin_minus_deg, margin_plus_deg: from the travel's ends to the wrap of the encoder's range.
+        margin_minus_deg, margin_plus_deg: from the travel's ends to the wrap of the encoder's range; None also for a
+            modulo axis.
     """
 
     serial: str
@@ -58,6 +61,7 @@ class EncoderScale(NamedTuple):
         ratio: motor turns per gantry turn. coarse_per_turn: EnDat steps per motor turn.
         pos_min_deg, pos_max_deg: the travel. stops_deg: mechanical stops; no reading beyond them can be true.
         wrap_margin_min_deg: from the travel to the wrap of the range, at least.
+        axis_turn_counts: exact counts of a turn of a modulo axis; None for a linear one.
     """
 
     identity: DriveIdentity
@@ -67,6 +71,7 @@ class EncoderScale(NamedTuple):
     pos_max_deg: float
     stops_deg: tuple[float, float]
     wrap_margin_min_deg: float
+    axis_turn_counts: Fraction | None = None
 
     @property
     def range_counts(self) -> int:
@@ -94,8 +99,15 @@ class EncoderScale(NamedTuple):
         """From the count at 0 deg to that in the middle of travel."""
         return 0.5 * (self.pos_min_deg + self.pos_max_deg) / self.deg_per_count
 
-    def unwrapped(self, raw_counts: float, zero_counts: int) -> float:
-        """The reading on the branch that puts the gantry within half the range of the middle of travel, counts."""
+    def unwrapped(self, raw_counts: float, zero_counts: int, rest_counts: int | None = None) -> float:
+        """The reading on the branch on which the axis stands, counts.
+
+        That is the one within half the range of the middle of travel; of a modulo axis, whose encoder wraps at any
+        angle, the one within half the range of where it rested.
+        """
+        if self.axis_turn_counts is not None:
+            rest = raw_counts if rest_counts is None else rest_counts
+            return rest + self.centred(raw_counts - rest)
         middle = zero_counts + self.middle_counts
         return middle + self.centred(raw_counts - middle)
 
@@ -108,7 +120,12 @@ def judge_reference(scale: EncoderScale, raw_counts: float, retained: Retained |
     angle = moved = minus = plus = None
     zero = retained.zero_offset_counts if retained is not None else None
     if zero is not None:
-        angle = (scale.unwrapped(raw_counts, zero) - zero) * scale.deg_per_count
+        assert retained is not None
+        from_zero = scale.unwrapped(raw_counts, zero, retained.rest_position_counts) - zero
+        angle = from_zero * scale.deg_per_count
+        if scale.axis_turn_counts is not None:
+            angle = within_turn(angle, scale.pos_min_deg, 360.0)
+    if zero is not None and scale.axis_turn_counts is None:
         # 0 deg itself may lie outside the range.
         half_travel_deg = 0.5 * (scale.pos_max_deg - scale.pos_min_deg)
         below = (zero + scale.middle_counts) % scale.range_counts
@@ -139,11 +156,14 @@ def _verdict(scale: EncoderScale, retained: Retained | None, reading: AbsoluteRe
         return RestVerdict.NO_ZERO
     if retained.encoder_serial != scale.identity.encoder_serial:
         return RestVerdict.OTHER_ENCODER
-    assert reading.margin_minus_deg is not None
-    assert reading.margin_plus_deg is not None
-    if not min(reading.margin_minus_deg, reading.margin_plus_deg) >= scale.wrap_margin_min_deg:
-        return RestVerdict.WRAP
-    if moved is None or not scale.stops_deg[0] <= angle <= scale.stops_deg[1]:
+    if scale.axis_turn_counts is None:
+        assert reading.margin_minus_deg is not None
+        assert reading.margin_plus_deg is not None
+        if not min(reading.margin_minus_deg, reading.margin_plus_deg) >= scale.wrap_margin_min_deg:
+            return RestVerdict.WRAP
+        if not scale.stops_deg[0] <= angle <= scale.stops_deg[1]:
+            return RestVerdict.NOT_VALID
+    if moved is None:
         return RestVerdict.NOT_VALID
     if abs(moved) <= ACCEPTED_DEG:
         return RestVerdict.OK

@@ -190,7 +190,7 @@ def new_machine(machine: Machine, angle_deg: float | None = None) -> OpenMachine
     zeroed_deg = machine.axis.start_angle_deg
     angle_deg = zeroed_deg if angle_deg is None else angle_deg
     if not machine.axis.within_stops(angle_deg):
-        raise UsageError(f"angle {angle_deg:g} deg: the mechanical stops are at {machine.axis.stops_text}")
+        raise UsageError(f"angle {angle_deg:g} deg: {machine.axis.stops_text}")
     from gantryctl.wiring.simulator import delivered_zero_counts  # a controller on a bus loads no simulator
 
     drive = drive_of(machine, angle_deg)
@@ -224,6 +224,7 @@ def _encoder_scale(machine: Machine, identity: DriveIdentity) -> EncoderScale:
         axis.pos_max_deg,
         (axis.mechanical_stop_min_deg, axis.mechanical_stop_max_deg),
         machine.encoder.wrap_margin_min_deg,
+        axis.gear * machine.counts_per_turn if axis.modulo else None,
     )
 
 
@@ -301,8 +302,11 @@ def _with_accepted_motion(
 def _zero_counts(found: OpenMachine) -> float:
     """Encoder count at 0 deg, on the branch of the present reading; the reading itself where no zero is stored."""
     # Feedback counts on over the wrap of the encoder's range, so the zero goes to the branch of the first reading.
-    counts, zero = found.feedback.pos_act_counts, found.retained.zero_offset_counts
-    return counts if zero is None else zero + counts - found.scale.unwrapped(counts, zero)
+    counts, kept = found.feedback.pos_act_counts, found.retained
+    zero = kept.zero_offset_counts
+    if zero is None:
+        return counts
+    return zero + counts - found.scale.unwrapped(counts, zero, kept.rest_position_counts)
 
 
 def set_up_again(engine: Engine) -> bool:

@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from typing import Any, Final, TypeVar
 
 from gantryctl.errors import AlarmStop, CommandRefused, UsageError
-from gantryctl.image import Mode
+from gantryctl.image import Direction, Mode
 from gantryctl.machine import Machine
 from gantryctl.operation.beside import begin
 from gantryctl.operation.brake_policy import why_brake_failed
@@ -27,10 +27,11 @@ from gantryctl.ports import Drive
 from gantryctl.program import AxisState, BrakeTestOutcome, GantryProgram, Reaction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.axis.command_checks import (
+    check_destination,
     check_direction,
     check_overdue,
+    check_range,
     check_setting,
-    check_target,
     require,
 )
 from gantryctl.runtime import Engine, FixedOperator, ScanFailure, VirtualClock, keeps_time
@@ -121,10 +122,11 @@ class AxisRun:
     def angle_deg(self) -> float:
         """Measured angle of the gantry, motor side."""
         if self.engine.scan:
-            return deg(self.axis.pos_act_rad)
+            return deg(self.axis.settings.travel.shown_rad(self.axis.pos_act_rad))
         opened_deg = self._open.reading.angle_deg
         assert opened_deg is not None  # a machine without a zero offset is refused
-        return opened_deg
+        travel = self.axis.settings.travel
+        return deg(travel.shown_rad(rad(opened_deg))) if travel.endless else opened_deg
 
     @property
     def speed_max_deg_s(self) -> float:
@@ -170,6 +172,7 @@ class AxisRun:
             return
         self._powered = True
         self._memory.power_ups += 1
+        self._memory.forget_rest()
         refusals = self.axis.refusal_count
         self._scans.command(power=True)
         # An alarm or a refusal ends the waiting: nothing that comes later would switch the axis on.
@@ -204,15 +207,36 @@ class AxisRun:
         self._scans.until(lambda: self.axis.is_off and self.axis.virtual.at_rest, REST_S, watch=False)
 
     def move(
-        self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+        self,
+        target_deg: float,
+        speed_deg_s: float | None = None,
+        override: float = 1.0,
+        direction: Direction | None = None,
     ) -> MotionReport:
         """Move to an angle and wait until the axis stands there; powers up where that was not done.
+
+        Args:
+            direction: of a modulo axis; the shortest way when not given.
 
         Raises:
             CommandRefused: target or speed are not possible; nothing moved, and power was not switched on for it.
             AlarmStop: an alarm ended it; the axis is at rest.
         """
-        return self._motion(**self._move_levels(target_deg, speed_deg_s, override))
+        return self._motion(**self._move_levels(target_deg, speed_deg_s, override, direction))
+
+    def move_by(
+        self, distance_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+    ) -> MotionReport:
+        """Move by an angle from the set-point, a modulo axis also beyond a turn; else as `move`.
+
+        Raises:
+            CommandRefused, AlarmStop: as of `move`.
+        """
+        if not self.axis.settings.travel.endless:
+            return self.move(self.angle_deg + distance_deg, speed_deg_s, override)
+        levels = self._move_levels(0.0, speed_deg_s, override, None)
+        require(check_range(rad(distance_deg), self.axis.settings.travel))
+        return self._motion(**levels | {"target_rad": rad(distance_deg), "relative": True})
 
     def begin_move(self, target_deg: float, speed_deg_s: float, override: float = 1.0) -> None:
         """Begin a move and return while it goes on, for an experiment on the way; `follow` scans.
@@ -220,7 +244,7 @@ class AxisRun:
         Raises:
             CommandRefused: as of `move`.
         """
-        self._begin(**self._move_levels(target_deg, speed_deg_s, override))
+        self._begin(**self._move_levels(target_deg, speed_deg_s, override, None))
 
     def follow(self, seconds: float) -> None:
         """Scan for a time, whatever the axis does.
@@ -242,13 +266,23 @@ class AxisRun:
         self._scans.until(lambda: self._at_rest, REST_S)
         self._raise_alarm()
 
-    def _move_levels(self, target_deg: float, speed_deg_s: float | None, override: float) -> dict[str, Any]:
+    def _move_levels(
+        self, target_deg: float, speed_deg_s: float | None, override: float, direction: Direction | None
+    ) -> dict[str, Any]:
         wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
         self._check_speed(wanted)
-        require(check_target(rad(self.angle_deg), rad(target_deg), self.axis.settings.travel))
+        travel = self.axis.settings.travel
+        require(check_destination(rad(self.angle_deg), rad(target_deg), direction, travel))
         if not 0.0 < override <= 1.0:
             raise UsageError(f"override {override:g}: above 0 and at most 1")
-        return {"move": True, "target_rad": rad(target_deg), "speed_rad_s": rad(wanted), "override": override}
+        return {
+            "move": True,
+            "relative": False,
+            "target_rad": rad(target_deg),
+            "direction": direction,
+            "speed_rad_s": rad(wanted),
+            "override": override,
+        }
 
     def increment(self, step_deg: float, forward: bool, speed_deg_s: float) -> MotionReport:
         """Make one increment in the incremental mode."""
@@ -342,8 +376,8 @@ class AxisRun:
     def rest_keeper(self) -> Callable[[], None]:
         """Work that keeps where the axis stands now: a run that is killed from then on leaves a true rest position."""
         identity = self.drive.identity()
-        counts = int(self.engine.image.drive.pos_act_counts) % (identity.counts_per_turn * identity.turns)
-        return self._memory.rest_keeper(counts)
+        counts = int(self.engine.image.drive.pos_act_counts)
+        return self._memory.rest_keeper(counts, identity.counts_per_turn * identity.turns)
 
     # --- checks and refusals -------------------------------------------------------------------------------------
 

@@ -73,17 +73,25 @@ class RunMemory:
         self.retained = after_test(self.retained, result, power_ups, datetime.now(UTC))
         self.brake_due = judge_due(self._machine, self._axis, self.retained, power_ups)
 
-    def rest_keeper(self, rest_counts: int) -> Callable[[], None]:
+    def forget_rest(self) -> None:
+        """Power comes on: from now on nobody who finds this memory knows where the axis rests, if it may turn on."""
+        if self._store is not None and _may_turn_on(self._machine, self._axis):
+            self._store.store_retained(replace(self.retained, rest_position_counts=None))
+
+    def rest_keeper(self, counts: int, range_counts: int) -> Callable[[], None]:
         """Work that keeps where the axis stands.
 
         Args:
-            rest_counts: of the encoder, within all its turns.
+            counts: of the encoder, continuous. range_counts: within all its turns.
         """
         store = self._store
         # A simulated plant of this process is killed with the run, and comes back where it was before.
         if store is None or self._machine.plant_is_local:
             return lambda: None
-        return partial(store.store_retained, replace(self.retained, rest_position_counts=rest_counts))
+        kept = replace(self.retained, rest_position_counts=counts % range_counts)
+        if self._axis.turns is not None:
+            kept = replace(kept, zero_offset_counts=self._axis.turns.kept_zero(counts, range_counts))
+        return partial(store.store_retained, kept)
 
 
 def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDrive, end: RunEnd) -> Retained:
@@ -98,8 +106,12 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
     return replace(
         before,
         config_hash=config_hash(machine),
-        rest_position_counts=int(counts) % counts_range,
-        zero_offset_counts=int(axis.zero_counts) % counts_range,
+        rest_position_counts=None
+        if _may_turn_on(machine, axis) and not axis.is_off
+        else int(counts) % counts_range,
+        zero_offset_counts=axis.turns.kept_zero(int(counts), counts_range)
+        if axis.turns
+        else int(axis.zero_counts) % counts_range,
         holding_torque_nm=axis.holding_torque_nm,
         torque_weights=json.dumps(axis.torque_weights) if axis.torque_weights else before.torque_weights,
         emergency_brake_stops=before.emergency_brake_stops + axis.power.wear.stops,
@@ -113,6 +125,14 @@ def retained_after(machine: Machine, before: Retained, axis: Axis, drive: ReadDr
         last_result=end.result,
         alarms=(*before.alarms, *alarms),
     )
+
+
+def _may_turn_on(machine: Machine, axis: Axis) -> bool:
+    """A modulo axis whose controller dies may come to rest any number of encoder ranges further on.
+
+    A simulated plant of this process dies with it.
+    """
+    return axis.turns is not None and not machine.plant_is_local
 
 
 def _alarms(axis: Axis, end: RunEnd, failed_before: str) -> tuple[tuple[AlarmEntry, ...], str]:

@@ -45,7 +45,7 @@ def move(machine: Machine, *targets_deg: float, speed_deg_s: float | None = None
     trace = recorder.trace()
     last = motions[-1] if motions else None
     begin, end = (last.from_s, last.to_s) if last is not None else (0.0, session.engine.time_s)
-    summary = summarise(trace, begin, end, machine.axis.ratio)
+    summary = summarise(trace, begin, end, machine.axis)
     assert summary is not None  # what makes rows useless raises before
     return MoveResult(summary, trace)
 

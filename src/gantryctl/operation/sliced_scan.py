@@ -87,7 +87,9 @@ class SlicedScan:
         moves = axis.state is AxisState.DISCRETE_MOTION
         return Snapshot(
             time_s=time_s,
-            angle_deg=deg(axis.pos_act_rad) if feedback.position_valid else None,
+            angle_deg=deg(axis.settings.travel.shown_rad(axis.pos_act_rad))
+            if feedback.position_valid
+            else None,
             speed_deg_s=deg(vel) if feedback.speed_known and not feedback.in_doubt else None,
             following_error_deg=deg(axis.pos_err_rad),
             state=state_words(axis.state),

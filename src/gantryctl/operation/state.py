@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import math
 from dataclasses import dataclass, fields, replace
 from datetime import UTC, datetime
 from typing import Any, Final
@@ -22,6 +23,7 @@ from gantryctl.operation.opening import keep_machine, leave_bus, new_machine, re
 from gantryctl.operation.proofs import ledger_shown, own_ramp_deg_s2
 from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Code
+from gantryctl.program.axis.turns import Turns
 from gantryctl.runtime import AlarmEntry, Retained
 from gantryctl.units import deg
 from gantryctl.wiring.compensation import lead_deg
@@ -241,6 +243,9 @@ class EncoderReport:
         r, kept, identity = self.reading, self.retained, self.scale.identity
         held = why_not_referenced(r)
         margins = "-"
+        if self.scale.axis_turn_counts is not None:
+            half_deg = 0.5 * self.scale.range_counts * self.scale.deg_per_count
+            margins = f"none: a modulo axis; a way of less than {half_deg:.1f} deg while off is told"
         if r.margin_minus_deg is not None and r.margin_plus_deg is not None:
             margins = f"{r.margin_minus_deg:.1f} deg below the travel, {r.margin_plus_deg:.1f} deg above"
         zero, rest = kept.zero_offset_counts, kept.rest_position_counts
@@ -273,7 +278,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         CommandRefused: the encoder's range would wrap too near the travel.
     """
     if not machine.axis.within_stops(angle_deg):
-        raise UsageError(f"--angle {angle_deg:g}: the mechanical stops are at {machine.axis.stops_text}")
+        raise UsageError(f"--angle {angle_deg:g}: {machine.axis.stops_text}")
     witness = witness.strip()
     if not witness:
         raise UsageError("--witness: say what proves the angle, for example a mark or a protocol number")
@@ -285,7 +290,9 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
             raise CommandRefused("the drive is enabled: the zero is set at standstill with the brake closed")
         # A map corrects the angle shown as well as the command (decision 0010): the motor stands ahead of the load.
         motor_deg = angle_deg + lead_deg(machine, angle_deg)
-        zero = round(counts - motor_deg / scale.deg_per_count) % scale.range_counts
+        zero = round(counts - motor_deg / scale.deg_per_count)
+        turn, span = scale.axis_turn_counts, scale.range_counts
+        zero = zero % span if turn is None else Turns(turn, zero).kept_zero(int(counts), span)
         retained = replace(
             opened.retained,
             encoder_serial=scale.identity.encoder_serial,
@@ -298,9 +305,8 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
         )
         # Refused here, the offset is not stored: a reading that jumps by the whole range in motion comes too late.
         reading = judge_reference(scale, counts, retained)
-        assert reading.margin_minus_deg is not None
-        assert reading.margin_plus_deg is not None
-        margin = min(reading.margin_minus_deg, reading.margin_plus_deg)
+        margins = (reading.margin_minus_deg, reading.margin_plus_deg)
+        margin = min((each for each in margins if each is not None), default=math.inf)
         if margin < machine.encoder.wrap_margin_min_deg:
             raise CommandRefused(
                 f"{Code.CFG_ENC_01} · with this zero the encoder's range wraps {margin:.1f} deg from the travel, "

@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gantryctl.machine.tables.axis import AxisTable
 from gantryctl.trace.table import Trace
 
 Floats = NDArray[np.float64]
@@ -47,9 +48,9 @@ class MotionSummary:
 
 
 def summarise(
-    trace: Trace, from_s: float, to_s: float, ratio: float, *, end_known: bool = True
+    trace: Trace, from_s: float, to_s: float, axis: AxisTable, *, end_known: bool = True
 ) -> MotionSummary | None:
-    """The motion between two times of a recording; `ratio` is motor turns per gantry turn.
+    """The motion between two times of a recording.
 
     `end_known`: the reading of the last scan is believed.
 
@@ -67,12 +68,14 @@ def summarise(
     # Without the truth of a simulator only the drive's own reading of the speed is known.
     vel_motor = np.degrees(part["vel_act_rad_s"])
     if "pos_load_rad" in part.columns:
-        load_error = _largest(ref - np.degrees(part["pos_load_rad"]))
+        # Whole turns: a modulo axis counts its angle from another turn than the plant.
+        error = ref - np.degrees(part["pos_load_rad"])
+        load_error = _largest(error - 360.0 * np.round(error / 360.0))
         load_vel_error = _largest(vel_ref - np.degrees(part["vel_load_rad_s"]))
-        vel_motor = np.degrees(part["vel_motor_rad_s"]) / ratio
+        vel_motor = np.degrees(part["vel_motor_rad_s"]) / axis.ratio
     return MotionSummary(
-        start_deg=float(ref[0]),
-        end_deg=float(np.degrees(part["pos_act_rad"][-1])) if end_known else None,
+        start_deg=axis.shown_deg(float(ref[0])),
+        end_deg=axis.shown_deg(float(np.degrees(part["pos_act_rad"][-1]))) if end_known else None,
         duration_s=duration,
         peak_deg_s=_largest(vel_ref),
         following_error_motor_deg=_largest(np.degrees(part["pos_err_rad"])),

@@ -9,7 +9,18 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.command_checks import check_setting
 from gantryctl.program.axis.commands import MotionCommand
-from gantryctl.program.blocks import BrakeTest, Halt, Inch, Jog, MoveAbsolute, Power, Reset, SetOverride, Stop
+from gantryctl.program.blocks import (
+    BrakeTest,
+    Halt,
+    Inch,
+    Jog,
+    MoveAbsolute,
+    MoveRelative,
+    Power,
+    Reset,
+    SetOverride,
+    Stop,
+)
 from gantryctl.units import deg
 
 
@@ -60,7 +71,7 @@ class GantryProgram(AxisProgram):
 
     Attributes:
         mode: the mode in force, which follows the operator's at standstill only.
-        power, move, jog, inch, halt, stop, reset, override, brake_test: the blocks, for reading.
+        power, move, move_by, jog, inch, halt, stop, reset, override, brake_test: the blocks, for reading.
     """
 
     def __init__(self, axis: Axis, *, service: bool = False) -> None:
@@ -74,6 +85,7 @@ class GantryProgram(AxisProgram):
         self.stop = Stop(axis)
         self.halt = Halt(axis)
         self.move = MoveAbsolute(axis)
+        self.move_by = MoveRelative(axis)
         self.jog = Jog(axis)
         self.inch = Inch(axis)
         self.brake_test = BrakeTest(axis)
@@ -83,7 +95,7 @@ class GantryProgram(AxisProgram):
         self._last = OperatorCommand()
         # Expired at the start: the first key needs a renewal.
         self._lease_age = self._lease_scans
-        self._move_gate = self._keys_dead = self._remote = False
+        self._move_gate = self._by_way = self._keys_dead = self._remote = False
         self._speed = 0.0
 
     def logic(self, image: InputImage) -> None:
@@ -103,8 +115,19 @@ class GantryProgram(AxisProgram):
             self.stop(execute=op.stop)
         if changed or self.halt.attention:
             self.halt(execute=op.halt)
+        if changed or self.move_by.attention:
+            self.move_by(
+                execute=self._move_gate and self._by_way,
+                distance_rad=op.target_rad,
+                velocity_rad_s=op.speed_rad_s,
+            )
         if changed or self.move.attention:
-            self.move(execute=self._move_gate, position_rad=op.target_rad, velocity_rad_s=op.speed_rad_s)
+            self.move(
+                execute=self._move_gate and not self._by_way,
+                position_rad=op.target_rad,
+                velocity_rad_s=op.speed_rad_s,
+                direction=op.direction,
+            )
         # Hold-to-run is judged in every scan.
         if changed or self.jog.busy or self.jog.attention:
             self._by_key(op)
@@ -131,7 +154,7 @@ class GantryProgram(AxisProgram):
             self._choose_mode(op)
         # The gate keeps a move that was refused from its block while the level stays TRUE.
         if op.move and not last.move:
-            self._move_gate = self._allowed(self._check_move(op))
+            self._move_gate, self._by_way = self._allowed(self._check_move(op)), op.relative
         elif not op.move:
             self._move_gate = False
         # A key that was refused, or stopped by an alarm, must be released before it begins anything again.

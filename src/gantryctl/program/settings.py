@@ -10,11 +10,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from fractions import Fraction
 from typing import Final
 
 from gantryctl._core import Compensation
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.units import within_turn
 
 _DEG: Final = math.pi / 180.0
 
@@ -24,7 +26,7 @@ class TravelSettings:
     """Limits of the angle.
 
     Attributes:
-        pos_min_rad, pos_max_rad: the set-point never passes these two.
+        pos_min_rad, pos_max_rad: the set-point never passes these two; infinite for a modulo axis.
         over_travel_min_rad, over_travel_max_rad: the measured angle trips outside these two.
     """
 
@@ -32,6 +34,18 @@ class TravelSettings:
     pos_max_rad: float
     over_travel_min_rad: float
     over_travel_max_rad: float
+
+    turn_from_rad: float = -math.pi
+    """Where the turn of a modulo axis begins that its angles are shown in."""
+
+    @property
+    def endless(self) -> bool:
+        """A modulo axis: it turns without end."""
+        return math.isinf(self.pos_max_rad)
+
+    def shown_rad(self, pos_rad: float) -> float:
+        """An angle as people read it: of a modulo axis, within its turn."""
+        return within_turn(pos_rad, self.turn_from_rad, math.tau) if self.endless else pos_rad
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +101,8 @@ class LawSettings:
         ratio: motor turns per gantry turn.
         counts_per_turn: fine counts per motor turn, `DriveIdentity.counts_per_turn`.
         turns: multiturn range of the encoder in motor turns; it must not wrap within the travel plus `wrap_margin_rad`.
+        turn_counts: exact counts of a turn of a modulo axis; None for a linear one. By a ratio that is rounded to a
+            double, or to the digits of a data sheet, the angle would go astray turn by turn.
     """
 
     kpp_per_s: float
@@ -95,6 +111,7 @@ class LawSettings:
     counts_per_turn: float
     turns: int
     wrap_margin_rad: float = 5.0 * _DEG
+    turn_counts: Fraction | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from gantryctl._core import Segments
 from gantryctl.errors import CommandRefused
-from gantryctl.motion import MotionLimits, SetPoint, hold, plan_move, plan_stop, stop_point
+from gantryctl.motion import (
+    MotionLimits,
+    SetPoint,
+    cruise,
+    hold,
+    plan_move,
+    plan_stop,
+    plan_velocity,
+    rest,
+    stop_point,
+)
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -24,7 +35,8 @@ class VirtualAxis:
 
     While `following`, the set-point of scan k is `plan.sample((k - start_scan) x period)`, never a sum of
     steps; else it is the measured angle. Every plan ends at rest inside the travel, and its extremes are
-    checked before it is taken: a motion with a speed only is a plan to the end of the travel.
+    checked before it is taken: a motion with a speed only is a plan to the end of the travel. Only a modulo
+    axis has a plan without an end, to a target that is infinite.
 
     Attributes:
         pos_ref_rad, vel_ref_rad_s, acc_ref_rad_s2: the set-point of this scan.
@@ -36,7 +48,7 @@ class VirtualAxis:
     """
 
     __slots__ = (
-        "_duration", "_period_s", "_pos_max", "_pos_min", "_sample", "_speed", "_target",
+        "_duration", "_period_s", "_pos_max", "_pos_min", "_sample", "_speed", "_speed_max", "_target",
         "acc_ref_rad_s2", "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan",
         "plans", "pos_ref_rad", "ramps", "start_scan", "stopping", "vel_ref_rad_s",
     )  # fmt: skip
@@ -46,7 +58,7 @@ class VirtualAxis:
         self._pos_min = settings.travel.pos_min_rad
         self._pos_max = settings.travel.pos_max_rad
         self.ramps = settings.ramps
-        self._speed = settings.speed.setting_max_rad_s
+        self._speed = self._speed_max = settings.speed.setting_max_rad_s
         self._target = 0.0
         self.override = 1.0
         self.keep_plans = keep_plans
@@ -92,7 +104,7 @@ class VirtualAxis:
             if rests:
                 plan = plan_stop(start, self.ramps.normal(speed_rad_s))
             else:
-                plan = plan_move(start, target_rad, self.ramps.normal(speed_rad_s * self.override))
+                plan = _plan_to(target_rad, start, self.ramps.normal(speed_rad_s * self.override))
         except CommandRefused as error:
             return refusal(Code.CTL_17, reason=str(error))
         if not self._within_travel(plan):
@@ -142,6 +154,30 @@ class VirtualAxis:
             return 0.0
         return abs(stop_point(self._set_point(), limits) - self.pos_ref_rad)
 
+    def rest_point_rad(self) -> float:
+        """Angle at which the set-point would come to rest on the normal ramp."""
+        if self.at_rest:
+            return self.pos_ref_rad
+        return stop_point(self._set_point(), self.ramps.normal(self._speed_max))
+
+    @property
+    def cruising(self) -> bool:
+        """On a plan without an end, at its speed."""
+        vel = self.plan.vel_end
+        return vel != 0.0 and self.vel_ref_rad_s == vel and self.acc_ref_rad_s2 == 0.0
+
+    def turn_back(self, turns: int, scan: int) -> None:
+        """Count the same set-point from a zero that lies so many turns further on; at rest, or while `cruising`."""
+        pos = self.pos_ref_rad - turns * math.tau
+        if self.cruising:
+            self._take(cruise(pos, self.plan.vel_end), scan)
+            return
+        # The time at which the motion ended stays what it was.
+        self.plan = rest(pos, self.plan.duration)
+        self._sample, self.pos_ref_rad = self.plan.sample, pos
+        if self.keep_plans:
+            self.plans.append((self.start_scan, self.plan))
+
     def _within_travel(self, plan: Segments) -> bool:
         """Whether the plan stays inside the travel, or, started outside, never goes further out."""
         low, high = plan.extremes()
@@ -158,10 +194,17 @@ class VirtualAxis:
     def _take(self, plan: Segments, scan: int) -> None:
         self.plan = plan
         self._sample = plan.sample
-        self._duration = plan.duration
+        self._duration = plan.duration if plan.vel_end == 0.0 else math.inf
         self.start_scan = scan
         self.stopping = False
         self.changed = True
         if self.keep_plans:
             self.plans.append((scan, plan))
         self.sample(scan)
+
+
+def _plan_to(target_rad: float, start: SetPoint, limits: MotionLimits) -> Segments:
+    """Plan to an angle, or with a speed towards an infinite one."""
+    if math.isinf(target_rad):
+        return plan_velocity(start, math.copysign(limits.vel_rad_s, target_rad), limits)
+    return plan_move(start, target_rad, limits)

@@ -66,6 +66,7 @@ def axis_settings(
             counts_per_turn=machine.counts_per_turn,
             turns=encoder.turns,
             wrap_margin_rad=rad(encoder.wrap_margin_min_deg),
+            turn_counts=machine.axis.gear * machine.counts_per_turn if machine.axis.modulo else None,
         ),
         power=_power(machine, holding_torque_nm, torque_preload),
         monitors=_monitors(machine),
@@ -80,8 +81,10 @@ def axis_settings(
 
 
 def travel_settings(machine: Machine) -> TravelSettings:
-    """Limits of the angle."""
+    """Limits of the angle; a modulo axis has none."""
     axis = machine.axis
+    if axis.modulo:
+        return TravelSettings(-math.inf, math.inf, -math.inf, math.inf, rad(axis.pos_min_deg))
     return TravelSettings(
         pos_min_rad=rad(axis.pos_min_deg),
         pos_max_rad=rad(axis.pos_max_deg),

@@ -206,8 +206,30 @@ def sim_drive(
     if state is None:
         sim.static_start(rad(_standing_deg(machine, angle_deg)), False)
     else:
-        sim.state = dict(state)
+        sim.state = turned_back(machine, state)
     return drive_around(machine, sim)
+
+
+def turned_back(machine: Machine, state: Mapping[str, float]) -> dict[str, float]:
+    """State of a plant in its first turns: everything in it goes round with the axis, so no turn has to be kept.
+
+    Without this the angles of a modulo axis would grow from run to run, and their last bits would be lost. A linear
+    axis has no whole turns to lose: its state stays.
+    """
+    found = dict(state)
+    # Only turns that are whole motor turns too: encoder and gear stand then as before.
+    gear = machine.axis.gear
+    span_rad = math.tau * gear.denominator
+    pos_rad = state.get("pos_load", math.nan)
+    turns = round(pos_rad / span_rad) if machine.axis.modulo and math.isfinite(pos_rad) else 0
+    if turns:
+        motor_turns = turns * gear.numerator
+        for name in ("pos_load", "pos_motor", "drive_pos_last"):
+            found[name] -= turns * span_rad if name == "pos_load" else motor_turns * math.tau
+        per_turn = machine.encoder.fine_counts_per_turn
+        span = machine.encoder.turns * per_turn
+        found["count_offset"] = (state["count_offset"] + motor_turns * per_turn) % span
+    return found
 
 
 def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
@@ -223,7 +245,9 @@ def drive_around(machine: Machine, sim: _core.GantrySim) -> SimDrive:
 
 
 def limit_switches_rad(machine: Machine) -> tuple[float, float]:
-    """Angles of the lower and the upper limit switch."""
+    """Angles of the lower and the upper limit switch; infinite where the axis has none."""
+    if machine.axis.modulo:
+        return -math.inf, math.inf
     return rad(machine.axis.limit_switch_min_deg), rad(machine.axis.limit_switch_max_deg)
 
 

@@ -19,7 +19,7 @@ from gantryctl.drives.virtual.side_channel.control import ControlClient, RemoteP
 from gantryctl.machine import Machine, configs_folder
 from gantryctl.units import rad, rad_s_from_r_min
 from gantryctl.wiring.bus_log import link_log
-from gantryctl.wiring.simulator import drive_params, limit_switches_rad, plant_params
+from gantryctl.wiring.simulator import drive_params, limit_switches_rad, plant_params, turned_back
 from gantryctl.wiring.virtual_nodes import load_encoder, virtual_neighbours, watchdog_s, wired
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ def virtual_bus(
         stepped=True,
     )
     if state is not None:
-        drive.plant.restore(state)
+        drive.plant.restore(turned_back(machine, state))
     neighbours = virtual_neighbours(machine, drive, bus.deliver)
     nodes = group_of(drive, neighbours)
     bus.attach(nodes)

@@ -59,9 +59,9 @@ class AxisOracle:
     **INV-2, no motion without a reason.** While the wire commands no speed and no stop is under way, the motor side
     stays within 0.15 deg; the shipped program commands a speed only while an operator's move, key with a living lease
     or increment asks for it, and enables only after a rising edge of power or of a brake test, or for HOLD.
-    **INV-3, envelope.** The motor side stays within +-180.5 deg (or where it began), within 1.1 of the highest speed
-    setting (+1.2 deg/s in a fault of the feedback); the speed command changes no faster than the steepest ramp in
-    force, and the correction that the position loop may add.
+    **INV-3, envelope.** The motor side stays within +-180.5 deg (or where it began; a modulo axis has no ends), within
+    1.1 of the highest speed setting (+1.2 deg/s in a fault of the feedback); the speed command changes no faster than
+    the steepest ramp in force, and the correction that the position loop may add.
     **INV-4, clean wire.** Speed and torque on the wire are finite and within clamp and torque limit; the speed is
     exactly 0 unless the request is ENABLE with the brake commanded open.
     **INV-5, latch.** From a stop-class alarm until it is reset: no speed, no ENABLE and no torque that comes on, but
@@ -423,6 +423,8 @@ class AxisOracle:
 
     def _travel(self, limit_deg: float) -> tuple[float, float]:
         """Motor angles of the travel by the zero of the machine; an axis that stands outside may stand there."""
+        if self._axis is not None and self._axis.settings.travel.endless:
+            return -math.inf, math.inf
         limit = limit_deg * self._deg
         return (
             min(-limit - self.offset, self.angle - self._sag),

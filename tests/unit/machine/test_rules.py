@@ -13,10 +13,15 @@ COMPENSATION = "control.compensation."
 # By rule: changes that break it.
 CAN = {"drive.kind": "canopen", "control.scan_period_ms": 4.0}
 BREAKS = {
-    "axis_is_linear": {"axis.kind": "modulo"},
     "bases_within_travel": {"accuracy.bases_deg": (90.0, 180.0)},
     "displacements_ascend": {"accuracy.displacements_deg": (5.0, 15.0, 10.0)},
     "speeds_within_settings": {"accuracy.speeds_deg_s": (0.6, 6.1)},
+    "modulo_has_one_turn": {"axis.kind": "modulo", "axis.pos_max_deg": 170.0},
+    "modulo_has_no_ends": {"axis.kind": "modulo"},
+    "gear_is_the_ratio": {"axis.gear_motor_turns": 1145},
+    "gear_of_modulo_is_exact": {"axis.kind": "modulo", "axis.ring_ratio": 13.00012},
+    "encoder_covers_wrap_margin": {"axis.kind": "modulo", "encoder.turns": 16},
+    "encoder_outruns_scan": {"encoder.turns": 1, "control.scan_period_ms": 10.0},
     "travel_is_not_empty": {"axis.pos_min_deg": 0.0, "axis.pos_max_deg": 0.5},
     "over_travel_below_lowest": {"axis.pos_min_deg": -181.0},
     "over_travel_above_highest": {"axis.pos_max_deg": 181.0},

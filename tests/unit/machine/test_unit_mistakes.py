@@ -39,6 +39,8 @@ UNNOTICED = {
     "plant.base.inertia_kg_m2": list(FACTORS),
     "plant.load.eccentric_angle_deg": list(FACTORS),  # 0 deg stays 0 deg in every unit
     "control.compensation.latency_us": list(FACTORS),
+    "axis.gear_motor_turns": list(FACTORS),  # 0: by the ratios
+    "axis.gear_axis_turns": list(FACTORS),
     "can.inputs.limit_minus": list(FACTORS),  # bit 0
     "can.torque_limit_in_drive_nm": list(FACTORS),  # 0 = none
     # None: derived from travel and speed range.

@@ -27,7 +27,8 @@ WHOLE: dict[str, dict[str, Any]] = {
     "take": {"over": True}, "power": {"on": False}, "mode": {"mode": "none"},
     "jog": {"lease": LEASE, "direction": "forward"},
     "renew": {"lease": LEASE}, "release": {"lease": LEASE}, "increment": {"direction": "reverse"},
-    "move": {"target_deg": 90}, "acknowledge": {"id": 7}, "set": {"tag": "override_percent", "value": 40},
+    "move": {"target_deg": 90}, "move_by": {"distance_deg": 1.5},
+    "acknowledge": {"id": 7}, "set": {"tag": "override_percent", "value": 40},
     "arm": {"action": "brake_test"},
 }  # fmt: skip
 

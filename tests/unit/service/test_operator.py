@@ -21,7 +21,8 @@ from support.service_bench import LEASE, MACHINE, RAMP_S, SPEED_DEG_S, Bench
 VALUES: dict[str, dict[str, object]] = {
     "take": {"over": False}, "power": {"on": True}, "mode": {"mode": "none"}, "renew": {"lease": LEASE},
     "jog": {"lease": LEASE, "direction": "forward"}, "release": {"lease": LEASE},
-    "increment": {"direction": "forward"}, "move": {"target_deg": 1.0}, "acknowledge": {"id": 1},
+    "increment": {"direction": "forward"}, "move": {"target_deg": 1.0}, "move_by": {"distance_deg": 1.0},
+    "acknowledge": {"id": 1},
     "arm": {"action": "brake_test"}, "set": {"tag": "speed_setting_deg_s", "value": 1.0},
 }  # fmt: skip
 LEASE_S = 0.250

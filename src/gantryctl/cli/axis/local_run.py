@@ -118,4 +118,4 @@ def _summary(axis: AxisRun, report: MotionReport | None) -> tuple[MotionSummary 
     if not len(trace.slice(begin_s, end_s)):
         begin_s, end_s = 0.0, axis.engine.time_s
     known = axis.axis.feedback.position_valid
-    return summarise(trace, begin_s, end_s, axis.machine.axis.ratio, end_known=known), file
+    return summarise(trace, begin_s, end_s, axis.machine.axis, end_known=known), file

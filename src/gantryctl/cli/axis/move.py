@@ -31,6 +31,7 @@ from gantryctl.cli.options import (
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.attended.session import ChordSession
     from gantryctl.errors import GantryctlError
+    from gantryctl.image import Direction
     from gantryctl.machine import Machine
     from gantryctl.operation.client import AxisClient, BrakeTestReport, MotionReport
 
@@ -67,13 +68,24 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
 @click.command(cls=SignedCommand)
 @click.argument("target", type=FINITE, required=False)
 @click.option("--by", "distance", type=FINITE, help="Move by this angle from where the axis is, deg.")
+@click.option(
+    "--direction",
+    type=click.Choice(["shortest", "positive", "negative", "current"]),
+    help="Way of a modulo axis to TARGET; shortest when not given. A linear axis has one way.",
+)
 @click.option("--speed", type=FINITE, help="deg/s; the highest setting when not given.")
 @click.option("--override", type=FINITE, default=100.0, show_default=True, help="Speed override, percent.")
 @_run_options
 def move(
-    target: float | None, distance: float | None, override: float, speed: float | None, yes: bool, **run: Any
+    target: float | None,
+    distance: float | None,
+    direction: str | None,
+    override: float,
+    speed: float | None,
+    yes: bool,
+    **run: Any,
 ) -> int:
-    """Move to TARGET (deg), or by an angle with --by. Linear axis with a cable: never the shortest way.
+    """Move to TARGET (deg), or by an angle with --by. A linear axis has a cable: never the shortest way.
 
     Ctrl-C stops on the jog-release ramp; a second one is a quick stop.
     """
@@ -83,12 +95,17 @@ def move(
         raise UsageError(
             "give a target angle, or --by and an angle: gantryctl move 90, gantryctl move --by -5.5"
         )
+    if direction is not None and target is None:
+        raise UsageError("--by has its direction in its sign: leave --direction out")
     # Below 1 % a long move would take days: 180 deg at the lowest setting and 0.1 % is more than three of them.
     if not 1.0 <= override <= 100.0:
         raise UsageError(f"--override {override:g}: from 1 to 100 percent")
 
     def action(axis: AxisClient) -> MotionReport:
+        from gantryctl.image import Direction
+
         wanted = axis.speed_max_deg_s if speed is None else speed
+        chosen = None if direction is None else Direction[direction.upper()]
         end = target
         if axis.must_ask:
             # First of all: control at a service may stop what moves (--take-over).
@@ -97,16 +114,22 @@ def move(
             # Without a claim on the axis: at a service, control is lost after 2 s of silence.
             here = axis.angle_deg
             end = here + (distance or 0.0) if end is None else end
-            click.echo(_way(axis, here, end, wanted), err=run["as_json"])
+            click.echo(_way(axis, here, end, wanted, distance, chosen), err=run["as_json"])
             confirm("Move?", "nothing moved")
-            _check_unmoved(here, axis.take())
+            _check_unmoved(axis.machine, here, axis.take())
         else:
             here = axis.take()
             end = here + (distance or 0.0) if end is None else end
-            remark = _way(axis, here, end, wanted) if axis.must_ask else way_note(axis.machine, here, end)
+            remark = (
+                _way(axis, here, end, wanted, distance, chosen)
+                if axis.must_ask
+                else way_note(axis.machine, here, end)
+            )
             if remark and not run["as_json"]:
                 click.echo(remark)
-        return axis.move(end, speed, override / 100.0)
+        if distance is not None and axis.machine.axis.modulo:
+            return axis.move_by(distance, speed, override / 100.0)
+        return axis.move(end, speed, override / 100.0, chosen)
 
     return _run(action, "move", **run)
 
@@ -144,38 +167,67 @@ def _check_speed(axis: AxisClient, speed: float) -> None:
     require(check_setting(rad(speed), speed_settings(axis.machine, axis.speed_max_deg_s)))
 
 
-def _way(axis: AxisClient, here: float, end: float, speed: float) -> str:
+def _way(
+    axis: AxisClient,
+    here: float,
+    end: float,
+    speed: float,
+    distance: float | None,
+    direction: Direction | None,
+) -> str:
     """Say what a move would do and what a stop takes.
 
     Raises:
         CommandRefused: the target is not possible.
     """
     from gantryctl.machine.derived import rigid_stop
-    from gantryctl.program.axis.command_checks import check_target, require
+    from gantryctl.program.axis.command_checks import check_destination, check_range, require
     from gantryctl.units import rad
     from gantryctl.wiring.program import travel_settings
 
-    machine = axis.machine
-    require(check_target(rad(here), rad(end), travel_settings(machine)))
+    machine, travel = axis.machine, travel_settings(axis.machine)
+    by_way = distance is not None and machine.axis.modulo
+    require(
+        check_range(rad(end), travel) if by_way else check_destination(rad(here), rad(end), direction, travel)
+    )
     # Of the rigid body: what compliance adds is in `gantryctl stops`.
     stop, _ = rigid_stop(speed, axis.quick_dec_deg_s2, float("inf"))
     note = way_note(machine, here, end)
+    way = f"{abs(end - here):.3f} deg"
+    if machine.axis.modulo and not by_way:
+        way = _turning(machine, here, end, direction)
     return (
         f"{machine.machine.name} ({machine.drive.kind}): from {here:.3f} to {end:.3f} deg, way "
-        f"{abs(end - here):.3f} deg at {speed:g} deg/s, a quick stop takes {stop:.2f} deg"
-        + (f"; {note}" if note else "")
+        f"{way} at {speed:g} deg/s, a quick stop takes {stop:.2f} deg" + (f"; {note}" if note else "")
     )
+
+
+def _turning(machine: Machine, here: float, end: float, direction: Direction | None) -> str:
+    """Way of a modulo axis to an angle, with its sign."""
+    from gantryctl.image import Direction
+    from gantryctl.program.axis.command_checks import way_to
+    from gantryctl.units import deg, rad
+
+    if direction is Direction.CURRENT:
+        return "in the direction of the last motion"
+    window = rad(machine.monitors.in_position_window_deg)
+    return f"{deg(way_to(rad(here), rad(end), direction or Direction.SHORTEST, window)):+.3f} deg"
 
 
 def way_note(machine: Machine, here_deg: float, target_deg: float) -> str | None:
     """Remark on a move that a rotary table would make the other way round; this axis has a cable."""
+    if machine.axis.modulo:
+        return None
     way_deg = abs(target_deg - here_deg)
     inside = machine.axis.pos_min_deg <= target_deg <= machine.axis.pos_max_deg
     return f"{way_deg:.0f} deg the long way: cable" if inside and way_deg > _LONG_WAY_DEG else None
 
 
-def _check_unmoved(asked: float, now: float) -> None:
-    if abs(now - asked) > _SAME_DEG:
+def _check_unmoved(machine: Machine, asked: float, now: float) -> None:
+    moved = now - asked
+    if machine.axis.modulo:
+        moved -= 360.0 * round(moved / 360.0)
+    if abs(moved) > _SAME_DEG:
         from gantryctl.errors import CommandRefused
 
         raise CommandRefused(

@@ -11,12 +11,20 @@ from typing import Any, Final
 import click
 
 from gantryctl.errors import AlarmStop, CommandRefused, GantryctlError, UsageError
+from gantryctl.image import Direction
 from gantryctl.machine import Machine, short_hash
 from gantryctl.operation.client import BrakeDue, BrakeTestReport, Ending, MotionReport, Stop
 from gantryctl.operation.store import state_root
 from gantryctl.program import BrakeTestOutcome
 from gantryctl.program.alarms.codes import Code
-from gantryctl.program.axis.command_checks import check_direction, check_setting, check_target, require
+from gantryctl.program.axis.command_checks import (
+    check_destination,
+    check_direction,
+    check_range,
+    check_setting,
+    check_target,
+    require,
+)
 from gantryctl.service.clients.link import ServiceLink
 from gantryctl.service.protocol.limits import FRAME_S, HELD_S
 from gantryctl.units import deg, rad
@@ -164,19 +172,51 @@ class ServiceAxis:
             self._powered = False
 
     def move(
-        self, target_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+        self,
+        target_deg: float,
+        speed_deg_s: float | None = None,
+        override: float = 1.0,
+        direction: Direction | None = None,
     ) -> MotionReport:
         """Move to an angle and wait until the axis stands there."""
+
+        def check(start_deg: float) -> None:
+            travel = travel_settings(self.machine)
+            require(check_destination(rad(start_deg), rad(target_deg), direction, travel))
+
+        way = {} if direction is None else {"direction": direction.name.lower()}
+        return self._move(check, speed_deg_s, override, "move", target_deg=target_deg, **way)
+
+    def move_by(
+        self, distance_deg: float, speed_deg_s: float | None = None, override: float = 1.0
+    ) -> MotionReport:
+        """Move by an angle, a modulo axis also beyond a turn."""
+        travel = travel_settings(self.machine)
+
+        def check(start_deg: float) -> None:
+            refused = check_target(rad(start_deg), rad(start_deg + distance_deg), travel)
+            require(check_range(rad(distance_deg), travel) if travel.endless else refused)
+
+        return self._move(check, speed_deg_s, override, "move_by", distance_deg=distance_deg)
+
+    def _move(
+        self,
+        check: Callable[[float], None],
+        speed_deg_s: float | None,
+        override: float,
+        kind: str,
+        **asked: Any,
+    ) -> MotionReport:
         wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
         self._check_speed(wanted)
         start_deg = self.take()
-        require(check_target(rad(start_deg), rad(target_deg), travel_settings(self.machine)))
+        check(start_deg)
         self.power_up()
         start_s, before = self.tags["time_s"], dict(self.tags)
         self._set("speed_setting_deg_s", wanted)
         self._set("override_percent", override * 100.0)
         try:
-            self._link.ask("move", target_deg=target_deg)
+            self._link.ask(kind, **asked)
             return self._followed(start_deg, start_s)._replace(asked_deg_s=wanted * override)
         finally:
             # Speed and override are the operator's settings; this command has only borrowed them.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, rule
+from typing import Final
+
+from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, linear_rule, rule
 from gantryctl.machine.specs import field_specs, unknown_guesses
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import DEG_S_PER_R_MIN
@@ -16,64 +18,115 @@ def guesses_are_keys(m: Machine) -> Broken:
 
 
 # --- travel -------------------------------------------------------------------------------------------------
-@rule("axis.kind")
-def axis_is_linear(m: Machine) -> Broken:
-    """The axis has a travel with two ends: one without ends is not built yet."""
-    return None if m.axis.kind == "linear" else 'must be "linear": an axis without ends is not built yet'
+# Keys of an axis with two ends.
+_ENDS: Final = (
+    "over_travel_min_deg", "over_travel_max_deg", "limit_switch_min_deg", "limit_switch_max_deg",
+    "mechanical_stop_min_deg", "mechanical_stop_max_deg",
+)  # fmt: skip
+# The exact gear of a wheel train has small numbers; digits of a rounded ratio have not.
+_DENOMINATOR_MAX: Final = 1000
+# A hundredth of the finest count of a gantry, 7.5e-8 deg, in a turn.
+_SAME_GEAR: Final = 1e-12
 
 
-@rule("axis.pos_min_deg", "axis.pos_max_deg")
+@rule("axis.kind", "axis.pos_min_deg", "axis.pos_max_deg")
+def modulo_has_one_turn(m: Machine) -> Broken:
+    """Of a modulo axis the lowest and the highest angle are one turn apart."""
+    if not m.axis.modulo:
+        return None
+    span = m.axis.pos_max_deg - m.axis.pos_min_deg
+    words = f"gives angles over {span:g} deg, must be one turn: 0 and 360, or -180 and 180"
+    return None if abs(span - 360.0) <= 1e-9 else words
+
+
+@rule("axis.kind", *(f"axis.{key}" for key in _ENDS))
+def modulo_has_no_ends(m: Machine) -> Broken:
+    """A modulo axis has no over-travel, limit switches and mechanical stops: their keys are refused."""
+    if not m.axis.modulo:
+        return None
+    given = [key for key in _ENDS if key in m.axis.model_fields_set]
+    return (
+        f'must be "linear" where the ends of travel are given: remove {", ".join(given)}' if given else None
+    )
+
+
+@rule("axis.gear_motor_turns", "axis.gear_axis_turns", *RATIO)
+def gear_is_the_ratio(m: Machine) -> Broken:
+    """The exact gear is the product of the two ratios to 12 digits."""
+    if not m.axis.gear_motor_turns:
+        return None
+    gear = float(m.axis.gear)
+    if abs(m.axis.ratio - gear) <= _SAME_GEAR * gear:
+        return None
+    return f"gives a ratio of {gear!r}, reducer_ratio x ring_ratio must be that to 12 digits and is {m.axis.ratio!r}"
+
+
+@rule("axis.kind", *RATIO, "axis.gear_motor_turns", "axis.gear_axis_turns")
+def gear_of_modulo_is_exact(m: Machine) -> Broken:
+    """The ratio of a modulo axis is exact: a rounded one would lead its angle astray turn by turn."""
+    if not m.axis.modulo:
+        return None
+    gear = m.axis.gear
+    if gear.denominator <= _DENOMINATOR_MAX:
+        return None
+    return (
+        f"gives {gear.numerator}/{gear.denominator} by its digits, which is no gear: gear_motor_turns and "
+        "gear_axis_turns must be given, as 352 and 3"
+    )
+
+
+@linear_rule("axis.pos_min_deg", "axis.pos_max_deg")
 def travel_is_not_empty(m: Machine) -> Broken:
     """The lowest angle lies at least 1 deg below the highest."""
     return at_most(m.axis.pos_min_deg, m.axis.pos_max_deg - 1.0, "or there is no travel")
 
 
-@rule("axis.over_travel_min_deg", "axis.pos_min_deg")
+@linear_rule("axis.over_travel_min_deg", "axis.pos_min_deg")
 def over_travel_below_lowest(m: Machine) -> Broken:
     """The over-travel trip does not lie inside travel, at its lower end."""
     return at_most(m.axis.over_travel_min_deg, m.axis.pos_min_deg, "the trip would lie inside travel")
 
 
-@rule("axis.over_travel_max_deg", "axis.pos_max_deg")
+@linear_rule("axis.over_travel_max_deg", "axis.pos_max_deg")
 def over_travel_above_highest(m: Machine) -> Broken:
     """The over-travel trip does not lie inside travel, at its upper end."""
     return at_least(m.axis.over_travel_max_deg, m.axis.pos_max_deg, "the trip would lie inside travel")
 
 
-@rule("axis.over_travel_min_deg", "axis.limit_switch_min_deg")
+@linear_rule("axis.over_travel_min_deg", "axis.limit_switch_min_deg")
 def over_travel_before_lower_switch(m: Machine) -> Broken:
     """The over-travel trip acts before the lower limit switch."""
     return above(m.axis.over_travel_min_deg, m.axis.limit_switch_min_deg, "the switch would act first")
 
 
-@rule("axis.over_travel_max_deg", "axis.limit_switch_max_deg")
+@linear_rule("axis.over_travel_max_deg", "axis.limit_switch_max_deg")
 def over_travel_before_upper_switch(m: Machine) -> Broken:
     """The over-travel trip acts before the upper limit switch."""
     return below(m.axis.over_travel_max_deg, m.axis.limit_switch_max_deg, "the switch would act first")
 
 
-@rule("axis.limit_switch_min_deg", "axis.mechanical_stop_min_deg")
+@linear_rule("axis.limit_switch_min_deg", "axis.mechanical_stop_min_deg")
 def lower_switch_before_stop(m: Machine) -> Broken:
     """The lower limit switch stands before the lower mechanical stop."""
     why = "the switch must act before the stop"
     return above(m.axis.limit_switch_min_deg, m.axis.mechanical_stop_min_deg, why)
 
 
-@rule("axis.limit_switch_max_deg", "axis.mechanical_stop_max_deg")
+@linear_rule("axis.limit_switch_max_deg", "axis.mechanical_stop_max_deg")
 def upper_switch_before_stop(m: Machine) -> Broken:
     """The upper limit switch stands before the upper mechanical stop."""
     why = "the switch must act before the stop"
     return below(m.axis.limit_switch_max_deg, m.axis.mechanical_stop_max_deg, why)
 
 
-@rule("axis.mechanical_stop_min_deg", "axis.limit_switch_min_deg", "required.stopping_angle_deg")
+@linear_rule("axis.mechanical_stop_min_deg", "axis.limit_switch_min_deg", "required.stopping_angle_deg")
 def stop_fits_behind_lower_switch(m: Machine) -> Broken:
     """The permitted stopping angle fits between the lower limit switch and its mechanical stop."""
     most = m.axis.limit_switch_min_deg - m.required.stopping_angle_deg
     return at_most(m.axis.mechanical_stop_min_deg, most, "limit switch less permitted stopping angle")
 
 
-@rule("axis.mechanical_stop_max_deg", "axis.limit_switch_max_deg", "required.stopping_angle_deg")
+@linear_rule("axis.mechanical_stop_max_deg", "axis.limit_switch_max_deg", "required.stopping_angle_deg")
 def stop_fits_behind_upper_switch(m: Machine) -> Broken:
     """The permitted stopping angle fits between the upper limit switch and its mechanical stop."""
     need = m.axis.limit_switch_max_deg + m.required.stopping_angle_deg

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Iterable
 from typing import Any, Final, NamedTuple, TypeAlias
 
@@ -55,6 +56,19 @@ def rule(*paths: str) -> Callable[[Check], Check]:
     def register(check: Check) -> Check:
         REGISTERED.append(Rule(paths, check))
         return check
+
+    return register
+
+
+def linear_rule(*paths: str) -> Callable[[Check], Check]:
+    """Register a check of an axis with two ends; a modulo axis has none."""
+
+    def register(check: Check) -> Check:
+        @functools.wraps(check)
+        def of_linear(machine: Any) -> Broken:
+            return None if machine.axis.modulo else check(machine)
+
+        return rule(*paths, "axis.kind")(of_linear)
 
     return register
 

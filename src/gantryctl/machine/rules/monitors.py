@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, above, at_least, at_most, below, linear_rule, rule
 from gantryctl.machine.tables.model import Machine
 
 COUNT = ("encoder.counts_per_turn", *RATIO)
@@ -35,7 +35,7 @@ def in_position_inside_following_error(m: Machine) -> Broken:
     return below(m.monitors.in_position_window_deg, limit, "or the axis trips before it arrives")
 
 
-@rule(
+@linear_rule(
     "monitors.following_error_base_deg",
     "axis.over_travel_min_deg",
     "axis.pos_min_deg",

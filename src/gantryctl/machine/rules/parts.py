@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, linear_rule, rule
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import rad, rad_s_from_r_min
 
@@ -113,12 +113,30 @@ def turns_are_a_power_of_two(m: Machine) -> Broken:
     return None if m.on_bus else _power_of_two(m.encoder.turns)
 
 
-@rule("encoder.turns", *RATIO, "axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
+@linear_rule("encoder.turns", *RATIO, "axis.pos_min_deg", "axis.pos_max_deg", "encoder.wrap_margin_min_deg")
 def encoder_covers_travel(m: Machine) -> Broken:
     """A centred encoder covers travel and the wrap margin on both sides."""
     travel = m.axis.pos_max_deg - m.axis.pos_min_deg + 2.0 * m.encoder.wrap_margin_min_deg
     need = travel / 360.0 * m.axis.ratio
     return at_least(m.encoder.turns, need, "travel plus the wrap margin on both sides")
+
+
+@rule("encoder.turns", *RATIO, "axis.kind", "encoder.wrap_margin_min_deg")
+def encoder_covers_wrap_margin(m: Machine) -> Broken:
+    """The encoder of a modulo axis tells the wrap margin apart both ways: so far it may move while off."""
+    if not m.axis.modulo:
+        return None
+    need = 2.0 * m.encoder.wrap_margin_min_deg / 360.0 * m.axis.ratio
+    return at_least(m.encoder.turns, need, "the wrap margin both ways")
+
+
+@rule("encoder.turns", *RATIO, "speed.overspeed_trip_deg_s", "control.scan_period_ms")
+def encoder_outruns_scan(m: Machine) -> Broken:
+    """In three scans, at the speed that trips, the encoder makes less than a quarter of its range: wraps are seen."""
+    way = 3.0e-3 * m.control.scan_period_ms * m.speed.overspeed_trip_deg_s
+    return at_least(
+        m.encoder.turns, 4.0 * way / 360.0 * m.axis.ratio, "or a wrap is no more known from a motion"
+    )
 
 
 @rule("encoder.lines", "encoder.interpolation", "encoder.counts_per_turn")

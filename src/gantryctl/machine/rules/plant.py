@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, rule
+from gantryctl.machine.rules.book import RATIO, Broken, at_least, at_most, below, linear_rule, rule
 from gantryctl.machine.rules.parts import ROTOR, rotor_inertia_kg_m2
 from gantryctl.machine.tables.model import Machine
 from gantryctl.units import rad
@@ -205,14 +205,14 @@ def ring_has_whole_teeth(m: Machine) -> Broken:
 
 
 # --- encoders -----------------------------------------------------------------------------------------------
-@rule("plant.encoder.mounting_turns", *RATIO, "axis.pos_min_deg", "encoder.wrap_margin_min_deg")
+@linear_rule("plant.encoder.mounting_turns", *RATIO, "axis.pos_min_deg", "encoder.wrap_margin_min_deg")
 def wrap_below_travel(m: Machine) -> Broken:
     """The encoder's lower wrap lies below travel by at least the wrap margin."""
     need = (m.encoder.wrap_margin_min_deg - m.axis.pos_min_deg) / 360.0 * m.axis.ratio
     return at_least(m.plant.encoder.mounting_turns, need, "or the encoder wraps inside travel")
 
 
-@rule(
+@linear_rule(
     "plant.encoder.mounting_turns", "encoder.turns", *RATIO, "axis.pos_max_deg", "encoder.wrap_margin_min_deg"
 )
 def wrap_above_travel(m: Machine) -> Broken:

@@ -69,10 +69,12 @@ def deadline_within_reaction(m: Machine) -> Broken:
 
 @bus_rule(
     "can.heartbeat_timeout_ms", *STOP, "axis.mechanical_stop_min_deg", "axis.limit_switch_min_deg",
-    "axis.limit_switch_max_deg", "axis.mechanical_stop_max_deg",
+    "axis.limit_switch_max_deg", "axis.mechanical_stop_max_deg", "axis.kind",
 )  # fmt: skip
 def heartbeat_before_mechanical_stop(m: Machine) -> Broken:
     """The heartbeat, the guard behind the deadline, stops the axis between limit switch and mechanical stop."""
+    if m.axis.modulo:  # no stop to run into
+        return None
     v, a = m.speed.setting_max_deg_s, m.virtual_axis.quick_dec_deg_s2
     below_deg = m.axis.limit_switch_min_deg - m.axis.mechanical_stop_min_deg
     above_deg = m.axis.mechanical_stop_max_deg - m.axis.limit_switch_max_deg

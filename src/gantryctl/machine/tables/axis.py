@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any, Final, Literal
 
 from pydantic import Field
 
 from gantryctl.machine.tables.fields import Table, beside, choice, number, required_number, text, texts
+from gantryctl.units import within_turn
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
 # Ten turns each way: more than a cable drum of any of these axes takes.
@@ -40,7 +42,10 @@ class FileIdentity(IdentityTable):
 
 
 class AxisTable(Table):
-    """[axis]: travel, limits, gear ratio. Signed angles at the gantry; 0 deg may lie outside travel."""
+    """[axis]: travel, limits, gear ratio. Signed angles at the gantry; 0 deg may lie outside travel.
+
+    Of a modulo axis `pos_min_deg` and `pos_max_deg` are the ends of its turn, and it has no other limits.
+    """
 
     kind: Literal["linear", "modulo"] = choice("linear", "A travel with two ends, or turns without end.")
     pos_min_deg: float = POS_MIN_DEG
@@ -53,6 +58,26 @@ class AxisTable(Table):
     mechanical_stop_max_deg: float = beside("pos_max_deg", 7.0, 187.0, "Mechanical stop above travel.")
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
+    # 117.3333 for 352/3 leads the angle of a modulo axis astray by 1.0e-4 deg with each turn, 1 deg after 10,000.
+    gear_motor_turns: int = number(
+        0,
+        0,
+        10**7,
+        "Motor turns in `gear_axis_turns` turns of a modulo axis, exactly; 0: by the two ratios as written.",
+    )
+    gear_axis_turns: int = number(1, 1, 10**5, "Turns of the axis in `gear_motor_turns`.", unit="turns")
+
+    @property
+    def modulo(self) -> bool:
+        """The axis turns without end."""
+        return self.kind == "modulo"
+
+    @property
+    def gear(self) -> Fraction:
+        """Motor turns per gantry turn, exactly as the machine file writes them."""
+        if self.gear_motor_turns:
+            return Fraction(self.gear_motor_turns, self.gear_axis_turns)
+        return Fraction(repr(self.reducer_ratio)) * Fraction(repr(self.ring_ratio))
 
     @property
     def ratio(self) -> float:
@@ -69,14 +94,22 @@ class AxisTable(Table):
         """Angle at which a new simulated machine stands: 0 deg, or the middle of a travel without it."""
         return 0.0 if self.pos_min_deg <= 0.0 <= self.pos_max_deg else self.middle_deg
 
+    def shown_deg(self, angle_deg: float) -> float:
+        """An angle as people read it: of a modulo axis, within the turn from `pos_min_deg`."""
+        return within_turn(angle_deg, self.pos_min_deg, 360.0) if self.modulo else angle_deg
+
     def within_stops(self, angle_deg: float) -> bool:
-        """Whether the axis can stand at an angle: between its mechanical stops."""
+        """Whether the axis can stand at an angle: between its mechanical stops, or within a turn where it has none."""
+        if self.modulo:
+            return abs(angle_deg) <= 360.0
         return self.mechanical_stop_min_deg < angle_deg < self.mechanical_stop_max_deg
 
     @property
     def stops_text(self) -> str:
-        """Where the mechanical stops are, for messages."""
-        return f"{self.mechanical_stop_min_deg:g} and {self.mechanical_stop_max_deg:g} deg"
+        """Where angles end, for messages."""
+        if self.modulo:
+            return "an angle of a turn lies within -360 and 360 deg"
+        return f"the mechanical stops are at {self.mechanical_stop_min_deg:g} and {self.mechanical_stop_max_deg:g} deg"
 
 
 class SpeedTable(Table):

@@ -246,6 +246,10 @@ class Words(Enum):
         "换向只能从静止开始：松开后重新按下",
     )
     BOTH_KEYS = "both keys are pressed: one increment needs one key", "两键同时按下：一次增量只需一个键"
+    DIRECTION_OF_LINEAR = (
+        "a linear axis has one way to an angle: a direction is for a modulo axis",
+        "直线轴到某一角度只有一条路径：方向仅用于模数轴",
+    )
     HOME_AT_REST = "Home needs Standstill", "Home 需要静止状态"
     REFERENCE_AT_REST = "a new reference needs standstill", "新的参考点需要静止"
     ENCODER_WOULD_WRAP = (

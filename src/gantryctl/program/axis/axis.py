@@ -16,6 +16,7 @@ from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.axis.permission import why_no_brake_test, why_no_torque
 from gantryctl.program.axis.reference import Reference
 from gantryctl.program.axis.states import AxisEvents, AxisState, next_state
+from gantryctl.program.axis.turns import Turns
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.monitors.liveness import Liveness
@@ -62,7 +63,9 @@ class Axis:
         scan, time_s: of the present image.
         pos_act_rad, pos_err_rad: measured angle; set-point minus measured angle, 0 while not following.
         vel_cmd_rad_s: the last speed command, motor side.
-        zero_counts: encoder count at 0 deg; SetPosition and Home change it, and then it is to be retained.
+        zero_counts: encoder count at 0 deg; SetPosition and Home change it, and then it is to be retained. That of a
+            modulo axis moves on with its turns.
+        turns: those of a modulo axis; None for a linear one.
         alarms: active alarms, first-out, history.
         refusal, refusal_count: the last command that was refused, and how many there were.
         system_stop: what the engine stopped the axis for, until a reset; or None.
@@ -76,7 +79,7 @@ class Axis:
         "_site", "_switching_off", "_torque_max", "_vel_max", "_vel_next", "alarms", "brake_test", "feedback",
         "interlocks", "liveness", "load_side", "monitors", "motion", "plans", "pos_act_rad", "pos_err_rad",
         "power", "recovery", "refusal", "refusal_count", "scan", "settings", "state", "system_stop", "thermal",
-        "time_s", "vel_cmd_rad_s", "virtual", "zero_counts",
+        "time_s", "turns", "vel_cmd_rad_s", "virtual", "zero_counts",
     )  # fmt: skip
 
     trace_columns = TRACE_COLUMNS
@@ -84,6 +87,7 @@ class Axis:
     def __init__(self, settings: AxisSettings, zero_counts: float, *, keep_plans: bool = False) -> None:
         law = settings.law
         self.settings = settings
+        self.turns = None if law.turn_counts is None else Turns(law.turn_counts, zero_counts)
         self.zero_counts = zero_counts
         self._ratio = law.ratio
         self._vel_max = settings.speed.command_clamp_rad_s * law.ratio
@@ -184,6 +188,8 @@ class Axis:
         torque = power.torque_ff_nm
         # The one place that decides the speed command; 0 unless the axis follows.
         if virtual.following:
+            if self.turns is not None:
+                self._turn_back(self.turns)
             if virtual.changed:
                 self._control_again()
             vel_cmd = self._vel_next
@@ -342,6 +348,8 @@ class Axis:
         if refused is not None:
             return refused
         self.zero_counts = self._reference.zero_counts(position_rad)
+        if self.turns is not None:
+            self.zero_counts = self.turns.begin(self.zero_counts)
         self.power.rebase()
         self.pos_act_rad = position_rad
         if self.virtual.following:
@@ -464,6 +472,17 @@ class Axis:
         self.virtual.release(self.pos_act_rad)
         self.pos_err_rad = 0.0
 
+    def _turn_back(self, turns: Turns) -> None:
+        """Move the zero of a modulo axis on by the turns that it has made, where nothing is planned to an angle."""
+        virtual = self.virtual
+        made = turns.due(virtual.pos_ref_rad, resting=self.at_rest, cruising=virtual.cruising)
+        if made:
+            self.zero_counts = turns.move_on(made)
+            virtual.turn_back(made, self.scan)
+            self.pos_act_rad -= made * math.tau
+            if self.load_side is not None:
+                self.load_side.turn_back(made)
+
     def _park(self) -> None:
         motion = self.motion
         if motion.current is None and motion.stop_command is None and not self._switching_off:
@@ -491,7 +510,9 @@ class Axis:
 
     @property
     def plan_end_s(self) -> float:
-        """Axis time at which the set-point comes, or came, to rest."""
+        """Axis time at which the set-point comes, or came, to rest; infinite on a plan without an end."""
+        if self.virtual.plan.vel_end != 0.0:
+            return math.inf
         return self.virtual.start_scan * self.settings.period_s + self.virtual.plan.duration
 
     @property

@@ -6,9 +6,11 @@ which spares a power cycle that would end in a refusal.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from gantryctl.errors import CommandRefused
+from gantryctl.image import Direction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
@@ -35,9 +37,51 @@ def check_range(target_rad: float, travel: TravelSettings) -> Refusal | None:
     return refusal(
         Code.CTL_01,
         name=Words.NAME_TARGET,
-        allowed=Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad)),
+        allowed=Words.WITHIN_TRAVEL(
+            low=deg(max(travel.pos_min_rad, -_ABSURD_RAD)), high=deg(min(travel.pos_max_rad, _ABSURD_RAD))
+        ),
         measured=Words.ANGLE(value=deg(target_rad)),
     )
+
+
+def check_destination(
+    here_rad: float, target_rad: float, direction: Direction | None, travel: TravelSettings
+) -> Refusal | None:
+    """Refuse an angle that is none of the axis, or a direction that it does not have.
+
+    A linear axis has one way to an angle, so a direction is refused. To a modulo axis an angle is a place of its turn;
+    beyond +-360 deg it may have been meant as a way, so it is refused.
+    """
+    if not travel.endless:
+        if direction is not None:
+            return refusal(Code.CTL_14, reason=Words.DIRECTION_OF_LINEAR)
+        return check_target(here_rad, target_rad, travel)
+    # The limit itself, typed in deg, must pass after its conversion.
+    if abs(target_rad) <= math.tau * (1.0 + 1e-9):
+        return None
+    return refusal(
+        Code.CTL_01,
+        name=Words.NAME_TARGET,
+        allowed=Words.WITHIN_TRAVEL(low=-360.0, high=360.0),
+        measured=Words.ANGLE(value=deg(target_rad)),
+    )
+
+
+def way_to(here_rad: float, target_rad: float, direction: Direction, window_rad: float) -> float:
+    """Way of a modulo axis from `here_rad` to an angle of its turn, its sign the direction.
+
+    An angle that lies less than `window_rad` the other way counts as reached: nobody means a whole turn by it. Of two
+    ways of half a turn the positive one is the shortest. `Direction.CURRENT` is the caller's to resolve.
+    """
+    way = math.remainder(target_rad - here_rad, math.tau)
+    match direction:
+        case Direction.POSITIVE if way < -window_rad:
+            return way + math.tau
+        case Direction.NEGATIVE if way > window_rad:
+            return way - math.tau
+        case Direction.SHORTEST if way < window_rad - math.pi:
+            return way + math.tau
+    return way
 
 
 def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from enum import Enum
 from typing import Protocol
 
+from gantryctl.image import Direction
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import AlarmLog, Refusal, refusal
 from gantryctl.program.alarms.words import Words
 from gantryctl.program.axis.command_checks import (
+    check_destination,
     check_direction,
     check_overdue,
     check_range,
     check_speed,
     check_way,
+    way_to,
 )
 from gantryctl.program.axis.states import AxisState
 from gantryctl.program.monitors.interlocks import Interlocks
@@ -115,7 +119,7 @@ class MotionCommands:
     """
 
     __slots__ = (
-        "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_stop_execute", "_virtual",
+        "_alarms", "_interlocks", "_monitors", "_power", "_settings", "_sign", "_stop_execute", "_virtual",
         "brake_overdue", "current", "scan", "state", "stop_command", "waiting",
     )  # fmt: skip
 
@@ -135,15 +139,44 @@ class MotionCommands:
         self.waiting: MotionCommand | None = None
         self.stop_command: MotionCommand | None = None
         self._stop_execute = self.brake_overdue = False
+        # Direction of the last motion.
+        self._sign = 1.0
         self.state = AxisState.DISABLED
         self.scan = 0
 
     # --- commands ---------------------------------------------------------------------------------
 
-    def move_absolute(self, target_rad: float, speed_rad_s: float) -> MotionCommand:
-        """Begin a motion to `target_rad` with `speed_rad_s`; linear, no shortest way."""
+    def move_absolute(
+        self, target_rad: float, speed_rad_s: float, direction: Direction | None = None
+    ) -> MotionCommand:
+        """Begin a motion to `target_rad` with `speed_rad_s`.
+
+        Args:
+            direction: of a modulo axis, the shortest way unless given; a linear axis has one way and takes none.
+        """
+        travel = self._settings.travel
+        refused = (
+            check_destination(self._virtual.pos_ref_rad, target_rad, direction, travel)
+            if travel.endless or direction is not None
+            else check_range(target_rad, travel)
+        )
+        if travel.endless and refused is None:
+            target_rad = self._branch(target_rad, direction or Direction.SHORTEST)
         command = MotionCommand(AxisState.DISCRETE_MOTION, target_rad, speed_rad_s, settles=True)
-        return self._begin(command, check_range(target_rad, self._settings.travel))
+        return self._begin(command, refused)
+
+    def _branch(self, target_rad: float, direction: Direction) -> float:
+        """Where a modulo axis comes to rest at an angle of its turn: that angle and some whole turns."""
+        virtual = self._virtual
+        # From where it can be at rest: on from there no direction asks for a way back.
+        here = virtual.rest_point_rad()
+        if direction is Direction.CURRENT:
+            direction = (
+                Direction.NEGATIVE if (virtual.vel_ref_rad_s or self._sign) < 0.0 else Direction.POSITIVE
+            )
+        way = way_to(here, target_rad, direction, self._settings.monitors.in_position_window_rad)
+        # The angle itself and not here plus way: rounding errors of many moves must not add up.
+        return target_rad + math.tau * round((here + way - target_rad) / math.tau)
 
     def move_relative(self, distance_rad: float, speed_rad_s: float) -> MotionCommand:
         """Begin a motion by `distance_rad` from the set-point."""
@@ -154,7 +187,8 @@ class MotionCommands:
     def move_velocity(self, vel_rad_s: float) -> MotionCommand:
         """Begin a motion with `vel_rad_s`, its sign the direction, until stopped or at the end of the travel."""
         travel = self._settings.travel
-        # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself.
+        # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself; a modulo axis has
+        # none, and its plan no end.
         end = travel.pos_max_rad if vel_rad_s > 0.0 else travel.pos_min_rad
         command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
         return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
@@ -285,6 +319,8 @@ class MotionCommands:
         if refused is not None:
             return command.fail(refused)
         self.take(None if parked else command)
+        if target_rad != self._virtual.pos_ref_rad:
+            self._sign = math.copysign(1.0, target_rad - self._virtual.pos_ref_rad)
         if parked:
             command.status = CommandStatus.WAITING
             self.waiting = command
@@ -313,8 +349,15 @@ class MotionCommands:
             self.check_speed(command.speed_rad_s)
             or self._check_state()
             or self._check_permit()
-            or check_way(here, command.target_rad, self._settings.travel, self._interlocks)
+            or self._check_way(here, command.target_rad)
         )
+
+    def _check_way(self, here_rad: float, target_rad: float) -> Refusal | None:
+        travel = self._settings.travel
+        # A motion without an end.
+        if travel.endless and math.isinf(target_rad):
+            return None
+        return check_way(here_rad, target_rad, travel, self._interlocks)
 
     def _check_state(self) -> Refusal | None:
         stopped = self.state is AxisState.ERROR_STOP or self._alarms.first_out is not None

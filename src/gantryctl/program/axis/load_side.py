@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 from gantryctl._core import PositionLaw
@@ -17,6 +18,9 @@ _TURN: Final = 2.0 * math.pi
 
 # Speed command (motor side), actual angle and following error (gantry side).
 Command = tuple[float, float, float]
+# The same with torque and disagreement, and the law that gives them.
+_Answer = tuple[float, float, float, float, float]
+_Run = Callable[[PositionLaw, float, float, float, float, float], _Answer]
 
 
 class LoadSide:
@@ -31,7 +35,8 @@ class LoadSide:
     """
 
     __slots__ = (
-        "_alarms", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans", "_turn_rad", "_watched",
+        "_alarms", "_begun_rad", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans",
+        "_turn_counts", "_turn_rad", "_turns", "_watched",
         "disagreement_rad", "laws", "torque_ff_nm",
     )  # fmt: skip
 
@@ -55,26 +60,58 @@ class LoadSide:
         self._scans = settings.scans(compensation.disagreement_time_s)
         self._count = 0
         self._turn_rad = 0.0
+        turn = settings.law.turn_counts
+        self._turn_counts = None if turn is None else float(turn)
+        self._begun_rad, self._turns = math.nan, 0
         self.torque_ff_nm = 0.0
         self.disagreement_rad = 0.0
 
     def scan(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command of this scan; `counts` minus the zero offset."""
-        ring = self._feedback.pos_ring_rad + self._turn_rad
-        vel, pos, error, self.torque_ff_nm, self.disagreement_rad = self._run(
-            self._law, virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, counts, ring
-        )
+        if self._turn_counts is not None:
+            self._next_turn(virtual.pos_ref_rad)
+        vel, pos, error, self.torque_ff_nm, self.disagreement_rad = self._by(self._run, virtual, counts)
         if self._watched:
             self._watch()
         return vel, pos, error
 
     def scan_again(self, virtual: VirtualAxis, counts: float) -> Command:
         """Return the command for another set-point in the same scan: a law with memory counts no scan twice."""
-        ring = self._feedback.pos_ring_rad + self._turn_rad
-        vel, pos, error, self.torque_ff_nm, _ = self._run_again(
-            self._law, virtual.pos_ref_rad, virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2, counts, ring
-        )
+        vel, pos, error, self.torque_ff_nm, _ = self._by(self._run_again, virtual, counts)
         return vel, pos, error
+
+    def _by(self, run: _Run, virtual: VirtualAxis, counts: float) -> _Answer:
+        """One scan of the laws: of a modulo axis, within the turn that they count from."""
+        ref, ring = virtual.pos_ref_rad, self._feedback.pos_ring_rad + self._turn_rad
+        vel, acc = virtual.vel_ref_rad_s, virtual.acc_ref_rad_s2
+        if self._turn_counts is None:
+            return run(self._law, ref, vel, acc, counts, ring)
+        turn_rad = self._turns * _TURN
+        ref -= turn_rad
+        # An encoder of one turn on the ring goes round with the axis.
+        if math.isfinite(ring):
+            ring += _TURN * round((ref - ring) / _TURN)
+        counts -= self._turns * self._turn_counts
+        cmd, pos, error, torque_nm, disagreement = run(self._law, ref, vel, acc, counts, ring)
+        return cmd, pos + turn_rad, error, torque_nm, disagreement
+
+    def _next_turn(self, ref_rad: float) -> None:
+        """Let the laws count from another turn after a whole one: an angle of theirs is one of a turn.
+
+        A whole turn after the axis began to follow everything periodic is as it was then, the torque of the eccentric
+        moment too, so the laws begin anew without a step.
+        """
+        if math.isnan(self._begun_rad):
+            self._turns = round(ref_rad / _TURN)
+            self._begun_rad = ref_rad - self._turns * _TURN
+        made = math.trunc((ref_rad - self._turns * _TURN - self._begun_rad) / _TURN)
+        if made:
+            self._turns += made
+            self.laws.restart()
+
+    def turn_back(self, turns: int) -> None:
+        """The zero of a modulo axis has moved on by whole turns; the angles of the laws stay what they are."""
+        self._turns -= turns
 
     def resting(self, counts: float) -> float:
         """Return the angle of the load while the axis does not follow."""
@@ -93,6 +130,7 @@ class LoadSide:
         """Restart the laws: the axis follows from the next scan on."""
         self.laws.restart()
         self._count = 0
+        self._begun_rad = math.nan
 
     def new_reference(self, pos_rad: float) -> float:
         """Angle of the motor, at the gantry, when a new reference puts the load at `pos_rad`."""

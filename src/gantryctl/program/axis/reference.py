@@ -7,6 +7,7 @@ import math
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
+from gantryctl.program.axis.command_checks import check_destination
 from gantryctl.program.axis.load_side import LoadSide
 from gantryctl.program.feedback import Feedback
 from gantryctl.program.settings import AxisSettings
@@ -29,19 +30,31 @@ class Reference:
     def check(self, position_rad: float, standing: bool) -> Refusal | None:
         """Refuse an angle outside the travel, or from which the encoder would wrap near the travel.
 
+        A modulo axis takes any angle of its turn, and its encoder may wrap anywhere.
+
         Args:
             standing: the axis is in Standstill or Disabled, and nothing is under way.
         """
-        travel, law = self._travel, self._law
+        travel = self._travel
+        if travel.endless:
+            refused = check_destination(0.0, position_rad, None, travel)
+            return refused or self._check_now(standing)
         if not travel.pos_min_rad <= position_rad <= travel.pos_max_rad:
             allowed = Words.WITHIN_TRAVEL(low=deg(travel.pos_min_rad), high=deg(travel.pos_max_rad))
             measured = Words.ANGLE(value=deg(position_rad))
             return refusal(Code.CTL_01, name=Words.NAME_POSITION, allowed=allowed, measured=measured)
+        return self._check_now(standing) or self._check_wrap(position_rad)
+
+    def _check_now(self, standing: bool) -> Refusal | None:
         # Before the first reading, and with one in doubt, there is no count to give an angle to.
         if not self._feedback.position_valid or math.isnan(self._feedback.counts):
             return refusal(Code.CTL_14, reason=Words.POSITION_NOT_VALID)
         if not (standing and abs(self._feedback.vel_rad_s) <= self._creep_rad_s):
             return refusal(Code.CTL_14, reason=Words.REFERENCE_AT_REST)
+        return None
+
+    def _check_wrap(self, position_rad: float) -> Refusal | None:
+        travel, law = self._travel, self._law
         turn_rad = 2.0 * math.pi / law.ratio  # one motor turn at the gantry
         raw_rad = self._feedback.counts / law.counts_per_turn * turn_rad
         low = raw_rad - position_rad + travel.pos_min_rad

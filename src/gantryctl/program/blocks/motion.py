@@ -5,19 +5,30 @@ The ramps are the machine's: no block changes them.
 
 from __future__ import annotations
 
+from gantryctl.image import Direction
 from gantryctl.program.axis.axis import Axis
 from gantryctl.program.axis.commands import CommandStatus, MotionCommand
 from gantryctl.program.blocks.base import ExecuteBlock
 
 
 class MoveAbsolute(ExecuteBlock):
-    """Move to an angle on the linear axis; `done` when the axis is in position there."""
+    """Move to an angle; `done` when the axis is in position there.
+
+    `direction` is for a modulo axis, whose way is the shortest one unless it is given; a linear axis refuses it.
+    """
 
     __slots__ = ()
 
-    def __call__(self, *, execute: bool, position_rad: float, velocity_rad_s: float) -> None:
+    def __call__(
+        self,
+        *,
+        execute: bool,
+        position_rad: float,
+        velocity_rad_s: float,
+        direction: Direction | None = None,
+    ) -> None:
         if execute and not self._execute:
-            self._begin(self.axis.motion.move_absolute(position_rad, velocity_rad_s))
+            self._begin(self.axis.motion.move_absolute(position_rad, velocity_rad_s, direction))
         self._show(execute)
 
 
@@ -35,7 +46,7 @@ class MoveRelative(ExecuteBlock):
 class MoveVelocity(ExecuteBlock):
     """Move with a speed, its sign the direction, until another block takes over.
 
-    At the end of the travel it comes to rest by itself, with error LIM-01. `done` stays FALSE;
+    At the end of the travel it comes to rest by itself, with error LIM-01; a modulo axis turns on. `done` stays FALSE;
     `in_velocity` is TRUE while the set-point has the speed asked for (times override).
     """
 

@@ -101,13 +101,13 @@ class _ReadValue(Block, ABC):
 
 
 class ReadActualPosition(_ReadValue):
-    """`value`: measured angle, rad; `valid` FALSE after a fault of the encoder."""
+    """`value`: measured angle, rad, of a modulo axis within its turn; `valid` FALSE after a fault of the encoder."""
 
     __slots__ = ()
 
     def _read(self) -> float:
         self.valid = self.axis.feedback.position_valid
-        return self.axis.pos_act_rad
+        return self.axis.settings.travel.shown_rad(self.axis.pos_act_rad)
 
 
 class ReadActualVelocity(_ReadValue):

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from gantryctl.image import Mode, OperatorCommand
+from gantryctl.image import Direction, Mode, OperatorCommand
 from gantryctl.machine import Machine
 from gantryctl.program import Code, GantryProgram
 from gantryctl.program.alarms.words import Said, Words
@@ -248,7 +248,13 @@ class ServiceOperator:
                 forward = values["direction"] == "forward"
                 self._set(forward=forward, reverse=not forward)
             case "move":
-                self._set(move=True, target_rad=rad(values["target_deg"]))
+                asked = values.get("direction")
+                direction = None if asked is None else Direction[asked.upper()]
+                self._set(
+                    move=True, relative=False, target_rad=rad(values["target_deg"]), direction=direction
+                )
+            case "move_by":
+                self._set(move=True, relative=True, target_rad=rad(values["distance_deg"]), direction=None)
             case "halt":
                 self._set(halt=True)
             case "brake_test":

@@ -113,14 +113,18 @@ class Publisher:
         axis, engine = self._axis, self._engine
         virtual, feedback = axis.virtual, axis.feedback
         # Numbers of a reading that is in doubt, or too old, are not told: they become null.
-        pos = deg(axis.pos_act_rad) if feedback.position_valid else math.nan
+        travel = axis.settings.travel
+        pos = deg(travel.shown_rad(axis.pos_act_rad)) if feedback.position_valid else math.nan
         vel = feedback.vel_rad_s if feedback.speed_known and not feedback.in_doubt else math.nan
-        monitors, travel = axis.settings.monitors, self._machine.axis
+        monitors, limits = axis.settings.monitors, self._machine.axis
+        # A motion without an end has no target, and none in time.
+        end_rad = virtual.plan.pos_end if virtual.plan.vel_end == 0.0 else math.nan
+        left_s = axis.plan_end_s - engine.time_s
         widening_rad = monitors.following_error_per_speed_s * abs(virtual.vel_ref_rad_s)
         return {
             "pos_act_deg": pos,
             "vel_act_deg_s": deg(vel),
-            "pos_ref_deg": deg(virtual.pos_ref_rad),
+            "pos_ref_deg": deg(travel.shown_rad(virtual.pos_ref_rad)),
             "vel_ref_deg_s": deg(virtual.vel_ref_rad_s),
             "acc_ref_deg_s2": deg(virtual.acc_ref_rad_s2),
             "vel_cmd_deg_s": deg(axis.vel_cmd_rad_s / axis.settings.law.ratio),
@@ -128,12 +132,14 @@ class Publisher:
             "torque_act_nm": feedback.torque_nm,
             "torque_expected_nm": self._expected_nm(),
             "overload": feedback.overload,
-            "target_deg": deg(virtual.plan.pos_end) if virtual.following else pos,
-            "time_left_s": max(0.0, axis.plan_end_s - engine.time_s) if virtual.following else 0.0,
+            "target_deg": deg(travel.shown_rad(end_rad)) if virtual.following else pos,
+            "time_left_s": max(0.0, left_s if math.isfinite(left_s) else math.nan)
+            if virtual.following
+            else 0.0,
             "stopping_angle_deg": deg(axis.stopping_angle_rad()),
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
-            "travel_left_minus_deg": pos - travel.pos_min_deg,
-            "travel_left_plus_deg": travel.pos_max_deg - pos,
+            "travel_left_minus_deg": math.nan if travel.endless else pos - limits.pos_min_deg,
+            "travel_left_plus_deg": math.nan if travel.endless else limits.pos_max_deg - pos,
             "following_error_trip_deg": deg(monitors.following_error_base_rad + widening_rad),
         }
 

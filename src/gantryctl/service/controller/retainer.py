@@ -46,6 +46,8 @@ class Retainer:
         self._power_ups = self._moves = 0
         self._moving = False
         self._way_rad, self._last_pos_rad = 0.0, math.nan
+        law = self._axis.settings.law
+        self._rad_per_count = math.tau / (law.counts_per_turn * law.ratio)
         self._thread: threading.Thread | None = None
 
     @property
@@ -54,8 +56,10 @@ class Retainer:
         return self.retained.power_ups + self._power_ups
 
     def powered_up(self) -> None:
-        """Count a power-up."""
+        """Count a power-up; the memory of a modulo axis on a bus forgets where it rests until power is off again."""
         self._power_ups += 1
+        if self._axis.turns is not None and not self._machine.plant_is_local:
+            self.start("power on")
 
     def scan(self) -> None:
         """Count motions and travelled angle."""
@@ -64,7 +68,8 @@ class Retainer:
         if moving is not self._moving:
             self._moving = moving
             self._moves += moving
-        pos = axis.pos_act_rad
+        # Of the reading, not of the angle: the zero of a modulo axis moves on with its turns.
+        pos = axis.feedback.counts * self._rad_per_count
         if abs(pos - self._last_pos_rad) > _TRAVEL_STEP_RAD:
             self._way_rad += abs(pos - self._last_pos_rad)
             self._last_pos_rad = pos

@@ -162,10 +162,20 @@ class Increment(Timed):
 
 
 class Move(Timed):
-    """Move to an angle with the speed setting; never the shortest way."""
+    """Move to an angle with the speed setting. A linear axis has one way, and `direction` is refused; a modulo axis
+    takes the shortest one unless it is given.
+    """
 
     type: Literal["move"]
     target_deg: Number
+    direction: Literal["shortest", "positive", "negative", "current"] = "shortest"
+
+
+class MoveBy(Timed):
+    """Move by an angle from the set-point with the speed setting; a modulo axis also beyond a turn."""
+
+    type: Literal["move_by"]
+    distance_deg: Number
 
 
 class Halt(Timed):
@@ -226,8 +236,8 @@ class StartBrakeTest(Timed):
 
 # Every message to the service; its JSON schema is `MESSAGES.json_schema()`.
 AnyMessage: TypeAlias = Annotated[
-    Alive | Take | Give | Power | ChooseMode | Jog | Renew | Release | Increment | Move | Halt | Stop
-    | QuickStop | Reset | Acknowledge | Set | Arm | StartBrakeTest,
+    Alive | Take | Give | Power | ChooseMode | Jog | Renew | Release | Increment | Move | MoveBy | Halt
+    | Stop | QuickStop | Reset | Acknowledge | Set | Arm | StartBrakeTest,
     Field(discriminator="type"),
 ]  # fmt: skip
 MESSAGES: Final[TypeAdapter[Any]] = TypeAdapter(AnyMessage)
@@ -250,7 +260,7 @@ SILENT: Final = frozenset({"alive", "renew"})
 _ACTIONS: Final = {
     "take": Action.AUTHORITY, "give": Action.AUTHORITY, "alive": Action.VIEW, "power": Action.POWER,
     "mode": Action.MODE, "jog": Action.JOG, "renew": Action.JOG, "release": Action.VIEW,
-    "increment": Action.JOG, "move": Action.MOVE, "halt": Action.HALT, "stop": Action.STOP,
+    "increment": Action.JOG, "move": Action.MOVE, "move_by": Action.MOVE, "halt": Action.HALT, "stop": Action.STOP,
     "quick_stop": Action.QUICK_STOP, "reset": Action.RESET, "acknowledge": Action.ACKNOWLEDGE,
     "brake_test": Action.BRAKE_TEST,
 }  # fmt: skip
@@ -302,7 +312,7 @@ def checked(found: object) -> Message:
         raise MessageRefused(Code.SEC_05, reason=_cause(kind, fault)) from None
     kind = found["type"]
     # The values as they came: 40 stays a whole number in the journal, where a float would read 40.0.
-    values = {name: found[name] for name in FIELDS[kind]}
+    values = {name: found[name] for name in FIELDS[kind] if name in found}
     return Message(
         kind, found["seq"], found["frame"], None if kind in WITHOUT_EPOCH else found["epoch"], values
     )

@@ -62,20 +62,21 @@ def _meaning(tag: Tag) -> str:
 def _messages() -> str:
     definitions = MESSAGES.json_schema()["$defs"].values()
     rows = (
-        (f"`{keys['type']['const']}`", _keys(keys), " ".join(each["description"].split()))
+        (f"`{keys['type']['const']}`", _keys(keys, each["required"]), " ".join(each["description"].split()))
         for each in definitions
         for keys in [each["properties"]]
     )
     return _table(("type", "more keys", "does"), sorted(rows))
 
 
-def _keys(properties: dict[str, Any]) -> str:
+def _keys(properties: dict[str, Any], required: list[str]) -> str:
     words = {
         name: each.get("description") or ", ".join(each.get("enum", ())) or each["type"]
         for name, each in properties.items()
         if name not in COMMON
     }
-    return "; ".join(f"`{name}`: {text}" for name, text in words.items()) or "-"
+    left_out = {name: "" if name in required else " (may be left out)" for name in words}
+    return "; ".join(f"`{name}`{left_out[name]}: {text}" for name, text in words.items()) or "-"
 
 
 def _codes() -> str:
