@@ -37,6 +37,8 @@ def _axis(basis: Basis) -> Values:
     built = "x stopping angle beyond travel; where it is built"
     return {
         "axis.kind": chosen("linear"),
+        "axis.gear_motor_turns": chosen(0),
+        "axis.gear_axis_turns": chosen(1),
         "axis.pos_min_deg": basis.of_sheet("range.pos_min_deg"),
         "axis.pos_max_deg": basis.of_sheet("range.pos_max_deg"),
         **{
