@@ -5,6 +5,7 @@
 
 #include <set>
 #include <stdexcept>
+#include <string>
 #include <tuple>
 
 #include "core/bindings.hpp"
@@ -17,6 +18,7 @@ using Sim = GantrySim<double>;
 using Law = PositionLawParams<double>;
 using Table = nb::ndarray<double, nb::numpy, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Cube = nb::ndarray<nb::numpy, double, nb::ndim<3>>;
+using Rows = nb::ndarray<nb::numpy, double, nb::ndim<2>>;
 
 namespace {
 
@@ -53,21 +55,30 @@ const T& of_plant(const std::vector<T>& given, std::size_t plant) {
   return given[given.size() == 1 ? 0 : plant];
 }
 
-using LegTuples = std::vector<std::tuple<Segments, long, long, int, bool>>;
+using LegTuples = std::vector<std::tuple<Segments, long, long, int, bool, long, std::vector<double>>>;
 
 std::vector<Leg> make_legs(const LegTuples& given) {
   std::vector<Leg> legs;
-  for (const auto& [plan, scans, average, mode, brake_open] : given) {
+  for (const auto& [plan, scans, average, mode, brake_open, passed, added] : given) {
     if (scans < 1 || average < 1 || average > scans)
       throw std::invalid_argument("a leg needs 1 <= average <= scans");
-    legs.push_back({plan, scans, average, drive_mode(mode), brake_open});
+    if (passed < 0) throw std::invalid_argument("a leg cannot begin before its plan");
+    legs.push_back({plan, scans, average, drive_mode(mode), brake_open, passed, added});
   }
   return legs;
 }
 
-Cube run_legs(const std::vector<Sim*>& sims, const std::vector<Law>& laws, const std::vector<LegTuples>& legs,
-              const std::vector<double>& zero_counts, int threads,
-              const std::vector<Compensation<double>*>& compensations) {
+// Legs of every plant, or of all, and jobs over them.
+struct LegRuns {
+  std::vector<std::vector<Leg>> legs;
+  std::vector<Job> jobs;
+
+  std::size_t leg_count() const { return legs[0].size(); }
+};
+
+LegRuns make_runs(const std::vector<Sim*>& sims, const std::vector<Law>& laws,
+                  const std::vector<LegTuples>& legs, const std::vector<double>& zero_counts, int threads,
+                  const std::vector<Compensation<double>*>& compensations) {
   const std::size_t plants = sims.size();
   if (laws.size() != 1 && laws.size() != plants)
     throw std::invalid_argument("one position law for all is needed, or one per plant");
@@ -79,27 +90,63 @@ Cube run_legs(const std::vector<Sim*>& sims, const std::vector<Law>& laws, const
   if (zero_counts.size() != plants) throw std::invalid_argument("one zero offset per plant is needed");
   if (threads < 1) throw std::invalid_argument("threads must be at least 1");
   expect_distinct(sims, "a plant stands in the list twice; take copies");
-  std::vector<std::vector<Leg>> native;
+  LegRuns runs;
   for (const LegTuples& given : legs) {
-    native.push_back(make_legs(given));
+    runs.legs.push_back(make_legs(given));
     if (given.size() != legs[0].size()) throw std::invalid_argument("every plant needs as many legs");
   }
-  const std::size_t leg_count = legs[0].size();
-  auto* results = new LegResult<double>[plants * leg_count + 1];
-  nb::capsule owner(results, [](void* p) noexcept { delete[] static_cast<LegResult<double>*>(p); });
-  std::vector<Job> jobs;
-  if (leg_count > 0)
+  if (runs.leg_count() > 0)
     for (std::size_t k = 0; k < plants; ++k)
-      jobs.push_back({sims[k],
-                      {of_plant(laws, k), zero_counts[k], compensations.empty() ? nullptr : compensations[k]},
-                      of_plant(native, k).data(),
-                      leg_count,
-                      results + k * leg_count});
+      runs.jobs.push_back(
+          {sims[k],
+           {of_plant(laws, k), zero_counts[k], compensations.empty() ? nullptr : compensations[k]},
+           of_plant(runs.legs, k).data(),
+           runs.leg_count(),
+           nullptr});
+  return runs;
+}
+
+Cube run_legs(const std::vector<Sim*>& sims, const std::vector<Law>& laws, const std::vector<LegTuples>& legs,
+              const std::vector<double>& zero_counts, int threads,
+              const std::vector<Compensation<double>*>& compensations) {
+  LegRuns runs = make_runs(sims, laws, legs, zero_counts, threads, compensations);
+  const std::size_t leg_count = runs.leg_count();
+  auto* results = new LegResult<double>[sims.size() * leg_count + 1];
+  nb::capsule owner(results, [](void* p) noexcept { delete[] static_cast<LegResult<double>*>(p); });
+  for (std::size_t k = 0; k < runs.jobs.size(); ++k) runs.jobs[k].results = results + k * leg_count;
   {
     nb::gil_scoped_release release;
-    run_jobs(kernels(), jobs, threads);
+    run_jobs(kernels(), runs.jobs, threads);
   }
-  return Cube(&results->mean_pos_load_rad, {plants, leg_count, kLegColumns}, owner);
+  return Cube(&results->mean_pos_load_rad, {sims.size(), leg_count, kLegColumns}, owner);
+}
+
+std::vector<Rows> log_legs(const std::vector<Sim*>& sims, const std::vector<Law>& laws,
+                           const std::vector<LegTuples>& legs, const std::vector<double>& zero_counts,
+                           const std::vector<int>& columns, int threads,
+                           const std::vector<Compensation<double>*>& compensations) {
+  for (int column : columns)
+    if (column < 0 || static_cast<std::size_t>(column) >= kLogColumns)
+      throw std::invalid_argument("there is no log column " + std::to_string(column));
+  LegRuns runs = make_runs(sims, laws, legs, zero_counts, threads, compensations);
+  std::vector<LegResult<double>> results(runs.leg_count());
+  std::vector<std::vector<LegResult<double>>> figures(runs.jobs.size(), results);
+  std::vector<Rows> logs;
+  for (std::size_t k = 0; k < runs.jobs.size(); ++k) {
+    Job& job = runs.jobs[k];
+    std::size_t scans = 0;
+    for (const Leg& leg : of_plant(runs.legs, k)) scans += static_cast<std::size_t>(leg.scans);
+    auto* rows = new double[scans * columns.size() + 1];
+    nb::capsule owner(rows, [](void* p) noexcept { delete[] static_cast<double*>(p); });
+    logs.push_back(Rows(rows, {columns.size(), scans}, owner));
+    job.results = figures[k].data();
+    job.log = {rows, scans, columns.data(), columns.size()};
+  }
+  {
+    nb::gil_scoped_release release;
+    run_jobs(kernels(), runs.jobs, threads);
+  }
+  return logs;
 }
 
 using Counts = std::tuple<double, double, double, double>;
@@ -140,12 +187,19 @@ void bind_loop(nb::module_& m) {
         "state.");
   m.def("run_legs", &run_legs, nb::arg("sims"), nb::arg("laws"), nb::arg("legs"), nb::arg("zero_counts"),
         nb::arg("threads") = 1, nb::arg("compensations") = std::vector<Compensation<double>*>(),
-        "Every plant through its legs (plan, scans, scans to average at its end, mode, brake open), several "
-        "at once.\n"
-        "mode: 1 follows the plan, 0 (off) and 2 (quick stop) are commands to the drive.\n\n"
+        "Every plant through its legs (plan, scans, scans to average at its end, mode, brake open, scans of "
+        "the plan "
+        "that have passed, speeds to add), several at once.\n"
+        "mode: 1 follows the plan, 0 (off) and 2 (quick stop) are commands to the drive. Speeds to add, "
+        "rad/s at the motor: to the command of the law, one a scan and over again.\n\n"
         "laws, legs: one for all plants or one for each, with the same number of legs. Returns an array "
         "[plant, leg, LEG_COLUMNS]. Each plant has the bits that it has alone, whatever the threads and the "
         "instruction set.");
+  m.def("log_legs", &log_legs, nb::arg("sims"), nb::arg("laws"), nb::arg("legs"), nb::arg("zero_counts"),
+        nb::arg("columns"), nb::arg("threads") = 1,
+        nb::arg("compensations") = std::vector<Compensation<double>*>(),
+        "The same, keeping rows: an array [column, scan] per plant, its legs one after the other. columns: "
+        "numbers in LOG_COLUMNS. vel_cmd_rad_s is the command of the law, without what is added.");
   m.def("count_operations", &count_operations, nb::arg("sim"), nb::arg("law"), nb::arg("plan"),
         nb::arg("zero_counts"), nb::arg("scans"),
         "Additions, multiplications, divisions, and comparisons with choices per drive cycle, over a plan; "

@@ -12,13 +12,15 @@
 
 namespace gantry::GANTRY_ISA {
 
-// A plant, how it is controlled, where it goes, and where the figures of each leg are put.
+// A plant, how it is controlled, where it goes, where the figures of each leg are put, and the rows of all
+// legs one after the other. Either all jobs of a group have a log or none has; its columns are the same.
 struct Job {
   GantrySim<double>* sim;
   Control<double> control;
   const Leg* legs;
   std::size_t leg_count;
   LegResult<double>* results;
+  ColumnLog log = {};
 };
 
 // Plants that may share a pack: equal in every switch, timing and form of control. Threads draw from it.
@@ -54,9 +56,11 @@ class Batch {
   struct Lane {
     const Job* job = nullptr;  // none: what the lane computes is not used
     std::size_t leg = 0;
-    long scan = 0;  // of the leg
+    long scan = 0;        // of the leg
+    std::size_t row = 0;  // of the log
 
     const Leg& now() const { return job->legs[leg]; }
+    bool adding() const { return job != nullptr && !now().added_rad_s.empty(); }
     bool averaging() const { return job != nullptr && scan >= now().scans - now().average; }
   };
 
@@ -70,6 +74,7 @@ class Batch {
     timing_ = job.sim->timing();
     sim_.ring_encoder.fitted = job.sim->ring_encoder.fitted;
     sim_.encoder.spoilt = job.sim->encoder.spoilt;
+    kept_ = job.log;
     control_.compensation = nullptr;
     if (const Compensation<double>* c = job.control.compensation) {
       control_.compensation = &compensation_;
@@ -80,7 +85,7 @@ class Batch {
   }
 
   void load(int k, const Job& job) {
-    lanes_[k] = {&job, 0, 0};
+    lanes_[k] = {&job, 0, 0, 0};
     const GantrySim<double>& one = *job.sim;
     load_parameters(k, one);
     load_state(k, one);
@@ -210,6 +215,7 @@ class Batch {
     set_lane(off_, k, leg.mode == DriveMode::kOff);
     set_lane(quick_stop_, k, leg.mode == DriveMode::kQuickStop);
     set_lane(brake_open_, k, leg.brake_open);
+    set_lane(adds_, k, !leg.added_rad_s.empty());
   }
 
   // Scans until a lane ends its leg or begins to average; 0: no lane has work.
@@ -231,16 +237,24 @@ class Batch {
     for (int k = 0; k < kWidth; ++k) set_lane(averaging, k, lanes_[k].averaging());
     const bool together = same_plan();
     const bool all_follow = !any(negate(follows_));
+    bool adding = false;
+    for (const Lane& l : lanes_) adding = adding || l.adding();
     for (long n = 0; n < scans; ++n) {
       sample(together);
-      add(scan(all_follow), averaging);
-      for (Lane& l : lanes_) ++l.scan;
+      if (adding) sample_added();
+      const LogRow<T> row = scan(all_follow, adding);
+      if (kept_.data != nullptr) log(row);
+      add(row, averaging);
+      for (Lane& l : lanes_) {
+        ++l.scan;
+        ++l.row;
+      }
     }
     return true;
   }
 
-  LogRow<T> scan(bool all_follow) {
-    if (all_follow) return command(follow(sim_, control_, point_));
+  LogRow<T> scan(bool all_follow, bool adding) {
+    if (all_follow) return command(follow(sim_, control_, point_), adding);
     const CompensationState<T> before = compensation_.s;
     LogRow<T> row = follow(sim_, control_, point_);
     row.vel_ref_rad_s = select(follows_, row.vel_ref_rad_s, T(0.0));
@@ -252,14 +266,15 @@ class Batch {
     GANTRY_COMPENSATION_STATE(X)
 #undef X
     s.started = either(both(follows_, s.started), both(negate(follows_), before.started));
-    return command(row);
+    return command(row, adding);
   }
 
-  GANTRY_INLINE LogRow<T> command(const LogRow<T>& row) {
+  GANTRY_INLINE LogRow<T> command(const LogRow<T>& row, bool adding) {
     DriveCommand<T> drive;
     drive.off = off_;
     drive.quick_stop = quick_stop_;
     drive.vel_cmd_rad_s = row.vel_cmd_rad_s;
+    if (adding) drive.vel_cmd_rad_s = select(adds_, row.vel_cmd_rad_s + added_, row.vel_cmd_rad_s);
     drive.torque_ff_nm = row.torque_ff_nm;
     sim_.scan(drive, brake_open_);
     return row;
@@ -281,7 +296,8 @@ class Batch {
     for (int k = 0; k < kWidth; ++k) {
       const Lane& l = lanes_[k];
       if (l.job == nullptr) continue;
-      const SetPoint<double> r = l.now().plan.sample(static_cast<double>(l.scan) * timing_.scan_period_s);
+      const SetPoint<double> r =
+          l.now().plan.sample(static_cast<double>(l.now().passed + l.scan) * timing_.scan_period_s);
       if (together) {
         point_ = {T(r.pos), T(r.vel), T(r.acc)};
         return;
@@ -290,6 +306,25 @@ class Batch {
       set_lane(point_.vel, k, r.vel);
       set_lane(point_.acc, k, r.acc);
     }
+  }
+
+  // What is added to the speed commands of this scan.
+  void sample_added() {
+    for (int k = 0; k < kWidth; ++k) {
+      if (!lanes_[k].adding()) continue;
+      const std::vector<double>& added = lanes_[k].now().added_rad_s;
+      set_lane(added_, k, added[static_cast<std::size_t>(lanes_[k].scan) % added.size()]);
+    }
+  }
+
+  void log(const LogRow<T>& row) const {
+    const T* const values = &row.pos_ref_rad;
+    for (std::size_t c = 0; c < kept_.count; ++c)
+      for (int k = 0; k < kWidth; ++k) {
+        const Lane& l = lanes_[k];
+        if (l.job == nullptr) continue;
+        l.job->log.data[c * l.job->log.scans + l.row] = lane(values[kept_.columns[c]], k);
+      }
   }
 
   // Figures of the legs, on the fly: nothing grows with the duration.
@@ -368,6 +403,9 @@ class Batch {
   MaskOf<T> off_ = mask<T>(false);
   MaskOf<T> quick_stop_ = mask<T>(false);
   MaskOf<T> brake_open_ = mask<T>(true);
+  MaskOf<T> adds_ = mask<T>(false);
+  T added_ = T(0.0);
+  ColumnLog kept_;  // that of one of the plants, for the columns
 };
 
 }  // namespace gantry::GANTRY_ISA

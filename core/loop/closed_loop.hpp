@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "core/control/compensated_law.hpp"
 #include "core/control/position_law.hpp"
@@ -17,7 +18,8 @@ namespace gantry::GANTRY_ISA {
 #define GANTRY_LOG_COLUMNS(X)                                                                             \
   X(pos_ref_rad) X(vel_ref_rad_s) X(acc_ref_rad_s2) X(pos_act_rad) X(pos_err_rad) X(vel_cmd_rad_s)        \
   X(torque_act_nm) X(pos_load_rad) X(vel_load_rad_s) X(pos_motor_rad) X(vel_motor_rad_s) X(pos_base_rad)  \
-  X(vel_base_rad_s) X(torque_mesh_nm) X(counts) X(torque_limited) X(pos_ring_rad) X(torque_ff_nm)
+  X(vel_base_rad_s) X(torque_mesh_nm) X(counts) X(torque_limited) X(pos_ring_rad) X(torque_ff_nm)         \
+  X(vel_report_rad_s)
 
 // What is kept of a leg. mean_*: over its last scans; max_*: largest absolute value over the whole leg.
 // Speed and position errors at the gantry against the set-point: motor side vel_motor/i, load side vel_load. Under a
@@ -51,6 +53,8 @@ struct Leg {
   long average = 0;
   DriveMode mode = DriveMode::kSpeed;
   bool brake_open = true;
+  long passed = 0;                       // scans of the plan before the leg begins
+  std::vector<double> added_rad_s = {};  // to the speed command, scan by scan and over again; empty: nothing
 };
 
 // How one axis of a run is controlled; `compensation` may be null.
@@ -76,6 +80,7 @@ GANTRY_INLINE LogRow<T> state_row(const GantrySim<T>& sim) {
   row.torque_mesh_nm = sim.torque_mesh();
   row.torque_limited = select(sim.limited(), T(1.0), T(0.0));
   row.pos_ring_rad = sim.ring_reading();
+  row.vel_report_rad_s = sim.vel_report();
   return row;
 }
 
@@ -124,6 +129,14 @@ struct LogTable {
     GANTRY_LOG_COLUMNS(X)
 #undef X
   }
+};
+
+// The same for chosen columns, in the order of their numbers in `columns`; without memory nothing is kept.
+struct ColumnLog {
+  double* data = nullptr;
+  std::size_t scans = 0;
+  const int* columns = nullptr;
+  std::size_t count = 0;
 };
 
 // Runs one plan for as many scans as the table is long.

@@ -12,6 +12,9 @@ namespace {
 
 constexpr double kAcc = 0.0069;
 
+// Columns that are logged, not in their order: speed report, torque, load, set-point, command of the law.
+const std::vector<int> kLogged = {18, 6, 7, 0, 5};
+
 // Plants as different as a population may be: in switches, scheme, delay, encoders, brakes and control.
 struct Population {
   std::vector<GantrySim<double>> sims;
@@ -19,6 +22,7 @@ struct Population {
   std::vector<Control<double>> controls;
   std::vector<std::vector<Leg>> legs;
   std::vector<std::vector<LegResult<double>>> results;
+  std::vector<std::vector<double>> logs;  // per plant, one chosen column after the other
 
   explicit Population(std::size_t plants) {
     std::mt19937 random(21);
@@ -43,6 +47,7 @@ struct Population {
       const double zero = std::round(sims[k].counts(example::kFineCount) - 100.0 * static_cast<double>(k));
       controls.push_back({law, zero, k % 3 == 1 ? &compensations[k] : nullptr, 0.1 * static_cast<double>(k)});
       results.emplace_back(legs[k].size());
+      logs.emplace_back(kLogged.size() * scans_of(k));
     }
   }
 
@@ -74,13 +79,23 @@ struct Population {
     p.damping_slow = 1e-3;
   }
 
-  // Other plans and other lengths for every plant: the lanes of a pack never end together.
+  // Other plans and other lengths for every plant: the lanes of a pack never end together. Some go on with a
+  // plan that has begun, and some have a signal on their command.
   static std::vector<Leg> legs_of(double k, long scans) {
     const double from = 0.1 * k;
-    return {{example::triangle(from, 0.0002 + 1e-5 * k, kAcc), 80 + 3 * scans, 20},
-            {example::triangle(from + 0.0002, -0.0003, kAcc), 60 + scans % 4, 1},
-            stop(from, scans),
-            {example::triangle(from, 0.0, kAcc), 5, 5}};
+    std::vector<Leg> all = {{example::triangle(from, 0.0002 + 1e-5 * k, kAcc), 80 + 3 * scans, 20},
+                            {example::triangle(from + 0.0002, -0.0003, kAcc), 60 + scans % 4, 1},
+                            stop(from, scans),
+                            {example::triangle(from, 0.0, kAcc), 5, 5}};
+    all[0].passed = scans % 5;
+    if (scans % 3 == 0) all[1].added_rad_s = {3.0, -2.0, 1.0 + k};
+    return all;
+  }
+
+  std::size_t scans_of(std::size_t k) const {
+    std::size_t all = 0;
+    for (const Leg& leg : legs[k]) all += static_cast<std::size_t>(leg.scans);
+    return all;
   }
 
   static Leg stop(double from, long scans) {
@@ -88,27 +103,36 @@ struct Population {
     return {example::triangle(from, 1e-5, kAcc), 190 + scans % 7, 3, modes[scans % 3], scans % 3 < 2};
   }
 
-  std::vector<Job> jobs() {
+  std::vector<Job> jobs(bool logging = true) {
     std::vector<Job> all;
     for (std::size_t k = 0; k < sims.size(); ++k)
       all.push_back({&sims[k], controls[k], legs[k].data(), legs[k].size(), results[k].data()});
+    if (logging)
+      for (std::size_t k = 0; k < sims.size(); ++k)
+        all[k].log = {logs[k].data(), scans_of(k), kLogged.data(), kLogged.size()};
     return all;
   }
 
   // The same by hand: one plant after the other, scan after scan, in the baseline.
   void run_alone() {
-    for (std::size_t k = 0; k < sims.size(); ++k)
+    for (std::size_t k = 0; k < sims.size(); ++k) {
+      std::vector<LogRow<double>> rows;
       for (std::size_t leg = 0; leg < legs[k].size(); ++leg)
-        results[k][leg] = run_leg(sims[k], controls[k], legs[k][leg]);
+        results[k][leg] = run_leg(sims[k], controls[k], legs[k][leg], rows);
+      for (std::size_t c = 0; c < kLogged.size(); ++c)
+        for (std::size_t n = 0; n < rows.size(); ++n)
+          logs[k][c * rows.size() + n] = (&rows[n].pos_ref_rad)[kLogged[c]];
+    }
   }
 
-  static LegResult<double> run_leg(GantrySim<double>& sim, const Control<double>& control, const Leg& leg) {
+  static LegResult<double> run_leg(GantrySim<double>& sim, const Control<double>& control, const Leg& leg,
+                                   std::vector<LogRow<double>>& rows) {
     LegResult<double> r;
     const double start_motor = sim.x.pos_motor, start_load = sim.x.pos_load;
     const auto largest = [](double& so_far, double x) { so_far = std::max(so_far, std::fabs(x)); };
     for (long k = 0; k < leg.scans; ++k) {
       const bool follows = leg.mode == DriveMode::kSpeed;
-      const auto point = leg.plan.sample(static_cast<double>(k) * sim.scan_period_s());
+      const auto point = leg.plan.sample(static_cast<double>(leg.passed + k) * sim.scan_period_s());
       const Compensation<double> before =
           control.compensation != nullptr ? *control.compensation : Compensation<double>();
       LogRow<double> row = follow(sim, control, point);
@@ -117,7 +141,11 @@ struct Population {
         row.pos_ref_rad = row.pos_load_rad;
         if (control.compensation != nullptr) *control.compensation = before;
       }
-      sim.scan({leg.mode, row.vel_cmd_rad_s, row.torque_ff_nm}, leg.brake_open);
+      rows.push_back(row);
+      double command = row.vel_cmd_rad_s;
+      if (!leg.added_rad_s.empty())
+        command += leg.added_rad_s[static_cast<std::size_t>(k) % leg.added_rad_s.size()];
+      sim.scan({leg.mode, command, row.torque_ff_nm}, leg.brake_open);
       largest(r.max_travel_motor_rad, (row.pos_motor_rad - start_motor) / control.law.ratio);
       largest(r.max_travel_load_rad, row.pos_load_rad - start_load);
       largest(r.max_vel_err_motor_rad_s, row.vel_motor_rad_s / control.law.ratio - row.vel_ref_rad_s);
@@ -143,9 +171,11 @@ void expect_bits(double a, double b, const char* name, std::size_t plant) {
   EXPECT_EQ(std::memcmp(&a, &b, sizeof a), 0) << name << ", plant " << plant << ": " << a << " " << b;
 }
 
-// Figures and everything that a plant goes on from.
+// Figures, rows and everything that a plant goes on from.
 void expect_same(const Population& a, const Population& b) {
   for (std::size_t k = 0; k < a.sims.size(); ++k) {
+    EXPECT_EQ(std::memcmp(a.logs[k].data(), b.logs[k].data(), a.logs[k].size() * sizeof(double)), 0)
+        << "log, plant " << k;
     for (std::size_t leg = 0; leg < a.legs[k].size(); ++leg) {
 #define X(name) expect_bits(a.results[k][leg].name, b.results[k][leg].name, #name, k);
       GANTRY_LEG_COLUMNS(X)
@@ -182,6 +212,14 @@ TEST(RunJobs, gives_every_plant_the_bits_that_it_has_alone) {
       run_jobs(*kernels, batch.jobs(), threads);
       expect_same(alone, batch);
     }
+}
+
+TEST(RunJobs, has_the_same_figures_without_a_log) {
+  Population with(19), without(19);
+  run_jobs(kernels(), with.jobs(), 2);
+  run_jobs(kernels(), without.jobs(false), 2);
+  for (std::size_t k = 0; k < with.sims.size(); ++k) without.logs[k] = with.logs[k];
+  expect_same(with, without);
 }
 
 TEST(RunJobs, takes_any_number_of_plants) {

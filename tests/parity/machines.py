@@ -105,7 +105,7 @@ def scan_by_scan(run: Run, plan: _core.Segments, scans: int, first: int = 0) -> 
     out = np.empty((len(_core.LOG_COLUMNS), scans))
     for k in range(scans):
         pos, vel, acc = plan.sample((first + k) * period)
-        counts, _, torque, brake_open, limited, *_ = run.sim.feedback(run.law.rad_per_count)
+        counts, speed, torque, brake_open, limited, *_ = run.sim.feedback(run.law.rad_per_count)
         counts -= run.zero_counts
         command, actual, error = run.law.scan(pos, vel, counts)
         load, vel_load, motor, vel_motor, base, vel_base, mesh = run.sim.truth()
@@ -115,7 +115,7 @@ def scan_by_scan(run: Run, plan: _core.Segments, scans: int, first: int = 0) -> 
             "pos_err_rad": error, "vel_cmd_rad_s": command, "torque_act_nm": torque, "pos_load_rad": load,
             "vel_load_rad_s": vel_load, "pos_motor_rad": motor, "vel_motor_rad_s": vel_motor,
             "pos_base_rad": base, "vel_base_rad_s": vel_base, "torque_mesh_nm": mesh, "counts": counts,
-            "torque_limited": float(limited), "pos_ring_rad": 0.0, "torque_ff_nm": 0.0,
+            "torque_limited": float(limited), "pos_ring_rad": 0.0, "torque_ff_nm": 0.0, "vel_report_rad_s": speed,
         }  # fmt: skip
         out[:, k] = [row[name] for name in _core.LOG_COLUMNS]
         run.sim.scan(1, command, 0.0, True)

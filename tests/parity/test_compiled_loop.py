@@ -36,7 +36,7 @@ def test_legs_are_the_figures_of_the_compiled_loop(
 ) -> None:
     logged, summed = standing(machine, plan.sample(0.0)[0]), standing(machine, plan.sample(0.0)[0])
     result = _core.run_legs(
-        [summed.sim], [summed.law], [[(plan, SCANS, average, 1, True)]], [summed.zero_counts], 1
+        [summed.sim], [summed.law], [[(plan, SCANS, average, 1, True, 0, [])]], [summed.zero_counts], 1
     )
     figures = leg_figures(compiled(logged, plan, SCANS), logged.law, average)
     assert dict(zip(_core.LEG_COLUMNS, result[0, 0].tolist(), strict=True)) == figures
@@ -52,7 +52,7 @@ def test_the_number_of_threads_changes_nothing(plants: list[Machine], legs: list
 
     def run(threads: int) -> np.ndarray:
         runs = [standing(m, legs[0].sample(0.0)[0]) for m in plants]
-        native = [(plan, SCANS, 10, 1, True) for plan in legs]
+        native = [(plan, SCANS, 10, 1, True, 0, []) for plan in legs]
         return _core.run_legs([r.sim for r in runs], [law], [native], [r.zero_counts for r in runs], threads)
 
     one = run(1)
@@ -154,7 +154,7 @@ def test_one_plant_twice_in_a_batch_is_refused() -> None:
     run = standing(default_machine(), 0.0)
     plan = _core.Segments([], [], [], [], [], 0.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="twice"):
-        _core.run_legs([run.sim, run.sim], [run.law], [[(plan, 5, 1, 1, True)]], [0.0, 0.0], 2)
+        _core.run_legs([run.sim, run.sim], [run.law], [[(plan, 5, 1, 1, True, 0, [])]], [0.0, 0.0], 2)
 
 
 def test_a_run_in_pieces_is_the_run_in_one_piece() -> None:

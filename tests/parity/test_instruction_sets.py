@@ -8,12 +8,12 @@ import sys
 
 from gantryctl import _core
 
-# A batch of plants that differ, one logged run and one scan from outside: the digest of every byte.
+# A batch of plants that differ, their logs, one logged run and one scan from outside: the digest of every byte.
 _JOB = """
 import hashlib
 import numpy as np
 from gantryctl import _core
-from gantryctl.engineering.batch import ClosedLoop, Leg, run_legs
+from gantryctl.engineering.batch import ClosedLoop, Leg, log_legs, run_legs
 from gantryctl.machine import default_machine, with_values
 from gantryctl.motion import SetPoint, hold, plan_move
 from gantryctl.wiring.program import motion_limits, position_law
@@ -30,8 +30,9 @@ legs = [
 ]
 figures = run_legs(loops, legs, 2)
 log = loops[0].run(hold(0.0), 0.3)
+rows = log_legs(loops, [Leg(hold(0.0), 0.2, added_rad_s=[1.0, -2.0])], _core.LOG_COLUMNS)
 loops[0].sim.scan(1, 5.0, 0.0, True)
-columns = [*figures[0], *(log[name] for name in log.columns), np.array(loops[0].sim.truth())]
+columns = [*figures[0], *(each[name] for each in (log, *rows) for name in each.columns), np.array(loops[0].sim.truth())]
 print(_core.isa(), hashlib.sha256(b"".join(np.ascontiguousarray(c).tobytes() for c in columns)).hexdigest())
 """
 

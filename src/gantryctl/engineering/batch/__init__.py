@@ -4,6 +4,20 @@ The same compiled laws and physics as the scan engine runs one by one, so the sa
 """
 
 from gantryctl.engineering.batch.base_motion import base_motion_rad
-from gantryctl.engineering.batch.loop import ClosedLoop, Leg, LegStatistics, Log, run_legs
+from gantryctl.engineering.batch.lockstep import Runner, alone, expected, in_lockstep
+from gantryctl.engineering.batch.loop import ClosedLoop, Leg, LegStatistics, Log, log_legs, run_legs, scans
 
-__all__ = ["ClosedLoop", "Leg", "LegStatistics", "Log", "base_motion_rad", "run_legs"]
+__all__ = [
+    "ClosedLoop",
+    "Leg",
+    "LegStatistics",
+    "Log",
+    "Runner",
+    "alone",
+    "base_motion_rad",
+    "expected",
+    "in_lockstep",
+    "log_legs",
+    "run_legs",
+    "scans",
+]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,12 @@ Floats = NDArray[np.float64]
 
 
 class Log:
-    """Record of a run, one array per column of `_core.LOG_COLUMNS`; row k is the state at t = k x period."""
+    """Record of a run, one array per column, of `_core.LOG_COLUMNS`; row k is the state at t = k x period."""
 
-    def __init__(self, values: Floats, period_s: float) -> None:
+    def __init__(self, values: Floats, period_s: float, columns: Sequence[str] = _core.LOG_COLUMNS) -> None:
         self._values = values
         self.period_s = period_s
-        self.columns: tuple[str, ...] = tuple(_core.LOG_COLUMNS)
+        self.columns: tuple[str, ...] = tuple(columns)
 
     def __getitem__(self, column: str) -> Floats:
         values: Floats = self._values[self.columns.index(column)]
@@ -100,14 +100,19 @@ class Leg(NamedTuple):
     """A stretch of a run: the plan, how long, and over how much of its end the readings are averaged.
 
     Attributes:
+        average_s: rounded up to whole scans, one at least.
         mode: 1 follows the plan; 0 (off) and 2 (quick stop) are commands to the drive, and nobody follows it.
+        passed_scans: scans of the plan before the leg begins.
+        added_rad_s: added to the speed command of the law, motor side, one value a scan and over again.
     """
 
     plan: _core.Segments
     duration_s: float
-    average_s: float
+    average_s: float = 0.0
     mode: int = 1
     brake_open: bool = True
+    passed_scans: int = 0
+    added_rad_s: Sequence[float] = ()
 
 
 class LegStatistics(NamedTuple):
@@ -138,19 +143,46 @@ def run_legs(
         legs: the same for all plants, or one list for each with the same number of legs.
         threads: has no effect on the result. Each plant has the bits that it has alone.
     """
-    native = [
-        [_native(leg, loop.sim.scan_period_s) for leg in own]
-        for own, loop in zip(_per_plant(legs), loops, strict=False)
-    ]
-    result = _core.run_legs(
+    result = _core.run_legs(*_native(loops, legs), threads, _compensations(loops))
+    return [LegStatistics(*result[:, k, :].T) for k in range(result.shape[1])]
+
+
+def log_legs(
+    loops: Sequence[ClosedLoop],
+    legs: Sequence[Leg] | Sequence[Sequence[Leg]],
+    columns: Sequence[str],
+    threads: int = 1,
+) -> list[Log]:
+    """The same, but what is kept are rows: one log per plant, its legs one after the other.
+
+    Args:
+        columns: of `_core.LOG_COLUMNS`. A scan takes 8 bytes a plant and column. Speed commands are those of the law.
+    """
+    numbers = [_core.LOG_COLUMNS.index(column) for column in columns]
+    kept = _core.log_legs(*_native(loops, legs), numbers, threads, _compensations(loops))
+    return [Log(values, loop.sim.scan_period_s, columns) for values, loop in zip(kept, loops, strict=True)]
+
+
+_NativeLeg: TypeAlias = "tuple[_core.Segments, int, int, int, bool, int, Sequence[float]]"
+
+
+def _native(
+    loops: Sequence[ClosedLoop], legs: Sequence[Leg] | Sequence[Sequence[Leg]]
+) -> tuple[list[_core.GantrySim], list[_core.PositionLaw], list[list[_NativeLeg]], list[float]]:
+    """Plants, laws, legs and zeros as the compiled functions take them."""
+    return (
         [loop.sim for loop in loops],
         [loop.law for loop in loops],
-        native,
+        [
+            [_native_leg(leg, loop.sim.scan_period_s) for leg in own]
+            for own, loop in zip(_per_plant(legs), loops, strict=False)
+        ],
         [loop.zero_counts for loop in loops],
-        threads,
-        [loop.compensation for loop in loops if loop.compensation is not None],
     )
-    return [LegStatistics(*result[:, k, :].T) for k in range(result.shape[1])]
+
+
+def _compensations(loops: Sequence[ClosedLoop]) -> list[_core.Compensation]:
+    return [loop.compensation for loop in loops if loop.compensation is not None]
 
 
 def _per_plant(legs: Sequence[Leg] | Sequence[Sequence[Leg]]) -> list[list[Leg]]:
@@ -159,9 +191,9 @@ def _per_plant(legs: Sequence[Leg] | Sequence[Sequence[Leg]]) -> list[list[Leg]]
     return [alike] if alike else [list(own) for own in legs if not isinstance(own, Leg)]
 
 
-def _native(leg: Leg, period_s: float) -> tuple[_core.Segments, int, int, int, bool]:
+def _native_leg(leg: Leg, period_s: float) -> _NativeLeg:
     duration, average = scans(leg.duration_s, period_s), scans(leg.average_s, period_s)
-    return leg.plan, duration, average, leg.mode, leg.brake_open
+    return leg.plan, duration, average, leg.mode, leg.brake_open, leg.passed_scans, leg.added_rad_s
 
 
 def scans(duration_s: float, period_s: float) -> int:

@@ -9,6 +9,7 @@ from typing import ClassVar, Final
 import numpy as np
 
 from gantryctl.engineering.accuracy.procedure.on_batch import random_gear
+from gantryctl.engineering.batch import expected
 from gantryctl.engineering.comparison.key_figures import (
     KEY_FIGURES,
     KeyFigures,
@@ -17,11 +18,11 @@ from gantryctl.engineering.comparison.key_figures import (
     measure_key_figures,
 )
 from gantryctl.engineering.comparison.variants import without_load_encoder
-from gantryctl.engineering.identification import SimulatedAxis, calibrate
+from gantryctl.engineering.identification import calibrate_each
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, effective_values, with_values
+from gantryctl.machine import Calibration, Machine, effective_values, with_values
 
 SPREAD: Final = 0.2
 QUANTILES: Final = (0.05, 0.5, 0.95)
@@ -108,22 +109,23 @@ class EnsembleJob:
     improved: Machine
     seed: int
 
-    # Each has up to three controls: plants that go through the compiled core side by side.
-    pack: ClassVar[int] = 8
+    # Each control is computed of all plants side by side: two packs of the widest instruction set.
+    pack: ClassVar[int] = 16
 
     def rows(self, first: int, count: int) -> Rows:
         """Columns of `key_columns`, by the name of the control."""
         seeds = [self.seed + 1 + row for row in range(first, first + count)]
-        plants = [self._controls(seed) for seed in seeds]
+        own = [random_plant(self.improved, seed) for seed in seeds]
+        # Each plant is identified anew: compensations know only what was measured (decision 0010).
+        calibrations = expected(calibrate_each(own, seeds))
+        plants = [self._controls(*each) for each in zip(seeds, own, calibrations, strict=True)]
         names = list(plants[0])
         machines = [plant[name] for name in names for plant in plants]
         figures = measure_key_figures(machines, seeds * len(names))
         return key_columns({name: figures[k * count : (k + 1) * count] for k, name in enumerate(names)})
 
-    def _controls(self, seed: int) -> dict[str, Machine]:
-        own = random_plant(self.improved, seed)
-        # Each plant is identified anew: compensations know only what was measured (decision 0010).
-        own = own.calibrated(calibrate(SimulatedAxis(own, seed=seed)))
+    def _controls(self, seed: int, plant: Machine, calibration: Calibration) -> dict[str, Machine]:
+        own = plant.calibrated(calibration)
         controls = {self.paper.name: random_plant(self.paper, seed)}
         if self.improved.control.compensation.load_encoder.active:
             controls["without the load encoder"] = without_load_encoder(own)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,7 +14,16 @@ from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
-from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
+from gantryctl.engineering.batch import (
+    ClosedLoop,
+    Leg,
+    Log,
+    Runner,
+    base_motion_rad,
+    expected,
+    in_lockstep,
+    scans,
+)
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.machine import Machine
 from gantryctl.machine.places import fitted_stretch_deg
@@ -27,6 +37,9 @@ REST_S: Final = 1.0
 SETTLE_S: Final = 6.0
 SETTLED_DEG: Final = 0.001
 _RESIDUAL_S: Final = (0.2, 2.2)
+_COLUMNS: Final = (
+    "pos_load_rad", "vel_ref_rad_s", "pos_base_rad", "vel_load_rad_s", "vel_motor_rad_s", "torque_mesh_nm",
+)  # fmt: skip
 
 
 class MoveFigures(NamedTuple):
@@ -104,13 +117,17 @@ HALF_DEG: Final = (-90.0, 90.0)
 
 def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> list[KeyFigures]:
     """Run everything on every machine; its seed draws the tracker's noise."""
-    chords = zip(*(chord_figures(machines, name, seeds) for name in "AB"), strict=True)
-    return [_key_figures(machine, *found) for machine, found in zip(machines, chords, strict=True)]
+    chords = (chord_figures(machines, name, seeds) for name in "AB")
+    moves = (
+        expected(moves_figures([Move(each, *fitted_stretch_deg(each, *ends)) for each in machines]))
+        for ends in (QUARTER_DEG, HALF_DEG)
+    )
+    return [_key_figures(*found) for found in zip(*chords, *moves, strict=True)]
 
 
-def _key_figures(machine: Machine, chord_a: ChordFigures, chord_b: ChordFigures) -> KeyFigures:
-    quarter = move_figures(machine, *fitted_stretch_deg(machine, *QUARTER_DEG))
-    half = move_figures(machine, *fitted_stretch_deg(machine, *HALF_DEG))
+def _key_figures(
+    chord_a: ChordFigures, chord_b: ChordFigures, quarter: MoveFigures, half: MoveFigures
+) -> KeyFigures:
     (true_a, seen_a), (true_b, seen_b) = chord_a, chord_b
     return KeyFigures(
         a_true_a=true_a,
@@ -178,34 +195,48 @@ def chord_figures(machines: Sequence[Machine], name: str, seeds: Sequence[int]) 
 
 def move_figures(machine: Machine, from_deg: float, to_deg: float) -> MoveFigures:
     """One move with the highest speed setting: 1 s rest, the move, 6 s rest."""
+    return expected(moves_figures([Move(machine, from_deg, to_deg)]))[0]
+
+
+class Move(NamedTuple):
+    """A machine, and from where to where it moves."""
+
+    machine: Machine
+    from_deg: float
+    to_deg: float
+
+
+def moves_figures(moves: Sequence[Move]) -> list[MoveFigures | Exception]:
+    """The same of several machines; an exception where one cannot be computed."""
+    return in_lockstep([partial(_run_move, move) for move in moves])
+
+
+def _run_move(move: Move, run: Runner) -> MoveFigures:
+    machine, from_deg, to_deg = move
     start = rad(from_deg)
     loop = ClosedLoop.standing_at(gantry_sim(machine), position_law(machine), start, compensation(machine))
     plan = plan_move(SetPoint(start, 0.0, 0.0), rad(to_deg), motion_limits(machine))
-    before = loop.run(hold(start), REST_S)
-    log = loop.run(plan, plan.duration + loop.sim.scan_period_s + SETTLE_S)
-    return _evaluate(machine, (before, log), plan.duration)
+    legs = (Leg(hold(start), REST_S), Leg(plan, plan.duration + loop.sim.scan_period_s + SETTLE_S))
+    return _evaluate(machine, run(loop, legs, _COLUMNS), plan.duration)
 
 
-def _evaluate(machine: Machine, logs: tuple[Log, Log], duration_s: float) -> MoveFigures:
-    column = {name: np.concatenate([log[name] for log in logs]) for name in logs[0].columns}
-    period_s = logs[0].period_s
-    end = len(logs[0]) + math.ceil(duration_s / period_s) + 1
-    load, ref = column["pos_load_rad"], column["vel_ref_rad_s"]
-    base = (
-        base_motion_rad(machine, column["pos_base_rad"], load) * machine.plant.gear_error.ring_radius_m * 1e6
-    )
+def _evaluate(machine: Machine, log: Log, duration_s: float) -> MoveFigures:
+    period_s = log.period_s
+    end = scans(REST_S, period_s) + math.ceil(duration_s / period_s) + 1
+    load, ref = log["pos_load_rad"], log["vel_ref_rad_s"]
+    base = base_motion_rad(machine, log["pos_base_rad"], load) * machine.plant.gear_error.ring_radius_m * 1e6
     # The first mode is at 2 Hz: two seconds hold four of its periods.
     first, last = (end + round(t / period_s) for t in _RESIDUAL_S)
     # Lost motion leaves the load beside the set-point: it settles to its own mean.
     final = float(np.mean(load[-round(1.0 / period_s) :]))
     outside = np.flatnonzero(np.abs(load[end:] - final) > rad(SETTLED_DEG))
-    motor = column["vel_motor_rad_s"] / machine.axis.ratio
+    motor = log["vel_motor_rad_s"] / machine.axis.ratio
     return MoveFigures(
         time_s=duration_s,
-        load_error_deg_s=math.degrees(float(np.max(np.abs(column["vel_load_rad_s"] - ref)))),
+        load_error_deg_s=math.degrees(float(np.max(np.abs(log["vel_load_rad_s"] - ref)))),
         motor_error_deg_s=math.degrees(float(np.max(np.abs(motor - ref)))),
         base_um=float(np.ptp(base)),
         residual_um=float(np.ptp(base[first:last])),
         settling_s=float(outside[-1] + 1) * period_s if len(outside) else 0.0,
-        reducer_knm=float(np.max(np.abs(column["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
+        reducer_knm=float(np.max(np.abs(log["torque_mesh_nm"]))) / machine.axis.ring_ratio / 1e3,
     )

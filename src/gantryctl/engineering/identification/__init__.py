@@ -6,7 +6,7 @@ with all compensations off; the truth of a simulated plant is read only to say h
 
 from gantryctl.engineering.identification.fit import CalibrationFit, calibrate, calibration_of, fit
 from gantryctl.engineering.identification.measure import AxisUnderTest, record
-from gantryctl.engineering.identification.on_batch import LoadInstrument, SimulatedAxis
+from gantryctl.engineering.identification.on_batch import LoadInstrument, SimulatedAxis, calibrate_each
 from gantryctl.engineering.identification.on_engine import EngineAxis
 from gantryctl.engineering.identification.truth import Comparison, comparisons
 
@@ -18,6 +18,7 @@ __all__ = [
     "LoadInstrument",
     "SimulatedAxis",
     "calibrate",
+    "calibrate_each",
     "calibration_of",
     "comparisons",
     "fit",

@@ -141,7 +141,7 @@ def _fit_turns(turns: Samples, mesh: Sequence[float]) -> tuple[Floats, Floats, F
     """Mean map, reversal map and mesh waves, with the rms of what is left."""
     at, lead = turns.act_rad, turns.act_rad - turns.load_rad
     mean = harmonics_of(at, MAP_HARMONICS)
-    turned = harmonics_of(at, REVERSAL_HARMONICS) * turns.direction[:, np.newaxis]
+    turned = mean[:, : 2 * REVERSAL_HARMONICS + 1] * turns.direction[:, np.newaxis]
     columns = np.column_stack([mean, turned, waves_of(at, mesh)])
     x = _solve(columns, lead)
     left = lead - columns @ x

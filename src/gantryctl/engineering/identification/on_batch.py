@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import Enum
+from functools import partial
 from typing import Final
 
 import numpy as np
 
-from gantryctl.engineering.analysis.measured.probe import Probe, ProbeLimits
+from gantryctl.engineering.analysis.measured.compiled_probe import CompiledProbe
+from gantryctl.engineering.analysis.measured.probe import ProbeLimits
 from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop, measured_speed_loop
-from gantryctl.engineering.batch import ClosedLoop
+from gantryctl.engineering.batch import ClosedLoop, Leg, Runner, alone, in_lockstep
+from gantryctl.engineering.identification.fit import calibrate
 from gantryctl.engineering.identification.measure import TURN_DEG_S, quiet_machine
 from gantryctl.engineering.identification.samples import MoveLog
-from gantryctl.machine import Machine
+from gantryctl.machine import Calibration, Machine
 from gantryctl.motion import MotionLimits, SetPoint, plan_move
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import motion_limits, position_law
@@ -21,6 +25,9 @@ from gantryctl.wiring.simulator import fit_load_encoder, gantry_sim, sim_drive
 _SETTLE_S: Final = 3.0
 _BLOCK_S: Final = 0.040
 _TORQUE_LIMIT_SHARE: Final = 0.5
+_COLUMNS: Final = (
+    "pos_act_rad", "pos_load_rad", "pos_ring_rad", "vel_ref_rad_s", "acc_ref_rad_s2", "torque_act_nm",
+)  # fmt: skip
 
 
 class LoadInstrument(Enum):
@@ -37,12 +44,17 @@ class SimulatedAxis:
 
     Args:
         seed: of the instrument's noise.
+        run: moves the plant; no effect on the result.
     """
 
     def __init__(
-        self, machine: Machine, instrument: LoadInstrument = LoadInstrument.TRACKER, seed: int = 0
+        self,
+        machine: Machine,
+        instrument: LoadInstrument = LoadInstrument.TRACKER,
+        seed: int = 0,
+        run: Runner = alone,
     ) -> None:
-        self.machine, self._quiet = machine, quiet_machine(machine)
+        self.machine, self._quiet, self._run = machine, quiet_machine(machine), run
         sim = gantry_sim(machine)
         self._by_ring = instrument is LoadInstrument.LOAD_ENCODER
         if self._by_ring:
@@ -65,7 +77,7 @@ class SimulatedAxis:
         plan = plan_move(SetPoint(self._pos_rad, 0.0, 0.0), rad(to_deg), limits)
         self._pos_rad = rad(to_deg)
         self.time_s += plan.duration + _SETTLE_S
-        log = self._loop.run(plan, plan.duration + _SETTLE_S)
+        log = self._run(self._loop, [Leg(plan, plan.duration + _SETTLE_S)], _COLUMNS)
         ring, vel = log["pos_ring_rad"], log["vel_ref_rad_s"]
         seen = log["pos_load_rad"] + self._rng.normal(0.0, self._sigma_rad, len(log))
         return MoveLog(
@@ -88,13 +100,20 @@ class SimulatedAxis:
             pos_max_rad=rad(machine.axis.pos_max_deg),
             motion=motion_limits(self._quiet),
         )
-        probe = Probe(
-            sim_drive(machine, deg(self._pos_rad)),
-            position_law(machine),
-            machine.control.scan_period_ms * 1e-3,
-            limits,
-            self._pos_rad,
-        )
-        probe.enable()
+        drive = sim_drive(machine, deg(self._pos_rad))
+        probe = CompiledProbe(drive, position_law(machine), limits, self._pos_rad, self._run)
         probe.turn(rad(TURN_DEG_S))
         return measured_speed_loop(probe, torque_nm)
+
+
+def calibrate_each(machines: Sequence[Machine], seeds: Sequence[int]) -> list[Calibration | Exception]:
+    """Calibrations of simulated machines, each identified by itself; an exception where one cannot be.
+
+    Args:
+        seeds: of the noise of each tracker.
+    """
+    return in_lockstep([partial(_calibrated, *each) for each in zip(machines, seeds, strict=True)])
+
+
+def _calibrated(machine: Machine, seed: int, run: Runner) -> Calibration:
+    return calibrate(SimulatedAxis(machine, seed=seed, run=run))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -58,10 +59,21 @@ class Samples:
     acc_rad_s2: Floats
     torque_nm: Floats
 
-    @property
+    # Kept: fits evaluate their model of the samples again and again.
+    @cached_property
     def direction(self) -> Floats:
         """+1 or -1."""
         return np.sign(self.vel_rad_s)
+
+    @cached_property
+    def sine(self) -> Floats:
+        """Of the angle by the motor encoder."""
+        return np.asarray(np.sin(self.act_rad))
+
+    @cached_property
+    def cosine(self) -> Floats:
+        """Of the angle by the motor encoder."""
+        return np.asarray(np.cos(self.act_rad))
 
     def where(self, chosen: NDArray[np.bool_]) -> Samples:
         """These samples only."""

@@ -48,10 +48,10 @@ class TorqueBalance(NamedTuple):
 
     def mesh_torque_nm(self, samples: Samples, *, accelerating: bool = True) -> Floats:
         """Torque in the mesh; `accelerating`: with what the acceleration asks for."""
-        at, acc = samples.act_rad, samples.acc_rad_s2 if accelerating else 0.0
+        acc = samples.acc_rad_s2 if accelerating else 0.0
         return np.asarray(
-            self.moment_sine_nm * np.sin(at)
-            + self.moment_cosine_nm * np.cos(at)
+            self.moment_sine_nm * samples.sine
+            + self.moment_cosine_nm * samples.cosine
             + samples.direction * self.friction_load_side_nm
             + self.viscous_nm_s_per_rad * samples.vel_rad_s
             + self.inertia_load_kg_m2 * acc

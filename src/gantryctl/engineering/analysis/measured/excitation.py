@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -40,12 +41,20 @@ class Excitation:
 
     def period(self, scan_s: float) -> FloatArray:
         """One period, one value per scan."""
-        n = round(self.period_s / scan_s)
-        angle = 2.0 * math.pi / n * np.arange(n, dtype=np.float64)
-        total = np.zeros(n)
-        for line, weight, phase in zip(self.lines, self.weights, self.phases_rad, strict=True):
-            total += weight * np.sin(line * angle + phase)
+        total = _sum_of_sines(round(self.period_s / scan_s), self.lines, self.weights, self.phases_rad)
         return np.asarray(self.amplitude * total)
+
+
+# Of one signal at several amplitudes.
+@lru_cache(maxsize=16)
+def _sum_of_sines(
+    n: int, lines: tuple[int, ...], weights: tuple[float, ...], phases_rad: tuple[float, ...]
+) -> FloatArray:
+    angle = 2.0 * math.pi / n * np.arange(n, dtype=np.float64)
+    total = np.zeros(n)
+    for line, weight, phase in zip(lines, weights, phases_rad, strict=True):
+        total += weight * np.sin(line * angle + phase)
+    return total
 
 
 def multisine(

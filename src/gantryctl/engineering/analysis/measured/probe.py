@@ -24,7 +24,7 @@ from gantryctl.ports import Drive
 from gantryctl.units import deg
 
 _ENABLE_S: Final = 5.0
-_CALM_S: Final = 3.0
+CALM_S: Final = 3.0
 # Begins with a fiftieth and grows at most tenfold a trial: torque never jumps on an axis whose plant is not
 # known.
 _FIRST_SHARE: Final = 0.02
@@ -79,6 +79,17 @@ class ProbeLimits:
     pos_max_rad: float
     motion: MotionLimits
 
+    def violation(self, torque_nm: float, angle_rad: float) -> str:
+        """What is beyond its limit, with both values; "" for nothing."""
+        if not abs(torque_nm) <= self.torque_nm:
+            return f"the torque is {torque_nm:.1f} N m, permitted +-{self.torque_nm:.1f} N m"
+        if not self.pos_min_rad <= angle_rad <= self.pos_max_rad:
+            return (
+                f"the angle is {deg(angle_rad):.2f} deg, permitted {deg(self.pos_min_rad):.2f}.."
+                f"{deg(self.pos_max_rad):.2f} deg"
+            )
+        return ""
+
 
 class FrequencyResponse(NamedTuple):
     """Measured frequency response, one value per line.
@@ -121,7 +132,7 @@ class Probe:
         self.scan_s = scan_s
         self.limits = limits
         # The law's zero is where the axis stands now: enabling makes no step.
-        self._zero_counts = drive.read().pos_act_counts - law.ratio * angle_rad / law.rad_per_count
+        self.zero_counts = drive.read().pos_act_counts - law.ratio * angle_rad / law.rad_per_count
         self._plan = hold(angle_rad)
         self._scan = 0
 
@@ -135,8 +146,23 @@ class Probe:
         """One step of the motor encoder."""
         return self.law.rad_per_count
 
+    @property
+    def angle_rad(self) -> float:
+        """Where the axis is."""
+        return self._angle(self.drive.read().pos_act_counts)
+
     def enable(self) -> None:
         """Switch on, open the brake, hold the present angle until the axis is calm.
+
+        Raises:
+            AlarmStop: the drive does not come up within 5 s.
+        """
+        self.switch_on()
+        self._plan, self._scan = hold(self.angle_rad), 0
+        self.run(None, round(CALM_S / self.scan_s))
+
+    def switch_on(self) -> None:
+        """Switch on and open the brake.
 
         Raises:
             AlarmStop: the drive does not come up within 5 s.
@@ -150,17 +176,13 @@ class Probe:
             raise AlarmStop(
                 f"the drive is not enabled with its brake open after {_ENABLE_S:g} s: {feedback.state.name}"
             )
-        angle = self._angle(self.drive.read().pos_act_counts)
-        self._plan, self._scan = hold(angle), 0
-        self.run(None, round(_CALM_S / self.scan_s))
 
     def turn(self, vel_rad_s: float) -> None:
         """Turn at a constant speed, or come to rest, until the axis is calm."""
         start = SetPoint(*self._plan.sample(self._scan * self.scan_s))
-        motion = self.limits.motion
-        self._plan = plan_velocity(start, vel_rad_s, motion) if vel_rad_s else plan_stop(start, motion)
+        self._plan = plan_turning(start, vel_rad_s, self.limits.motion)
         self._scan = 0
-        self.run(None, round((self._plan.duration + _CALM_S) / self.scan_s))
+        self.run(None, round((self._plan.duration + CALM_S) / self.scan_s))
 
     def run(self, excitation: Excitation | None, scans: int) -> Record:
         """Run so many scans with the signal added, from the start of its period.
@@ -176,7 +198,7 @@ class Probe:
         for k in range(scans):
             feedback = read()
             ref_pos, ref_vel, _ = sample((self._scan + k) * self.scan_s)
-            wanted, angle, error = law(ref_pos, ref_vel, feedback.pos_act_counts - self._zero_counts)
+            wanted, angle, error = law(ref_pos, ref_vel, feedback.pos_act_counts - self.zero_counts)
             self._check(feedback.state, feedback.torque_act_nm, angle)
             added = signal[k % len(signal)]
             command = wanted if to_torque else wanted + added
@@ -186,26 +208,31 @@ class Probe:
         return dict(zip(RECORD_COLUMNS, np.array(rows).T, strict=True))
 
     def _angle(self, counts: float) -> float:
-        return (counts - self._zero_counts) * self.law.rad_per_count / self.law.ratio
+        return (counts - self.zero_counts) * self.law.rad_per_count / self.law.ratio
 
     def _check(self, state: DriveState, torque_nm: float, angle_rad: float) -> None:
         limits = self.limits
         if state is not DriveState.OPERATION_ENABLED:
             wrong = f"the drive is {state.name}"
-        elif not abs(torque_nm) <= limits.torque_nm:
-            wrong = f"the torque is {torque_nm:.1f} N m, permitted +-{limits.torque_nm:.1f} N m"
-        elif not limits.pos_min_rad <= angle_rad <= limits.pos_max_rad:
-            wrong = (
-                f"the angle is {deg(angle_rad):.2f} deg, permitted {deg(limits.pos_min_rad):.2f}.."
-                f"{deg(limits.pos_max_rad):.2f} deg"
-            )
-        else:
+        elif (
+            abs(torque_nm) <= limits.torque_nm and limits.pos_min_rad <= angle_rad <= limits.pos_max_rad
+        ):  # a scan long: nothing is called
             return
+        else:
+            wrong = limits.violation(torque_nm, angle_rad)
         # Stop first, explain afterwards: the axis moves under test.
         self.drive.write(OutputImage(DriveRequest.QUICK_STOP, brake_open=True))
-        raise AlarmStop(
-            f"frequency response stopped: {wrong}; the signal is off, the axis makes a quick stop"
-        )
+        raise stopped(wrong)
+
+
+def plan_turning(start: SetPoint, vel_rad_s: float, motion: MotionLimits) -> _core.Segments:
+    """To a constant speed, or to rest."""
+    return plan_velocity(start, vel_rad_s, motion) if vel_rad_s else plan_stop(start, motion)
+
+
+def stopped(wrong: str) -> AlarmStop:
+    """What a measurement ends with whose axis was stopped."""
+    return AlarmStop(f"frequency response stopped: {wrong}; the signal is off, the axis makes a quick stop")
 
 
 def fit_amplitude(probe: ExcitedAxis, excitation: Excitation, torque_nm: float) -> Excitation:
