@@ -41,6 +41,8 @@ CUTS: Final = (
 _DAMPING_COLOURS: Final = dict(zip(DAMPINGS, (RED, ORANGE, BLUE), strict=True))
 _DAMPING_POINTS: Final = 120
 _LOWEST_HZ: Final = 0.1
+_LOWEST_DB: Final = -60.0
+_QUARTER_DEG: Final = 90.0
 STEP_DEG: Final = 0.01
 _SWING_S: Final = 4.0
 _SHORT_S: Final = 0.5
@@ -53,6 +55,8 @@ def frequency_plots(study: Study, folder: Path) -> list[Path]:
 
 def bode(study: Study, folder: Path) -> Path:
     """Magnitude and phase at the three cuts, with crossovers and phase margins."""
+    from matplotlib.ticker import MultipleLocator
+
     path = folder / "bode.png"
     with png_figure(path, f"Open loops as they run: {study_name(study)}", 2, 1, sharex=True) as (top, bottom):
         for cut, colour, label in CUTS:
@@ -60,9 +64,9 @@ def bode(study: Study, folder: Path) -> Path:
         top.axhline(0.0, color=INK, linewidth=0.8)
         bottom.axhline(-180.0, color=INK, linewidth=0.8)
         _mark_modes(study, top, bottom)
-        top.set(ylabel="|L| in dB", ylim=(-60.0, 80.0))
-        bottom.set(ylabel="phase of L in deg", xlabel="frequency in Hz", ylim=(-450.0, 0.0))
-        bottom.set_yticks(np.arange(-450.0, 1.0, 90.0))
+        top.set(ylabel="|L| in dB")
+        bottom.set(ylabel="phase of L in deg", xlabel="frequency in Hz")
+        bottom.yaxis.set_major_locator(MultipleLocator(_QUARTER_DEG))
         bottom.set_xlim(_LOWEST_HZ, 0.5 / study.settings.cycle_s)
         top.legend(loc="upper right")
     return path
@@ -89,8 +93,9 @@ def _bode_curve(top: Axes, bottom: Axes, study: Study, cut: Cut, colour: str, la
             "textcoords": "offset points",
         }
         bottom.annotate(f"{figures.margin_deg:.0f}°", (at, there), color=colour, fontweight="bold", **words)
-    top.semilogx(hz, 20.0 * np.log10(np.abs(response)), color=colour, label=label, **wide)
-    bottom.semilogx(hz, phase, color=colour, **wide)
+    seen = hz >= _LOWEST_HZ
+    top.semilogx(hz[seen], _db(response[seen]), color=colour, label=label, **wide)
+    bottom.semilogx(hz[seen], phase[seen], color=colour, **wide)
 
 
 def nyquist(study: Study, folder: Path) -> Path:
@@ -101,19 +106,23 @@ def nyquist(study: Study, folder: Path) -> Path:
         for axis, (cut, colour, _), title in zip(axes, CUTS, titles, strict=True):
             _, response = _open_loop(study, cut)
             figures = study.at(cut)
-            axis.plot(response.real, response.imag, color=colour)
-            axis.plot(response.real, -response.imag, color=colour, linewidth=0.7, alpha=0.5)
             _unit_circle(axis, figures.sensitivity.value)
             peak = figures.sensitivity.value
             words = f"cut at the {title}\nstays {1.0 / peak:.2f} away from −1: sensitivity {peak:.2f}"
-            left = -1.6
+            # The circle of the sensitivity lies around -1.
+            left = min(-1.6, -1.05 - 1.0 / peak)
             if figures.gain_down is not None:
                 words += f"\nunstable below {figures.gain_down:.2f} of the gain (square)"
-                left = -1.2 / figures.gain_down
+                left = min(left, -1.2 / figures.gain_down)
                 axis.plot([-1.0 / figures.gain_down], [0.0], "s", color=RED, markersize=5)
             axis.set_title(words, fontweight="normal", fontsize=8.5)
-            # Conditional stability crosses the axis left of -1: the window reaches as far.
-            axis.set(xlim=(left, 1.4), ylim=(-0.5 * (1.4 - left), 0.5 * (1.4 - left)), aspect="equal")
+            # Conditional stability crosses the axis left of -1: the window reaches as far. The curve comes from infinity.
+            half = 1.5
+            inside = (response.real >= left) & (response.real <= 1.4) & (np.abs(response.imag) <= half)
+            shown = np.where(inside, response, complex(math.nan, math.nan))
+            axis.plot(shown.real, shown.imag, color=colour)
+            axis.plot(shown.real, -shown.imag, color=colour, linewidth=0.7, alpha=0.5)
+            axis.set(xlim=(left, 1.4), ylim=(-half, half), aspect="equal")
             axis.set_xlabel("real part of L")
         axes[0].set_ylabel("imaginary part of L")
     return path
@@ -133,7 +142,7 @@ def closed_loops(study: Study, folder: Path) -> Path:
     """Set-point to motor and to load, with and without feed-forward, and the speed loop."""
     path = folder / "closed_loops.png"
     loop, grid = study.loop, grid_of(study.loop)
-    hz = grid / (2.0 * math.pi)
+    hz, highest_hz = grid / (2.0 * math.pi), 0.5 / study.settings.scan_s
     following, without = loop.following(grid), loop.following(grid, kvf=0.0)
     curves: Sequence[tuple[str, ComplexArray, str, str]] = (
         ("set-point to load", following[LOAD], RED, "-"),
@@ -143,11 +152,14 @@ def closed_loops(study: Study, folder: Path) -> Path:
     )
     with png_figure(path, f"Closed loops as they run: {study_name(study)}", 1, 1, figsize=(8.6, 4.2)) as axis:
         for label, response, colour, line in curves:
-            axis.semilogx(hz, 20.0 * np.log10(np.abs(response)), color=colour, linestyle=line, label=label)
+            level = _db(response)
+            # Below, nothing of the set-point is left that anybody could measure.
+            seen = (hz >= _LOWEST_HZ) & (hz <= highest_hz) & (level >= _LOWEST_DB)
+            axis.semilogx(hz[seen], level[seen], color=colour, linestyle=line, label=label)
         axis.axhline(20.0 * math.log10(MINUS_3_DB), color=INK, linewidth=0.8, linestyle=":")
         axis.text(0.105, -2.6, "−3 dB", fontsize=8, va="bottom")
         _mark_modes(study, axis)
-        axis.set(xlim=(_LOWEST_HZ, 0.5 / study.settings.scan_s), ylim=(-40.0, 42.0))
+        axis.set_xlim(_LOWEST_HZ, highest_hz)
         axis.set(xlabel="frequency in Hz", ylabel="magnitude in dB")
         axis.legend(loc="upper right")
     return path

@@ -151,10 +151,15 @@ def ensemble(gears: GearEnsemble, fitted_a_deg: float | None, *, with_paper: boo
         ax.axvline(1e3 * fitted_a_deg, color=BLUE, lw=1.2, label="the fitted gear")
     if with_paper:
         ax.axvline(1e3 * PAPER_A_DEG, color=RED, lw=1.0, ls=(0, (4, 2)), label="paper")
-    ax.set_ylim(-0.4, 0.4)
+    ax.set_ylim(-0.25, 0.25)
     ax.set_yticks([])
     ax.spines["left"].set_visible(False)
-    ax.set_xlim(left=0.0, right=1.12 * max(a[-1], 1e3 * PAPER_A_DEG if with_paper else 0.0))
+    lines = [
+        1e3 * value for value in (fitted_a_deg, PAPER_A_DEG if with_paper else None) if value is not None
+    ]
+    low, high = min([a[0], *lines]), max([a[-1], *lines])
+    room = 0.06 * max(high - low, 1e-3 * high)
+    ax.set_xlim(low - room, high + room)
     ax.set_xlabel("A, 0.001°")
     legend_below(figure, ax)
     return figure
