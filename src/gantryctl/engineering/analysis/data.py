@@ -73,9 +73,9 @@ def study_data(study: Study) -> dict[str, Any]:
         "sentences": sentences(study),
     }
     if study.kind is PlantKind.RIGID:
-        data["figures"] = rigid_figures(study.machine)
+        data["figures"] = plain(rigid_figures(study.machine))
     if study.kind is PlantKind.TWO_MASS:
-        data["figures"] = two_mass_figures(study.machine)
+        data["figures"] = plain(two_mass_figures(study.machine))
     return data
 
 

@@ -116,9 +116,11 @@ def nyquist(study: Study, folder: Path) -> Path:
                 left = min(left, -1.2 / figures.gain_down)
                 axis.plot([-1.0 / figures.gain_down], [0.0], "s", color=RED, markersize=5)
             axis.set_title(words, fontweight="normal", fontsize=8.5)
-            # Conditional stability crosses the axis left of -1: the window reaches as far. The curve comes from infinity.
+            # Conditional stability crosses the axis left of -1: the window reaches as far. The curve comes from
+            # infinity.
             half = 1.5
-            inside = (response.real >= left) & (response.real <= 1.4) & (np.abs(response.imag) <= half)
+            within = (response.real >= left) & (response.real <= 1.4)
+            inside = within & (np.abs(response.imag) <= half)
             shown = np.where(inside, response, complex(math.nan, math.nan))
             axis.plot(shown.real, shown.imag, color=colour)
             axis.plot(shown.real, -shown.imag, color=colour, linewidth=0.7, alpha=0.5)

@@ -31,7 +31,7 @@ def render_tuning(tuning: Tuning, head: Head) -> str:
         ),
     ]
     tables = [text.before_after_table(tuning)]
-    if tuning.tuned is not None:
+    if tuning.tuned is not None and tuning.paper is not None:
         tables.insert(0, text.paper_table(tuning))
     sections = [
         Section("Proposal", text.sentences(tuning), tables),

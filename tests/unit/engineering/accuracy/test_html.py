@@ -17,6 +17,7 @@ from gantryctl.engineering.accuracy.table import table_from_rows
 from gantryctl.engineering.accuracy.table_csv import read_error_table
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import Requirement
+from support.figure_faults import watched
 from support.reports import HEAD
 
 
@@ -78,6 +79,13 @@ def test_the_same_report_gives_the_same_page(report: AccuracyReport, page: str) 
         assert render_html(report, HEAD) == page
     # Script 58 kB, nine recordings of 700 to 2000 samples a curve, five pictures.
     assert len(page) < 750_000
+
+
+def test_its_pictures_are_whole(report: AccuracyReport, monkeypatch: pytest.MonkeyPatch) -> None:
+    with watched(monkeypatch) as found:
+        render_html(report, HEAD)
+    assert len(found) == 5
+    assert not {name: faults for name, faults in found.items() if faults}
 
 
 def test_what_the_page_says(page: str, report: AccuracyReport) -> None:
