@@ -56,7 +56,7 @@ def init(
     motor_files: tuple[Path, ...],
     as_json: bool,
 ) -> None:
-    """Write the reference machine's file to DEST, to edit from there (default: machine.toml).
+    """Write the reference machine's file to DEST, to edit from there (default: machine.toml); its name is DEST's.
 
     With --sheet a whole machine file that follows from the sheet and the smallest motor that fits it; every value that
     is still a guess is listed. `gantryctl new` asks for what a sheet needs.
@@ -94,7 +94,7 @@ def init(
         calibration = source.with_name("hust_improved.calibration.toml")
         written.append(dest.with_name(calibration.name))
         _copy(calibration, written[-1], force)
-    _copy(source, dest, force)
+    _write(_named(source.read_text(encoding="utf-8"), dest), dest, force)
     if as_json:
         print_json({"written": [str(path) for path in written]})
         return
@@ -129,7 +129,17 @@ def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:
             )
         text, found = re.subn(rf"(?m)^{key} = [^#\n]*?( *)(#.*)?$", rf"{key} = {value}\1\2", text)
         assert found == 1
-    _write(text.encode(), dest, force)
+    _write(_named(text, dest), dest, force)
+
+
+def _named(text: str, dest: Path) -> bytes:
+    """A delivered machine under the name of its new file: state is kept by name, and two machines need two."""
+    import re
+
+    check_name(dest.stem, "DEST")
+    text, found = re.subn(r'(?m)^name = "[^"]*"$', f'name = "{dest.stem}"', text, count=1)
+    assert found == 1
+    return text.encode()
 
 
 def _copy(source: Path, dest: Path, force: bool) -> None:

@@ -28,7 +28,7 @@ def load_uncalibrated(path: Path | str) -> Machine:
     Raises:
         ConfigError: one line per problem, all of them.
     """
-    return parse_machine(read_text(Path(path)), str(path))
+    return parse_machine(read_text(Path(path)), str(path)).read_from(Path(path).resolve())
 
 
 def load_machine(path: Path | str) -> Machine:
@@ -93,7 +93,7 @@ def with_values(machine: Machine, changes: Mapping[str, object]) -> Machine:
         for part in tables:
             table = table.setdefault(part, {})
         table[key] = list(value) if isinstance(value, tuple) else value
-    return check(data, name).calibrated(machine.calibration)
+    return check(data, name).calibrated(machine.calibration).read_from(machine.source)
 
 
 def check(data: Data, name: str) -> Machine:

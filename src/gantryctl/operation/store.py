@@ -16,12 +16,13 @@ from typing import Final, NamedTuple
 
 from gantryctl.errors import StateError, UsageError
 from gantryctl.files import remove_drafts, write_whole
-from gantryctl.machine import Machine
+from gantryctl.machine import Machine, identity_hash
 from gantryctl.runtime import Retained, RetainedMemory, StateLock
 
 STATE_VARIABLE: Final = "GANTRYCTL_STATE"
 _PLANT_FILE: Final = "plant.json"
 _BUS_FILE: Final = "bus.json"
+_OWNER_FILE: Final = "machine.json"
 SERVICE_SOCKET: Final = "control.sock"
 """Local socket of a running service, in the machine's directory."""
 
@@ -84,11 +85,17 @@ def plant_hash(machine: Machine) -> str:
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
+def state_hash(machine: Machine) -> str:
+    """Hash of everything that retained memory and plant mean something by: gear, motor, encoder, plant."""
+    # Zero and rest position are counts of this encoder behind this gear; the bus that leads to it may be another one.
+    return f"{identity_hash(machine)}-{plant_hash(machine)}"
+
+
 class StateStore:
     """The state of one machine on disk; a context manager that holds the lock.
 
     Raises:
-        StateError: the directory cannot be made, or another run uses it.
+        StateError: the directory cannot be made, another run uses it, or it is that of another machine of this name.
     """
 
     def __init__(self, machine: Machine, root: Path | None = None) -> None:
@@ -101,6 +108,7 @@ class StateStore:
             ) from fault
         self._memory = RetainedMemory(self.directory)
         self._lock = StateLock(self.directory, self._advice)
+        self._machine = machine
         self._plant_hash = plant_hash(machine)
 
     def _advice(self) -> str:
@@ -111,9 +119,40 @@ class StateStore:
 
     def __enter__(self) -> StateStore:
         self._lock.__enter__()
-        for folder in (self.directory, self.traces):
-            remove_drafts(folder)
+        try:
+            for folder in (self.directory, self.traces):
+                remove_drafts(folder)
+            self._claim()
+        except BaseException:
+            self._lock.__exit__(None, None, None)
+            raise
         return self
+
+    def _claim(self) -> None:
+        """Note the machine file that the directory belongs to, and refuse another one of the same name.
+
+        A file that was changed goes on with its state; a copy shares it; a file that has moved takes it along.
+        """
+        source = self._machine.source
+        if source is None:
+            return
+        path, mine = self.directory / _OWNER_FILE, state_hash(self._machine)
+        try:
+            data = json.loads(path.read_text(encoding="utf-8"))
+            owner, theirs = Path(data["file"]), str(data["state"])
+        # The first run; a damaged note says nothing about the state.
+        except (OSError, ValueError, KeyError, TypeError):
+            owner, theirs = source, ""
+        if owner != source and owner.exists():
+            if theirs == mine:
+                return
+            raise StateError(
+                f"{source} and {owner} are different machines of one name, {self._machine.name}, and the state in "
+                f"{self.directory} is that of the latter: give one of them another name in [machine], or another "
+                f"directory in {STATE_VARIABLE}"
+            )
+        if (owner, theirs) != (source, mine) or not path.exists():
+            write_whole(path, json.dumps({"file": str(source), "state": mine}, indent=1), private=True)
 
     def __exit__(self, *_raised: object) -> None:
         self._lock.__exit__(None, None, None)

@@ -7,7 +7,14 @@ from click.testing import CliRunner
 
 from gantryctl.cli.main import cli
 from gantryctl.errors import ConfigError, UsageError
-from gantryctl.machine import config_hash, default_machine, default_machine_path, field_specs, short_hash
+from gantryctl.machine import (
+    config_hash,
+    default_machine,
+    default_machine_path,
+    field_specs,
+    load_machine,
+    short_hash,
+)
 from gantryctl.machine.derived import derived
 
 
@@ -20,22 +27,32 @@ def run(*arguments):
 
 @pytest.fixture
 def machine_file(tmp_path):
-    path = tmp_path / "machine.toml"
+    path = tmp_path / "hust_gantry.toml"
     run("init", path)
     return path
 
 
 def test_init_copies_the_reference_file_with_its_comments(tmp_path, machine_file):
-    assert machine_file.read_bytes() == default_machine_path().read_bytes()
+    text = default_machine_path().read_text(encoding="utf-8")
+    assert machine_file.read_bytes() == text.encode()
     with pytest.raises(UsageError, match="exists already; --force"):
         run("init", machine_file)
     machine_file.write_text("x", encoding="utf-8")
     run("init", machine_file, "--force")
-    assert machine_file.read_bytes() == default_machine_path().read_bytes()
-    run("init", tmp_path)
-    assert (tmp_path / "hust_gantry.toml").exists()
+    assert machine_file.read_bytes() == text.encode()
+    (tmp_path / "folder").mkdir()
+    run("init", tmp_path / "folder")
+    assert (tmp_path / "folder" / "hust_gantry.toml").exists()
     with pytest.raises(UsageError, match="cannot be written"):
         run("init", tmp_path / "no" / "such" / "place.toml")
+
+
+@pytest.mark.parametrize("options", [(), ("--improved",), ("--can", "vcan0")])
+def test_a_new_machine_has_the_name_of_its_file(options, tmp_path):
+    run("init", tmp_path / "my_axis.toml", *options)
+    assert load_machine(tmp_path / "my_axis.toml").name == "my_axis"
+    with pytest.raises(UsageError):
+        run("init", tmp_path / "my axis.toml", *options)
 
 
 def test_init_without_a_name(tmp_path, monkeypatch):

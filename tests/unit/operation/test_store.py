@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gantryctl.errors import StateError, UsageError
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, default_machine, default_machine_path, load_machine, with_values
 from gantryctl.operation.opening import keep_machine, new_machine, open_machine
 from gantryctl.operation.state import encoder_report, machine_status, reset_machine, reset_simulation
 from gantryctl.operation.store import StateStore, state_root
@@ -44,6 +44,46 @@ def test_where_the_state_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -
 def test_every_machine_has_a_directory_of_its_own(machine: Machine) -> None:
     other = with_values(machine, {"machine.name": "second"})
     assert StateStore(machine).directory != StateStore(other).directory
+
+
+# --- two files of one name --------------------------------------------------------------------------------------------
+
+
+def written(path: Path, inertia: str = "2.18e6") -> Machine:
+    """A machine file of the name hust_gantry; its plant has this inertia."""
+    text = default_machine_path().read_text(encoding="utf-8")
+    path.write_text(text.replace("inertia_kg_m2 = 2.18e6", f"inertia_kg_m2 = {inertia}"), encoding="utf-8")
+    return load_machine(path)
+
+
+def test_two_files_of_one_name_and_different_plants_never_share_a_state(tmp_path: Path) -> None:
+    first = written(tmp_path / "first.toml")
+    reset_simulation(first, 12.5)
+    second = written(tmp_path / "second.toml", "2.0e6")
+    for use in (machine_status, encoder_report, reset_machine, lambda m: reset_simulation(m, 0.0)):
+        with pytest.raises(
+            StateError, match=r"second\.toml and .*first\.toml are different machines of one name"
+        ):
+            use(second)
+    # Nothing of the first was touched, and the directory is not left locked.
+    assert machine_status(first).angle_deg == pytest.approx(12.5, abs=0.005)
+
+
+def test_a_copy_shares_the_state_until_it_becomes_another_machine(tmp_path: Path) -> None:
+    reset_simulation(written(tmp_path / "first.toml"), 12.5)
+    copy = written(tmp_path / "copy.toml")
+    assert machine_status(copy).angle_deg == pytest.approx(12.5, abs=0.005)
+    with pytest.raises(StateError, match="different machines of one name"):
+        machine_status(written(tmp_path / "copy.toml", "2.0e6"))
+
+
+def test_a_changed_file_and_a_moved_one_keep_their_state(tmp_path: Path) -> None:
+    reset_simulation(written(tmp_path / "first.toml"), 12.5)
+    changed = written(tmp_path / "first.toml", "2.0e6")
+    assert machine_status(changed).angle_deg == pytest.approx(12.5, abs=0.005)
+    (tmp_path / "first.toml").unlink()
+    moved = written(tmp_path / "moved.toml", "1.9e6")
+    assert machine_status(moved).angle_deg == pytest.approx(12.5, abs=0.005)
 
 
 def test_plant_and_memory_come_back_as_they_were(machine: Machine) -> None:

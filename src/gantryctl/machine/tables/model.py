@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Final, Self
 
 from pydantic import PrivateAttr, ValidationInfo, model_validator
@@ -19,6 +21,13 @@ from gantryctl.machine.tables.required import RequiredTable
 
 # Key of the validation context: the caller checks the rules itself, because it makes lines of them.
 RULES_LATER: Final = "rules_later"
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """Where a machine was read from; None for one that was made otherwise. All are equal: a place is no value."""
+
+    path: Path | None = field(default=None, compare=False)
 
 
 class Machine(Table):
@@ -45,6 +54,7 @@ class Machine(Table):
     plant: PlantTable = table("Simulated physics.", PlantTable)
 
     _calibration: Calibration | None = PrivateAttr(default=None)
+    _source: SourceFile = PrivateAttr(default=SourceFile())
 
     @property
     def name(self) -> str:
@@ -55,6 +65,11 @@ class Machine(Table):
     def calibration(self) -> Calibration | None:
         """Identified values, from the file that [control.compensation] names; None without such a file."""
         return self._calibration
+
+    @property
+    def source(self) -> Path | None:
+        """The file that the machine was read from, also when it was varied since; None without one."""
+        return self._source.path
 
     @property
     def counts_per_turn(self) -> int:
@@ -80,6 +95,12 @@ class Machine(Table):
         """Replace the identified values."""
         copy = self.model_copy()
         copy._calibration = calibration
+        return copy
+
+    def read_from(self, source: Path | None) -> Machine:
+        """Note the file that it was read from."""
+        copy = self.model_copy()
+        copy._source = SourceFile(source)
         return copy
 
     @model_validator(mode="after")
