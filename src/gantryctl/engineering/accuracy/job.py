@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 
@@ -17,7 +17,10 @@ from gantryctl.engineering.accuracy.report.report import AccuracyReport, GearEns
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.table import FloatArray
+from gantryctl.engineering.batch import expected
 from gantryctl.engineering.report.origin import origin_of
+from gantryctl.engineering.scheduler.job import Rows
+from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, default_machine, is_reference_machine, required_angle, short_hash
 
@@ -25,8 +28,6 @@ _LEADS: Final = (
     "compensations are on: the motor leaves the set-point on purpose, so the motor side of the speed test is not "
     "judged; look at the load side"
 )
-# Gears taken through the test at once: enough for every processor, little memory.
-ENSEMBLE_CHUNK = 32
 
 
 @dataclass(frozen=True)
@@ -140,30 +141,47 @@ def phases_fitted(machine: Machine) -> bool:
 
 def ensemble_a(machine: Machine, job: AccuracyJob) -> GearEnsemble:
     """A of the true angles for `job.ensemble` gears of the same grade with random phases."""
-    seeds = tuple(range(job.seed + 1, job.seed + 1 + job.ensemble))
-    found: list[float] = []
-    for first in range(0, len(seeds), ENSEMBLE_CHUNK):
-        machines = [_gear(machine, seed) for seed in seeds[first : first + ENSEMBLE_CHUNK]]
-        readings = run_procedure(machines, job.procedure, threads=job.threads)
-        found += [_true_a(machine, job.procedure, row) for row in readings.load_rad]
-    return GearEnsemble(tuple(found), seeds)
+    found = all_rows(GearJob(machine, job.procedure, job.seed), job.ensemble, job.threads)
+    return GearEnsemble(
+        tuple(found[_TRUE_A].tolist()), tuple(range(job.seed + 1, job.seed + 1 + job.ensemble))
+    )
 
 
-def _gear(machine: Machine, seed: int) -> Machine:
-    """Machine with another gear, and with a calibration identified on that gear."""
-    # A map of another gear would compensate errors that are not there (decision 0010: only what was
-    # measured).
-    gear = random_gear(machine, seed)
-    if not machine.control.compensation.needs_calibration:
-        return gear
-    from gantryctl.engineering.identification import SimulatedAxis, calibrate
-
-    return gear.calibrated(calibrate(SimulatedAxis(gear, seed=seed)))
+_TRUE_A: Final = "a_true_deg"
 
 
-def _true_a(machine: Machine, procedure: Procedure, load_rad: FloatArray) -> float:
-    table = evaluate(procedure, load_rad, machine.accuracy.chord_radius_m)
-    return float(accuracy_a(table.errors_deg))
+@dataclass(frozen=True)
+class GearJob:
+    """A of random gears in the machine; row k is the gear of `seed + 1 + k`."""
+
+    machine: Machine
+    procedure: Procedure
+    seed: int
+
+    # Two packs of the widest instruction set.
+    pack: ClassVar[int] = 16
+
+    def rows(self, first: int, count: int) -> Rows:
+        """Column "a_true_deg"."""
+        readings = run_procedure(self._gears(first, count), self.procedure, threads=1)
+        return {_TRUE_A: np.array([self._true_a(row) for row in readings.load_rad])}
+
+    def _gears(self, first: int, count: int) -> list[Machine]:
+        """The machine with other gears, each with a calibration identified on that gear."""
+        seeds = range(self.seed + 1 + first, self.seed + 1 + first + count)
+        gears = [random_gear(self.machine, seed) for seed in seeds]
+        if not self.machine.control.compensation.needs_calibration:
+            return gears
+        from gantryctl.engineering.identification import calibrate_each
+
+        # A map of another gear would compensate errors that are not there (decision 0010: only what was
+        # measured).
+        found = expected(calibrate_each(gears, seeds))
+        return [gear.calibrated(calibration) for gear, calibration in zip(gears, found, strict=True)]
+
+    def _true_a(self, load_rad: FloatArray) -> float:
+        table = evaluate(self.procedure, load_rad, self.machine.accuracy.chord_radius_m)
+        return float(accuracy_a(table.errors_deg))
 
 
 def _settings(machine: Machine, readings: Readings) -> dict[str, str]:

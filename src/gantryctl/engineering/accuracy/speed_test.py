@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -11,7 +12,17 @@ import numpy as np
 from gantryctl.engineering.accuracy.procedure.plan import speeds_to_test
 from gantryctl.engineering.accuracy.report.report import LoadSpeedBy, SpeedCurves, SpeedRun
 from gantryctl.engineering.accuracy.table import Direction, FloatArray
-from gantryctl.engineering.batch import ClosedLoop, Log
+from gantryctl.engineering.batch import (
+    ClosedLoop,
+    Leg,
+    Log,
+    Runner,
+    alone,
+    expected,
+    grouped,
+    in_lockstep,
+    outcome,
+)
 from gantryctl.engineering.report.origin import origin_of
 from gantryctl.machine import Machine, required_speed_error
 from gantryctl.motion import SetPoint, hold, plan_move
@@ -32,6 +43,7 @@ _DIFFERENCE_S: Final = 0.02
 # Of the set speed: a load slower than this while it should cruise has stuck.
 _STICK_PART: Final = 0.05
 _CURVE_POINTS: Final = 2000
+_COLUMNS: Final = ("vel_ref_rad_s", "vel_motor_rad_s", "vel_load_rad_s")
 
 
 def speed_test(machine: Machine, speeds_deg_s: Sequence[float] = ()) -> list[SpeedRun]:
@@ -43,11 +55,27 @@ def speed_test(machine: Machine, speeds_deg_s: Sequence[float] = ()) -> list[Spe
     Raises:
         UsageError: a speed outside the setting range, or one that no move within the travel reaches.
     """
-    runs = []
+    return expected(speed_tests([machine], speeds_deg_s))[0]
+
+
+def speed_tests(
+    machines: Sequence[Machine], speeds_deg_s: Sequence[float] = ()
+) -> list[list[SpeedRun] | Exception]:
+    """The same of several machines side by side; an exception where one cannot be tested."""
+    moves = [outcome(partial(_moves, machine, speeds_deg_s)) for machine in machines]
+    possible = [own for own in moves if not isinstance(own, Exception)]
+    runs = in_lockstep([partial(_run_speed, *move) for own in possible for move in own])
+    found = iter(grouped(runs, [len(own) for own in possible]))
+    return [own if isinstance(own, Exception) else next(found) for own in moves]
+
+
+def _moves(machine: Machine, speeds_deg_s: Sequence[float]) -> list[tuple[Machine, float, float, float]]:
+    """Machine, both ends and speed of every move."""
+    moves = []
     for speed in speeds_to_test(machine, speeds_deg_s):
         low, high = _move(machine, speed)
-        runs += [run_speed(machine, low, high, speed), run_speed(machine, high, low, speed)]
-    return runs
+        moves += [(machine, low, high, speed), (machine, high, low, speed)]
+    return moves
 
 
 def speed_test_on(run: AxisRun, speeds_deg_s: Sequence[float] = ()) -> list[SpeedRun]:
@@ -104,14 +132,18 @@ def _by_ring(machine: Machine, trace: Trace, period_s: float) -> FloatArray | No
 
 def run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: float) -> SpeedRun:
     """One move between two angles from standing still, with at most `speed_deg_s`."""
+    return _run_speed(machine, from_deg, to_deg, speed_deg_s, alone)
+
+
+def _run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: float, run: Runner) -> SpeedRun:
     limits = motion_limits(machine, speed_deg_s)
     plan = plan_move(SetPoint(rad(from_deg), 0.0, 0.0), rad(to_deg), limits)
     loop = ClosedLoop.standing_at(
         gantry_sim(machine), position_law(machine), rad(from_deg), compensation(machine)
     )
-    before = loop.run(hold(rad(from_deg)), REST_S)
-    log = loop.run(plan, plan.duration + machine.control.scan_period_ms * 1e-3 + SETTLE_S)
-    return _evaluate(machine, _of_logs(machine, before, log), (from_deg, to_deg), speed_deg_s)
+    move_s = plan.duration + machine.control.scan_period_ms * 1e-3 + SETTLE_S
+    log = run(loop, [Leg(hold(rad(from_deg)), REST_S), Leg(plan, move_s)], _COLUMNS)
+    return _evaluate(machine, _of_log(machine, log), (from_deg, to_deg), speed_deg_s)
 
 
 def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
@@ -131,12 +163,9 @@ class _Speeds(NamedTuple):
     load_deg_s: FloatArray | None
 
 
-def _of_logs(machine: Machine, before: Log, log: Log) -> _Speeds:
-    def whole(column: str) -> FloatArray:
-        return np.degrees(np.concatenate((before[column], log[column])))
-
-    motor = whole("vel_motor_rad_s") / machine.axis.ratio
-    return _Speeds(log.period_s, whole("vel_ref_rad_s"), motor, whole("vel_load_rad_s"))
+def _of_log(machine: Machine, log: Log) -> _Speeds:
+    ref, motor, load = (np.degrees(log[column]) for column in _COLUMNS)
+    return _Speeds(log.period_s, ref, motor / machine.axis.ratio, load)
 
 
 def _evaluate(machine: Machine, speeds: _Speeds, move: tuple[float, float], speed_deg_s: float) -> SpeedRun:

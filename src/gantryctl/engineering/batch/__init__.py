@@ -4,7 +4,7 @@ The same compiled laws and physics as the scan engine runs one by one, so the sa
 """
 
 from gantryctl.engineering.batch.base_motion import base_motion_rad
-from gantryctl.engineering.batch.lockstep import Runner, alone, expected, in_lockstep
+from gantryctl.engineering.batch.lockstep import Runner, alone, expected, grouped, in_lockstep, outcome
 from gantryctl.engineering.batch.loop import ClosedLoop, Leg, LegStatistics, Log, log_legs, run_legs, scans
 
 __all__ = [
@@ -16,8 +16,10 @@ __all__ = [
     "alone",
     "base_motion_rad",
     "expected",
+    "grouped",
     "in_lockstep",
     "log_legs",
+    "outcome",
     "run_legs",
     "scans",
 ]

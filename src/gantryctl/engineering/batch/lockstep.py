@@ -34,7 +34,7 @@ def in_lockstep(experiments: Sequence[Callable[[Runner], T]]) -> list[T | Except
     found: list[T | Exception] = []
     for first in range(0, len(experiments), _TOGETHER):
         some = experiments[first : first + _TOGETHER]
-        found += _outcomes(some) if len(some) > 1 else [_outcome(partial(some[0], alone))]
+        found += _outcomes(some) if len(some) > 1 else [outcome(partial(some[0], alone))]
     return found
 
 
@@ -45,14 +45,25 @@ def expected(outcomes: Sequence[T | Exception]) -> list[T]:
         Exception: what prevented the first that is missing.
     """
     found = []
-    for outcome in outcomes:
-        if isinstance(outcome, Exception):
-            raise outcome
-        found.append(outcome)
+    for each in outcomes:
+        if isinstance(each, Exception):
+            raise each
+        found.append(each)
     return found
 
 
-def _outcome(experiment: Callable[[], T]) -> T | Exception:
+def grouped(outcomes: Sequence[T | Exception], sizes: Sequence[int]) -> list[list[T] | Exception]:
+    """Results in groups of these sizes; the first exception of a group in its place."""
+    found: list[list[T] | Exception] = []
+    left = list(outcomes)
+    for size in sizes:
+        group, left = left[:size], left[size:]
+        found.append(outcome(partial(expected, group)))
+    return found
+
+
+def outcome(experiment: Callable[[], T]) -> T | Exception:
+    """What it returns, or the exception that it raises."""
     try:
         return experiment()
     except Exception as fault:
@@ -65,7 +76,7 @@ def _outcomes(experiments: Sequence[Callable[[Runner], T]]) -> list[T | Exceptio
 
     def take_part(number: int, experiment: Callable[[Runner], T]) -> None:
         with meeting.present():
-            found[number] = _outcome(partial(experiment, meeting.run))
+            found[number] = outcome(partial(experiment, meeting.run))
 
     threads = [
         threading.Thread(target=take_part, args=each, name="experiment", daemon=True)
@@ -128,13 +139,8 @@ class _Meeting:
             if order.kind == first.kind and order.duration_s <= _LONGER * first.duration_s
         ]
         self._orders = [order for order in self._orders if order not in chosen]
-        outcomes: Sequence[Log | Exception]
-        try:
-            outcomes = log_legs(
-                [order.loop for order in chosen], [order.legs for order in chosen], first.columns
-            )
-        except Exception as fault:
-            outcomes = [fault] * len(chosen)
-        for order, outcome in zip(chosen, outcomes, strict=True):
-            order.outcome = outcome
+        loops, legs = [order.loop for order in chosen], [order.legs for order in chosen]
+        logs = outcome(partial(log_legs, loops, legs, first.columns))
+        for k, order in enumerate(chosen):
+            order.outcome = logs if isinstance(logs, Exception) else logs[k]
         self._changed.notify_all()

@@ -8,11 +8,10 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.campaign.measures import TESTS, Figures, Subject
+from gantryctl.engineering.campaign.measures import NOT_COMPUTABLE, TESTS, Figures, Subject
 from gantryctl.engineering.campaign.population import Campaign, Control, Plant, column_name
-from gantryctl.engineering.identification import SimulatedAxis, calibrate
+from gantryctl.engineering.identification import calibrate_each
 from gantryctl.engineering.scheduler.job import Rows
-from gantryctl.errors import GantryctlError
 from gantryctl.machine import Calibration, Machine
 from gantryctl.machine.variation import RefusedValue, Variation
 
@@ -63,16 +62,22 @@ class CampaignJob:
         if not calibrated:
             return
         variation = Variation(calibrated[-1].machine, self.campaign.varied_keys)
+        known: list[tuple[_Run, Machine]] = []
         for run in runs:
             machine = variation.of(run.plant.values)
             if isinstance(machine, RefusedValue):
                 run.refused_by = str(machine)
-                continue
-            try:
-                # Compensations know only what was measured on this plant, before it drifts (decision 0010).
-                run.calibration = calibrate(SimulatedAxis(machine, seed=run.plant.row))
-            except (GantryctlError, ValueError, ArithmeticError, np.linalg.LinAlgError):
+            else:
+                known.append((run, machine))
+        # Compensations know only what was measured on this plant, before it drifts (decision 0010).
+        found = calibrate_each([machine for _, machine in known], [run.plant.row for run, _ in known])
+        for (run, _), calibration in zip(known, found, strict=True):
+            if isinstance(calibration, (*NOT_COMPUTABLE, np.linalg.LinAlgError)):
                 run.refused_by = IDENTIFICATION
+            elif isinstance(calibration, Exception):
+                raise calibration
+            else:
+                run.calibration = calibration
 
     def _measure(self, runs: Sequence[_Run]) -> None:
         """All plants under all controls at once: they go through the compiled core side by side."""

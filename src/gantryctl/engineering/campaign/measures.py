@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -11,17 +11,20 @@ from gantryctl.engineering.accuracy.noise import a_draws
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.plan import ChordPlan, chord_plan
 from gantryctl.engineering.accuracy.procedure.procedures import Procedure, evaluate
-from gantryctl.engineering.accuracy.speed_test import speed_test
+from gantryctl.engineering.accuracy.report.report import SpeedRun
+from gantryctl.engineering.accuracy.speed_test import speed_tests
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.campaign.tables import CampaignFile
-from gantryctl.engineering.comparison.key_figures import move_figures
-from gantryctl.engineering.stops.limits import hardest_quick_stop
+from gantryctl.engineering.comparison.key_figures import Move, MoveFigures, moves_figures
+from gantryctl.engineering.stops.limits import hardest_quick_stops
+from gantryctl.engineering.stops.run import StopResult
 from gantryctl.errors import GantryctlError
 from gantryctl.machine import Machine
 from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.units import DEG_S_PER_R_MIN
 
 Figures: TypeAlias = "dict[str, float]"
+T = TypeVar("T")
 
 
 class Output(NamedTuple):
@@ -101,51 +104,57 @@ def _chord_figures(
 def _speed_test(
     subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
 ) -> list[Figures | None]:
-    def measured(machine: Machine) -> Figures:
-        runs = speed_test(machine, [speed * DEG_S_PER_R_MIN for speed in settings.speed_test.speeds_r_min])
+    speeds = [speed * DEG_S_PER_R_MIN for speed in settings.speed_test.speeds_r_min]
+
+    def figures(runs: list[SpeedRun]) -> Figures:
         return {
             "speed_error_load_deg_s": max(run.load_error_deg_s or 0.0 for run in runs),
             "speed_error_motor_deg_s": max(run.motor_error_deg_s for run in runs),
             "stick_slip": float(any(run.stick_slip for run in runs)),
         }
 
-    return [_tried(measured, each.machine) for each in subjects]
+    found = speed_tests([subject.machine for subject in subjects], speeds)
+    return [_if_computed(each, figures) for each in found]
 
 
 def _move(
     subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
 ) -> list[Figures | None]:
-    def measured(machine: Machine) -> Figures:
-        move = move_figures(machine, settings.move.from_deg, settings.move.to_deg)
+    def figures(move: MoveFigures) -> Figures:
         return {f"move_{name}": value for name, value in move._asdict().items()}
 
-    return [_tried(measured, each.machine) for each in subjects]
+    ends = settings.move.from_deg, settings.move.to_deg
+    found = moves_figures([Move(subject.machine, *ends) for subject in subjects])
+    return [_if_computed(each, figures) for each in found]
 
 
 def _stops(
     subjects: Sequence[Subject], settings: CampaignFile, wanted: Collection[str]
 ) -> list[Figures | None]:
-    def measured(machine: Machine) -> Figures:
-        stop = hardest_quick_stop(machine)
+    def figures(stop: StopResult) -> Figures:
         return {
-            "quick_stop_angle_deg": stop.angle_deg + machine.speed.setting_max_deg_s * REACTION_S,
+            # The speed is the highest setting of the machine.
+            "quick_stop_angle_deg": stop.angle_deg + stop.speed_deg_s * REACTION_S,
             "quick_stop_load_angle_deg": stop.load_angle_deg,
             "quick_stop_reducer_nm": stop.torque_reducer_nm,
             "quick_stop_torque_limited": float(stop.torque_limited),
         }
 
-    return [_tried(measured, each.machine) for each in subjects]
+    found = hardest_quick_stops([subject.machine for subject in subjects])
+    return [_if_computed(each, figures) for each in found]
 
 
-def _tried(measured: Callable[[Machine], Figures], machine: Machine) -> Figures | None:
-    try:
-        return measured(machine)
-    except (
-        GantryctlError,
-        ValueError,
-        ArithmeticError,
-    ):  # a plant that swings up, a speed that is not reached
+# Of a plant that swings up, a speed that is not reached.
+NOT_COMPUTABLE: Final = (GantryctlError, ValueError, ArithmeticError)
+
+
+def _if_computed(outcome: T | Exception, figures: Callable[[T], Figures]) -> Figures | None:
+    """Figures of what a test has found; None where it cannot be computed."""
+    if isinstance(outcome, NOT_COMPUTABLE):
         return None
+    if isinstance(outcome, Exception):
+        raise outcome
+    return figures(outcome)
 
 
 TESTS: Final = {

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import Final
 
+from gantryctl.engineering.batch import expected, grouped
 from gantryctl.engineering.stops.run import (
     SPEED_PARTS,
+    StopCase,
     StopClass,
     StopResult,
     within_ratings,
     worst_of,
-    worst_stop,
+    worst_stops,
 )
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
@@ -25,10 +28,24 @@ _FEWEST_STEPS, _MOST_STEPS = 2, 400
 
 def hardest_quick_stop(machine: Machine, quick_dec_deg_s2: float | None = None) -> StopResult:
     """Each figure the worst over 1/10, 1/2 and the whole of the highest speed: friction helps a fast stop more."""
-    top = machine.speed.setting_max_deg_s
+    return expected(hardest_quick_stops([machine], quick_dec_deg_s2))[0]
+
+
+def hardest_quick_stops(
+    machines: Sequence[Machine], quick_dec_deg_s2: float | None = None
+) -> list[StopResult | Exception]:
+    """The same of several machines side by side; an exception where one cannot be simulated."""
     # Friction helps a fast stop more than a slow one, so the highest speed is not always the worst.
-    stops = [worst_stop(machine, StopClass.QUICK, k * top, quick_dec_deg_s2) for k in SPEED_PARTS]
-    return worst_of(StopClass.QUICK, top, stops)
+    cases = [
+        StopCase(machine, StopClass.QUICK, k * machine.speed.setting_max_deg_s, quick_dec_deg_s2)
+        for machine in machines
+        for k in SPEED_PARTS
+    ]
+    stops = grouped(worst_stops(cases), [len(SPEED_PARTS)] * len(machines))
+    return [
+        own if isinstance(own, Exception) else worst_of(StopClass.QUICK, machine.speed.setting_max_deg_s, own)
+        for machine, own in zip(machines, stops, strict=True)
+    ]
 
 
 def find_quick_dec(machine: Machine) -> float:

@@ -5,17 +5,28 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from enum import Enum
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gantryctl import _core
-from gantryctl.engineering.batch import ClosedLoop, Log, base_motion_rad
+from gantryctl.engineering.batch import (
+    ClosedLoop,
+    Leg,
+    Log,
+    Runner,
+    alone,
+    base_motion_rad,
+    expected,
+    grouped,
+    in_lockstep,
+)
 from gantryctl.errors import ConfigError
 from gantryctl.machine import Machine
 from gantryctl.machine.places import heaviest_deg
 from gantryctl.machine.rules.reaction import REACTION_S
-from gantryctl.motion import MotionLimits, SetPoint, plan_stop, plan_velocity
+from gantryctl.motion import MotionLimits, SetPoint, hold, plan_stop, plan_velocity
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import position_law
 from gantryctl.wiring.simulator import drive_params, eccentric_moment_nm, gantry_sim, plant_params
@@ -36,6 +47,7 @@ _USED: Final = (
     "pos_motor_rad", "vel_motor_rad_s", "pos_load_rad", "vel_load_rad_s", "pos_base_rad", "torque_act_nm",
     "torque_mesh_nm",
 )  # fmt: skip
+_COLUMNS: Final = (*_USED, "torque_limited")
 
 
 class StopClass(Enum):
@@ -86,8 +98,7 @@ def run_stop(
     Raises:
         ConfigError: the plant is too stiff to be simulated.
     """
-    log = log_stop(machine, stop_class, speed_deg_s, at_deg, quick_dec_deg_s2)
-    return _evaluate(machine, stop_class, speed_deg_s, log)
+    return _run(StopCase(machine, stop_class, speed_deg_s, quick_dec_deg_s2), at_deg, alone)
 
 
 def log_stop(
@@ -97,28 +108,61 @@ def log_stop(
     at_deg: float,
     quick_dec_deg_s2: float | None = None,
 ) -> Log:
-    """The stop of `run_stop` as it runs, from the command on."""
-    loop = _cruising(machine, speed_deg_s, at_deg, quick_dec_deg_s2)
+    """The stop of `run_stop` as it runs, from the command on; under a command to the drive without set-points."""
+    case = StopCase(machine, stop_class, speed_deg_s, quick_dec_deg_s2)
+    return _log(case, at_deg, alone, _core.LOG_COLUMNS)
+
+
+class StopCase(NamedTuple):
+    """A stop of a machine; see `run_stop`. The sign of the speed is the direction."""
+
+    machine: Machine
+    stop_class: StopClass
+    speed_deg_s: float
+    quick_dec_deg_s2: float | None = None
+
+
+def _run(case: StopCase, at_deg: float, run: Runner) -> StopResult:
+    return _evaluate(case.machine, case.stop_class, case.speed_deg_s, _log(case, at_deg, run, _COLUMNS))
+
+
+def _log(case: StopCase, at_deg: float, run: Runner, columns: Sequence[str]) -> Log:
+    machine, stop_class, speed_deg_s, quick_dec_deg_s2 = case
+    loop = _cruising(case, at_deg, run)
     if stop_class is StopClass.QUICK:
         ramp_s = abs(speed_deg_s) / (quick_dec_deg_s2 or machine.virtual_axis.quick_dec_deg_s2)
-        return loop.command(_QUICK_STOP, ramp_s + _WATCH_S, brake_open=True)
-    if stop_class is StopClass.BRAKE:
-        return loop.command(_OFF, _BRAKE_WATCH_S, brake_open=False)
-    plan = _ramp(machine, stop_class, SetPoint(rad(at_deg), rad(speed_deg_s), 0.0))
-    return loop.run(plan, plan.duration + _WATCH_S)
+        leg = Leg(hold(0.0), ramp_s + _WATCH_S, mode=_QUICK_STOP)
+    elif stop_class is StopClass.BRAKE:
+        leg = Leg(hold(0.0), _BRAKE_WATCH_S, mode=_OFF, brake_open=False)
+    else:
+        plan = _ramp(machine, stop_class, SetPoint(rad(at_deg), rad(speed_deg_s), 0.0))
+        leg = Leg(plan, plan.duration + _WATCH_S)
+    return run(loop, [leg], columns)
 
 
 def worst_stop(
     machine: Machine, stop_class: StopClass, speed_deg_s: float, quick_dec_deg_s2: float | None = None
 ) -> StopResult:
     """The stops where the eccentric moment is largest, in both directions, each figure the worst of the four."""
+    return expected(worst_stops([StopCase(machine, stop_class, speed_deg_s, quick_dec_deg_s2)]))[0]
+
+
+def worst_stops(cases: Sequence[StopCase]) -> list[StopResult | Exception]:
+    """The same for several cases side by side; an exception where one cannot be simulated."""
+    # The moment helps or hinders by direction.
     runs = [
-        run_stop(machine, stop_class, sign * speed_deg_s, at, quick_dec_deg_s2)
-        # The moment helps or hinders by direction.
-        for at in heaviest_deg(machine)
-        for sign in (1.0, -1.0)
+        [
+            (case._replace(speed_deg_s=sign * case.speed_deg_s), at)
+            for at in heaviest_deg(case.machine)
+            for sign in (1.0, -1.0)
+        ]
+        for case in cases
     ]
-    return worst_of(stop_class, speed_deg_s, runs)
+    stops = in_lockstep([partial(_run, *each) for own in runs for each in own])
+    return [
+        own if isinstance(own, Exception) else worst_of(case.stop_class, case.speed_deg_s, own)
+        for case, own in zip(cases, grouped(stops, [len(own) for own in runs]), strict=True)
+    ]
 
 
 def worst_of(stop_class: StopClass, speed_deg_s: float, stops: Sequence[StopResult]) -> StopResult:
@@ -132,10 +176,9 @@ def within_ratings(machine: Machine, stop: StopResult) -> bool:
     return not stop.torque_limited and stop.torque_reducer_nm <= machine.reducer.torque_momentary_nm
 
 
-def _cruising(
-    machine: Machine, speed_deg_s: float, at_deg: float, quick_dec_deg_s2: float | None
-) -> ClosedLoop:
+def _cruising(case: StopCase, at_deg: float, run: Runner) -> ClosedLoop:
     """The axis in steady motion, just arriving at the angle."""
+    machine, _, speed_deg_s, quick_dec_deg_s2 = case
     plant, drive = plant_params(machine), drive_params(machine)
     if machine.plant.switches.eccentric_moment:
         plant.eccentric_moment_nm = _check_moment_nm(machine)
@@ -152,7 +195,7 @@ def _cruising(
     start = rad(at_deg) - way
     plan = plan_velocity(SetPoint(start, 0.0, 0.0), speed, limits)
     loop = ClosedLoop.standing_at(gantry_sim(machine, plant, drive), position_law(machine), start)
-    loop.run(plan, plan.duration + _CRUISE_S)
+    run(loop, [Leg(plan, plan.duration + _CRUISE_S)], ())
     return loop
 
 
@@ -223,10 +266,10 @@ class StopRow(NamedTuple):
 def stop_table(machine: Machine, speeds_deg_s: tuple[float, ...] | None = None) -> list[StopRow]:
     """Every stop class at 1/10, 1/2 and the whole of the highest speed (or at `speeds_deg_s`), worst of four cases."""
     top = machine.speed.setting_max_deg_s
+    speeds = speeds_deg_s or tuple(k * top for k in SPEED_PARTS)
+    cases = [StopCase(machine, stop_class, speed) for stop_class in StopClass for speed in speeds]
     rows = []
-    for stop_class in StopClass:
-        for speed in speeds_deg_s or tuple(k * top for k in SPEED_PARTS):
-            stop = worst_stop(machine, stop_class, speed)
-            angle = stop.angle_deg + speed * REACTION_S
-            rows.append(StopRow(stop, angle, inspect=not within_ratings(machine, stop)))
+    for stop in expected(worst_stops(cases)):
+        angle = stop.angle_deg + stop.speed_deg_s * REACTION_S
+        rows.append(StopRow(stop, angle, inspect=not within_ratings(machine, stop)))
     return rows

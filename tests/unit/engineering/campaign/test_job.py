@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,17 @@ import pytest
 
 from gantryctl.engineering.accuracy.procedure.on_batch import run_procedure
 from gantryctl.engineering.accuracy.procedure.procedures import chord_procedure, evaluate
+from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.campaign import job as job_module
 from gantryctl.engineering.campaign.job import CampaignJob
 from gantryctl.engineering.campaign.population import Campaign
-from gantryctl.engineering.comparison.key_figures import move_figures
+from gantryctl.engineering.comparison.key_figures import Move, move_figures, moves_figures
 from gantryctl.engineering.identification import SimulatedAxis, calibrate
 from gantryctl.engineering.scheduler.job import Chunk, collected
+from gantryctl.engineering.stops.limits import hardest_quick_stop
 from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine.rules.reaction import REACTION_S
 from gantryctl.machine.specs import value_at
 from support.improved import improved_machine
 
@@ -91,11 +94,23 @@ def test_a_plant_that_the_checks_refuse_has_a_row_with_the_name_of_the_key_or_ru
 def test_a_plant_that_a_test_cannot_judge_is_named_by_the_test(
     made: Made, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def swings_up(machine: Machine, *_: float) -> Any:
-        raise ValueError("not finite")
+    def swings_up(moves: Sequence[Move]) -> list[Any]:
+        good = moves_figures(moves)
+        return [ValueError("not finite"), *good[1:]]
 
-    monkeypatch.setattr("gantryctl.engineering.campaign.measures.move_figures", swings_up)
-    assert set(CampaignJob(made()).rows(0, 2)["refused_by"]) == {"move"}
+    monkeypatch.setattr("gantryctl.engineering.campaign.measures.moves_figures", swings_up)
+    assert CampaignJob(made()).rows(0, 3)["refused_by"].tolist() == ["move", "", ""]
+
+
+def test_a_fault_of_the_program_is_no_plant_that_cannot_be_judged(
+    made: Made, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "gantryctl.engineering.campaign.measures.moves_figures",
+        lambda moves: [TypeError("a fault")] * len(moves),
+    )
+    with pytest.raises(TypeError, match="a fault"):
+        CampaignJob(made()).rows(0, 2)
 
 
 # A chord test of 40 s instead of 537 s: harder ramps, shorter rests.
@@ -122,6 +137,22 @@ def test_the_chord_test_of_a_campaign_is_that_of_each_plant_alone(made: Made) ->
         assert rows["a_true_deg"][plant.row] == float(accuracy_a(errors))
 
 
+def test_stops_and_speed_test_of_a_campaign_are_those_of_each_plant_alone(made: Made) -> None:
+    speeds = "\n[speed_test]\nspeeds_r_min = [0.5, 1.0]\n"
+    campaign = made(INERTIA + GAIN + PHASES + speeds, 'tests = ["stops", "speed_test"]\ncount = 3')
+    rows = CampaignJob(campaign).rows(0, 3)
+    for plant in campaign.plants(0, 3):
+        machine = with_values(campaign.controls[0].machine, plant.values)
+        stop = hardest_quick_stop(machine)
+        assert rows["quick_stop_load_angle_deg"][plant.row] == stop.load_angle_deg
+        assert rows["quick_stop_reducer_nm"][plant.row] == stop.torque_reducer_nm
+        assert rows["quick_stop_angle_deg"][plant.row] == stop.angle_deg + 6.0 * REACTION_S
+        runs = speed_test(machine, [3.0, 6.0])
+        assert len(runs) == 4
+        assert rows["speed_error_load_deg_s"][plant.row] == max(run.load_error_deg_s or 0.0 for run in runs)
+    assert len(set(rows["quick_stop_reducer_nm"])) == 3
+
+
 IMPROVED = """
 [improved]
 machine = "hust_improved.toml"
@@ -142,11 +173,12 @@ def test_a_plant_is_identified_before_it_drifts_and_measured_after(
     assert known is not None
     identified: list[Machine] = []
 
-    def recorded(axis: SimulatedAxis) -> Any:
-        identified.append(axis.machine)
-        return known
+    def recorded(machines: Sequence[Machine], seeds: Sequence[int]) -> list[Any]:
+        identified.extend(machines)
+        assert list(seeds) == [0, 1]
+        return [known] * len(machines)
 
-    monkeypatch.setattr(job_module, "calibrate", recorded)
+    monkeypatch.setattr(job_module, "calibrate_each", recorded)
     campaign = made(INERTIA + IMPROVED)
     rows = CampaignJob(campaign).rows(0, 2)
     assert not any(rows["refused_by"]), rows["refused_by"]
@@ -163,11 +195,13 @@ def test_a_plant_is_identified_before_it_drifts_and_measured_after(
 
 
 def test_a_plant_that_cannot_be_identified_is_named(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fails(axis: SimulatedAxis) -> Any:
-        raise np.linalg.LinAlgError("singular")
+    known = improved_machine().calibration
 
-    monkeypatch.setattr(job_module, "calibrate", fails)
-    assert CampaignJob(made(INERTIA + IMPROVED)).rows(3, 1)["refused_by"].tolist() == ["identification"]
+    def fails(machines: Sequence[Machine], seeds: Sequence[int]) -> list[Any]:
+        return [np.linalg.LinAlgError("singular"), known]
+
+    monkeypatch.setattr(job_module, "calibrate_each", fails)
+    assert CampaignJob(made(INERTIA + IMPROVED)).rows(3, 2)["refused_by"].tolist() == ["identification", ""]
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from gantryctl.engineering.stops import (
     worst_stop,
 )
 from gantryctl.engineering.stops.limits import hardest_quick_stop
-from gantryctl.engineering.stops.run import within_ratings
+from gantryctl.engineering.stops.run import StopCase, within_ratings, worst_of, worst_stops
 from gantryctl.engineering.stops.silence import watch_rows
 from gantryctl.engineering.stops.text import watch_lines
 from gantryctl.errors import ConfigError
@@ -22,6 +22,8 @@ from gantryctl.machine.rules.reaction import REACTION_S
 
 MACHINE = default_machine()
 TOP = MACHINE.speed.setting_max_deg_s
+# A base that weighs nothing on its springs of 7 Hz.
+TOO_STIFF = {"plant.base.inertia_kg_m2": 1.0}
 
 
 def test_the_table_has_every_class_at_three_speeds() -> None:
@@ -91,6 +93,26 @@ def test_a_brake_stop_is_shorter_and_above_the_ratings_of_the_reducer() -> None:
     assert stop.time_s == pytest.approx(0.8, abs=0.15)
     assert stop.torque_reducer_nm > MACHINE.reducer.torque_momentary_nm
     assert not within_ratings(MACHINE, stop)
+
+
+def test_stops_of_several_machines_are_those_of_each_alone() -> None:
+    """Every class in one batch: other ramps, brakes and lengths side by side, and one that does not stay finite."""
+    heavy = with_values(MACHINE, {"plant.load.inertia_kg_m2": 2.5e6})
+    stiff = with_values(MACHINE, TOO_STIFF)
+    cases = [StopCase(machine, each, 3.0) for machine in (MACHINE, stiff, heavy) for each in StopClass]
+    found = worst_stops(cases)
+    for case, stop in zip(cases, found, strict=True):
+        if case.machine is stiff:
+            assert isinstance(stop, ConfigError)
+            assert "does not stay finite" in str(stop)
+            continue
+        runs = [
+            run_stop(case.machine, case.stop_class, sign * 3.0, at)
+            for at in (90.0, -90.0)
+            for sign in (1.0, -1.0)
+        ]
+        assert stop == worst_of(case.stop_class, 3.0, runs)
+    assert found[0] != found[-4]
 
 
 def test_the_energy_of_a_brake_stop_is_the_kinetic_energy_and_no_more() -> None:
