@@ -76,7 +76,7 @@ def draft(fit: Fit, name: str) -> Draft:
     basis = Basis(fit)
     first = first_gains(basis)
     sketch = _assembled(basis, name, first)
-    return _assembled(basis, name, settled_gains(sketch.machine(), first))
+    return _assembled(basis, name, settled_gains(sketch.machine(), basis, first))
 
 
 def _assembled(basis: Basis, name: str, gains: DraftGains) -> Draft:

@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final, NamedTuple
 
-from gantryctl.engineering.analysis.models.mechanics import PlantKind, mechanics
 from gantryctl.engineering.analysis.models.modes import Oscillation
 from gantryctl.engineering.analysis.models.robust import (
     UncertainPlant,
@@ -39,9 +38,10 @@ DAMPING_LEFT: Final = 0.8
 # The set: stiffness of the transmission and inertia of the load, as factors.
 _STIFFNESS: Final = (0.7, 1.4)
 _INERTIA: Final = (0.8, 1.2)
-_KVP: Final = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17)
+# A load that stands stiffly behind a small rotor bears more than the rotor alone would.
+_KVP: Final = (5.6, 4.0, 2.8, 2.0, 1.4, 1.0, 0.7, 0.5, 0.35, 0.25, 0.17)
 _TVI: Final = (0.35, 0.5, 0.7, 1.0, 1.4, 2.0, 2.8, 4.0)
-_KPP: Final = (1.0, 0.8, 0.6, 0.45, 0.33, 0.25, 0.18, 0.12)
+_KPP: Final = (2.0, 1.4, 1.0, 0.8, 0.6, 0.45, 0.33, 0.25, 0.18, 0.12)
 
 
 class DraftGains(NamedTuple):
@@ -60,26 +60,39 @@ class DraftGains(NamedTuple):
 def first_gains(basis: Basis) -> DraftGains:
     """By rule: Kvp from rotor and encoder, Kpp from speed loop and first mode, Tvi so that damping is left."""
     by_inertia = basis.train.fast_inertia_kg_m2 / (2.0 * DEAD_TIME_S)
-    by_encoder = STEP_TORQUE * basis.motor.motor.torque_rated_nm * CYCLE_S / basis.fine_count_rad
-    kvp = min(by_inertia, by_encoder)
-    kpp = min(kvp / (CASCADE * basis.train.inertia_kg_m2), MODE * basis.mode_rad_s)
+    kvp = min(by_inertia, highest_kvp(basis))
+    kpp = highest_kpp(basis, kvp)
     # P and PI take damping from a swing below sqrt(Kpp / Tvi).
     return DraftGains(kvp, max(TVI_LEAST_S, kpp / basis.mode_rad_s**2), kpp)
 
 
-def settled_gains(machine: Machine, first: DraftGains) -> DraftGains:
+def highest_kvp(basis: Basis) -> float:
+    """Kvp at which one step of the encoder makes 1 % of the rated torque."""
+    return STEP_TORQUE * basis.motor.motor.torque_rated_nm * CYCLE_S / basis.fine_count_rad
+
+
+def highest_kpp(basis: Basis, kvp_nm_s_per_rad: float) -> float:
+    """A quarter of the speed loop's bandwidth on load and rotor, and 0.8 of the first mode."""
+    return min(kvp_nm_s_per_rad / (CASCADE * basis.train.inertia_kg_m2), MODE * basis.mode_rad_s)
+
+
+def settled_gains(machine: Machine, basis: Basis, first: DraftGains) -> DraftGains:
     """The stiffest gains near the first ones, by Kvp Kpp / Tvi, that keep the conditions on every plant of the set.
 
     Where none does, those with the smallest peak of the sensitivity.
     """
-    nominal = mechanics(machine, PlantKind.TWO_MASS).stiffness[1, 1]
-    low, high = (factor * float(nominal) for factor in _STIFFNESS)
     damping = machine.plant.transmission.damping_ratio
-    uncertainty = Uncertainty((low, high), 3, (damping,), _INERTIA, (1.0,))
+    uncertainty = Uncertainty(
+        stiffness_parts=_STIFFNESS,
+        stiffness_steps=3,
+        damping_ratio=(damping,),
+        load_inertia=_INERTIA,
+        motor_inertia=(1.0,),
+    )
     plants = uncertain_plants(machine, uncertainty)
     settings = loop_settings(machine)
     softest = first
-    for gains in _candidates(first):
+    for gains in _candidates(basis, first):
         judged = _judged(gains, plants, settings)
         if judged.sensitivity <= SENSITIVITY:
             return judged
@@ -87,13 +100,15 @@ def settled_gains(machine: Machine, first: DraftGains) -> DraftGains:
     return softest
 
 
-def _candidates(first: DraftGains) -> Iterator[DraftGains]:
-    """Gains around the first ones, the stiffest first."""
-    grid = [
-        DraftGains(a * first.kvp_nm_s_per_rad, max(TVI_LEAST_S, b * first.tvi_s), c * first.kpp_per_s)
-        for a, b, c in itertools.product(_KVP, _TVI, _KPP)
-    ]
-    return iter(sorted(grid, key=lambda g: -g.kvp_nm_s_per_rad * g.kpp_per_s / g.tvi_s))
+def _candidates(basis: Basis, first: DraftGains) -> Iterator[DraftGains]:
+    """Gains around the first ones and within their limits, the stiffest first."""
+    most = highest_kvp(basis)
+    grid = set()
+    for a, b, c in itertools.product(_KVP, _TVI, _KPP):
+        kvp = min(a * first.kvp_nm_s_per_rad, most)
+        kpp = min(c * first.kpp_per_s, highest_kpp(basis, kvp))
+        grid.add(DraftGains(kvp, max(TVI_LEAST_S, b * first.tvi_s), kpp))
+    return iter(sorted(grid, key=lambda g: (-g.kvp_nm_s_per_rad * g.kpp_per_s / g.tvi_s, g)))
 
 
 def _judged(gains: DraftGains, plants: list[UncertainPlant], settings: LoopSettings) -> DraftGains:

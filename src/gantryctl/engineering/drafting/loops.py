@@ -35,7 +35,7 @@ def _gains(basis: Basis, gains: DraftGains) -> Values:
         ),
         "drive.speed_loop.kvp_nm_s_per_rad": computed(
             significant(gains.kvp_nm_s_per_rad),
-            f"at most (rotor + input) / 3 ms, 1 % of rated torque a step of the encoder; {peak}",
+            f"near (rotor + input) / 3 ms, at most 1 % of rated torque a step of the encoder; {peak}",
         ),
         "drive.speed_loop.tvi_ms": computed(
             significant(1e3 * gains.tvi_s, 3),

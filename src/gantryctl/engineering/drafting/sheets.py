@@ -211,7 +211,7 @@ def _required(answered: Answered) -> Values:
     source = answered.answers.source
     return {
         "required.angle_deg": _answer(answered, "angle_deg"),
-        "required.speed_error_ratio": guessed(0.005, "0.5 % of the highest speed"),
+        "required.speed_error_ratio": guessed(0.01, "1 % of the highest speed"),
         "required.stopping_angle_deg": _answer(answered, "stopping_angle_deg"),
         "required.source": Drafted(source, Origin.SHEET)
         if source
