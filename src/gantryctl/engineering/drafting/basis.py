@@ -20,7 +20,10 @@ from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
 # A quick stop is asked for 10 % harder than the permitted angle demands: times of monitors live on what that leaves.
 _QUICK_RESERVE: Final = 1.1
 _QUICK_OVER_MOVE: Final = 1.5
-CYCLE_S: Final = 125e-6
+# Servo cycles of drives, the usual one first; and what the simulator follows: natural frequency x cycle of the rotor on
+# a transmission that slopes, hysteresis and load of a brake stop make 14 times as stiff. Above 0.35 the brake stop of a small table swung up.
+_CYCLES_S: Final = (125e-6, 62.5e-6, 31.25e-6)
+_STIFFER, _FOLLOWED = 14.0, 0.3
 
 
 @dataclass(frozen=True)
@@ -86,6 +89,22 @@ class Basis:
         return self.sheet.load.inertia_kg_m2 * self.mode_rad_s**2
 
     @property
+    def base_frequency_hz(self) -> float:
+        """Rocking frequency of the base, by the sheet's ratio; at most what a machine file takes."""
+        structure = self.sheet.structure
+        return min(200.0, structure.base_frequency_ratio * structure.first_mode_hz)
+
+    @property
+    def base_inertia_kg_m2(self) -> float:
+        """Rocking inertia of the base, by the sheet's ratio."""
+        return self.sheet.structure.base_inertia_ratio * self.sheet.load.inertia_kg_m2
+
+    @property
+    def base_stiffness_nm_per_rad(self) -> float:
+        """Its stiffness, Jb (2 pi fb)^2."""
+        return self.base_inertia_kg_m2 * (2.0 * math.pi * self.base_frequency_hz) ** 2
+
+    @property
     def largest_moment_nm(self) -> float:
         """Largest steady moment at the axis: the eccentric moment of the check and running friction."""
         load = self.sheet.load
@@ -107,6 +126,23 @@ class Basis:
     def fine_count_rad(self) -> float:
         """One interpolated step of the encoder, at the motor."""
         return 2.0 * math.pi / (self.motor.encoder.lines * self.motor.encoder.interpolation)
+
+    @property
+    def _fastest_rad_s(self) -> float:
+        """Rotor on the transmission at its stiffest."""
+        at_motor = _STIFFER * self.stiffness_nm_per_rad / self.ratio**2
+        return math.sqrt(at_motor / self.train.fast_inertia_kg_m2)
+
+    @property
+    def cycle_s(self) -> float:
+        """Cycle of the drive: 125 us, or less where rotor and transmission swing too fast for it."""
+        return next((cycle for cycle in _CYCLES_S if self._fastest_rad_s * cycle <= _FOLLOWED), _CYCLES_S[-1])
+
+    @property
+    def rk4_steps(self) -> int:
+        """Sub-steps of Runge-Kutta in such a cycle; 0: one evaluation follows."""
+        turns = self._fastest_rad_s * self.cycle_s
+        return 0 if turns <= _FOLLOWED else math.ceil(turns / _FOLLOWED)
 
     @property
     def step_deg(self) -> float:

@@ -19,19 +19,21 @@ def draft_with(sheet: Sheet, motors: Sequence[MotorFile], name: str) -> Draft:
         sheet: what the axis must do. motors: to choose from. name: of the machine.
 
     Raises:
-        ConfigError: none does it; for each motor what is worst, or what the rules of a machine say.
+        ConfigError: none does it: what the rules of a machine say about the first that fits, or what is worst of each.
     """
-    lines: list[str] = []
+    unfit: list[str] = []
+    refused: list[str] = []
     for motor in sorted(motors, key=lambda motor: (motor.motor.power_rated_kw, motor.name)):
         fitted = fit(sheet, motor)
         if not fitted.fits:
-            lines.append(f"{motor.name} does not fit {sheet.sheet.name}: {fitted.reasons[0]}")
+            unfit.append(f"{motor.name} does not fit {sheet.sheet.name}: {fitted.reasons[0]}")
             continue
         try:
             made = draft(fitted, name)
             check_quick_stop(made.machine())
         except ConfigError as wrong:
-            lines += [f"{motor.name}: {problem}" for problem in wrong.problems]
+            # The first says it: what a rule refuses with one motor it refuses with most.
+            refused = refused or [f"{motor.name}: {problem}" for problem in wrong.problems]
             continue
         return made
-    raise ConfigError(lines)
+    raise ConfigError(refused or unfit)

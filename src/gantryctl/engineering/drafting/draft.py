@@ -20,7 +20,7 @@ from gantryctl.machine.reading import Data
 # Tables whose defaults are decisions of this product or facts about any drive and bus, not about a machine.
 _PRODUCT: Final = (
     "control.kvf", "control.compensation.", "brake.owner", "brake.hold", "brake.test_interval", "brake.emergency",
-    "drive.kind", "drive.speed_loop.cycle_us", "drive.speed_loop.delay_cycles", "drive.speed_loop.feedback",
+    "drive.kind", "drive.speed_loop.delay_cycles", "drive.speed_loop.feedback",
     "drive.current_loop.", "monitors.", "accuracy.", "axis.display", "axis.no_go_deg", "plant.brake.torque_share",
     "plant.load_encoder.", "plant.switches.", "plant.integration.",
 )  # fmt: skip

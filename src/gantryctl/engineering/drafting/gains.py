@@ -19,7 +19,7 @@ from gantryctl.engineering.analysis.models.robust import (
     uncertain_plants,
 )
 from gantryctl.engineering.analysis.models.sampled import LoopSettings, loop_settings
-from gantryctl.engineering.drafting.basis import CYCLE_S, Basis
+from gantryctl.engineering.drafting.basis import Basis
 from gantryctl.machine import Machine
 
 # Dead times of a servo drive together: current loop, one and a half cycles, filter of the speed. The speed loop is an
@@ -68,7 +68,7 @@ def first_gains(basis: Basis) -> DraftGains:
 
 def highest_kvp(basis: Basis) -> float:
     """Kvp at which one step of the encoder makes 1 % of the rated torque."""
-    return STEP_TORQUE * basis.motor.motor.torque_rated_nm * CYCLE_S / basis.fine_count_rad
+    return STEP_TORQUE * basis.motor.motor.torque_rated_nm * basis.cycle_s / basis.fine_count_rad
 
 
 def highest_kpp(basis: Basis, kvp_nm_s_per_rad: float) -> float:

@@ -41,6 +41,9 @@ def _gains(basis: Basis, gains: DraftGains) -> Values:
             significant(1e3 * gains.tvi_s, 3),
             f"10 ms at least; leaves 80 % of the first mode's damping; {peak}",
         ),
+        "drive.speed_loop.cycle_us": computed(
+            1e6 * basis.cycle_s, "125 us, or less where rotor and transmission swing too fast for it"
+        ),
         "drive.speed_loop.overload_time_s": basis.catalogue(basis.motor.drive.overload_time_s),
     }
 

@@ -7,6 +7,7 @@ from typing import Final
 from gantryctl.engineering.drafting.basis import CYCLE_S, Basis
 from gantryctl.engineering.drafting.gear_errors import gear_error_values
 from gantryctl.engineering.drafting.origin import Values, chosen, computed, guessed, significant
+from gantryctl.errors import ConfigError
 
 # Slopes of a strain-wave reducer over the first, and where they end as parts of its rated torque (catalogue rows of the
 # largest sizes; Harmonic Drive, CSG series).
@@ -14,8 +15,9 @@ _SLOPES: Final = (1.0, 1.4, 1.75)
 _ENDS: Final = (0.105, 0.38)
 # Part of the compliance between motor and load that the reducer has; pinion, ring, bearing and steel have the rest.
 _REDUCER_PART: Final = 0.66
-# Hysteresis of the reducer: half width over its rated torque, and its length over the wind-up at rated torque.
-_HYSTERESIS: Final = (0.009, 0.02)
+# Hysteresis of the reducer: half width over its rated torque, and its length over the wind-up at rated torque: as a
+# spring beside the transmission it stays below three times that at twice the rated torque, which the step can follow.
+_HYSTERESIS: Final = (0.009, 0.08)
 
 
 def plant_values(basis: Basis) -> Values:
@@ -26,7 +28,7 @@ def plant_values(basis: Basis) -> Values:
         **_transmission(basis),
         **_friction(basis),
         **_base_and_brake(basis),
-        **_wind(basis),
+        **_wind_and_integration(basis),
         **_encoder(basis),
     }
     return {**{f"plant.{path}": drafted for path, drafted in found.items()}, **gear_error_values(basis)}
@@ -51,10 +53,17 @@ def _motor(basis: Basis) -> Values:
 
 
 def _transmission(basis: Basis) -> Values:
-    structure, gears, ring = basis.sheet.structure, basis.sheet.gears, basis.sheet.gears.ring_ratio
-    # 1/k = 1/K1 + 1/kb, with the base's own stiffness kb = Jb (2 pi fb)^2; the base alone may not take all of it.
-    base = basis.stiffness_nm_per_rad * structure.base_inertia_ratio * structure.base_frequency_ratio**2
-    compliance = 1.0 / basis.stiffness_nm_per_rad - 1.0 / base
+    gears, ring = basis.sheet.gears, basis.sheet.gears.ring_ratio
+    # 1/k = 1/K1 + 1/kb, with the base's own stiffness kb.
+    compliance = 1.0 / basis.stiffness_nm_per_rad - 1.0 / basis.base_stiffness_nm_per_rad
+    if compliance <= 0.0:
+        raise ConfigError(
+            [
+                f"[structure] first_mode_hz = {basis.sheet.structure.first_mode_hz:g} Hz: the base alone is softer "
+                f"({basis.base_frequency_hz:g} Hz with {basis.base_inertia_kg_m2:.4g} kg m2); raise "
+                "base_frequency_ratio or base_inertia_ratio"
+            ]
+        )
     reducer = 1.0 / (_REDUCER_PART * compliance * ring**2)
     rest = 1.0 / ((1.0 - _REDUCER_PART) * compliance)
     by_mode = basis.follows(0.0, "", "structure.first_mode_hz").origin
@@ -132,15 +141,14 @@ def _friction(basis: Basis) -> Values:
 
 
 def _base_and_brake(basis: Basis) -> Values:
-    structure, load = basis.sheet.structure, basis.sheet.load
     return {
         "base.inertia_kg_m2": basis.follows(
-            significant(structure.base_inertia_ratio * load.inertia_kg_m2),
+            significant(basis.base_inertia_kg_m2),
             "part of the load's inertia, [structure] of the sheet",
             "structure.base_inertia_ratio",
         ),
         "base.frequency_hz": basis.follows(
-            significant(structure.base_frequency_ratio * structure.first_mode_hz),
+            significant(basis.base_frequency_hz),
             "multiple of the first mode, [structure] of the sheet",
             "structure.base_frequency_ratio",
         ),
@@ -149,12 +157,16 @@ def _base_and_brake(basis: Basis) -> Values:
     }
 
 
-def _wind(basis: Basis) -> Values:
+def _wind_and_integration(basis: Basis) -> Values:
     wind = basis.sheet.wind
     blows = wind.moment_nm != 0.0
     return {
         **{f"wind.{key}": basis.of_sheet(f"wind.{key}") if blows else chosen(value) for key, value in wind},
         "switches.wind": chosen(blows),
+        "integration.scheme": computed(
+            "rk4" if basis.rk4_steps else "one_evaluation", "as fast as rotor and transmission swing"
+        ),
+        "integration.rk4_steps": chosen(max(2, min(64, basis.rk4_steps))),
     }
 
 

@@ -8,14 +8,17 @@ import pytest
 from gantryctl.engineering.analysis.models.mechanics import PlantKind, mechanics
 from gantryctl.engineering.analysis.models.modes import Oscillation
 from gantryctl.engineering.analysis.models.robust import Uncertainty, robust_margins
+from gantryctl.engineering.drafting.choice import draft_with
 from gantryctl.engineering.drafting.draft import BUS, draft
 from gantryctl.engineering.drafting.gear_errors import drawn_phases, pitch_deviation_um, ring_um
 from gantryctl.engineering.drafting.origin import Origin
-from gantryctl.engineering.drafting.templates import template_names
+from gantryctl.engineering.drafting.sheets import Answered, drafted_sheet, sheet_values
+from gantryctl.engineering.drafting.templates import load_template, template_names
 from gantryctl.engineering.drafting.writing import guess_lines, machine_text
 from gantryctl.engineering.sizing.checks import fit
 from gantryctl.engineering.sizing.loading import default_sheet_path, load_sheet
-from gantryctl.engineering.sizing.motors import load_motors
+from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
+from gantryctl.engineering.stops import StopClass, run_stop
 from gantryctl.errors import ConfigError
 from gantryctl.machine import (
     config_hash,
@@ -150,3 +153,24 @@ def test_a_motor_that_does_not_fit_gives_no_draft(made):
     sheet = made("gantry").fit.train.sheet
     with pytest.raises(ConfigError, match="pm_200w_3000 does not fit my_gantry: "):
         draft(fit(sheet, small), "x")
+
+
+@pytest.mark.parametrize("first_mode_hz", [30.0, 60.0, 150.0])
+def test_a_stiff_small_table_is_simulated_with_a_step_that_follows_it(first_mode_hz):
+    """A brake stop loads the hysteresis most: with 125 us and one evaluation it swings up from 50 Hz on."""
+    values = sheet_values(
+        Answered.of(load_template("rotary_table"), {"first_mode_hz": first_mode_hz}), "stiff"
+    )
+    machine = draft_with(drafted_sheet(values, "s"), load_motors(delivered_motors()), "stiff").machine()
+    stop = run_stop(machine, StopClass.BRAKE, 0.1 * machine.speed.setting_max_deg_s, 90.0)
+    assert math.isfinite(stop.angle_deg)
+
+
+def test_a_base_softer_than_the_first_mode_is_refused():
+    sheet = load_sheet(default_sheet_path())
+    soft = sheet.model_copy(
+        update={"structure": sheet.structure.model_copy(update={"base_inertia_ratio": 0.05})}
+    )
+    (motor,) = load_motors([configs_folder() / "motors" / "im_31kw_1150.toml"])
+    with pytest.raises(ConfigError, match="first_mode_hz = 2 Hz: the base alone is softer"):
+        draft(fit(soft, motor), "x")
