@@ -21,7 +21,8 @@ from gantryctl.units import DEG_S_PER_R_MIN, deg, rad
 _QUICK_RESERVE: Final = 1.1
 _QUICK_OVER_MOVE: Final = 1.5
 # Servo cycles of drives, the usual one first; and what the simulator follows: natural frequency x cycle of the rotor on
-# a transmission that slopes, hysteresis and load of a brake stop make 14 times as stiff. Above 0.35 the brake stop of a small table swung up.
+# a transmission that slopes, hysteresis and load of a brake stop make 14 times as stiff. Above 0.35 the brake stop of a
+# small table swung up.
 _CYCLES_S: Final = (125e-6, 62.5e-6, 31.25e-6)
 _STIFFER, _FOLLOWED = 14.0, 0.3
 
