@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gantryctl.engineering.drafting.basis import CYCLE_S, Basis
+from gantryctl.engineering.drafting.basis import Basis
 from gantryctl.engineering.drafting.gear_errors import gear_error_values
 from gantryctl.engineering.drafting.origin import Values, chosen, computed, guessed, significant
 from gantryctl.errors import ConfigError
@@ -109,9 +109,9 @@ def _followed_length_rad(basis: Basis) -> float:
     """Shortest pre-sliding length that the simulation follows in a brake stop, a fifth added to the machine's rule."""
     # The brake's torque and the rule's stiffness are those of the machine; the first slope alone is a little softer.
     torque = max(basis.motor.brake.torque_nm, basis.motor.motor.torque_max_nm)
-    acc = torque / (basis.train.inertia_kg_m2 * basis.ratio)
+    acc: float = torque / (basis.train.inertia_kg_m2 * basis.ratio)
     swing = 2.0 * acc / basis.mode_rad_s
-    return 1.2 * 0.5 * CYCLE_S * swing
+    return 1.2 * 0.5 * basis.cycle_s * swing
 
 
 def _friction(basis: Basis) -> Values:
