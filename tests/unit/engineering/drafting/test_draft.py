@@ -28,7 +28,8 @@ from gantryctl.machine import (
     field_specs,
     origins,
     parse_machine,
-)from gantryctl.wiring.simulator import plant_params
+)
+from gantryctl.wiring.simulator import plant_params
 
 TEMPLATES = template_names()
 # What the reference gantry was fitted, tuned or drawn to: no other machine has it by chance.
