@@ -17,7 +17,7 @@ Written by `python -m gantryctl.cli.command_page docs/reference/cli.md`; do not 
 
 Exit codes: 0 done, 1 criterion not met, 2 usage or configuration, 3 device, 4 stopped by an alarm. Results go to
 standard output, messages to standard error; `--json` prints one JSON object and nothing else. Angles are degrees at the
-gantry.
+load.
 
 | environment | |
 |---|---|

@@ -134,7 +134,7 @@ class OpenLoopAxis:
         self.wait()
         self.feedback = self.drive.read()
         if not math.isfinite(self.angle_deg) or abs(self.angle_deg) > self._leash_deg:
-            self.stop_for(f"the gantry moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed")
+            self.stop_for(f"the axis moved {self.angle_deg:+.3f} deg, {self._leash_deg:g} deg were allowed")
         link = self.feedback.link
         # As in operation: a telegram that is missing is bridged for 30 ms, and jitter is a warning.
         oldest = max(self.feedback.age_scans, self.feedback.inputs_age_scans)
@@ -182,14 +182,14 @@ class OpenLoopAxis:
         self._off_scans = 0 if low <= self.speed_deg_s <= high else self._off_scans + 1
         if self._off_scans > self._band_scans:
             self.stop_for(
-                f"the gantry turns at {self.speed_deg_s:+.3f} deg/s, {speed_deg_s:+.3f} deg/s are commanded (band "
+                f"the axis turns at {self.speed_deg_s:+.3f} deg/s, {speed_deg_s:+.3f} deg/s are commanded (band "
                 f"{self._band_deg_s:g} deg/s)"
             )
         way, fastest = self.angle_deg - self._begun_deg, max(map(abs, self._commanded))
         allowed = _BEHIND_DEG + _BEHIND_S * fastest
         if not abs(way - self._way_deg) <= allowed:
             self.stop_for(
-                f"the gantry turned by {way:+.3f} deg, {self._way_deg:+.3f} deg were commanded, {allowed:.3f} deg "
+                f"the axis turned by {way:+.3f} deg, {self._way_deg:+.3f} deg were commanded, {allowed:.3f} deg "
                 "apart are allowed"
             )
 

@@ -286,7 +286,7 @@ def slow_turn(c: Context) -> StepResult:
         figures |= {"moment_sine_nm": float(sine), "moment_cosine_nm": float(cosine)}
         proof = (
             f"eccentric moment {moment / 1e3:.2f} kN m (sine {sine / 1e3:+.2f}, cosine {cosine / 1e3:+.2f}), friction "
-            f"{friction / 1e3:.2f} kN m at {speed:g} deg/s, remainder {rest / 1e3:.2f} kN m rms, at the gantry"
+            f"{friction / 1e3:.2f} kN m at {speed:g} deg/s, remainder {rest / 1e3:.2f} kN m rms, at the load"
         )
     order = np.argsort(angle)
     both = [(way, order[direction[order] == sign]) for way, sign in (("forward", 1.0), ("back", -1.0))]
@@ -294,7 +294,7 @@ def slow_turn(c: Context) -> StepResult:
     lines = [line(way, degrees[chosen], torque[chosen] / 1e3, POINTS) for way, chosen in both]
     fitted = model @ np.array((friction, sine, cosine, constant)) / 1e3
     lines += [line(f"{way}, fitted", degrees[chosen], fitted[chosen], POINTS) for way, chosen in both]
-    panel = Panel("angle, deg", "torque at the gantry, kN m", tuple(lines))
+    panel = Panel("angle, deg", "torque at the load, kN m", tuple(lines))
     c.watch.pictures.append(Picture("torque over the angle", (panel,)))
     return judged(True, "turn", proof + beside, to_do, **figures, **compared)
 

@@ -133,7 +133,7 @@ def calibration_version(path: Path) -> int:
 
 def calibration_toml(calibration: Calibration) -> str:
     """The text of a calibration file."""
-    lines = ["# Written by `gantryctl identify`; do not edit. SI, angles at the gantry."]
+    lines = ["# Written by `gantryctl identify`; do not edit. SI, angles at the load."]
     for table_name, table in calibration:
         lines += ["", f"[{table_name}]"]
         lines += [f"{key} = {_value(value)}" for key, value in table]

@@ -36,7 +36,7 @@ def _gear(m: Machine) -> Rows:
     generator = m.plant.motor.wave_generator_inertia_kg_m2
     power_w = m.motor.torque_rated_nm * rad_s_from_r_min(m.motor.speed_rated_r_min)
     return [
-        ("ratio", ratio, "-", "reducer x ring: motor turns per gantry turn"),
+        ("ratio", ratio, "-", "reducer x ring: motor turns per turn of the axis"),
         ("motor_speed_at_1_r_min", ratio, "r/min", "ratio x 1 r/min"),
         (
             "motor_speed_at_setting_max",
@@ -46,10 +46,10 @@ def _gear(m: Machine) -> Rows:
         ),
         ("inertia_load_at_motor", reflected, "kg m2", "J_load / ratio^2"),
         (
-            "js_paper",
+            "js_load_and_rotor",
             reflected + rotor,
             "kg m2",
-            "J_load / ratio^2 + rotor; without wave generator, as the paper",
+            "J_load / ratio^2 + rotor; without wave generator",
         ),
         ("js_with_wave_generator", reflected + rotor + generator, "kg m2", "the same + wave generator"),
         ("inertia_ratio", reflected / rotor, "-", "load at the motor / rotor"),
@@ -71,11 +71,11 @@ def _encoder(m: Machine) -> Rows:
         ("wrap_margin_above", above, "deg", "travel to upper wrap, as the simulated encoder is mounted"),
     ]
     return [
-        ("counts_per_degree", e.counts_per_turn / turn_deg, "1/deg", "absolute steps per gantry degree"),
-        ("fine_counts_per_degree", fine / turn_deg, "1/deg", "lines x interpolation per gantry degree"),
-        ("encoder_step", turn_deg / e.counts_per_turn, "deg", "one absolute step, at the gantry"),
-        ("fine_encoder_step", turn_deg / fine, "deg", "one interpolated step, at the gantry"),
-        ("encoder_range", e.turns / m.axis.ratio, "turns", "gantry turns told apart"),
+        ("counts_per_degree", e.counts_per_turn / turn_deg, "1/deg", "absolute steps per degree of the axis"),
+        ("fine_counts_per_degree", fine / turn_deg, "1/deg", "lines x interpolation per degree of the axis"),
+        ("encoder_step", turn_deg / e.counts_per_turn, "deg", "one absolute step, at the load"),
+        ("fine_encoder_step", turn_deg / fine, "deg", "one interpolated step, at the load"),
+        ("encoder_range", e.turns / m.axis.ratio, "turns", "turns of the axis told apart"),
         *([] if m.axis.modulo else margins),
     ]
 
@@ -152,10 +152,10 @@ def _torque(m: Machine) -> Rows:
     check = load.eccentric_check_moment_nm / ratio
     need = whole * acc + nominal / ratio + rollers + motor
     return [
-        ("torque_acc_without_rotor", without_rotor, "N m", "J_load a / ratio, as the paper sizes it"),
+        ("torque_acc_without_rotor", without_rotor, "N m", "J_load a / ratio, load alone"),
         ("torque_acc_with_rotor", with_rotor, "N m", "(J_load / ratio^2 + rotor) a ratio"),
         ("torque_acc", whole * acc, "N m", "the same with the wave generator"),
-        ("eccentric_moment", nominal, "N m", "mass x 9.81 x eccentricity, at the gantry"),
+        ("eccentric_moment", nominal, "N m", "mass x 9.81 x eccentricity, at the load"),
         ("torque_eccentric", nominal / ratio, "N m", "eccentric moment / ratio, nominal"),
         ("torque_eccentric_check", check, "N m", "eccentric moment of the check / ratio"),
         ("torque_rollers", rollers, "N m", "running friction of the rollers at the highest setting / ratio"),

@@ -238,7 +238,7 @@ def _unit_mistake(spec: FieldSpec, value: object, ratio: float) -> str:
         return ""
     factors = dict(_FACTORS)
     if ratio:
-        factors[ratio] = "a value at the motor where one at the gantry belongs?"
+        factors[ratio] = "a value at the motor where one at the load belongs?"
     for factor, meaning in factors.items():
         if math.isclose(number, usual * factor, rel_tol=1e-3):
             return f"{factor:.4g} x the usual {usual:.6g}: {meaning}"

@@ -294,7 +294,7 @@ def _with_accepted_motion(
     moved = found.reading.moved_deg
     if moved is None or abs(moved) < SHOWN_DEG or reasons:
         return found.retained, found.notes
-    text = f"{Code.ENC_09} INFO · the gantry moved {moved:+.3f} deg while off · within {ACCEPTED_DEG:g} deg: accepted"
+    text = f"{Code.ENC_09} INFO · the axis moved {moved:+.3f} deg while off · within {ACCEPTED_DEG:g} deg: accepted"
     alarms = (*found.retained.alarms, AlarmEntry(str(Code.ENC_09), text, now_text()))
     return replace(found.retained, alarms=alarms), (*found.notes, text)
 

@@ -314,4 +314,6 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
                 "shaft, or mount it with its range centred" + _AROUND_ZERO * machine.on_bus
             )
         keep_machine(machine, store, opened.drive, retained)
-    return f"zero set by {retained.zero_set_by}: the gantry stands at {angle_deg:g} deg ({retained.zero_witness})"
+    return (
+        f"zero set by {retained.zero_set_by}: the axis stands at {angle_deg:g} deg ({retained.zero_witness})"
+    )

@@ -115,7 +115,7 @@ def test_encoder_show_and_set_zero() -> None:
     assert rows("encoder", "show")["angle"] == "+0.00000 deg"
     assert "464.5 deg below the travel" in rows("encoder", "show")["wrap margin"]
     said = done("encoder", "set-zero", "--angle", "12.5", "--witness", "laser, protocol 7").out
-    assert said.endswith("the gantry stands at 12.5 deg (laser, protocol 7)\n")
+    assert said.endswith("the axis stands at 12.5 deg (laser, protocol 7)\n")
     found = rows("encoder", "show")
     assert float(found["angle"].split()[0]) == pytest.approx(12.5, abs=1e-4)
     assert found["witness"] == "laser, protocol 7"

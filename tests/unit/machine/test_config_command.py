@@ -107,9 +107,16 @@ def test_show_tells_value_unit_and_origin(machine_file):
     ]
     assert ["kpp_per_s", "10.0", "1/s", "default,", "paper"] in [line.split() for line in lines]
     assert ["mass_kg", "200000.0", "kg", "file"] in [line.split() for line in lines]
-    for name in ("js_paper", "wrap_margin_centred", "stop_quick_from_setting_max", "torque_needed_quick"):
+    for name in (
+        "js_load_and_rotor",
+        "wrap_margin_centred",
+        "stop_quick_from_setting_max",
+        "torque_needed_quick",
+    ):
         assert any(line.startswith(f"{name} ") for line in lines)
-    assert not any(line.startswith("js_paper") for line in run("show", "--no-derived").output.splitlines())
+    assert not any(
+        line.startswith("js_load_and_rotor") for line in run("show", "--no-derived").output.splitlines()
+    )
 
 
 def test_show_as_json(machine_file):

@@ -152,7 +152,7 @@ def test_whole_numbers_stand_for_numbers_with_a_point():
         ("acc_deg_s2 = 0.39335664335664333", "acc_deg_s2 = 450.0",
          "[virtual_axis] quick_dec_deg_s2 = 5.4 deg/s2: must be at least 450 deg/s2: the axis must stop faster than "
          "it starts; against [virtual_axis] acc_deg_s2 = 450.0 deg/s2; acc_deg_s2 is 1144 x the usual 0.393357: "
-         "a value at the motor where one at the gantry belongs?"),
+         "a value at the motor where one at the load belongs?"),
         ("kpp_per_s = 10.0 ", 'kpp_per_s = "10"',
          '[control] kpp_per_s = "10": is text, must be a number; allowed 0.001..1000 1/s'),
         ("kvf = 1.0 ", "kvf = true", "[control] kvf = true: is a boolean, must be a number; allowed 0..1.5"),

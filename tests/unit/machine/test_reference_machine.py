@@ -133,7 +133,7 @@ FIGURES = {figure.name: figure for figure in derived(default_machine())}
         ("encoder_step", "enc_step_gantry_deg"),
         ("encoder_range", "enc_range_gantry_rev"),
         ("inertia_load_at_motor", "J_over_i2"),
-        ("js_paper", "Js"),
+        ("js_load_and_rotor", "Js"),
         ("inertia_ratio", "inertia_ratio_load_to_motor"),
         ("torque_acc_with_rotor", "T_acc_tuned_Nm"),
         ("time_to_setting_max", "t_acc_to_6deg_s"),

@@ -42,7 +42,7 @@ def show(config_file: Path | None, as_json: bool) -> int:
 @encoder.command("set-zero")
 @bus_log_option
 @config_option
-@click.option("--angle", type=FINITE, required=True, help="The true gantry angle now, deg.")
+@click.option("--angle", type=FINITE, required=True, help="The true angle of the axis now, deg.")
 @click.option("--witness", required=True, help="What proves it: mark, laser, protocol number.")
 @json_option
 def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool) -> int:

@@ -56,7 +56,7 @@ def _run_options(command: Callable[..., Any]) -> Callable[..., Any]:
         json_option,
         service_option,
         click.option(
-            "--yes", is_flag=True, help="Do not ask before a real gantry moves, here or at the service."
+            "--yes", is_flag=True, help="Do not ask before a real axis moves, here or at the service."
         ),
         take_over_option,
         bus_log_option,
@@ -231,7 +231,7 @@ def _check_unmoved(machine: Machine, asked: float, now: float) -> None:
         from gantryctl.errors import CommandRefused
 
         raise CommandRefused(
-            f"the gantry stood at {asked:.3f} deg when you were asked, now at {now:.3f} deg: look, then ask again"
+            f"the axis stood at {asked:.3f} deg when you were asked, now at {now:.3f} deg: look, then ask again"
         )
 
 

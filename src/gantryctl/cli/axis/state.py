@@ -209,7 +209,7 @@ def sim() -> None:
 @sim.command("reset")
 @config_option
 @click.option(
-    "--angle", type=FINITE, help="Where the gantry stands, deg; 0 deg where travel has it, else its middle."
+    "--angle", type=FINITE, help="Where the axis stands, deg; 0 deg where travel has it, else its middle."
 )
 @json_option
 def sim_reset(config_file: Path | None, angle: float | None, as_json: bool) -> int:

@@ -27,7 +27,7 @@ _PERIODS_MS: Final = (1.0, 4.0)
 def doctor(config_file: Path | None, periods_ms: tuple[float, ...], seconds: float, as_json: bool) -> int:
     """Tell whether this computer is good enough for a scan of 1 ms, of 4 ms, and of the machine.
 
-    The shipped program runs in real time on the simulated gantry, power off; how late its scans are is shown as a
+    The shipped program runs in real time on the simulated axis, power off; how late its scans are is shown as a
     histogram in ms and in degrees that the axis travels at its highest speed. Ten seconds show what happens every
     second, not once in an hour: --seconds 3600.
 

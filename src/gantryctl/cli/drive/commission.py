@@ -171,7 +171,7 @@ def _ask(work: Commissioning, step: Step, only: str | None) -> bool:
     """Ask before the first step of a reach: one yes holds for all that reach no further."""
     together = [each for each in work.left(only) if each.reach == step.reach]
     could = "; ".join(f"{each.title}: {each.moves}" for each in together)
-    return click.confirm(f"could move: {could}. Is everybody away from the gantry?")
+    return click.confirm(f"could move: {could}. Is everybody away from the axis?")
 
 
 def _run(work: Commissioning, only: str | None, again: bool, folder: Path, made: Made) -> int:

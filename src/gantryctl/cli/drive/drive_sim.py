@@ -1,4 +1,4 @@
-"""`gantryctl drive sim`: a CiA 402 servo drive on a CAN bus with the whole gantry behind it, as its own process."""
+"""`gantryctl drive sim`: a CiA 402 servo drive on a CAN bus with the whole axis behind it, as its own process."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 @click.option("--with-io", is_flag=True, help="The I/O node of [can.io] too, wired to the axis.")
 @click.option("--with-encoder", is_flag=True, help="The encoder node of [can.load_encoder] too, on the ring.")
 @click.option("--stepped", is_flag=True, help="Virtual time: each SYNC steps the drive by the SYNC period.")
-@click.option("--angle", type=FINITE, help="Gantry angle at the start, deg; else that of a new machine.")
+@click.option("--angle", type=FINITE, help="Angle of the axis at the start, deg; else that of a new machine.")
 @click.option("--control", type=PATH, help="Unix socket of the side channel: faults in, truth out.")
 @click.option("--store", type=PATH, help="File of stored parameters (1010, 1011); in memory when not given.")
 @click.option("--write-eds", "eds_file", type=PATH, help="Write the drive's EDS to this file and end.")
 @click.option("--list", "list_them", is_flag=True, help="List the personalities and end.")
 def sim(interface: str | None, eds_file: Path | None, list_them: bool, **given: Any) -> int:
-    """A CiA 402 servo drive with the whole gantry behind it, on a CAN bus, until Ctrl-C or SIGTERM.
+    """A CiA 402 servo drive with the whole axis behind it, on a CAN bus, until Ctrl-C or SIGTERM.
 
     Two terminals: `gantryctl drive sim --can udp_multicast`, and a master on the same interface.
     """

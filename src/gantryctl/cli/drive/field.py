@@ -27,7 +27,7 @@ def field(
 ) -> int:
     """Commission virtual drives with the object dictionaries of real ones, in virtual time, and count them.
 
-    Each drive has the gantry of --config behind it. A drive that is refused is told with the missing object and why
+    Each drive has the axis of --config behind it. A drive that is refused is told with the missing object and why
     nothing makes up for it; one that is refused only because it does not watch its controller is tried again with a
     node beside it that holds its hardware enable, and counted on its own. About a minute for each drive.
     """

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 # What `accuracy run` writes is of the simulator: a folder of its own.
 DEFAULT_OUT = Path("accuracy_measured")
 _OWN_ERRORS = "load encoder: its own errors, and the rocking of the base, are not seen"
-_IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows the loop more than the gantry"
+_IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows the loop more than the axis"
 
 
 @click.command()
@@ -54,7 +54,7 @@ _IN_THE_LOOP = "load encoder: the position loop goes through it, so this shows t
 @plan_options
 @instrument_options(default=BY_HAND)
 @click.option("--again", is_flag=True, help="Leave a test that is under way and begin anew.")
-@click.option("--yes", is_flag=True, help="Do not ask before a real gantry moves.")
+@click.option("--yes", is_flag=True, help="Do not ask before a real axis moves.")
 @certificate_option
 @seed_option
 @out_option

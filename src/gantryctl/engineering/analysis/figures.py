@@ -234,7 +234,7 @@ def _equation_5(axis: Axes, machine: Machine, response: TimeResponse) -> None:
         values = rigid_loop(machine).error_behind(1, size, times)
     else:
         values = rigid_loop(machine).error_behind(2, size, times)
-    axis.plot(times, 1e3 * deg(1.0) * values, color=GREY, linestyle="--", label="eq. (5)")
+    axis.plot(times, 1e3 * deg(1.0) * values, color=GREY, linestyle="--", label="rigid loop")
 
 
 def damping_over_stiffness(machine: Machine, folder: Path) -> Path:

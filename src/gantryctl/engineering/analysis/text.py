@@ -112,11 +112,11 @@ def _paper(loop: RigidLoop, motor_only: RigidLoop) -> list[str]:
     assert total is not None
     assert rotor is not None
     return [
-        f"Eq. (5): the tuned speed loop has {total.margin_deg:.0f} deg phase margin at "
+        f"Rigid loop: the tuned speed loop has {total.margin_deg:.0f} deg phase margin at "
         f"{total.crossover_rad_s / _TWO_PI:.1f} Hz on load and rotor as one body; below "
         f"{loop.gain_reduction_margin:.2f} of its gain the whole loop is unstable, for example in torque saturation.",
         f"On the rotor alone the same gain has {rotor.margin_deg:.0f} deg at {rotor.crossover_rad_s / _TWO_PI:.0f} Hz: "
-        "it fits a drive that does not feel the load, so the compliance is the plant and eq. (5) a first sketch.",
+        "it fits a drive that does not feel the load, so the compliance is the plant, the rigid loop a sketch.",
         f"Routh: stable for Kvp above {loop.kvp_min:.4g} N m s/rad and Kpp below {loop.kpp_max:.4g} /s.",
     ]
 
@@ -326,7 +326,7 @@ def equation_5_table(study: Study) -> TextTable:
         "rotor alone": rigid_loop(study.machine, motor_only=True),
     }
     rows = [_rigid_row(name, loop) for name, loop in loops.items()]
-    return TextTable.of("Margins of the paper's loop", rows)
+    return TextTable.of("Margins of the rigid loop", rows)
 
 
 def _rigid_row(name: str, loop: RigidLoop) -> dict[str, str]:
@@ -334,7 +334,7 @@ def _rigid_row(name: str, loop: RigidLoop) -> dict[str, str]:
         cut.phase_margin() for cut in (loop.velocity_open, loop.position_open, loop.torque_open)
     )
     return {
-        "eq. (5), continuous": name,
+        "continuous": name,
         "Js\nkg m2": f"{loop.js_kg_m2:.4g}",
         "speed loop\nPM deg": or_dash(speed and speed.margin_deg, ".1f"),
         "at\nrad/s": or_dash(speed and speed.crossover_rad_s, ".4g"),

@@ -46,9 +46,7 @@ class LoadSheet(Table):
     inertia_kg_m2: float = required_number(2.18e6, 0.01, 1e8, "Inertia about the axis.")
     mass_kg: float = required_number(2.0e5, 0.1, 1e7, "Turning mass.")
     eccentricity_m: float = required_number(0.00815, 0.0, 10.0, "Centre of mass off the axis.")
-    eccentric_angle_deg: float = number(
-        0.0, -180.0, 180.0, "Gantry angle at which the eccentric moment is zero."
-    )
+    eccentric_angle_deg: float = number(0.0, -180.0, 180.0, "Angle at which the eccentric moment is zero.")
     eccentric_check_moment_nm: float = required_number(
         50000.0, 0.0, 1e9, "Largest eccentric moment that motor and brake must master."
     )

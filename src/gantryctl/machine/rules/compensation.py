@@ -45,7 +45,7 @@ def load_encoder_is_there(m: Machine) -> Broken:
     """A load-side loop on the simulated drive needs a simulated load-side encoder."""
     active = m.control.compensation.load_encoder.active
     wrong = active and m.drive.kind == "sim" and not m.plant.load_encoder.fitted
-    return "must stay false: the simulated gantry has no encoder on its ring" if wrong else None
+    return "must stay false: the simulated axis has no encoder on its ring" if wrong else None
 
 
 @rule(f"{_AT}.calibration", *(f"{_AT}.{key}" for key in NEED_CALIBRATION))

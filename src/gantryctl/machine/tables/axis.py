@@ -15,7 +15,9 @@ from gantryctl.units import within_turn
 POS_MIN_DEG: Final[Any] = required_number(-180.0, -3600.0, 3600.0, "Lowest angle the set-point may reach.")
 POS_MAX_DEG: Final[Any] = required_number(180.0, -3600.0, 3600.0, "Highest angle the set-point may reach.")
 REDUCER_RATIO: Final[Any] = required_number(88.0, 1.0, 1e5, "Motor turns per turn of the reducer output.")
-RING_RATIO: Final[Any] = required_number(13.0, 1.0, 1000.0, "Turns of the reducer output per gantry turn.")
+RING_RATIO: Final[Any] = required_number(
+    13.0, 1.0, 1000.0, "Turns of the reducer output per turn of the axis."
+)
 
 
 class IdentityTable(Table):
@@ -81,7 +83,7 @@ class AxisTable(Table):
 
     @property
     def ratio(self) -> float:
-        """Motor turns per gantry turn."""
+        """Motor turns per turn of the axis."""
         return self.reducer_ratio * self.ring_ratio
 
     @property

@@ -38,9 +38,9 @@ class CanOutputsTable(Table):
     brake_release: int = number(-1, -1, 31, "Relay that gives the brake its current, so that it opens.")
     watchdog: int = number(-1, -1, 31, "Retriggerable watchdog relay: toggled while the controller is well.")
     horn: int = number(-1, -1, 31, "Horn: the load moves, or has moved, without a command.")
-    lamp: int = number(-1, -1, 31, "Warning lamp: power is on, the gantry may move.")
-    in_position: int = number(-1, -1, 31, "The gantry stands at its target, within the window.")
-    at_rest: int = number(-1, -1, 31, "The gantry stands.")
+    lamp: int = number(-1, -1, 31, "Warning lamp: power is on, the axis may move.")
+    in_position: int = number(-1, -1, 31, "The axis stands at its target, within the window.")
+    at_rest: int = number(-1, -1, 31, "The axis stands.")
 
 
 class IoInputsTable(Table):
@@ -93,9 +93,9 @@ class CanLoadEncoderTable(Table):
     )
     node: int = number(0, 0, 127, 'Node id of the encoder; only with source = "node".')
     # The virtual ring has 2^26 steps.
-    counts_per_turn: int = number(67_108_864, 64, 2**32, "Steps of a gantry turn.", "catalogue")
+    counts_per_turn: int = number(67_108_864, 64, 2**32, "Steps of a turn of the axis.", "catalogue")
     zero_counts: int = number(0, -(2**32), 2**32, "Reading at 0 deg, steps.")
-    inverted: bool = switch(False, "true = its positive direction is the gantry's negative one.")
+    inverted: bool = switch(False, "true = its positive direction is the axis's negative one.")
 
 
 class CanEncoderTable(Table):
@@ -156,7 +156,7 @@ class CanTable(Table):
         10_000.0,
         "Torque limit set with the maker's tool, for a drive without 6072, 0 = none; commissioning shows it.",
     )
-    inverted: bool = switch(False, "true = the motor's positive direction turns the gantry negative.")
+    inverted: bool = switch(False, "true = the motor's positive direction turns the axis negative.")
     follows_bit: bool = switch(True, "Bit 12 of 6041 says that the drive follows 60FF.", "standard")
     remote_bit: bool = switch(True, "Bit 9 of 6041 says that the drive obeys the bus.", "standard")
     # Three heartbeats must be missing before the other side counts as lost.

@@ -38,7 +38,7 @@ class GearMapTable(Table):
         (338.0, 1144.0, 2288.0, 4576.0),
         1,
         MAX_FAST_WAVES,
-        "Waves per gantry turn to identify beside the slow ones: tooth mesh, motor, wave generator.",
+        "Waves per turn of the axis to identify beside the slow ones: tooth mesh, motor, wave generator.",
         "derived",
     )
     fade_hz: float = number(

@@ -19,7 +19,7 @@ class ControlTable(Table):
     kpp_per_s: float = number(10.0, 0.001, 1000.0, "Gain of the position loop.", "paper")
     # 100 %: ramp and parabola leave no following error. Without it 6 deg/s lags by V / Kpp = 0.6 deg.
     kvf: float = number(1.0, 0.0, 1.5, "Velocity feed-forward; 1 = 100 %.", "paper")
-    compensation: CompensationTable = table("What goes beyond the paper's loop.", CompensationTable)
+    compensation: CompensationTable = table("What goes beyond the position loop.", CompensationTable)
 
 
 class MonitorsTable(Table):

@@ -43,7 +43,7 @@ class DriveTable(Table):
 
     kind: Literal["sim", "ideal", "canopen"] = choice(
         "sim",
-        "Simulated drive with the gantry behind it, actual = set-point for trying programs, or a drive on a bus.",
+        "Simulated drive with the axis behind it, actual = set-point for trying programs, or a drive on a bus.",
     )
     speed_loop: SpeedLoopTable = table("Speed loop of the simulated drive.", SpeedLoopTable)
     current_loop: CurrentLoopTable = table("Current loop of the simulated drive.", CurrentLoopTable)

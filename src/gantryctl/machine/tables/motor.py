@@ -46,7 +46,7 @@ class EncoderTable(Table):
     # What a drive makes of one line, 2^11; others make 2^13.
     interpolation: int = number(2048, 1, 65536, "Interpolated steps per line.", "catalogue")
     wrap_margin_min_deg: float = number(
-        5.0, 0.1, 180.0, "Least distance between travel and the wrap of the encoder, at the gantry."
+        5.0, 0.1, 180.0, "Least distance between travel and the wrap of the encoder, at the load."
     )
 
     @property
@@ -92,5 +92,5 @@ class BrakeTable(Table):
         1000, 1, 1000000, "Stops of the turning axis by the brake after which its service is due."
     )
     sag_max_deg: float = number(
-        0.02, 1e-6, 1.0, "Movement after release, or under the brake test, that is too much; at the gantry."
+        0.02, 1e-6, 1.0, "Movement after release, or under the brake test, that is too much; at the load."
     )

@@ -24,12 +24,12 @@ _PHASES_RAD = (
 class LoadTable(Table):
     """[plant.load]: everything that turns with the gantry, about the gantry axis."""
 
-    inertia_kg_m2: float = number(2.18e6, 0.01, 1e8, "Inertia of gantry, magnets, counterweight.", "paper")
+    inertia_kg_m2: float = number(2.18e6, 0.01, 1e8, "Inertia of everything that turns.", "paper")
     mass_kg: float = number(2.0e5, 0.1, 1e7, "Turning mass.", "estimate")
     # 16.0 kN m with the mass: more than friction holds, as the paper says that the gantry would turn by itself.
     eccentricity_m: float = number(0.00815, 0.0, 10.0, "Centre of mass off the axis.", "calibrated")
     eccentric_angle_deg: float = number(
-        0.0, -180.0, 180.0, "Gantry angle at which the eccentric moment is zero.", "paper"
+        0.0, -180.0, 180.0, "Angle at which the eccentric moment is zero.", "paper"
     )
     # The centre of mass hangs below at 0 deg: agrees with the sign of the chord errors there.
     eccentric_sign: float = number(
@@ -61,7 +61,7 @@ class PlantMotorTable(Table):
 
     # Size class 130, by the fifth power of the size from a catalogue value, with coupling and brake rotor.
     wave_generator_inertia_kg_m2: float = number(
-        0.13, 0.0, 1e5, "Wave generator, coupling and brake rotor; not in the paper's Js.", "estimate"
+        0.13, 0.0, 1e5, "Wave generator, coupling and brake rotor.", "estimate"
     )
     # 1.5 % of the rated torque peak to peak, half of it.
     torque_ripple_nm: float = number(1.9, 0.0, 1e5, "Amplitude of the torque ripple.", "catalogue")
@@ -90,16 +90,16 @@ class TransmissionTable(Table):
         6680.0, 1e-4, 1e9, "End of the second slope, same place.", "catalogue"
     )
     rest_stiffness_nm_per_rad: float = number(
-        1.5e9, 1.0, 1e14, "Everything behind the reducer in series, at the gantry.", "estimate"
+        1.5e9, 1.0, 1e14, "Everything behind the reducer in series, at the load.", "estimate"
     )
     damping_ratio: float = number(0.025, 0.0, 0.5, "Damping ratio with the motor locked.", "estimate")
     # A hysteresis loss of about 1 arcmin at the reducer output, from a catalogue: 1.3e-3 deg at the gantry, full width.
     hysteresis_torque_nm: float = number(
-        2000.0, 0.0, 1e8, "Half width of the hysteresis without load, at the gantry.", "catalogue"
+        2000.0, 0.0, 1e8, "Half width of the hysteresis without torque, at the load.", "catalogue"
     )
     hysteresis_load_ratio: float = number(0.1, 0.0, 1.0, "Its part in proportion to the load.", "calibrated")
     hysteresis_length_rad: float = number(
-        1.0e-5, 1e-9, 0.1, "Pre-sliding length of the hysteresis, at the gantry.", "estimate"
+        1.0e-5, 1e-9, 0.1, "Pre-sliding length of the hysteresis, at the load.", "estimate"
     )
     # New girth gears have 0.4 to 0.8 mm; the row of 0 deg in the paper's table 2 allows about 0.1 mm at most. 0.05 mm
     # are 1.2e-3 deg at the gantry.
@@ -116,7 +116,7 @@ class GearErrorTable(Table):
         _RING_UM,
         1,
         RING_HARMONICS,
-        "Ring error, one amplitude per harmonic of the gantry turn; missing harmonics are zero.",
+        "Ring error, one amplitude per harmonic of a turn of the axis; missing harmonics are zero.",
         "standard",
     )
     reducer_2x_rad: float = number(4.0e-5, 0.0, 2e-3, "Two cycles per motor turn.", "catalogue")
@@ -212,7 +212,7 @@ class PlantEncoderTable(Table):
     """[plant.encoder]: how the simulated encoder is mounted."""
 
     latency_us: float = number(62.5, 0.0, 2000.0, "Age of the angle when it is read.", "estimate")
-    mounting_turns: int = number(2048, 0, 2**24, "Encoder turns at gantry 0 deg.")
+    mounting_turns: int = number(2048, 0, 2**24, "Encoder turns at 0 deg of the axis.")
     serial: str = text("SIM-0001", 40, "Serial number the simulated encoder reports.")
 
 
@@ -225,7 +225,7 @@ class LoadEncoderTable(Table):
 
     fitted: bool = switch(False, "The controller can read it; measuring runs can in any case.")
     # 2^26 steps are 5.4e-6 deg each.
-    bits: int = number(26, 8, 32, "Steps per gantry turn, as a power of two.", "estimate", unit="bit")
+    bits: int = number(26, 8, 32, "Steps per turn of the axis, as a power of two.", "estimate", unit="bit")
     noise_rad: float = number(2.0e-7, 0.0, 1e-5, "Noise, r.m.s.", "estimate")
     scale_error_rad: float = number(4.0e-6, 0.0, 2e-4, "Amplitude of the scale-error map.", "estimate")
     latency_us: float = number(62.5, 0.0, 2000.0, "Age of the angle when it is read.", "estimate")
@@ -260,7 +260,7 @@ class IntegrationTable(Table):
 class PlantTable(Table):
     """[plant]: all of the simulated physics."""
 
-    load: LoadTable = table("What turns with the gantry.", LoadTable)
+    load: LoadTable = table("What turns with the axis.", LoadTable)
     motor: PlantMotorTable = table("Motor, beyond its name plate.", PlantMotorTable)
     transmission: TransmissionTable = table("From motor to ring.", TransmissionTable)
     gear_error: GearErrorTable = table("Gear-error map.", GearErrorTable)

@@ -237,7 +237,7 @@ ENCODER: Final = (
         State.PARTLY,
         "the measured runs see a slip of a tenth at 6 deg/s, and not at 3 and 1 deg/s; one that "
         "grows slowly agrees with itself in every "
-        "signal that a drive has, and only a load-side encoder or a mark on the gantry tells",
+        "signal that a drive has, and only a load-side encoder or a mark on the load tells",
     ),
     Row(
         "A18",
@@ -249,7 +249,7 @@ ENCODER: Final = (
         State.PARTLY,
         "an encoder that shows 98 % of the motion agrees with itself in every signal that a drive "
         "has: only a load-side "
-        "encoder ([control.compensation] load_encoder) or a mark on the gantry tells. The "
+        "encoder ([control.compensation] load_encoder) or a mark on the load tells. The "
         "way of the run below "
         "is that of the motion that goes on, not of a stop",
     ),

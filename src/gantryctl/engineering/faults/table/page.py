@@ -28,7 +28,7 @@ Written by `python -m gantryctl.engineering.faults.table.page docs/reference/fau
 do not edit, a test compares.
 
 Every fault of the catalogue: what notices it, what is done about it, what a person reads, the tests that inject it, and
-how far the gantry turns at most. `gantryctl faults run --fault A2` injects a row into the simulator and shows its plot;
+how far the axis turns at most. `gantryctl faults run --fault A2` injects a row into the simulator and shows its plot;
 the classes of reaction and the words of the alarms are in [alarms](alarms.md).
 
 **Worst angle** is the true angle of the motor, at the gantry, from the fault until it stands, at 6, 3 and 1 deg/s, or
