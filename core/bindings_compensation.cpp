@@ -111,6 +111,14 @@ void restart(Law& law) {
   law.before = s;
 }
 
+// The angles that a scan leaves to the next; everything else is a difference or goes round with the axis.
+void turn_back(Law& law, double angle_rad) {
+  for (CompensationState<double>* s : {&law.s, &law.before}) {
+    s->pos_last_rad -= angle_rad;
+    s->ring_last_rad -= angle_rad;
+  }
+}
+
 Numbers state_of(const Law& law) {
   Numbers m;
 #define X(name, meaning) m[#name] = law.s.name;
@@ -175,6 +183,8 @@ void bind_compensation(nb::module_& m) {
           nb::arg("counts"), nb::arg("pos_ring_rad"),
           "The scan just done, with another set-point: instead of it, not after it.")
       .def("restart", &restart, "The axis begins to follow anew with its next scan.")
+      .def("turn_back", &turn_back, nb::arg("angle_rad"),
+           "Count the angles of the next scan from a zero that lies so much further on: whole turns.")
       .def(
           "forget_bias", [](Law& law) { law.s.bias_rad = law.before.bias_rad = 0.0; },
           "After a new reference: what the load-side loop has learned no longer holds.")

@@ -165,6 +165,11 @@ export const en = {
   way: 'Way',
   about: 'About',
   long_way: '(the long way: cable)',
+  direction: 'Direction',
+  direction_shortest: 'shortest way',
+  direction_positive: 'positive',
+  direction_negative: 'negative',
+  direction_current: 'as the last motion',
   // settings
   motion_settings: 'Motion',
   increment: 'Increment',

@@ -22,6 +22,17 @@ export function typed(text: string): number | null {
   return /^[+-]?(\d+\.?\d*|\.\d+)$/.test(clean) ? Number(clean) : null;
 }
 
+export type Way = 'shortest' | 'positive' | 'negative' | 'current';
+
+/** Way of a modulo axis to an angle, as the controller takes it; null where only it knows the last direction. */
+export function turning(from: number, to: number, direction: Way, window_deg = 0.005): number | null {
+  const forward = (((to - from) % 360) + 360) % 360;
+  if (direction === 'current') return null;
+  if (direction === 'positive') return forward > 360 - window_deg ? forward - 360 : forward;
+  if (direction === 'negative') return forward < window_deg ? forward : forward - 360;
+  return forward <= 180 + window_deg ? forward : forward - 360;
+}
+
 /** Seconds that a move takes on a trapezoid, without the jerk. */
 export function moveTime(way_deg: number, vel_deg_s: number, acc_deg_s2: number): number {
   const way = Math.abs(way_deg);

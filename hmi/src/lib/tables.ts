@@ -78,9 +78,9 @@ export interface Tags {
   torque_expected_nm: number | null;
   /** Part of the drive's overload budget used, 0..1. */
   overload: number | null;
-  /** End of the present set-point plan. [deg] */
+  /** End of the present set-point plan; null for one without end. [deg] */
   target_deg: number | null;
-  /** Time until the set-point plan ends; 0 at rest. [s] */
+  /** Time until the plan ends; 0 at rest, null for one without end. [s] */
   time_left_s: number | null;
   /** Way to rest if the key were released or Stop pressed now. [deg] */
   stopping_angle_deg: number | null;
@@ -268,11 +268,11 @@ export interface Tags {
   acc_max_deg_s2: number | null;
   /** Largest increment. [deg] */
   increment_max_deg: number | null;
-  /** The set-point never passes this. [deg] */
+  /** The set-point never passes this; of a modulo axis, the begin of its turn. [deg] */
   pos_min_deg: number | null;
   /** The set-point never passes this. [deg] */
   pos_max_deg: number | null;
-  /** A measured angle below this trips. [deg] */
+  /** A measured angle below this trips; a modulo axis has no ends: null. [deg] */
   over_travel_min_deg: number | null;
   /** A measured angle above this trips. [deg] */
   over_travel_max_deg: number | null;
@@ -292,6 +292,8 @@ export interface Tags {
   torque_max_nm: number | null;
   /** Name of the machine. */
   machine: string | null;
+  /** linear, or modulo: turns without end. */
+  axis_kind: string | null;
   /** sim, ideal or canopen. */
   drive_kind: string | null;
   /** Short hash of the machine file in force. */

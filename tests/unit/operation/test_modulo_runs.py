@@ -7,6 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gantryctl.drives.canopen.process_image import Unwrap
@@ -21,6 +22,7 @@ from gantryctl.operation.state import encoder_report, machine_status, set_encode
 from gantryctl.operation.store import StateStore
 from gantryctl.program import Axis, Code
 from gantryctl.runtime import Retained
+from gantryctl.runtime.recorder import MemoryRecorder
 from gantryctl.units import rad
 from gantryctl.wiring.program import axis_settings
 from gantryctl.wiring.simulator import turned_back
@@ -253,6 +255,28 @@ def test_the_memory_of_a_powered_axis_on_a_bus_holds_no_rest_position() -> None:
     assert not axis.is_off
     on = retained_after(real, KEPT, axis, Read(), END)  # type: ignore[arg-type]
     assert on.rest_position_counts is None
+
+
+def test_compensations_go_round_without_a_step() -> None:
+    """Maps, load-side encoder and damping of the improved machine over 1.2 turns: no change of the speed command is
+    larger after the first half turn, where their laws go on in the next turn, than before it.
+    """
+    machine = modulo_machine({"control.scan_period_ms": 1.0}, "hust_improved")
+    run = AxisRun(machine, recorder=MemoryRecorder)
+    run.move_by(430.0)
+    run.power_down()
+    recorder = run.engine.recorder
+    assert isinstance(recorder, MemoryRecorder)
+    trace = recorder.trace()
+    run.close("done")
+    ref_deg, command = np.degrees(trace["pos_ref_rad"]), np.degrees(trace["vel_cmd_rad_s"])
+    steps = np.abs(np.diff(command))
+    moving = (np.abs(np.degrees(trace["vel_ref_rad_s"])) > 0.0)[1:]
+    first = moving & (np.abs(ref_deg[1:]) < 170.0)
+    later = moving & (np.abs(ref_deg[1:]) >= 170.0)
+    assert later.sum() > 10_000
+    assert steps[later].max() <= 1.2 * steps[first].max()
+    assert machine.control.compensation.load_encoder.active
 
 
 # --- machine files and the plant ----------------------------------------------------------------------------------

@@ -15,6 +15,7 @@ from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
 
 _TURN: Final = 2.0 * math.pi
+_NEXT_RAD: Final = 1.2 * math.pi
 
 # Speed command (motor side), actual angle and following error (gantry side).
 Command = tuple[float, float, float]
@@ -35,7 +36,7 @@ class LoadSide:
     """
 
     __slots__ = (
-        "_alarms", "_begun_rad", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans",
+        "_alarms", "_count", "_feedback", "_law", "_limit", "_run", "_run_again", "_scans",
         "_turn_counts", "_turn_rad", "_turns", "_watched",
         "disagreement_rad", "laws", "torque_ff_nm",
     )  # fmt: skip
@@ -62,7 +63,7 @@ class LoadSide:
         self._turn_rad = 0.0
         turn = settings.law.turn_counts
         self._turn_counts = None if turn is None else float(turn)
-        self._begun_rad, self._turns = math.nan, 0
+        self._turns = 0
         self.torque_ff_nm = 0.0
         self.disagreement_rad = 0.0
 
@@ -96,18 +97,12 @@ class LoadSide:
         return cmd, pos + turn_rad, error, torque_nm, disagreement
 
     def _next_turn(self, ref_rad: float) -> None:
-        """Let the laws count from another turn after a whole one: an angle of theirs is one of a turn.
-
-        A whole turn after the axis began to follow everything periodic is as it was then, the torque of the eccentric
-        moment too, so the laws begin anew without a step.
-        """
-        if math.isnan(self._begun_rad):
-            self._turns = round(ref_rad / _TURN)
-            self._begun_rad = ref_rad - self._turns * _TURN
-        made = math.trunc((ref_rad - self._turns * _TURN - self._begun_rad) / _TURN)
-        if made:
+        """Let the laws count from the turn that the set-point is in: an angle of theirs is one of a turn."""
+        made = round(ref_rad / _TURN) - self._turns
+        # Beyond +-180 deg by a tenth of a turn: no axis that stands there goes to and fro.
+        if made and abs(ref_rad - self._turns * _TURN) > _NEXT_RAD:
             self._turns += made
-            self.laws.restart()
+            self.laws.turn_back(made * _TURN)
 
     def turn_back(self, turns: int) -> None:
         """The zero of a modulo axis has moved on by whole turns; the angles of the laws stay what they are."""
@@ -130,7 +125,6 @@ class LoadSide:
         """Restart the laws: the axis follows from the next scan on."""
         self.laws.restart()
         self._count = 0
-        self._begun_rad = math.nan
 
     def new_reference(self, pos_rad: float) -> float:
         """Angle of the motor, at the gantry, when a new reference puts the load at `pos_rad`."""

@@ -29,6 +29,10 @@ RECENT_S: Final = 10.0
 _BUS_TAGS: Final = (
     "bus_missed", "bus_late", "bus_duplicated", "bus_wrong_length", "bus_contradicted", "bus_refused", "bus_others",
 )  # fmt: skip
+_ENDS: Final = (
+    "over_travel_min_deg", "over_travel_max_deg", "limit_switch_min_deg", "limit_switch_max_deg",
+    "mechanical_stop_min_deg", "mechanical_stop_max_deg",
+)  # fmt: skip
 
 
 class Publisher:
@@ -242,6 +246,7 @@ class Publisher:
         speed, acc = ranges["speed_setting_deg_s"], ranges["acc_setting_deg_s2"]
         return {
             "machine": machine.name,
+            "axis_kind": axis.kind,
             "drive_kind": machine.drive.kind,
             "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,
@@ -253,12 +258,8 @@ class Publisher:
             "increment_max_deg": ranges["increment_deg"].high,
             "pos_min_deg": axis.pos_min_deg,
             "pos_max_deg": axis.pos_max_deg,
-            "over_travel_min_deg": axis.over_travel_min_deg,
-            "over_travel_max_deg": axis.over_travel_max_deg,
-            "limit_switch_min_deg": axis.limit_switch_min_deg,
-            "limit_switch_max_deg": axis.limit_switch_max_deg,
-            "mechanical_stop_min_deg": axis.mechanical_stop_min_deg,
-            "mechanical_stop_max_deg": axis.mechanical_stop_max_deg,
+            # A modulo axis has no ends.
+            **{key: None if axis.modulo else getattr(axis, key) for key in _ENDS},
             "torque_rated_nm": motor.torque_rated_nm,
             "torque_max_nm": motor.torque_max_nm,
         }
