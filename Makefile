@@ -11,11 +11,11 @@ LOCK = uv pip compile --quiet $(UPGRADE) --generate-hashes --no-header --no-anno
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core format lock wheel clean page page-check screenshots
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock wheel clean page page-check screenshots
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the Python tests: what CI runs"
-	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  format  lock  wheel  clean"
+	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  wheel  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
 .venv/run.stamp: requirements/run.txt requirements/build.txt
@@ -48,6 +48,7 @@ pytest: setup $(NODE_OPCUA)
 	.venv/bin/python -m pytest -n 2
 
 test-slow: setup $(NODE_OPCUA)
+	@! command -v clang++ > /dev/null || $(MAKE) test-core-clang
 	.venv/bin/python -m pytest -m slow --hypothesis-profile fresh
 	.venv/bin/python -m pytest tests/property tests/states --hypothesis-profile fresh --hypothesis-show-statistics
 
@@ -74,6 +75,13 @@ test-core: .venv/dev.stamp
 	    -DGANTRYCTL_SANITIZE=address,undefined -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_FLAGS_DEBUG="-O1 -g" --log-level=WARNING
 	cmake --build build/core-tests-sanitized
 	ctest --test-dir build/core-tests-sanitized --output-on-failure --no-tests=error
+
+# The same by another compiler, where it is installed: a minute of one core.
+test-core-clang: .venv/dev.stamp
+	cmake -S . -B build/core-tests-clang -G Ninja -DCMAKE_CXX_COMPILER=clang++ -DGANTRYCTL_PYTHON=OFF \
+	    -DGANTRYCTL_CORE_TESTS=ON --log-level=WARNING
+	cmake --build build/core-tests-clang
+	ctest --test-dir build/core-tests-clang --output-on-failure --no-tests=error
 
 # --- upkeep -----------------------------------------------------------------------------------------------------------
 format: .venv/dev.stamp

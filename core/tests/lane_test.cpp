@@ -184,7 +184,7 @@ template <class Width>
 class PackOf : public testing::Test {};
 using Widths = testing::Types<std::integral_constant<int, 2>, std::integral_constant<int, 4>,
                               std::integral_constant<int, 8>>;
-TYPED_TEST_SUITE(PackOf, Widths);
+TYPED_TEST_SUITE(PackOf, Widths, );  // the comma: Clang asks for the argument that may be left out
 
 TYPED_TEST(PackOf, numbers_computes_lane_by_lane) {
   constexpr int N = TypeParam::value;
