@@ -112,9 +112,12 @@ def lines(found: Population) -> list[str]:
         named = ", ".join(f"{name} ({count})" for name, count in found.refused.items())
         made.append(f"{total} rows have no figures and are left out: {named}")
     if head.design.sampling == "sensitivity" and found.part is None and found.base_points < head.design.size:
+        why = "rows are missing" if found.there < found.rows else "rows were refused"
+        more = (
+            why if found.there < found.rows or found.refused else "more would change no digit that is shown"
+        )
         made.append(
-            f"Sobol indices by the first {found.base_points} of {head.design.size} base points: more are missing, have "
-            "refused rows, or are not needed"
+            f"Sobol indices by the first {found.base_points} of {head.design.size} base points: {more}"
         )
     if head.design.sampling in ("sobol", "latin_hypercube", "sensitivity"):
         made.append("intervals are those of independent plants; an even sample is closer than they say")
