@@ -14,6 +14,8 @@ from gantryctl.engineering.report.recording import ShownFigure, still
 
 # More tiles than fit in a row say less.
 _TILES_MOST: Final = 5
+# More curves in one figure are not told apart.
+_CURVES_MOST: Final = 4
 
 
 def render_populations(populations: Sequence[tuple[str, Population]], made: Made) -> str:
@@ -85,7 +87,7 @@ def _tiles(found: Population) -> list[tuple[str, str, str]]:
 
 
 def _figures(shown: Sequence[tuple[str, Population]]) -> list[ShownFigure]:
-    """A distribution for each figure over all results and controls, then Sobol indices."""
+    """Each figure over all results and controls, then Sobol indices."""
     found = []
     named = {
         column.rpartition(".")[2]: output for _, each in shown for column, output in each.head.outputs.items()
@@ -97,13 +99,20 @@ def _figures(shown: Sequence[tuple[str, Population]]) -> list[ShownFigure]:
             for of in each.figures
             if of.column.rpartition(".")[2] == name
         ]
-        curves = [
-            figures.Curve(" ".join(filter(None, (result, of.column.rpartition(".")[0]))), of.curve)
-            for result, _, of in mine
-        ]
+        names = [" ".join(filter(None, (result, of.column.rpartition(".")[0]))) for result, _, of in mine]
         limits = sorted({limit for _, each, of in mine for limit in each.head.limits_of(of.column)})
-        figure = figures.distribution(curves, limits, f"{output.meaning}, {output.unit}")
-        found.append(still(figure, name, f"{output.meaning}: part of the plants at or below a value."))
+        label = f"{output.meaning}, {output.unit}"
+        if len(mine) > _CURVES_MOST:
+            rows = [
+                figures.Spread(own, *(each.value for each in of.quantiles if each.part in (0.05, 0.5, 0.95)))
+                for own, (_, _, of) in zip(names, mine, strict=True)
+            ]
+            caption = f"{output.meaning}: median, and 5 to 95 % of the plants."
+            found.append(still(figures.spreads(rows, limits, label), name, caption))
+        else:
+            curves = [figures.Curve(own, of.curve) for own, (_, _, of) in zip(names, mine, strict=True)]
+            caption = f"{output.meaning}: part of the plants at or below a value."
+            found.append(still(figures.distribution(curves, limits, label), name, caption))
     for _, each in shown:
         for of in each.figures:
             if of.sensitivity:
