@@ -50,17 +50,13 @@ COMMANDS: Final = {
     "analyse": Entry(
         "engineering.analyse", "analyse", "Linear analysis: margins, modes, worst case, measured response."
     ),
-    "tune": Entry(
-        "engineering.tune", "tune", "Tune the loops: a proposal by the paper's procedure or by margins."
-    ),
+    "tune": Entry("engineering.tune", "tune", "Tune the loops: a proposal by trials or by margins."),
     "identify": Entry(
         "engineering.identify",
         "identify",
         "Measure friction, moment, stiffness and gear map of this machine.",
     ),
-    "compare": Entry(
-        "engineering.compare", "compare", "Two ways of control on one plant: the paper's and a better one."
-    ),
+    "compare": Entry("engineering.compare", "compare", "Two ways of control on one plant, side by side."),
     "campaign": Entry(
         "campaign",
         "campaign",

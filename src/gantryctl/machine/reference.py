@@ -11,6 +11,7 @@ from gantryctl.machine.tables.model import Machine
 # What the source paper prints of its machine. What it does not print (gears, friction, stiffness) may vary: another
 # gear in the same gantry is still that gantry. Names and gains tell nothing.
 _PRINTED: Final = (
+    "axis.kind",
     "axis.pos_min_deg",
     "axis.pos_max_deg",
     "axis.reducer_ratio",

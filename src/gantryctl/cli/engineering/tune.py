@@ -44,7 +44,7 @@ SESSION = "on_bus.json"
 @config_option
 @choice_option(
     "--method",
-    ("paper", "margins"),
+    ("trials", "margins"),
     "Trials on the simulated axis in the paper's order, or margins over the uncertain plant.",
 )
 @choice_option(
@@ -53,7 +53,7 @@ SESSION = "on_bus.json"
 @number_option(
     ("--base-limit", "base_um"),
     150.0,
-    "Base motion at which raising the acceleration stops, um p-p (method paper).",
+    "Base motion at which raising the acceleration stops, um p-p (method trials).",
 )
 @number_option(("--sensitivity",), 1.7, "Largest sensitivity peak (method margins).")
 @number_option(

@@ -15,6 +15,8 @@ def comparison_data(report: CompareReport) -> dict[str, Any]:
     return {
         "first": report.first,
         "second": report.second,
+        "short_deg": list(report.short_deg),
+        "long_deg": list(report.long_deg),
         "verdict": verdict_data(report.verdict),
         "figures": {name: {"meaning": f.meaning, "unit": f.unit} for name, f in KEY_FIGURES.items()},
         "rows": {name: row._asdict() for name, row in report.rows},

@@ -1,4 +1,4 @@
-"""The figures of one machine: chord procedures A and B, and the moves 0 to 90 and -90 to 90 deg."""
+"""The figures of one machine: chord procedures A and B, a short and a long move."""
 
 from __future__ import annotations
 
@@ -69,14 +69,14 @@ class KeyFigures(NamedTuple):
     a_measured_b: float
     load_error_deg_s: float
     motor_error_deg_s: float
-    time_90_s: float
-    time_180_s: float
+    time_short_s: float
+    time_long_s: float
     base_um: float
     residual_um: float
     settling_s: float
     reducer_knm: float
-    load_error_180_deg_s: float
-    base_180_um: float
+    load_error_long_deg_s: float
+    base_long_um: float
 
 
 class KeyFigure(NamedTuple):
@@ -97,22 +97,22 @@ KEY_FIGURES: Final = {
     "a_true_b": KeyFigure("A true, procedure B", "deg", "A true\nproc. B"),
     "a_measured_a": KeyFigure(f"A as measured, procedure A, median of {DRAWS}", "deg", "A seen\nproc. A"),
     "a_measured_b": KeyFigure(f"A as measured, procedure B, median of {DRAWS}", "deg", "A seen\nproc. B"),
-    "load_error_deg_s": KeyFigure("speed error, load side, 0 to 90", "deg/s", "load\ndeg/s"),
-    "motor_error_deg_s": KeyFigure("speed error, motor side, 0 to 90", "deg/s", "motor\ndeg/s"),
-    "time_90_s": KeyFigure("0 to 90 deg", "s", "90 deg\ns", 2),
-    "time_180_s": KeyFigure("-90 to 90 deg", "s", "180 deg\ns", 2),
-    "base_um": KeyFigure("base motion p-p, 0 to 90", "um", "base\num p-p", 0),
-    "residual_um": KeyFigure("residual base motion, 0 to 90", "um", "after\num", 1),
-    "settling_s": KeyFigure("settled to 0.001 deg, 0 to 90", "s", "settled\ns", 2),
-    "reducer_knm": KeyFigure("reducer torque, 0 to 90", "kN m", "reducer\nkN m", 2),
-    "load_error_180_deg_s": KeyFigure("speed error, load side, -90 to 90", "deg/s", ""),
-    "base_180_um": KeyFigure("base motion p-p, -90 to 90", "um", "", 0),
+    "load_error_deg_s": KeyFigure("speed error, load side, short move", "deg/s", "load\ndeg/s"),
+    "motor_error_deg_s": KeyFigure("speed error, motor side, short move", "deg/s", "motor\ndeg/s"),
+    "time_short_s": KeyFigure("time of the short move", "s", "short\ns", 2),
+    "time_long_s": KeyFigure("time of the long move", "s", "long\ns", 2),
+    "base_um": KeyFigure("base motion p-p, short move", "um", "base\num p-p", 0),
+    "residual_um": KeyFigure("residual base motion, short move", "um", "after\num", 1),
+    "settling_s": KeyFigure("settled to 0.001 deg, short move", "s", "settled\ns", 2),
+    "reducer_knm": KeyFigure("reducer torque, short move", "kN m", "reducer\nkN m", 2),
+    "load_error_long_deg_s": KeyFigure("speed error, load side, long move", "deg/s", ""),
+    "base_long_um": KeyFigure("base motion p-p, long move", "um", "", 0),
 }
 
 
 # Moves that are compared, where travel has them.
-QUARTER_DEG: Final = (0.0, 90.0)
-HALF_DEG: Final = (-90.0, 90.0)
+SHORT_DEG: Final = (0.0, 90.0)
+LONG_DEG: Final = (-90.0, 90.0)
 
 
 def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> list[KeyFigures]:
@@ -120,7 +120,7 @@ def measure_key_figures(machines: Sequence[Machine], seeds: Sequence[int]) -> li
     chords = (chord_figures(machines, name, seeds) for name in "AB")
     moves = (
         expected(moves_figures([Move(each, *fitted_stretch_deg(each, *ends)) for each in machines]))
-        for ends in (QUARTER_DEG, HALF_DEG)
+        for ends in (SHORT_DEG, LONG_DEG)
     )
     return [_key_figures(*found) for found in zip(*chords, *moves, strict=True)]
 
@@ -136,14 +136,14 @@ def _key_figures(
         a_measured_b=seen_b,
         load_error_deg_s=quarter.load_error_deg_s,
         motor_error_deg_s=quarter.motor_error_deg_s,
-        time_90_s=quarter.time_s,
-        time_180_s=half.time_s,
+        time_short_s=quarter.time_s,
+        time_long_s=half.time_s,
         base_um=quarter.base_um,
         residual_um=quarter.residual_um,
         settling_s=quarter.settling_s,
         reducer_knm=quarter.reducer_knm,
-        load_error_180_deg_s=half.load_error_deg_s,
-        base_180_um=half.base_um,
+        load_error_long_deg_s=half.load_error_deg_s,
+        base_long_um=half.base_um,
     )
 
 

@@ -13,7 +13,7 @@ from gantryctl.engineering.accuracy.procedure.procedures import evaluate
 from gantryctl.engineering.accuracy.statistics import accuracy_a
 from gantryctl.engineering.accuracy.verdict import AccuracyVerdict
 from gantryctl.engineering.analysis.measured.on_engine import experiment
-from gantryctl.engineering.comparison.key_figures import HALF_DEG, QUARTER_DEG
+from gantryctl.engineering.comparison.key_figures import LONG_DEG, SHORT_DEG
 from gantryctl.engineering.comparison.report import judge_seen
 from gantryctl.engineering.comparison.variants import check_same_plant
 from gantryctl.engineering.identification.on_engine import EngineAxis
@@ -36,17 +36,17 @@ class BusFigures(NamedTuple):
 
     Attributes:
         a_seen_deg: A by eq. (6), procedure A, as the instrument sees it.
-        load_error_90_deg_s, load_error_180_deg_s: largest difference of load speed and set-point, both as means
-            between two readings, of the moves from 0 to 90 and from -90 to 90 deg.
-        time_90_s, time_180_s: of the set-point.
+        load_error_short_deg_s, load_error_long_deg_s: largest difference of load speed and set-point, both as means
+            between two readings, of the short and of the long move.
+        time_short_s, time_long_s: of the set-point.
         torque_nm: largest of the motor at a scan.
     """
 
     a_seen_deg: float
-    load_error_90_deg_s: float
-    load_error_180_deg_s: float
-    time_90_s: float
-    time_180_s: float
+    load_error_short_deg_s: float
+    load_error_long_deg_s: float
+    time_short_s: float
+    time_long_s: float
     torque_nm: float
 
 
@@ -97,13 +97,13 @@ def _figures(machine: Machine, axis: EngineAxis) -> BusFigures:
     procedure = chord_test(machine, "A")
     read = [_dwell(axis.go(stop.target_deg, fast)) for stop in procedure.stops]
     table = evaluate(procedure, read, machine.accuracy.chord_radius_m)
-    quarter, half = (_move(machine, axis, stretch) for stretch in (QUARTER_DEG, HALF_DEG))
+    quarter, half = (_move(machine, axis, stretch) for stretch in (SHORT_DEG, LONG_DEG))
     return BusFigures(
         a_seen_deg=float(accuracy_a(table.errors_deg)),
-        load_error_90_deg_s=_load_error_deg_s(quarter),
-        load_error_180_deg_s=_load_error_deg_s(half),
-        time_90_s=_time_s(quarter),
-        time_180_s=_time_s(half),
+        load_error_short_deg_s=_load_error_deg_s(quarter),
+        load_error_long_deg_s=_load_error_deg_s(half),
+        time_short_s=_time_s(quarter),
+        time_long_s=_time_s(half),
         torque_nm=max(float(np.max(np.abs(log.torque_nm))) for log in (quarter, half)),
     )
 
@@ -136,16 +136,16 @@ def _time_s(log: MoveLog) -> float:
 def bus_table(found: BusComparison) -> TextTable:
     """Both rows side by side."""
     heads = (
-        "", "A seen\nproc. A", "load 90\ndeg/s", "load 180\ndeg/s", "90 deg\ns", "180 deg\ns", "torque\nN m",
+        "", "A seen\nproc. A", "load, short\ndeg/s", "load, long\ndeg/s", "short\ns", "long\ns", "torque\nN m",
     )  # fmt: skip
     rows = tuple(
         (
             name,
             f"{f.a_seen_deg:.4f}",
-            f"{f.load_error_90_deg_s:.4f}",
-            f"{f.load_error_180_deg_s:.4f}",
-            f"{f.time_90_s:.2f}",
-            f"{f.time_180_s:.2f}",
+            f"{f.load_error_short_deg_s:.4f}",
+            f"{f.load_error_long_deg_s:.4f}",
+            f"{f.time_short_s:.2f}",
+            f"{f.time_long_s:.2f}",
             f"{f.torque_nm:.1f}",
         )
         for name, f in found.rows

@@ -1,10 +1,10 @@
-"""Profiles against each other at equal base motion: how soon 90 deg are done when the base may shake as much."""
+"""Profiles against each other at equal base motion: how soon the short move is done when the base may shake as much."""
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from gantryctl.engineering.comparison.key_figures import QUARTER_DEG, MoveFigures, move_figures
+from gantryctl.engineering.comparison.key_figures import SHORT_DEG, MoveFigures, move_figures
 from gantryctl.machine import Machine, with_values
 from gantryctl.machine.places import fitted_stretch_deg
 
@@ -23,12 +23,12 @@ class ProfileRow(NamedTuple):
 
 
 def profiles_at_equal_base_motion(machine: Machine, base_um: float, swing_hz: float) -> list[ProfileRow]:
-    """0 to 90 deg by trapezoid and by S-curve, both with `base_um` of base motion; compensations as in `machine`.
+    """The short move by trapezoid and by S-curve, both with `base_um` of base motion; compensations as in `machine`.
 
     Args:
         swing_hz: first mode; the S-curve takes one period of it for its acceleration ramp.
     """
-    rows, quarter = [], fitted_stretch_deg(machine, *QUARTER_DEG)
+    rows, quarter = [], fitted_stretch_deg(machine, *SHORT_DEG)
     for name, profile in (("trapezoid", "trapezoid"), ("S-curve, ramps of one swing period", "jerk_limited")):
         acc = _acceleration(machine, profile, base_um, swing_hz)
         move = move_figures(_with_profile(machine, profile, acc, swing_hz), *quarter)
@@ -37,7 +37,7 @@ def profiles_at_equal_base_motion(machine: Machine, base_um: float, swing_hz: fl
 
 
 def _acceleration(machine: Machine, profile: str, base_um: float, swing_hz: float) -> float:
-    low, high, quarter = 0.1, _HIGHEST_DEG_S2, fitted_stretch_deg(machine, *QUARTER_DEG)
+    low, high, quarter = 0.1, _HIGHEST_DEG_S2, fitted_stretch_deg(machine, *SHORT_DEG)
     # Equal base motion, because a faster profile that shakes more is no better one.
     for _ in range(_STEPS):
         middle = (low * high) ** 0.5

@@ -9,6 +9,8 @@ from typing import ClassVar, Final
 from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, judge
 from gantryctl.engineering.comparison.ensemble import PlantEnsemble, ensemble
 from gantryctl.engineering.comparison.key_figures import (
+    LONG_DEG,
+    SHORT_DEG,
     KeyFigures,
     figures_of,
     key_columns,
@@ -20,6 +22,7 @@ from gantryctl.engineering.identification import Comparison, comparisons
 from gantryctl.engineering.scheduler.job import Rows
 from gantryctl.engineering.scheduler.schedule import all_rows
 from gantryctl.machine import Machine, Requirement, required_angle
+from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.wiring.compensation import check_calibration
 
 
@@ -30,6 +33,7 @@ class CompareReport:
     Attributes:
         first, second: their names.
         required: accuracy of the angle that judges both.
+        short_deg, long_deg: ends of the two moves.
         rows: name and figures of every variant.
         identified: what the compensations know, beside the truth of the plant; empty if they know nothing.
         profiles: trapezoid and S-curve at the base motion of the first machine.
@@ -39,6 +43,8 @@ class CompareReport:
     first: str
     second: str
     required: Requirement
+    short_deg: tuple[float, float]
+    long_deg: tuple[float, float]
     rows: tuple[tuple[str, KeyFigures], ...]
     identified: tuple[Comparison, ...]
     profiles: tuple[ProfileRow, ...]
@@ -106,6 +112,8 @@ def compare_report(
         first=paper.name,
         second=improved.name,
         required=required_angle(improved),
+        short_deg=fitted_stretch_deg(improved, *SHORT_DEG),
+        long_deg=fitted_stretch_deg(improved, *LONG_DEG),
         rows=rows,
         identified=tuple(comparisons(improved, calibration)) if calibration else (),
         profiles=tuple(profiles_at_equal_base_motion(paper, rows[0][1].base_um, swing_hz)),

@@ -26,13 +26,18 @@ def notes(report: CompareReport) -> list[str]:
     return [
         "A, deg: largest X + 3 S minus smallest X - 3 S of the chord test. Seen: median of 500 draws of the tracker's "
         "noise.",
-        "Speed errors are the largest of a move from 0 to 90 deg. With wind-up and maps compensated the motor leaves "
-        "the set-point on purpose: judge the load side.",
+        f"The short move goes {_way(report.short_deg)}, the long one {_way(report.long_deg)}; speed errors, base and "
+        "settling are those of the short one.",
+        "With wind-up and maps compensated the motor leaves the set-point on purpose: judge the load side.",
         "Base: motion at the ring radius without gravity's part; after: 0.2 to 2.2 s after the profile. Settled: time "
         "after the profile until the load stays within 0.001 deg.",
         f"What is identified comes from runs of {report.second} with everything off, never from [plant]; the tracker "
         "of those runs has noise but no errors of its own.",
     ]
+
+
+def _way(ends_deg: tuple[float, float]) -> str:
+    return f"from {ends_deg[0]:g} to {ends_deg[1]:g} deg"
 
 
 def _rows(report: CompareReport) -> TextTable:
@@ -50,7 +55,7 @@ def _profiles(report: CompareReport) -> TextTable:
         {
             "": row.name,
             "acceleration\ndeg/s2": f"{row.acc_deg_s2:.3f}",
-            "90 deg\ns": f"{row.move.time_s:.2f}",
+            "short\ns": f"{row.move.time_s:.2f}",
             "base\num p-p": f"{row.move.base_um:.0f}",
             "after\num": f"{row.move.residual_um:.1f}",
             "load\ndeg/s": f"{row.move.load_error_deg_s:.4f}",

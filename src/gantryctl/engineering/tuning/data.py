@@ -26,7 +26,8 @@ def tuning_data(tuning: Tuning) -> dict[str, Any]:
             for c in (tuning.configured, tuning.proposal, tuning.paper)
             if c is not None
         },
-        "difference_to_paper": differences(tuning),
+        # Only of the reference machine the paper tells gains.
+        **({} if tuning.paper is None else {"difference_to_paper": differences(tuning)}),
     }
 
 

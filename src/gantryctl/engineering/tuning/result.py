@@ -13,7 +13,7 @@ from gantryctl.engineering.tuning.judge import GainsVerdict, judge_gains
 from gantryctl.engineering.tuning.procedure import QUARTERS, Criteria, Tuned, paper_procedure
 from gantryctl.machine import Machine, is_reference_machine
 
-PAPER_METHOD, MARGINS_METHOD = "paper", "margins"
+TRIALS_METHOD, MARGINS_METHOD = "trials", "margins"
 # Difference to the paper's gains that counts as the same.
 # Reached by a procedure that was fitted with the paper's gains in sight; no independent confirmation.
 WITHIN: Final = 0.2
@@ -70,7 +70,7 @@ def tune(
     """Tune the axis of a machine file.
 
     Args:
-        machine: see `Tuning`. method: "paper" or "margins".
+        machine: see `Tuning`. method: "trials" or "margins".
         as_paper: on the axis that the paper's drive saw, `bench_of_paper`.
         start, criteria: of the paper's procedure; poor gains for this axis when no start is given.
         conditions: of the method by margins.
@@ -83,7 +83,7 @@ def tune(
     plants = uncertain_plants(linear)
     known = is_reference_machine(machine)
     begin = start or (POOR if known else poor(bench.fast_inertia_kg_m2, machine.virtual_axis.acc_deg_s2))
-    tuned = paper_procedure(bench, begin, criteria) if method == PAPER_METHOD else None
+    tuned = paper_procedure(bench, begin, criteria) if method == TRIALS_METHOD else None
     designed = None if tuned else by_margins(linear, conditions, plants)
     found = tuned or designed
     assert found is not None

@@ -26,7 +26,7 @@ def test_the_second_way_of_control_is_judged_by_what_the_machine_requires() -> N
     rows = tuple(
         (name, zeros._replace(a_measured_a=a)) for name, a in (("before", 0.0064), ("after", 0.0127))
     )
-    report = CompareReport("before", "after", required, rows, (), (), None)
+    report = CompareReport("before", "after", required, (0.0, 90.0), (-90.0, 90.0), rows, (), (), None)
     assert report.verdict.passed is False
     assert report.verdict.text.endswith(
         "after: A as measured 0.0127 deg: outside 0.01 deg; required by dish (tender 4711)"

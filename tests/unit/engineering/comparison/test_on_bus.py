@@ -86,9 +86,9 @@ def test_a_profile_without_steps_shakes_the_load_less_on_the_bus() -> None:
     )
     found = compare_on_bus(MACHINE, smooth, tracker)
     (_, bare), (_, better) = found.rows
-    assert bare.load_error_90_deg_s == pytest.approx(0.059, abs=0.006)
-    assert better.load_error_90_deg_s < 0.7 * bare.load_error_90_deg_s
+    assert bare.load_error_short_deg_s == pytest.approx(0.059, abs=0.006)
+    assert better.load_error_short_deg_s < 0.7 * bare.load_error_short_deg_s
     # Neither looks at the load, so both are as accurate as the gear.
     assert bare.a_seen_deg == pytest.approx(0.0111, abs=0.001)
     assert better.a_seen_deg == pytest.approx(0.0111, abs=0.002)
-    assert math.isclose(bare.time_90_s, 30.25, abs_tol=0.05)
+    assert math.isclose(bare.time_short_s, 30.25, abs_tol=0.05)

@@ -2,14 +2,14 @@
 
 import pytest
 
-from gantryctl.engineering.tuning.result import MARGINS_METHOD, PAPER_METHOD, tune
+from gantryctl.engineering.tuning.result import MARGINS_METHOD, TRIALS_METHOD, tune
 from gantryctl.machine import default_machine
 
 
 @pytest.fixture(scope="session")
 def as_paper():
     """The paper's procedure on the axis that the paper's drive saw."""
-    return tune(default_machine(), PAPER_METHOD, as_paper=True)
+    return tune(default_machine(), TRIALS_METHOD, as_paper=True)
 
 
 @pytest.fixture(scope="session")

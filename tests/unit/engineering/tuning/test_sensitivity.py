@@ -8,7 +8,7 @@ from gantryctl.engineering.tuning.bench import Bench, bench_of_paper
 from gantryctl.engineering.tuning.data import tuning_data
 from gantryctl.engineering.tuning.gains import PAPER, POOR
 from gantryctl.engineering.tuning.procedure import QUARTERS, paper_procedure
-from gantryctl.engineering.tuning.result import MARGINS_METHOD, PAPER_METHOD, tune
+from gantryctl.engineering.tuning.result import MARGINS_METHOD, TRIALS_METHOD, tune
 from gantryctl.machine import default_machine, with_values
 
 OTHER_STARTS = (POOR, replace(POOR, kvp_nm_s_per_rad=4.0, tvi_s=0.4, kpp_per_s=0.4, acc_deg_s2=0.08))
@@ -75,8 +75,8 @@ def test_procedure_over_starts_criteria_steps_and_drives(evidence):
 def test_both_methods_side_by_side(evidence):
     machine = default_machine()
     results = {
-        "paper, as the paper's drive saw it": tune(machine, PAPER_METHOD, as_paper=True),
-        "paper, machine as configured": tune(machine, PAPER_METHOD),
+        "paper, as the paper's drive saw it": tune(machine, TRIALS_METHOD, as_paper=True),
+        "paper, machine as configured": tune(machine, TRIALS_METHOD),
         "margins, machine as configured": tune(machine, MARGINS_METHOD),
     }
     assert results["margins, machine as configured"].proposal.verdict.stable
