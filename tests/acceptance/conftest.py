@@ -5,6 +5,7 @@ import pytest
 
 from acceptance.bench import Bench, ChordRun
 from gantryctl.engineering.accuracy.job import AccuracyJob, accuracy_report
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.accuracy.report.report import AccuracyReport
 from gantryctl.machine import default_machine
 
@@ -17,7 +18,7 @@ def bench() -> Bench:
 @pytest.fixture(scope="session")
 def report() -> AccuracyReport:
     """The product's own accuracy job on the reference machine: chord test, noise and speed test."""
-    return accuracy_report(default_machine(), AccuracyJob(), version="test")
+    return accuracy_report(default_machine(), AccuracyJob(chord_test(default_machine())), version="test")
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ import pytest
 
 from acceptance.bench import PLANT_TOLERANCE, SHORT, gantry, within
 from gantryctl.engineering.accuracy.job import AccuracyJob, ensemble_a
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.machine import Machine, default_machine
 
 MEDIAN_DEG, LOW_DEG, HIGH_DEG = 0.0108, 0.0077, 0.0146
@@ -39,7 +40,7 @@ def test_the_median_of_12_gears_lies_in_the_band_of_the_reference() -> None:
     """A wide check: three standard errors are 0.0023 deg, 21 % of the median. It sees a grade, not a detail: amplitudes
     wrong by a quarter, a map that repeats over the turn, phases that are not drawn at all.
     """
-    gears = ensemble_a(grade_8(), AccuracyJob(ensemble=12))
+    gears = ensemble_a(grade_8(), AccuracyJob(chord_test(default_machine()), ensemble=12))
     found = gears.distribution.median_deg
     allowed = 3.0 * median_error_deg(12)
     assert MEDIAN_DEG - allowed > LOW_DEG, "narrower than the band of the reference"
@@ -61,7 +62,7 @@ def test_an_ensemble_is_its_seeds() -> None:
 def test_200_gears_have_the_median_and_the_range_of_the_reference(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:
-    gears = ensemble_a(grade_8(), AccuracyJob(ensemble=200))
+    gears = ensemble_a(grade_8(), AccuracyJob(chord_test(default_machine()), ensemble=200))
     found = gears.distribution
     evidence(
         "acceptance_gears_grade_8",
@@ -79,7 +80,7 @@ def test_200_gears_have_the_median_and_the_range_of_the_reference(
 def test_gears_of_the_fitted_machines_grade_lie_higher_as_their_amplitude_says(
     evidence: Callable[[str, dict[str, object]], None],
 ) -> None:
-    gears = ensemble_a(default_machine(), AccuracyJob(ensemble=64))
+    gears = ensemble_a(default_machine(), AccuracyJob(chord_test(default_machine()), ensemble=64))
     found = gears.distribution
     evidence(
         "acceptance_gears_of_the_machine",

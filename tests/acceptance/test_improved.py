@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gantryctl.engineering.accuracy.job import AccuracyJob, ensemble_a
+from gantryctl.engineering.accuracy.procedure.plan import chord_test
 from gantryctl.engineering.batch import ClosedLoop
 from gantryctl.engineering.comparison.data import comparison_data
 from gantryctl.engineering.comparison.ensemble import ensemble
@@ -63,7 +64,10 @@ def test_the_load_keeps_its_speed_on_other_moves_too(start: float, end: float) -
 
 def test_a_random_gear_of_the_accuracy_test_is_identified_before_it_is_judged() -> None:
     """With the map of another gear A would be worse than with none at all."""
-    gears = ensemble_a(without_load_encoder(improved_machine()), AccuracyJob(ensemble=1, seed=7))
+    gears = ensemble_a(
+        without_load_encoder(improved_machine()),
+        AccuracyJob(chord_test(default_machine()), ensemble=1, seed=7),
+    )
     assert gears.a_deg[0] <= A_WITHOUT_ENCODER_DEG
 
 

@@ -53,12 +53,14 @@ def _compensation(basis: Basis) -> Values:
     sheet, required, mode = basis.sheet, basis.required.angle_deg, basis.sheet.structure.first_mode_hz
     ratio, teeth = basis.ratio, sheet.teeth.pinion_teeth * sheet.gears.ring_ratio
     at = "control.compensation"
+    # A wave that two sources share is identified once.
+    waves = tuple(dict.fromkeys(round(wave, 6) for wave in (teeth, ratio, 2.0 * ratio, 4.0 * ratio)))
     return {
         f"{at}.torque.limit_nm": computed(
             significant(0.25 * basis.motor.motor.torque_rated_nm), "a quarter of the rated torque"
         ),
         f"{at}.gear_map.cycles_per_turn": basis.follows(
-            (round(teeth, 6), *(round(k * ratio, 6) for k in (1.0, 2.0, 4.0))),
+            waves,
             "ring teeth; motor turns x 1, 2, 4",
             "teeth.pinion_teeth",
         ),
