@@ -442,7 +442,7 @@ def test_registered_nodes_are_read_by_what_the_server_answers(run: Run) -> None:
         struct.pack("<3scI", b"HEL", b"F", 8),  # nothing in it
         struct.pack("<3scI", b"HEL", b"F", 3),
         b"GET / HTTP/1.1\r\n\r\n",
-        struct.pack("<3scIII", b"MSG", b"F", 20, 0, 0) + os.urandom(4),
+        struct.pack("<3scIII", b"MSG", b"F", 20, 0, 0) + b"\xb1\x0b\x5e\x1f",
         uatcp_to_binary(ua.MessageType.Hello, ua.Hello(ReceiveBufferSize=1, EndpointUrl="")),
     ],
 )
