@@ -57,12 +57,12 @@ def _required(result: str, found: Population) -> list[Required]:
     return [
         Required(
             " ".join(filter(None, (result, figure.column))),
-            f"{each.limit:g} {found.head.outputs[figure.column].unit}",
-            f"kept by {percent(each.probability)} of {figure.plants} plants",
+            f"{', '.join(f'{each.limit:g}' for each in figure.passing)} {found.head.outputs[figure.column].unit}",
+            f"kept by {', '.join(percent(each.probability) for each in figure.passing)} of {figure.plants} plants",
             Judged.OPEN,
         )
         for figure in found.figures
-        for each in figure.passing
+        if figure.passing
     ]
 
 
@@ -76,7 +76,9 @@ def _source(results: Sequence[tuple[str, Population]]) -> str:
 def _tiles(found: Population) -> list[tuple[str, str, str]]:
     """The figures at the top: value, name, remark."""
     made = [(f"{found.there}", "rows", f"of {found.rows}")]
-    for figure in found.figures[:_TILES_MOST]:
+    # Figures of several controls are compared in the pictures.
+    own = [figure for figure in found.figures if "." not in figure.column]
+    for figure in own[:_TILES_MOST]:
         output = found.head.outputs[figure.column]
         low, middle, high = (
             f"{each.value:.{output.digits}f}" for each in figure.quantiles if each.part in (0.05, 0.5, 0.95)
