@@ -184,7 +184,7 @@ class AxisClient(Protocol):
         """Move to an angle and wait until the axis stands there.
 
         Args:
-            direction: of a modulo axis; the shortest way when not given.
+            direction: of a modulo axis; when not given, the way that stays within its turn.
 
         Raises:
             CommandRefused: target or speed are not possible; nothing moved. AlarmStop: an alarm ended it.

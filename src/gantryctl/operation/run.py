@@ -32,6 +32,7 @@ from gantryctl.program.axis.command_checks import (
     check_overdue,
     check_range,
     check_setting,
+    inside_turn,
     require,
 )
 from gantryctl.runtime import Engine, FixedOperator, ScanFailure, VirtualClock, keeps_time
@@ -216,7 +217,7 @@ class AxisRun:
         """Move to an angle and wait until the axis stands there; powers up where that was not done.
 
         Args:
-            direction: of a modulo axis; the shortest way when not given.
+            direction: of a modulo axis; when not given, the way that stays within its turn.
 
         Raises:
             CommandRefused: target or speed are not possible; nothing moved, and power was not switched on for it.
@@ -271,8 +272,9 @@ class AxisRun:
     ) -> dict[str, Any]:
         wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
         self._check_speed(wanted)
-        travel = self.axis.settings.travel
-        require(check_destination(rad(self.angle_deg), rad(target_deg), direction, travel))
+        travel, here = self.axis.settings.travel, rad(self.angle_deg)
+        require(check_destination(here, rad(target_deg), direction, travel))
+        direction = direction or inside_turn(here, rad(target_deg), travel)
         if not 0.0 < override <= 1.0:
             raise UsageError(f"override {override:g}: above 0 and at most 1")
         return {

@@ -105,7 +105,8 @@ def move(
         from gantryctl.image import Direction
 
         wanted = axis.speed_max_deg_s if speed is None else speed
-        chosen = None if direction is None else Direction[direction.upper()]
+        shortest = Direction.SHORTEST if axis.machine.axis.modulo else None
+        chosen = shortest if direction is None else Direction[direction.upper()]
         end = target
         if axis.must_ask:
             # First of all: control at a service may stop what moves (--take-over).

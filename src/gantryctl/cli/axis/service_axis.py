@@ -23,6 +23,7 @@ from gantryctl.program.axis.command_checks import (
     check_range,
     check_setting,
     check_target,
+    inside_turn,
     require,
 )
 from gantryctl.service.clients.link import ServiceLink
@@ -184,8 +185,12 @@ class ServiceAxis:
             travel = travel_settings(self.machine)
             require(check_destination(rad(start_deg), rad(target_deg), direction, travel))
 
-        way = {} if direction is None else {"direction": direction.name.lower()}
-        return self._move(check, speed_deg_s, override, "move", target_deg=target_deg, **way)
+        def way(start_deg: float) -> dict[str, Any]:
+            travel = travel_settings(self.machine)
+            chosen = direction or inside_turn(rad(start_deg), rad(target_deg), travel)
+            return {"target_deg": target_deg} | ({"direction": chosen.name.lower()} if chosen else {})
+
+        return self._move(check, speed_deg_s, override, "move", way)
 
     def move_by(
         self, distance_deg: float, speed_deg_s: float | None = None, override: float = 1.0
@@ -197,7 +202,7 @@ class ServiceAxis:
             refused = check_target(rad(start_deg), rad(start_deg + distance_deg), travel)
             require(check_range(rad(distance_deg), travel) if travel.endless else refused)
 
-        return self._move(check, speed_deg_s, override, "move_by", distance_deg=distance_deg)
+        return self._move(check, speed_deg_s, override, "move_by", lambda _: {"distance_deg": distance_deg})
 
     def _move(
         self,
@@ -205,7 +210,7 @@ class ServiceAxis:
         speed_deg_s: float | None,
         override: float,
         kind: str,
-        **asked: Any,
+        keys: Callable[[float], dict[str, Any]],
     ) -> MotionReport:
         wanted = self.speed_max_deg_s if speed_deg_s is None else speed_deg_s
         self._check_speed(wanted)
@@ -216,7 +221,7 @@ class ServiceAxis:
         self._set("speed_setting_deg_s", wanted)
         self._set("override_percent", override * 100.0)
         try:
-            self._link.ask(kind, **asked)
+            self._link.ask(kind, **keys(start_deg))
             return self._followed(start_deg, start_s)._replace(asked_deg_s=wanted * override)
         finally:
             # Speed and override are the operator's settings; this command has only borrowed them.

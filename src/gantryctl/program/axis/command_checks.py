@@ -67,6 +67,17 @@ def check_destination(
     )
 
 
+def inside_turn(here_rad: float, target_rad: float, travel: TravelSettings) -> Direction | None:
+    """Direction of a modulo axis that goes from one angle to another as a linear one would: not over the turn's end.
+
+    None for a linear axis. Tests and measurements choose their angles in the turn of the machine file, and their ways
+    between these.
+    """
+    if not travel.endless:
+        return None
+    return Direction.POSITIVE if target_rad >= travel.shown_rad(here_rad) else Direction.NEGATIVE
+
+
 def way_to(here_rad: float, target_rad: float, direction: Direction, window_rad: float) -> float:
     """Way of a modulo axis from `here_rad` to an angle of its turn, its sign the direction.
 
