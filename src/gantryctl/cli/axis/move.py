@@ -195,10 +195,10 @@ def _way(
     stop, _ = rigid_stop(speed, axis.quick_dec_deg_s2, float("inf"))
     note = way_note(machine, here, end)
     way = f"{abs(end - here):.3f} deg"
-    if machine.axis.modulo and not by_way:
-        way = _turning(machine, here, end, direction)
+    if machine.axis.modulo:
+        way = f"{distance:+.3f} deg" if by_way else _turning(machine, here, end, direction)
     return (
-        f"{machine.machine.name} ({machine.drive.kind}): from {here:.3f} to {end:.3f} deg, way "
+        f"{machine.machine.name} ({machine.drive.kind}): from {here:.3f} to {machine.axis.shown_deg(end):.3f} deg, way "
         f"{way} at {speed:g} deg/s, a quick stop takes {stop:.2f} deg" + (f"; {note}" if note else "")
     )
 
