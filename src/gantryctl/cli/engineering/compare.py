@@ -70,7 +70,7 @@ def compare(
     """Compare two ways of control on one plant: accuracy, speed error, times, base motion, reducer torque.
 
     FIRST and SECOND are machine files, or the words `paper` (hust_gantry.toml) and `improved` (hust_improved.toml).
-    Every compensation of the second is shown alone and all together. Takes about half a minute, and ten seconds a plant
+    Every compensation of the second is shown alone and all together. Takes about half a minute, and a second a plant
     and processor for the ensemble.
 
     Two machines with the same drive on a bus are run on it, one after the other: 20 minutes of axis time, chord test
