@@ -109,7 +109,7 @@ def _faults_of_text(figure: Figure, renderer: Any) -> list[str]:
     boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in _texts(figure)]
     page = figure.bbox
     found = [
-        f"{words!r} leaves the figure"
+        f"{words!r} leaves the figure: {box.x0:.0f} .. {box.x1:.0f}, {box.y0:.0f} .. {box.y1:.0f} pixels"
         for words, box in boxes
         if box.x0 < page.x0 - TOUCH_PX
         or box.y0 < page.y0 - TOUCH_PX

@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gantryctl.cli.options import PATH, NamedPath, json_option, print_done, print_json
+from gantryctl.cli.options import PATH, NamedPath, json_option, print_done, print_json, write_text
+from gantryctl.cli.report import report_options
 
 if TYPE_CHECKING:
+    from gantryctl.engineering.report.head import Made
     from gantryctl.trace.table import ColumnSummary, Trace
 
 
@@ -92,31 +94,52 @@ def _table(names: tuple[str, ...], summaries: list[ColumnSummary]) -> str:
 
 @trace.command()
 @file_argument
-@click.option("--out", type=PATH, help="PNG, SVG or HTML, as the name ends (default: FILE with .png).")
+@click.option(
+    "--out",
+    type=PATH,
+    help="PNG, SVG, or HTML with the recording inside, as the name ends (default: FILE with .png).",
+)
+@click.option("--overlay", type=Recording(), metavar="FILE", help="HTML: another recording over this one.")
 @click.option("--columns", help="Only these, separated by commas; one diagram per unit.")
 @click.option("--from", "start_s", type=float, help="From this time on, s.")
 @click.option("--to", "end_s", type=float, help="Up to this time, s.")
+@report_options
 @json_option
 def plot(
     file: Path,
     out: Path | None,
+    overlay: Path | None,
     columns: str | None,
     start_s: float | None,
     end_s: float | None,
     as_json: bool,
+    made: Made,
 ) -> None:
-    """Plot FILE: angle, speed, following error and torque, or the columns asked for."""
+    """Plot FILE: angle, speed, following error and torque, or the columns asked for.
+
+    The HTML page zooms, has cursors, and lays the page of another recording over this one.
+    """
+    from gantryctl.engineering.report.pages.trace import ShownTrace, render_trace
+    from gantryctl.errors import UsageError
     from gantryctl.trace.figure import chosen, draw, overview, save
     from gantryctl.trace.reader import read_trace
 
-    recording = _part(read_trace(file), start_s, end_s)
-    if columns is None:
-        panels = overview(recording)
-    else:
-        panels = chosen(recording, [name.strip() for name in columns.split(",") if name.strip()])
-    title = _title(file, recording)
+    def shown(path: Path) -> ShownTrace:
+        recording = _part(read_trace(path), start_s, end_s)
+        names = [name.strip() for name in (columns or "").split(",") if name.strip()]
+        panels = overview(recording) if columns is None else chosen(recording, names)
+        return ShownTrace(path.name, recording, panels)
+
     out = out or _beside(file, ".png")
-    save(draw(recording, panels, title), out, recording, title)
+    page = out.suffix.lower() == ".html"
+    if overlay is not None and not page:
+        raise UsageError(f"--overlay {overlay}: needs --out NAME.html")
+    drawn = shown(file)
+    title = _title(file, drawn.trace)
+    if page:
+        write_text(out, render_trace(drawn, shown(overlay) if overlay else None, title, made))
+    else:
+        save(draw(drawn.trace, drawn.panels, title), out)
     print_done(f"wrote {out}", as_json, written=[str(out)])
 
 

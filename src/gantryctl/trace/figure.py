@@ -1,30 +1,28 @@
-"""Pictures of a trace, in degrees: PNG, SVG, or one HTML page that needs nothing else.
+"""Pictures of a trace, in degrees: PNG or SVG.
 
 matplotlib is imported where it is used; no window is ever opened.
 """
 
 from __future__ import annotations
 
-import html
 import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-import numpy as np
-
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
 from gantryctl.trace.files import Floats
 from gantryctl.trace.table import Trace
+from gantryctl.trace.thinning import drawn
 from gantryctl.units import deg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FORMATS: Final = (".png", ".svg", ".html")
-# Stretches of a long curve: about two for each pixel of a picture 9 in wide at 150 dpi. An SVG grows with every point.
+FORMATS: Final = (".png", ".svg")
+# Samples of a long curve: about two for each pixel of a picture 9 in wide at 150 dpi. An SVG grows with every one.
 _POINTS_DRAWN: Final = 3000
 # The palette of Okabe and Ito, which people with any colour vision can tell apart.
 _BLUE, _ORANGE, _GREEN = "#0072b2", "#d55e00", "#009e73"
@@ -146,7 +144,7 @@ def draw(trace: Trace, panels: Sequence[Panel], title: str) -> Figure:
 
 def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
     for line in panel.lines:
-        kept = _visible(line.values)
+        kept = drawn(line.values, _POINTS_DRAWN)
         axes.plot(time_s[kept], line.values[kept], color=line.colour, lw=line.width, label=line.label)
     axes.set_title(panel.title)
     axes.set_ylabel(panel.axis_label)
@@ -159,21 +157,8 @@ def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(panel.lines), borderaxespad=0.1)
 
 
-def _visible(values: Floats) -> Floats | slice:
-    """Indices to draw: of long columns the smallest and the largest value of every stretch."""
-    stretch = len(values) // _POINTS_DRAWN
-    if stretch < 4:
-        return slice(None)
-    whole = values[: len(values) // stretch * stretch].reshape(-1, stretch)
-    starts = np.arange(len(whole)) * stretch
-    kept = np.concatenate(
-        [[0], starts + whole.argmin(axis=1), starts + whole.argmax(axis=1), [len(values) - 1]]
-    )
-    return np.unique(kept)
-
-
-def save(figure: Figure, path: Path, trace: Trace, title: str) -> None:
-    """Write the figure as PNG, SVG or HTML, as the name ends.
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure as PNG or SVG, as the name ends.
 
     Raises:
         UsageError: another ending.
@@ -192,28 +177,7 @@ def save(figure: Figure, path: Path, trace: Trace, title: str) -> None:
             figure.savefig(
                 buffer, format="svg", metadata=dict.fromkeys(("Date", "Creator", "Format", "Type"))
             )
-    content = buffer.getvalue()
-    if suffix == ".html":
-        content = _page(content.decode(), trace, title).encode()
     try:
-        path.write_bytes(content)
+        path.write_bytes(buffer.getvalue())
     except OSError as fault:
         raise DeviceError(f"{path}: cannot be written: {fault.strerror or fault}") from fault
-
-
-def _page(svg: str, trace: Trace, title: str) -> str:
-    """HTML page with the figure and the metadata of the recording."""
-    rows = "".join(
-        f"<tr><th>{html.escape(str(key))}</th><td>{html.escape(str(value))}</td></tr>"
-        for key, value in trace.metadata.items()
-    )
-    style = (
-        "body{font:14px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}"
-        "svg{width:100%;height:auto}table{border-collapse:collapse;margin-top:1rem}"
-        "th{text-align:left;font-weight:600;padding-right:1.5rem}"
-    )
-    return (
-        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{html.escape(title)}</title>'
-        f"<style>{style}</style></head><body>\n{svg[svg.index('<svg') :]}\n<table>{rows}</table>\n"
-        "</body></html>\n"
-    )

@@ -98,6 +98,24 @@ def test_plot_writes_a_picture(file: Path, name: str, begin: bytes) -> None:
     if name == "x.html":
         assert b"hust" in content
         assert b"http" not in content.replace(b"http://www.w3.org/", b"")  # needs nothing from outside
+        assert content.count(b'class="recording"') == 1
+        assert len(content) < 400_000  # 20 001 samples are drawn with 2000
+
+
+def test_two_recordings_over_one_another(file: Path) -> None:
+    out = file.with_name("both.html")
+    printed("plot", file, "--overlay", file, "--out", out, "--columns", "pos_ref_rad,pos_load_rad")
+    data = json.loads(out.read_text("utf-8").partition('class="recording">')[2].partition("</script>")[0])
+    (panel,) = data["panels"]
+    names = [line["name"] for line in panel["lines"]]
+    assert names == [
+        "pos_ref_deg",
+        "pos_load_deg",
+        f"pos_ref_deg ({file.name})",
+        f"pos_load_deg ({file.name})",
+    ]
+    assert panel["lines"][0]["y"] == panel["lines"][2]["y"]
+    assert "needs --out NAME.html" in refused(UsageError, "plot", file, "--overlay", file)
 
 
 def test_the_same_trace_gives_the_same_svg(file: Path) -> None:
@@ -157,7 +175,7 @@ def test_plot_refuses_what_it_cannot_draw(file: Path) -> None:
     assert "no column 'speed'" in refused(UsageError, "plot", file, "--columns", "speed")
     assert "choose columns" in refused(UsageError, "plot", file, "--columns", ",")
     out = file.with_name("x.gif")
-    assert ".png, .svg, .html" in refused(UsageError, "plot", file, "--out", out)
+    assert ".png, .svg" in refused(UsageError, "plot", file, "--out", out)
     assert "nowhere" in refused(DeviceError, "plot", file, "--out", file.parent / "nowhere" / "x.png")
 
 

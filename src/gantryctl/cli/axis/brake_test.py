@@ -103,7 +103,7 @@ def _test(axis: AxisClient, out: Path | None, made: Made, *, yes: bool, as_json:
     report = ended or axis.brake_test_report()
     code = _print(machine.name, report, failure, as_json=as_json)
     if folder is not None:
-        from gantryctl.engineering.report.brake_test import render_brake_test
+        from gantryctl.engineering.report.pages.brake_test import render_brake_test
 
         ended_by = "" if failure is None else str(failure)
         page = render_brake_test(report, ended_by, origin_of(machine), head_of(machine, made))

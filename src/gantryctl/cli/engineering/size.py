@@ -126,7 +126,7 @@ def motors(
         from gantryctl.engineering.sizing.page import render_sizing
 
         page = write_text(directory(out) / "report.html", render_sizing(shown, fits, made))
-        click.echo(f"report: {page.resolve()}", err=True)
+        click.echo(f"report: {page.resolve()}", err=as_json or limits)
     if limits:
         return _print_limits(base, shown)
     if as_json:

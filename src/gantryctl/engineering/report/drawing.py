@@ -57,6 +57,7 @@ def draw_picture(picture: Picture) -> Figure:
         if columns == 1 and ax is not grid[-1, 0]:
             ax.set_xlabel("")
     _name_curves(figure, picture, list(grid.flat))
+    figure.align_ylabels()
     return figure
 
 
@@ -79,6 +80,10 @@ def _name_curves(figure: Figure, picture: Picture, axes: Sequence[Axes]) -> None
 
 
 def _draw_panel(ax: Axes, panel: Panel, points: int) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    # As many ticks whatever the height: else the layout, which changes it, can end between two sets of labels.
+    ax.yaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     for order, (curve, look) in enumerate(zip(panel.lines, looks_of(panel), strict=True)):
         style = (0, look.dashes) if look.dashes else "-"
         kept = drawn(np.array(curve.y), points)

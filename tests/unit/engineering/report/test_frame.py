@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gantryctl.engineering.report.brake_test import render_brake_test
 from gantryctl.engineering.report.head import Head, Judged, Made, Required, Verdict
 from gantryctl.engineering.report.machine_facts import Serials, known_serials, machine_facts
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.engineering.report.page import VIEWER, Section, css_text, render_sections
+from gantryctl.engineering.report.pages.brake_test import render_brake_test
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.engineering.report.recording import recorded
 from gantryctl.machine import default_machine
