@@ -99,6 +99,7 @@ export class Chart {
   private readonly host = document.createElement('div');
   private readonly readings = document.createElement('div');
   private cursors: number[] = [];
+  private before: number[] = [];
   private plot: uPlot | undefined;
 
   constructor(
@@ -149,6 +150,8 @@ export class Chart {
       this.host,
     );
     this.plot.over.addEventListener('click', (event) => this.mark(event));
+    // Its first click has set a cursor.
+    this.plot.over.addEventListener('dblclick', () => this.set(this.before));
     this.read();
   }
 
@@ -161,8 +164,13 @@ export class Chart {
     const plot = this.plot;
     if (plot === undefined || plot.select.width > 0 || plot.cursor.left == null || event.detail > 1) return;
     const place = plot.posToVal(plot.cursor.left, 'x');
-    this.cursors = this.cursors.length === 2 ? [place] : [...this.cursors, place];
-    plot.redraw();
+    this.before = this.cursors;
+    this.set(this.cursors.length === 2 ? [place] : [...this.cursors, place]);
+  }
+
+  private set(cursors: number[]): void {
+    this.cursors = cursors;
+    this.plot?.redraw();
     this.read();
   }
 

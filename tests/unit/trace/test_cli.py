@@ -97,7 +97,7 @@ def test_plot_writes_a_picture(file: Path, name: str, begin: bytes) -> None:
     assert content.startswith(begin)
     if name == "x.html":
         assert b"hust" in content
-        assert b"http" not in content.replace(b"http://www.w3.org/", b"")  # needs nothing from outside
+        assert b"://" not in content.replace(b"http://www.w3.org/", b"")  # needs nothing from outside
         assert content.count(b'class="recording"') == 1
         assert len(content) < 400_000  # 20 001 samples are drawn with 2000
 
