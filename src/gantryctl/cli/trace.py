@@ -130,11 +130,11 @@ def plot(
         panels = overview(recording) if columns is None else chosen(recording, names)
         return ShownTrace(path.name, recording, panels)
 
+    drawn = shown(file)
     out = out or _beside(file, ".png")
     page = out.suffix.lower() == ".html"
     if overlay is not None and not page:
         raise UsageError(f"--overlay {overlay}: needs --out NAME.html")
-    drawn = shown(file)
     title = _title(file, drawn.trace)
     if page:
         write_text(out, render_trace(drawn, shown(overlay) if overlay else None, title, made))
