@@ -6,15 +6,19 @@ A machine that needs 0.01 deg was passed with A = 0.0127 deg "within 0.1 deg": a
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 
+from gantryctl.machine import load_machine
 from support.command_line import Answer, cli, machine_file
 
 SOURCE = "tender 4711, clause 3"
 STRICT = {"required.angle_deg": 0.01, "required.source": SOURCE}
 BY = f"({SOURCE})"
+# Beyond travel, deg.
+SIDES = {"pos": 0.0, "over_travel": 0.5, "limit_switch": 2.0, "mechanical_stop": 7.0}
 
 
 @pytest.fixture
@@ -128,3 +132,45 @@ def test_compare(strict: Path) -> None:
     easy = cli("compare", "paper", "paper", "--json")
     assert easy.code == 0
     assert easy.json["verdict"]["required"]["limit"] == 0.1
+
+
+AXES: dict[str, dict[str, object]] = {
+    "a dish of 0.333 r/min": {
+        **{f"axis.{side}_min_deg": -270.0 - beyond for side, beyond in SIDES.items()},
+        **{f"axis.{side}_max_deg": 270.0 + beyond for side, beyond in SIDES.items()},
+        "encoder.turns": 65536,
+        "plant.encoder.mounting_turns": 32768,
+        "speed.setting_min_deg_s": 0.02,
+        "speed.setting_max_deg_s": 2.0,
+        "speed.creep_deg_s": 0.02,
+        "speed.command_clamp_deg_s": 2.1,
+        "speed.drive_ceiling_deg_s": 2.17,
+        "speed.overspeed_trip_deg_s": 2.2,
+    },
+    "a tilt axis of -5 .. 95 deg": {
+        **{f"axis.{side}_min_deg": -5.0 - beyond for side, beyond in SIDES.items()},
+        **{f"axis.{side}_max_deg": 95.0 + beyond for side, beyond in SIDES.items()},
+    },
+}
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_another_axis_is_tested_without_any_option_and_hears_nothing_of_the_paper(
+    name: str, tmp_path: Path
+) -> None:
+    """`error: speed 0.5 r/min` was the answer on any slower machine. Whatever the command writes is searched."""
+    named = {"machine.name": "other", "machine.description": name}
+    file = machine_file(tmp_path / "axis.toml", {**AXES[name], **STRICT, **named})
+    out = tmp_path / "r"
+    answer = cli("accuracy", "run", "--procedure", "E", "--config", file, "--out", out)
+    assert answer.code in (0, 1), answer.err
+    written = answer.out + "".join(path.read_text(encoding="utf-8") for path in out.iterdir())
+    for word in ("paper", "Sun, Gong", "eq. (", "hust"):
+        assert word.lower() not in written.lower(), word
+    assert not re.search(r"gantry(?!ctl)", written)
+    assert "required by other (tender 4711, clause 3)" in " ".join(answer.out.split())
+    found = json.loads((out / "report.json").read_text(encoding="utf-8"))
+    machine = load_machine(file)
+    asked = [run["speed_deg_s"] for run in found["speed_test"]["runs"]]
+    assert (min(asked), max(asked)) == (machine.speed.setting_min_deg_s, machine.speed.setting_max_deg_s)
+    assert all(run["reached_deg_s"] >= 0.999 * run["speed_deg_s"] for run in found["speed_test"]["runs"])

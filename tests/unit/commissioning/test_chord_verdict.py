@@ -1,0 +1,41 @@
+"""The chord test of commissioning is judged by what the machine requires, not by a limit of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
+
+import pytest
+
+from gantryctl.commissioning.load_side.chord_test import _judged, order_of
+from gantryctl.commissioning.results import Context, Outcome
+from gantryctl.engineering.accuracy.attended.session import StopReading, measured_stops, new_session
+from gantryctl.machine import default_machine, with_values
+
+
+@pytest.mark.parametrize(("angle_deg", "outcome"), [(0.1, Outcome.PASSED), (0.01, Outcome.FAILED)])
+def test_the_same_readings_pass_and_fail_by_the_requirement(
+    angle_deg: float, outcome: Outcome, tmp_path: Path
+) -> None:
+    """Chord errors of +-0.003 deg, A of 0.02 deg with the ratio of the short test: within 0.1 deg, not within 0.01."""
+    changes = {"required.angle_deg": angle_deg, "required.source": "tender 4711"}
+    machine = with_values(default_machine(), changes)
+    session = new_session(machine, order_of(machine))
+    stops = session.procedure.stops
+    readings = tuple(
+        StopReading(k, stops[k].target_deg, stops[k].target_deg + error, 1e-5, stops[k].target_deg, "now")
+        for k, error in zip(measured_stops(session.procedure), (0.0, 0.003, 0.0, 0.003) * 4, strict=False)
+    )
+    session = replace(session, instruments=("tracker",), readings=readings)
+    context = SimpleNamespace(
+        machine=machine,
+        folder=tmp_path,
+        watch=SimpleNamespace(pictures=[]),
+        store=SimpleNamespace(directory=tmp_path),
+    )
+    result = _judged(cast(Context, context), session)
+    assert result.outcome is outcome
+    assert "required by hust_gantry (tender 4711)" in result.proof
+    assert result.figures["a_deg"].high == pytest.approx(angle_deg / 1.4)
