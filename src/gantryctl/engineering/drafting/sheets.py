@@ -333,7 +333,7 @@ def _duty(answered: Answered) -> Values:
     # Half of the hours in motion and at the stops.
     cycles = max(1, min(1000, math.floor(0.5 * 3600.0 * _HOURS / time)))
     return {
-        "duty.treatments": guessed(cycles, "half of the day"),
+        "duty.cycles": guessed(cycles, "half of the day"),
         "duty.hours": guessed(_HOURS, "one shift"),
         "duty.stops_deg": guessed(stops, "3/4, 19/20, 1/4 and 1/2 of travel"),
         "duty.hold_s": guessed(_HOLD_S, "at every stop"),

@@ -134,10 +134,10 @@ def _lasting(motor: MotorFile, train: Train, day: Duty) -> list[Check]:
         Check("holding", train.hold_nm, rated, "N m", "largest eccentric moment at standstill"),
         Check(
             "thermal",
-            day.treatment_rms_nm * margins.thermal,
+            day.cycle_rms_nm * margins.thermal,
             rated,
             "N m",
-            f"r.m.s. of a cycle {day.treatment_rms_nm:.4g} x {margins.thermal:g}",
+            f"r.m.s. of a cycle {day.cycle_rms_nm:.4g} x {margins.thermal:g}",
         ),
         Check(
             "brake",

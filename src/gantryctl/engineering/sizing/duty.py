@@ -1,4 +1,4 @@
-"""One treatment day: thermal load of the motor, and energy that comes back while braking."""
+"""One day of work: thermal load of the motor, and energy that comes back while braking."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ _SAMPLES = 2001
 
 
 class Duty(NamedTuple):
-    """What a treatment day asks of a motor.
+    """What a day of work asks of a motor.
 
     Attributes:
-        treatment_s: one treatment, moves and stops. moving_s: of it, moving.
-        treatment_rms_nm: root mean square torque over a treatment, the servo holding at the stops.
-        day_rms_nm: over the day, torque off between the treatments.
+        cycle_s: one cycle, moves and stops. moving_s: of it, moving.
+        cycle_rms_nm: root mean square torque over a cycle, the servo holding at the stops.
+        day_rms_nm: over the day, torque off between the cycles.
         largest_nm: largest torque of the moves.
-        returned_j: mechanical energy that comes back to the motor in one treatment.
+        returned_j: mechanical energy that comes back to the motor in one cycle.
         returned_mean_w: mean of it over the day.
     """
 
-    treatment_s: float
+    cycle_s: float
     moving_s: float
-    treatment_rms_nm: float
+    cycle_rms_nm: float
     day_rms_nm: float
     largest_nm: float
     returned_j: float
@@ -41,14 +41,14 @@ class Duty(NamedTuple):
 
 
 def legs_deg(sheet: Sheet) -> list[tuple[float, float]]:
-    """The moves of one treatment: from the last stop to the first, and on; stops at the same angle are no move."""
+    """The moves of one cycle: from the last stop to the first, and on; stops at the same angle are no move."""
     stops = sheet.duty.stops_deg
-    # A day is a chain of treatments: each begins where the one before has ended.
+    # A day is a chain of cycles: each begins where the one before has ended.
     return [(a, b) for a, b in zip((stops[-1], *stops[:-1]), stops, strict=True) if a != b]
 
 
-def treatment_time_s(sheet: Sheet) -> float:
-    """One treatment with trapezoids at the highest speed and the acceleration of normal moves."""
+def cycle_time_s(sheet: Sheet) -> float:
+    """One cycle with trapezoids at the highest speed and the acceleration of normal moves."""
     speed, acc = sheet.motion.speed_max_r_min * DEG_S_PER_R_MIN, sheet.motion.acc_deg_s2
     moving = sum(trapezoid_time_s(b - a, speed, acc) for a, b in legs_deg(sheet))
     return moving + sheet.duty.hold_s * len(sheet.duty.stops_deg)
@@ -66,12 +66,12 @@ def duty(train: Train) -> Duty:
         largest = max(largest, float(np.max(np.abs(torque))))
     for stop in sheet.duty.stops_deg:
         squared += sheet.duty.hold_s * (float(train.against_nm(rad(stop))) / train.ratio) ** 2
-    treatment, day = moving + sheet.duty.hold_s * len(sheet.duty.stops_deg), 3600.0 * sheet.duty.hours
-    n = sheet.duty.treatments
+    cycle, day = moving + sheet.duty.hold_s * len(sheet.duty.stops_deg), 3600.0 * sheet.duty.hours
+    n = sheet.duty.cycles
     return Duty(
-        treatment,
+        cycle,
         moving,
-        math.sqrt(squared / treatment) if treatment else 0.0,
+        math.sqrt(squared / cycle) if cycle else 0.0,
         math.sqrt(n * squared / day),
         largest,
         returned,

@@ -6,7 +6,7 @@ import functools
 from collections.abc import Iterator
 from pathlib import Path
 
-from gantryctl.engineering.sizing.duty import treatment_time_s
+from gantryctl.engineering.sizing.duty import cycle_time_s
 from gantryctl.engineering.sizing.equations import mean_acceleration_rad_s2
 from gantryctl.engineering.sizing.sheet import Sheet
 from gantryctl.errors import ConfigError
@@ -146,9 +146,9 @@ def _duty(sheet: Sheet) -> Iterator[str]:
     for stop in duty.stops_deg:
         if not low <= stop <= high:
             yield (f"[duty] stops_deg = {stop:g} deg: must lie within [range] {low:g}..{high:g} deg")
-    hours = duty.treatments * treatment_time_s(sheet) / 3600.0
+    hours = duty.cycles * cycle_time_s(sheet) / 3600.0
     if hours > duty.hours:
         yield (
-            f"[duty] treatments = {duty.treatments}: take {hours:.3g} h with moves at the highest speed and hold_s = "
+            f"[duty] cycles = {duty.cycles}: take {hours:.3g} h with moves at the highest speed and hold_s = "
             f"{duty.hold_s:g} s at every stop; hours = {duty.hours:g} h"
         )

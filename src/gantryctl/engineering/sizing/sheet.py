@@ -107,12 +107,12 @@ class Teeth(Table):
 
 
 class Duty(Table):
-    """[duty]: one treatment day."""
+    """[duty]: one day of work."""
 
-    treatments: int = number(40, 1, 1000, "Treatments in a day.")
+    cycles: int = number(40, 1, 1000, "Cycles of work in a day.")
     hours: float = number(12.0, 0.1, 24.0, "Length of the day.")
     stops_deg: tuple[Annotated[float, Field(ge=-3600.0, le=3600.0)], ...] = numbers(
-        (90.0, 180.0, -90.0, 0.0), 1, 100, "Angles of one treatment in this order; it begins at the last one."
+        (90.0, 180.0, -90.0, 0.0), 1, 100, "Angles of one cycle in this order; it begins at the last one."
     )
     hold_s: float = number(120.0, 0.0, 3600.0, "Time at every stop.")
 
@@ -145,5 +145,5 @@ class Sheet(Table):
     structure: Structure = table("How stiff it is.")
     teeth: Teeth = table("Pinion and ring.")
     wind: WindTable = table("Wind; its largest moment is in that of the check.", WindTable)
-    duty: Duty = table("One treatment day.", Duty)
+    duty: Duty = table("One day of work.", Duty)
     margins: Margins = table("How much more than needed.", Margins)

@@ -78,10 +78,10 @@ Rows = tuple[tuple[str, str], ...]
 def _day_rows(fitted: Fit) -> Rows:
     day = fitted.duty
     return (
-        ("one cycle: moving; whole", f"{day.moving_s:.0f} s; {day.treatment_s:.0f} s"),
+        ("one cycle: moving; whole", f"{day.moving_s:.0f} s; {day.cycle_s:.0f} s"),
         (
             "r.m.s. torque: of a cycle; of the day",
-            f"{day.treatment_rms_nm:.1f} N m; {day.day_rms_nm:.1f} N m",
+            f"{day.cycle_rms_nm:.1f} N m; {day.day_rms_nm:.1f} N m",
         ),
     )
 

@@ -74,7 +74,7 @@ def test_a_motor_that_cannot_hold_the_load_is_refused(changed_sheet, paper_motor
         ({"required.angle_deg": 0.001}, "encoder step"),
         ({"range.wrap_margin_min_deg": 180.0, "gears.reducer_ratio": 300.0}, "encoder range"),
         ({"gears.reducer_ratio": 170.0}, "speed"),
-        ({"duty.hold_s": 0.0, "duty.treatments": 1, "margins.thermal": 5.0}, None),
+        ({"duty.hold_s": 0.0, "duty.cycles": 1, "margins.thermal": 5.0}, None),
         ({"margins.inertia_ratio_max": 4.0}, "inertia ratio"),
     ],
 )

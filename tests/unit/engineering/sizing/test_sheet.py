@@ -43,7 +43,7 @@ MOTOR = configs_folder() / "motors" / "im_31kw_1150.toml"
             r"sizing_time_s = 0.1 s: the load alone puts 1.799e\+05 N m on the reducer",
         ),
         ({"duty.stops_deg": [200.0, 0.0]}, r"stops_deg = 200 deg: must lie within \[range\] -180..180 deg"),
-        ({"duty.treatments": 400}, r"treatments = 400: take 70.1 h .*hours = 12 h"),
+        ({"duty.cycles": 400}, r"cycles = 400: take 70.1 h .*hours = 12 h"),
         ({"load.inertia_kg_m2": "nan"}, r"\[load\] inertia_kg_m2 = nan: is not a finite number"),
         ({"load.mass_kg": '"heavy"'}, r'\[load\] mass_kg = "heavy": is text, must be a number'),
         ({"gears.ring_ratio": 0.5}, r"\[gears\] ring_ratio = 0.5: allowed 1..100"),

@@ -7,7 +7,7 @@ import pytest
 
 from gantryctl.engineering.batch import ClosedLoop
 from gantryctl.engineering.sizing import equations as eq
-from gantryctl.engineering.sizing.duty import duty, legs_deg, treatment_time_s
+from gantryctl.engineering.sizing.duty import cycle_time_s, duty, legs_deg
 from gantryctl.engineering.sizing.train import Train, over_angle
 from gantryctl.machine import default_machine, with_values
 from gantryctl.motion import MotionLimits, SetPoint, plan_velocity
@@ -111,13 +111,13 @@ def test_energy_of_motion(train):
     assert train.kinetic_energy_j == pytest.approx(11953.0 + 2598.0, rel=1e-3)
 
 
-def test_a_treatment(train, sheet):
+def test_a_cycle(train, sheet):
     assert legs_deg(sheet) == [(0.0, 90.0), (90.0, 180.0), (180.0, -90.0), (-90.0, 0.0)]
     day = duty(train)
     # three trapezoids of 90 deg, one of 270 deg (60.25 s) at 0.393 deg/s2
     assert day.moving_s == pytest.approx(3 * 30.252 + 60.253, abs=0.01)
-    assert day.treatment_s == pytest.approx(treatment_time_s(sheet))
-    assert day.treatment_rms_nm > day.day_rms_nm > 0.0
+    assert day.cycle_s == pytest.approx(cycle_time_s(sheet))
+    assert day.cycle_rms_nm > day.day_rms_nm > 0.0
     # never above what an acceleration against the eccentric moment takes
     assert day.largest_nm <= float(
         train.motor_nm(train.normal_acc_rad_s2, train.speed_rad_s, train.eccentric_nm)
@@ -125,15 +125,15 @@ def test_a_treatment(train, sheet):
 
 
 def test_r_m_s_of_holding_alone(sheet, paper_motor):
-    """A treatment that stays where it is: the torque of the eccentric moment at 90 deg, all day."""
+    """A cycle that stays where it is: the torque of the eccentric moment at 90 deg, all day."""
     duty_of = sheet.duty.model_copy(
-        update={"stops_deg": (90.0,), "treatments": 1, "hours": 1.0, "hold_s": 3600.0}
+        update={"stops_deg": (90.0,), "cycles": 1, "hours": 1.0, "hold_s": 3600.0}
     )
     train = Train(sheet.model_copy(update={"duty": duty_of}), paper_motor.motor.inertia_kg_m2)
     day = duty(train)
     assert day.moving_s == 0.0
-    assert day.treatment_rms_nm == pytest.approx(train.eccentric_nm / 1144.0)
-    assert day.day_rms_nm == pytest.approx(day.treatment_rms_nm)
+    assert day.cycle_rms_nm == pytest.approx(train.eccentric_nm / 1144.0)
+    assert day.day_rms_nm == pytest.approx(day.cycle_rms_nm)
     assert day.returned_j == 0.0
 
 
