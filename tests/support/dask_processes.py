@@ -14,6 +14,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
+from gantryctl.engineering.campaign.job import INDEX
+from support.campaign_results import rows_of
+
 ROOT = Path(__file__).parents[2]
 WORKERS = 2
 _LOCAL = ("--host", "127.0.0.1", "--no-dashboard")
@@ -110,18 +115,24 @@ def run_among_kills(
 ) -> None:
     """`campaign run` on a cluster, while "worker", "scheduler" and "client" are killed at random moments.
 
-    Each kill waits for rows that came after the one before, and for a moment in the middle of a chunk.
+    Each kill waits for rows that came after the one before, and for a moment in the middle of a chunk. Files are merged
+    all the time, and read: rows that are there never become fewer, nor more than there are.
     """
     result = folder / "killed.result"
     end = time.monotonic() + within_s
+    most = 0
 
     def client() -> subprocess.Popen[bytes]:
         with (folder / "client.log").open("ab") as out:
             arguments = ("campaign", "run", str(campaign), "--out", str(result))
-            return python("gantryctl", *arguments, "--cluster", cluster.address, out=out)
+            return python("support.merging_client", *arguments, "--cluster", cluster.address, out=out)
 
     def rows() -> int:
-        return len(list(result.glob("rows-*.parquet")))
+        nonlocal most
+        found = rows_of(result, [INDEX])[INDEX] if list(result.glob("rows-*.parquet")) else np.empty(0)
+        assert len(np.unique(found)) == len(found) >= most
+        most = len(found)
+        return most
 
     with dask_cluster(folder) as cluster:
         running = client()
