@@ -246,7 +246,7 @@ RULES: Final[dict[type, Rules]] = {
         same="at_rest changed following override paused stopping",
         number="acc_ref_rad_s2 pos_ref_rad vel_ref_rad_s",
         clock="_duration _sample _speed start_scan",
-        fixed="_period_s _pos_max _pos_min _speed_max keep_plans plans ramps",
+        fixed="_period_s _speed_max _travel keep_plans plans ramps",
         special={"_target": _ref_target, "plan": _scans_left},
     ),
     PowerSequence: Rules(
@@ -371,7 +371,7 @@ RULES: Final[dict[type, Rules]] = {
         number="_error_at_saturation _over_travel_minus _over_travel_plus",
         count="_brake _deviation_count _dwell _following _overspeed _saturation _standstill rest_scans",
         fixed="_alarms _band_base _band_per_speed _brake_scans _deviation _deviation_scans _dwell_scans _feedback "
-        "_following_scans _holding _look_ahead _overspeed_scans _period_s _ratio _saturation_scans "
+        "_following_scans _holding _lead_s _look_ahead _overspeed_scans _period_s _ratio _saturation_scans "
         "_settings _standstill_scans _tolerance_scans _torque_max _travel _trip _virtual _warning_ratio _window",
     ),
     MotionCommands: Rules(

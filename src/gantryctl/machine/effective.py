@@ -122,11 +122,10 @@ def _given(machine: Machine, path: str) -> bool:
     return key in table.model_fields_set
 
 
-def _canonical(value: Value) -> Value:
+def _canonical(value: Any) -> Any:
     """Value with one form: -0.0 equals 0.0, so both must give the same text."""
     if isinstance(value, tuple):
-        items: tuple[Any, ...] = value
-        return tuple(item if isinstance(item, str) else item + 0.0 for item in items)
+        return tuple(_canonical(item) for item in value)
     return value + 0.0 if isinstance(value, float) else value
 
 

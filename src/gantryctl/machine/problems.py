@@ -31,6 +31,7 @@ _MUST_BE: Final[dict[str, tuple[type | UnionType, str]]] = {
     "text": (str, "text in quotes"),
     "numbers": (list, "an array of numbers"),
     "texts": (list, "an array of words in quotes"),
+    "pairs": (list, "an array of pairs of numbers"),
 }
 _ELEMENTS: Final = {"numbers": "number", "texts": "text"}
 # Python's bool is an int: it must come first.

@@ -14,7 +14,7 @@ from gantryctl.machine.reading import printable
 from gantryctl.machine.tables.fields import BESIDE, SOURCE, Table, unit_of
 from gantryctl.machine.tables.model import Machine
 
-Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers", "texts"]
+Kind: TypeAlias = Literal["number", "integer", "switch", "word", "text", "numbers", "texts", "pairs"]
 Value: TypeAlias = "float | int | bool | str | tuple[float, ...] | tuple[str, ...]"
 
 
@@ -63,6 +63,9 @@ class FieldSpec:
                 least, most = self.lengths
                 count = f"{most}" if least == most else f"{least} to {most}"
                 return f"{count} numbers, each {self.low:.10g}..{self.high:.10g}{self.unit_text}"
+            case "pairs":
+                each = f"{self.low:.10g}..{self.high:.10g}{self.unit_text}"
+                return f"at most {self.lengths[1]} pairs [from, to], each number {each}"
             case "texts":
                 return f"{self.lengths[0]} to {self.lengths[1]} words in quotes"
             case "switch":
@@ -133,6 +136,9 @@ def _spec(table_path: str, key: str, info: FieldInfo) -> FieldSpec:
         kind, words = "word", get_args(annotation)
     elif get_origin(annotation) is tuple and get_args(annotation)[0] is str:
         kind = "texts"
+    elif get_origin(annotation) is tuple and get_origin(get_args(annotation)[0]) is tuple:
+        kind = "pairs"
+        metadata += get_args(get_args(annotation)[0])[0].__metadata__
     elif get_origin(annotation) is tuple:
         kind = "numbers"
         metadata += get_args(annotation)[0].__metadata__

@@ -16,6 +16,7 @@ from typing import Final
 from gantryctl._core import Compensation
 from gantryctl.motion import MotionLimits
 from gantryctl.program.alarms.words import Said, Words
+from gantryctl.program.stretch import Sector, Stretch, sector_at, stretch_around
 from gantryctl.units import within_turn
 
 _DEG: Final = math.pi / 180.0
@@ -28,6 +29,10 @@ class TravelSettings:
     Attributes:
         pos_min_rad, pos_max_rad: the set-point never passes these two; infinite for a modulo axis.
         over_travel_min_rad, over_travel_max_rad: the measured angle trips outside these two.
+        no_go_rad: sectors that neither set-point nor a stop may enter, begin below end.
+        no_go_clearance_rad: the set-point keeps it to a sector; no sound motion trips there.
+        no_go_margin_rad: a quick stop would end so far before a sector, for the load that swings on.
+        no_go_lead_s: from a measured angle to the stop that it causes.
     """
 
     pos_min_rad: float
@@ -37,6 +42,22 @@ class TravelSettings:
 
     turn_from_rad: float = -math.pi
     """Where the turn of a modulo axis begins that its angles are shown in."""
+    no_go_rad: tuple[Sector, ...] = ()
+    no_go_clearance_rad: float = 0.0
+    no_go_margin_rad: float = 0.0
+    no_go_lead_s: float = 0.0
+
+    def stretch(self, pos_rad: float) -> Stretch:
+        """What the set-point can reach from an angle."""
+        ends = (self.pos_min_rad, self.pos_max_rad)
+        if not self.no_go_rad:
+            return Stretch(*ends, None, None)
+        clearance = self.no_go_clearance_rad
+        return stretch_around(pos_rad, ends, self.no_go_rad, clearance, endless=self.endless)
+
+    def sector_at(self, angle_rad: float) -> Sector | None:
+        """The no-go sector that an angle lies in, or None."""
+        return sector_at(angle_rad, self.no_go_rad, endless=self.endless)
 
     @property
     def endless(self) -> bool:

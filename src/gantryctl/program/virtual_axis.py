@@ -48,15 +48,14 @@ class VirtualAxis:
     """
 
     __slots__ = (
-        "_duration", "_period_s", "_pos_max", "_pos_min", "_sample", "_speed", "_speed_max", "_target",
+        "_duration", "_period_s", "_sample", "_speed", "_speed_max", "_target", "_travel",
         "acc_ref_rad_s2", "at_rest", "changed", "following", "keep_plans", "override", "paused", "plan",
         "plans", "pos_ref_rad", "ramps", "start_scan", "stopping", "vel_ref_rad_s",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, *, keep_plans: bool = False) -> None:
         self._period_s = settings.period_s
-        self._pos_min = settings.travel.pos_min_rad
-        self._pos_max = settings.travel.pos_max_rad
+        self._travel = settings.travel
         self.ramps = settings.ramps
         self._speed = self._speed_max = settings.speed.setting_max_rad_s
         self._target = 0.0
@@ -109,7 +108,7 @@ class VirtualAxis:
             return refusal(Code.CTL_17, reason=str(error))
         if not self._within_travel(plan):
             low, high = plan.extremes()
-            reached = high if high > self._pos_max else low
+            reached = high if high > self._travel.stretch(self.pos_ref_rad).high_rad else low
             return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=deg(reached)))
         if take:
             self._target, self._speed, self.paused = target_rad, speed_rad_s, rests
@@ -183,9 +182,10 @@ class VirtualAxis:
         low, high = plan.extremes()
         # Started outside, as after a fault, the way back must be open.
         here = self.pos_ref_rad
+        stretch = self._travel.stretch(here)
         return (
-            low >= min(self._pos_min, here) - _LIMIT_TOLERANCE_RAD
-            and high <= max(self._pos_max, here) + _LIMIT_TOLERANCE_RAD
+            low >= min(stretch.low_rad, here) - _LIMIT_TOLERANCE_RAD
+            and high <= max(stretch.high_rad, here) + _LIMIT_TOLERANCE_RAD
         )
 
     def _set_point(self) -> SetPoint:

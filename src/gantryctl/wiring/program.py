@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
@@ -80,17 +81,43 @@ def axis_settings(
     )
 
 
+# A reading of two scans ago, the scan that judges it, and one until its command acts.
+_NO_GO_SCANS: Final = 4
+
+
 def travel_settings(machine: Machine) -> TravelSettings:
     """Limits of the angle; a modulo axis has none."""
     axis = machine.axis
     if axis.modulo:
-        return TravelSettings(-math.inf, math.inf, -math.inf, math.inf, rad(axis.pos_min_deg))
-    return TravelSettings(
-        pos_min_rad=rad(axis.pos_min_deg),
-        pos_max_rad=rad(axis.pos_max_deg),
-        over_travel_min_rad=rad(axis.over_travel_min_deg),
-        over_travel_max_rad=rad(axis.over_travel_max_deg),
+        limits = TravelSettings(-math.inf, math.inf, -math.inf, math.inf, rad(axis.pos_min_deg))
+    else:
+        limits = TravelSettings(
+            pos_min_rad=rad(axis.pos_min_deg),
+            pos_max_rad=rad(axis.pos_max_deg),
+            over_travel_min_rad=rad(axis.over_travel_min_deg),
+            over_travel_max_rad=rad(axis.over_travel_max_deg),
+        )
+    if not axis.no_go_deg:
+        return limits
+    lead_s = 1e-3 * _NO_GO_SCANS * machine.control.scan_period_ms
+    # A sound axis stays within the following error that trips; the load swings on by less than that in a quick stop.
+    margin_rad = rad(machine.monitors.following_error_base_deg)
+    return replace(
+        limits,
+        no_go_rad=tuple((rad(begin), rad(end)) for begin, end in axis.sectors_deg),
+        no_go_margin_rad=margin_rad,
+        no_go_lead_s=lead_s,
+        no_go_clearance_rad=2.0 * margin_rad + _way_ahead_rad(machine, lead_s),
     )
+
+
+def _way_ahead_rad(machine: Machine, lead_s: float) -> float:
+    """Largest v T + v^2/2 (1/a_quick - 1/a_jog): how far the quick stop that a monitor foresees lies beyond a ramp."""
+    virtual, top = machine.virtual_axis, rad(machine.speed.setting_max_deg_s)
+    # The jog-release ramp is the steepest that a sound axis stops with.
+    k = 0.5 * (1.0 / rad(virtual.jog_release_dec_deg_s2) - 1.0 / rad(virtual.quick_dec_deg_s2))
+    vel = top if k <= 0.0 else min(top, 0.5 * lead_s / k)
+    return max(0.0, vel * lead_s - k * vel * vel)
 
 
 def speed_settings(machine: Machine, speed_max_deg_s: float = math.inf) -> SpeedSettings:

@@ -85,6 +85,7 @@ def test_hash_and_diff_notice_every_field(path):
         "text": lambda: value + "x",
         "numbers": lambda: (*value[:-1], sum(value[-1:]) + 0.001),
         "texts": lambda: (*value, "axis.kind"),
+        "pairs": lambda: (*value, (10.0, 20.0)),
     }[spec.kind]()
     changed = copy_with(MACHINE, path.split("."), other)
     assert config_hash(changed) != config_hash(MACHINE)

@@ -21,6 +21,17 @@ WRONG = {
     "word": ["", "Sim", "no such word", True, 1, 1.0],
     "text": [True, 1, 1.0, "x" * 301],
     "texts": ["x", True, 1.0, [1.0], [True], [["x"]], ["x"] * 201],
+    "pairs": [
+        "x",
+        True,
+        1.0,
+        [1.0],
+        [[1.0]],
+        [[1.0, 2.0, 3.0]],
+        [["1.0", 2.0]],
+        [[1.0, 1e9]],
+        [[1.0, 2.0]] * 9,
+    ],
     "numbers": ["5", True, 1.0, [True], [math.nan], [math.inf], ["1.0"], [[1.0]], [1.0] * 40],
 }
 
@@ -53,7 +64,7 @@ def test_wrong_values_are_refused_with_field_value_and_range(path):
         ([], ["x"])
         if spec.kind == "texts"
         else ([],)
-        if spec.kind == "numbers" and not spec.lengths[0]
+        if spec.kind in ("numbers", "pairs") and not spec.lengths[0]
         else ()
     )
     for value in [value for value in WRONG_FOR_ALL if value not in right] + WRONG[spec.kind]:

@@ -133,6 +133,38 @@ def stop_fits_behind_upper_switch(m: Machine) -> Broken:
     return at_least(m.axis.mechanical_stop_max_deg, need, "limit switch plus permitted stopping angle")
 
 
+@rule("axis.no_go_deg", "axis.kind", "axis.pos_min_deg", "axis.pos_max_deg")
+def sectors_within_travel(m: Machine) -> Broken:
+    """A no-go sector goes from a lower to a higher angle inside travel; that of a modulo axis may begin anywhere."""
+    axis = m.axis
+    for begin, end in axis.no_go_deg:
+        if axis.modulo:
+            if not ((end - begin) % 360.0 > 0.0 and abs(begin) <= 360.0 and abs(end) <= 360.0):
+                return f"[{begin:g}, {end:g}] must be two different angles of a turn"
+        elif not axis.pos_min_deg < begin < end < axis.pos_max_deg:
+            return f"[{begin:g}, {end:g}] must go from a lower to a higher angle inside travel; or shorten travel"
+    return None
+
+
+@rule("axis.no_go_deg", "axis.kind", "axis.pos_min_deg", "axis.pos_max_deg")
+def sectors_leave_stretches(m: Machine) -> Broken:
+    """No-go sectors do not overlap, and leave 1 deg or more between each other and the ends of travel."""
+    axis = m.axis
+    sectors = sorted(axis.sectors_deg)
+    if not sectors:
+        return None
+    if axis.modulo:
+        edges = [*(edge for sector in sectors for edge in sector), sectors[0][0] + 360.0]
+        gaps = [edges[k + 1] - edges[k] for k in range(1, len(edges) - 1, 2)]
+    else:
+        edges = [axis.pos_min_deg, *(edge for sector in sectors for edge in sector), axis.pos_max_deg]
+        gaps = [edges[k + 1] - edges[k] for k in range(0, len(edges), 2)]
+    least = min(gaps)
+    if least >= 1.0:
+        return None
+    return f"leaves {least:g} deg between two of them or to an end of travel, must be at least 1 deg"
+
+
 # --- speed chain --------------------------------------------------------------------------------------------
 @rule("speed.setting_min_deg_s", "speed.setting_max_deg_s")
 def settings_in_order(m: Machine) -> Broken:

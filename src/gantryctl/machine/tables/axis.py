@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 from pydantic import Field
 
-from gantryctl.machine.tables.fields import Table, beside, choice, number, required_number, text, texts
+from gantryctl.machine.tables.fields import Table, beside, choice, number, pairs, required_number, text, texts
 from gantryctl.units import within_turn
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
@@ -43,6 +43,9 @@ class FileIdentity(IdentityTable):
     )
 
 
+_AT: Final[Any] = Field(ge=-3600.0, le=3600.0)
+
+
 class AxisTable(Table):
     """[axis]: travel, limits, gear ratio. Signed angles at the gantry; 0 deg may lie outside travel.
 
@@ -58,6 +61,9 @@ class AxisTable(Table):
     limit_switch_max_deg: float = beside("pos_max_deg", 2.0, 182.0, "Limit switch above travel.")
     mechanical_stop_min_deg: float = beside("pos_min_deg", -7.0, -187.0, "Mechanical stop below travel.")
     mechanical_stop_max_deg: float = beside("pos_max_deg", 7.0, 187.0, "Mechanical stop above travel.")
+    no_go_deg: tuple[tuple[Annotated[float, _AT], Annotated[float, _AT]], ...] = pairs(
+        8, "Sectors [from, to] that neither set-point nor a stop may enter; of a modulo axis in every turn."
+    )
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
     # 117.3333 for 352/3 leads the angle of a modulo axis astray by 1.0e-4 deg with each turn, 1 deg after 10,000.
@@ -93,8 +99,38 @@ class AxisTable(Table):
 
     @property
     def start_angle_deg(self) -> float:
-        """Angle at which a new simulated machine stands: 0 deg, or the middle of a travel without it."""
-        return 0.0 if self.pos_min_deg <= 0.0 <= self.pos_max_deg else self.middle_deg
+        """Angle at which a new simulated machine stands: 0 deg, or the middle of the widest stretch without it."""
+        stretches = self._stretches_deg
+        if any(low <= 0.0 <= high for low, high in stretches):
+            return 0.0
+        low, high = max(stretches, key=lambda stretch: stretch[1] - stretch[0])
+        return 0.5 * (low + high)
+
+    @property
+    def sectors_deg(self) -> tuple[tuple[float, float], ...]:
+        """No-go sectors, the end of each the larger: of a modulo axis 350 to 10 deg is 350 to 370 deg."""
+        return tuple(
+            (begin, end + 360.0 if self.modulo and end < begin else end) for begin, end in self.no_go_deg
+        )
+
+    @property
+    def home_stretch_deg(self) -> tuple[float, float]:
+        """Stretch of travel between no-go sectors in which a new machine stands."""
+        at = self.start_angle_deg
+        return next(stretch for stretch in self._stretches_deg if stretch[0] <= at <= stretch[1])
+
+    @property
+    def _stretches_deg(self) -> list[tuple[float, float]]:
+        """What the no-go sectors leave of travel, or of the turn of a modulo axis."""
+        begin, stretches = self.pos_min_deg, []
+        turns = (-360.0, 0.0) if self.modulo else (0.0,)
+        for low, high in sorted((a + turn, b + turn) for a, b in self.sectors_deg for turn in turns):
+            if high <= begin or low >= self.pos_max_deg:
+                continue
+            if low > begin:
+                stretches.append((begin, low))
+            begin = high
+        return [*stretches, (begin, self.pos_max_deg)] if begin < self.pos_max_deg else stretches
 
     def shown_deg(self, angle_deg: float) -> float:
         """An angle as people read it: of a modulo axis, within the turn from `pos_min_deg`."""

@@ -107,6 +107,11 @@ def text(default: str, longest: int, meaning: str, source: Source = "choice") ->
     return _field(meaning, {SOURCE: source}, default=default, max_length=longest)
 
 
+def pairs(most: int, meaning: str, source: Source = "choice") -> Any:
+    """Declare an array of at most `most` pairs of numbers, whose bounds stand in the annotation; empty by default."""
+    return _field(meaning, {SOURCE: source}, default=(), max_length=most)
+
+
 def texts(least: int, most: int, meaning: str, source: Source = "choice") -> Any:
     """Declare an array of `least` to `most` texts, empty by default."""
     return _field(meaning, {SOURCE: source}, default=(), min_length=least, max_length=most)

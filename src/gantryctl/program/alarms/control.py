@@ -110,6 +110,15 @@ CONTROL: Final = (
              "Reset, switch on, then move back inward: the way back is open."),
         Text("超程", "角度 {measured}°，限值 {limit}°", "实测角度越过超程限值。", _INWARD_ZH),
     ),
+    Definition(
+        Code.LIM_06, _STOP, _QS,
+        Text("No-go sector",
+             "At {measured:.2f} deg a stop would end at {position:.2f} deg, no-go sector {begin:.2f} to {end:.2f} deg",
+             "Measured angle and speed would carry the axis into a sector of [axis] no_go_deg, or have.",
+             "Reset, switch on, then move away from the sector: that way is open."),
+        Text("禁区", "在 {measured}° 停止将结束于 {position}°，禁区为 {begin}° 至 {end}°",
+             "按实测角度和速度，轴将进入或已进入 [axis] no_go_deg 的禁区。", "复位，上电，然后离开禁区：该方向开放。"),
+    ),
     # Fault catalogue G3: the way back is open, and only that.
     Definition(
         Code.LIM_03, _STOP, _QS,

@@ -29,6 +29,17 @@ REFUSALS: Final = (
              "轴带电缆，按直线计：没有绕行的路。", "给出行程内的目标。"),
     ),
     Definition(
+        Code.CTL_18, _REF, Reaction.REF,
+        Text("Target in or behind a no-go sector",
+             "the way to {measured:.2f} deg enters the no-go sector {begin:.2f} to {end:.2f} deg; you are at "
+             "{position:.2f} deg, permitted as far as {limit:.2f} deg; {round}",
+             "Neither set-point nor a stop may enter a sector of [axis] no_go_deg.",
+             "Give a target before the sector, or go the way round."),
+        Text("目标在禁区内或禁区之后",
+             "到 {measured}° 的路径进入禁区 {begin}° 至 {end}°；当前 {position}°，允许到 {limit}°；{round}",
+             "[axis] no_go_deg：设定值和停止都不得进入禁区。", "给出禁区之前的目标，或绕行。"),
+    ),
+    Definition(
         Code.CTL_14, _REF, Reaction.REF,
         Text("Not in this state", "{reason}", "The command does not fit what the axis is doing.",
              "Wait for standstill, or stop first."),

@@ -246,6 +246,8 @@ class Words(Enum):
         "换向只能从静止开始：松开后重新按下",
     )
     BOTH_KEYS = "both keys are pressed: one increment needs one key", "两键同时按下：一次增量只需一个键"
+    NO_WAY_ROUND = "there is no way round", "没有绕行的路"
+    WAY_ROUND = "the way round is {way:+.2f} deg", "绕行路径为 {way}°"
     DIRECTION_OF_LINEAR = (
         "a linear axis has one way to an angle: a direction is for a modulo axis",
         "直线轴到某一角度只有一条路径：方向仅用于模数轴",

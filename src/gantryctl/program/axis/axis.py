@@ -479,6 +479,7 @@ class Axis:
         if made:
             self.zero_counts = turns.move_on(made)
             virtual.turn_back(made, self.scan)
+            self.monitors.turn_back(made)
             self.pos_act_rad -= made * math.tau
             if self.load_side is not None:
                 self.load_side.turn_back(made)

@@ -16,6 +16,7 @@ from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.monitors.interlocks import Interlocks
 from gantryctl.program.settings import SpeedSettings, TravelSettings
+from gantryctl.program.stretch import Sector
 from gantryctl.units import deg, rad
 
 # A way shorter than one fine encoder count at the gantry, 1.3e-9 rad, is no way.
@@ -96,21 +97,44 @@ def way_to(here_rad: float, target_rad: float, direction: Direction, window_rad:
 
 
 def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> Refusal | None:
-    """Refuse a target outside the travel, unless it is nearer to the travel than here."""
-    low, high = travel.pos_min_rad, travel.pos_max_rad
+    """Refuse a target outside travel or behind a no-go sector, unless it is nearer to what is permitted."""
+    low, high, below, above = travel.stretch(here_rad)
     # The way back from outside is always open.
     if target_rad > high and target_rad >= here_rad:
-        limit_rad, left_rad = high, high - here_rad
+        limit_rad, left_rad, sector = high, high - here_rad, above
     elif target_rad < low and target_rad <= here_rad:
-        limit_rad, left_rad = low, here_rad - low
+        limit_rad, left_rad, sector = low, here_rad - low, below
     else:
         return check_range(target_rad, travel)
+    if sector is not None:
+        return check_range(target_rad, travel) or _no_go(here_rad, target_rad, limit_rad, sector, travel)
     return check_range(target_rad, travel) or refusal(
         Code.CTL_09,
         measured=deg(target_rad),
         limit=deg(limit_rad),
         position=round(deg(here_rad), 2) + 0.0,  # never "-0.00"
         left=max(0.0, deg(left_rad)),
+    )
+
+
+def _no_go(
+    here_rad: float, target_rad: float, limit_rad: float, sector: Sector, travel: TravelSettings
+) -> Refusal:
+    """Name the sector that the way enters, the nearest permitted angle, and the way round if the axis has one."""
+    round_: Words | Said = Words.NO_WAY_ROUND
+    if travel.endless and travel.sector_at(target_rad) is None:
+        other = target_rad - math.copysign(math.tau, target_rad - here_rad)
+        stretch = travel.stretch(here_rad)
+        if stretch.low_rad <= other <= stretch.high_rad:
+            round_ = Words.WAY_ROUND(way=deg(other - here_rad))
+    return refusal(
+        Code.CTL_18,
+        measured=deg(travel.shown_rad(target_rad)),
+        begin=deg(travel.shown_rad(sector[0])),
+        end=deg(travel.shown_rad(sector[1])),
+        position=round(deg(travel.shown_rad(here_rad)), 2) + 0.0,
+        limit=round(deg(travel.shown_rad(limit_rad)), 2) + 0.0,
+        round=round_,
     )
 
 
@@ -127,11 +151,13 @@ def check_way(
 
 def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -> Refusal | None:
     """Refuse a speed towards the end of the travel at which the axis stands; its sign is the direction."""
-    return _inward_only(
-        here_rad,
-        vel_rad_s > 0.0 and here_rad >= travel.pos_max_rad - _NO_WAY_RAD,
-        vel_rad_s < 0.0 and here_rad <= travel.pos_min_rad + _NO_WAY_RAD,
-    )
+    low, high, below, above = travel.stretch(here_rad)
+    at_end = here_rad >= high - _NO_WAY_RAD if vel_rad_s > 0.0 else here_rad <= low + _NO_WAY_RAD
+    sector = above if vel_rad_s > 0.0 else below
+    if at_end and sector is not None:
+        target_rad = sector[0] if vel_rad_s > 0.0 else sector[1]
+        return _no_go(here_rad, target_rad, high if vel_rad_s > 0.0 else low, sector, travel)
+    return _inward_only(here_rad, vel_rad_s > 0.0 and at_end, vel_rad_s < 0.0 and at_end)
 
 
 def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:

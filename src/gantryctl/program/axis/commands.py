@@ -189,7 +189,8 @@ class MotionCommands:
         travel = self._settings.travel
         # A plan to the end of the travel, so that the set-point comes to rest at the limit by itself; a modulo axis has
         # none, and its plan no end.
-        end = travel.pos_max_rad if vel_rad_s > 0.0 else travel.pos_min_rad
+        stretch = travel.stretch(self._virtual.pos_ref_rad)
+        end = stretch.high_rad if vel_rad_s > 0.0 else stretch.low_rad
         command = MotionCommand(AxisState.CONTINUOUS_MOTION, end, abs(vel_rad_s), settles=False, endless=True)
         return self._begin(command, check_direction(self._virtual.pos_ref_rad, vel_rad_s, travel))
 

@@ -13,6 +13,7 @@ from gantryctl.program.monitors.oscillation import SWING_RAD_S, Oscillation
 from gantryctl.program.monitors.torque import TorqueWatch
 from gantryctl.program.power.holding_torque import HoldingTorque
 from gantryctl.program.settings import AxisSettings
+from gantryctl.program.stretch import Sector
 from gantryctl.program.virtual_axis import VirtualAxis
 from gantryctl.units import deg
 
@@ -34,7 +35,7 @@ class Monitors:
     __slots__ = (
         "_alarms", "_at_rest", "_band_base", "_band_per_speed", "_brake", "_brake_scans", "_deviation",
         "_deviation_count", "_deviation_scans", "_dwell", "_dwell_scans", "_error_at_saturation",
-        "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_look_ahead",
+        "_feedback", "_following", "_following_scans", "_holding", "_in_window", "_lead_s", "_look_ahead",
         "_oscillation",
         "_over_travel_minus", "_over_travel_plus", "_overspeed", "_overspeed_scans", "_period_s",
         "_ratio", "_saturation", "_saturation_scans", "_settings", "_standstill",
@@ -73,6 +74,8 @@ class Monitors:
         self._look_ahead = 0.5 / settings.ramps.quick_dec_rad_s2
         # The drive's own limit is the motor's; a reading far beyond it is invalid.
         self._torque_max = 4.0 * settings.power.torque_max_nm
+        # 0 without a no-go sector.
+        self._lead_s = settings.travel.no_go_lead_s if settings.travel.no_go_rad else 0.0
         self._over_travel_plus = settings.travel.over_travel_max_rad
         self._over_travel_minus = settings.travel.over_travel_min_rad
         self.drag = DragWatch(settings, feedback, virtual, holding, alarms)
@@ -119,6 +122,8 @@ class Monitors:
             self._overspeed = 0
         # Travel: the angle, and the angle at which a quick stop would end, v|v| / 2a.
         stop = pos_rad + vel * (vel if vel >= 0.0 else -vel) * self._look_ahead
+        if self._lead_s:
+            stop += vel * self._lead_s
         low, high = self._over_travel_minus, self._over_travel_plus
         if not (low <= pos_rad <= high and low <= stop <= high):
             self._beyond_travel(pos_rad, stop, vel)
@@ -154,16 +159,35 @@ class Monitors:
 
     def _arm_over_travel(self, pos_rad: float) -> None:
         """Restore the normal limit once the axis is back inside."""
-        low, high = self._travel.over_travel_min_rad, self._travel.over_travel_max_rad
+        low, high = self._limits(pos_rad)
         if low < pos_rad < high:
             self._over_travel_minus, self._over_travel_plus = low, high
+
+    def _limits(self, pos_rad: float) -> tuple[float, float]:
+        """Angles at which the measured one trips around here: of over-travel, or before a no-go sector."""
+        travel = self._travel
+        low, high = travel.over_travel_min_rad, travel.over_travel_max_rad
+        if travel.no_go_rad:
+            stretch, margin = travel.stretch(pos_rad), travel.no_go_margin_rad
+            if stretch.below is not None:
+                low = max(low, stretch.below[1] + margin)
+            if stretch.above is not None:
+                high = min(high, stretch.above[0] - margin)
+        return low, high
+
+    def turn_back(self, turns: int) -> None:
+        """Count limits from a zero that lies so many turns further on."""
+        self._over_travel_minus -= turns * math.tau
+        self._over_travel_plus -= turns * math.tau
 
     def open_the_way_back(self, pos_rad: float) -> None:
         """Trip only when the axis goes further out: it was switched on outside the travel, to bring it back."""
         margin = self._settings.standstill_window_rad
-        if pos_rad > self._travel.over_travel_max_rad:
+        low, high = self._limits(pos_rad)
+        self._over_travel_minus, self._over_travel_plus = low, high
+        if pos_rad > high:
             self._over_travel_plus = pos_rad + margin
-        elif pos_rad < self._travel.over_travel_min_rad:
+        elif pos_rad < low:
             self._over_travel_minus = pos_rad - margin
 
     # --- one method per monitor, entered when its cheap test failed -------------------------------
@@ -207,11 +231,24 @@ class Monitors:
 
     def _beyond_travel(self, pos_rad: float, stop_rad: float, vel: float) -> None:
         low, high = self._over_travel_minus, self._over_travel_plus
-        beyond = high if stop_rad > 0.5 * (low + high) else low
-        if not low <= pos_rad <= high:
+        above = pos_rad > high or stop_rad > high
+        beyond, sector = high if above else low, self._sector_beyond(pos_rad, above)
+        if sector is not None:
+            show = self._travel.shown_rad
+            begin, end = (deg(show(edge)) for edge in sector)
+            at, stop = deg(show(pos_rad)), deg(show(stop_rad))
+            self._alarms.raise_(Code.LIM_06, measured=at, position=stop, begin=begin, end=end)
+        elif not low <= pos_rad <= high:
             self._alarms.raise_(Code.LIM_02, measured=deg(pos_rad), limit=deg(beyond))
         else:
             self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=deg(stop_rad), limit=deg(beyond))
+
+    def _sector_beyond(self, pos_rad: float, above: bool) -> Sector | None:
+        """The no-go sector that bounds this side, unless the end of travel is nearer."""
+        if not self._travel.no_go_rad:
+            return None
+        stretch = self._travel.stretch(pos_rad)
+        return stretch.above if above else stretch.below
 
     def _saturated(self, error: float) -> None:
         """The torque limit alone is no fault; a following error that grows at the limit is one (B8)."""

@@ -1,0 +1,106 @@
+"""No-go sectors: the stretch that an axis can reach, and what a command beyond it is told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gantryctl.machine import default_machine, with_values
+from gantryctl.program.axis.command_checks import check_direction, check_target
+from gantryctl.program.settings import TravelSettings
+from gantryctl.units import deg, rad
+from gantryctl.wiring.program import travel_settings
+
+LINEAR = travel_settings(with_values(default_machine(), {"axis.no_go_deg": ((-120.0, -60.0), (60.0, 120.0))}))
+# Of a modulo axis: one sector over the beginning of its turn.
+ENDLESS = replace(
+    LINEAR,
+    pos_min_rad=-math.inf,
+    pos_max_rad=math.inf,
+    turn_from_rad=0.0,
+    no_go_rad=((rad(350.0), rad(370.0)),),
+)
+
+
+def reach(travel: TravelSettings, at_deg: float) -> tuple[float, float]:
+    low, high, _, _ = travel.stretch(rad(at_deg))
+    return deg(low), deg(high)
+
+
+@pytest.mark.parametrize(
+    ("at_deg", "low_deg", "high_deg"),
+    [
+        (0.0, -60.0, 60.0),
+        (150.0, 120.0, 180.0),
+        (-150.0, -180.0, -120.0),
+        # In a sector: out of it by the nearer edge, and no further into it.
+        (65.0, -60.0, 60.0),
+        (115.0, 120.0, 180.0),
+    ],
+)
+def test_the_stretch_ends_a_clearance_before_a_sector(at_deg: float, low_deg: float, high_deg: float) -> None:
+    clearance = deg(LINEAR.no_go_clearance_rad)
+    assert 0.05 < clearance < 0.2
+    edges = [
+        low_deg + clearance * (low_deg != -180.0),
+        high_deg - clearance * (high_deg != 180.0),
+    ]
+    assert reach(LINEAR, at_deg) == pytest.approx(edges)
+
+
+def test_without_sectors_travel_is_one_stretch() -> None:
+    assert reach(travel_settings(default_machine()), 12.0) == pytest.approx((-180.0, 180.0))
+
+
+@pytest.mark.parametrize("target_deg", [90.0, 100.0, 150.0])
+def test_a_target_in_or_behind_a_sector_is_refused_with_the_nearest_permitted_angle(
+    target_deg: float,
+) -> None:
+    refused = check_target(rad(10.0), rad(target_deg), LINEAR)
+    assert refused is not None
+    assert refused.code == "CTL-18"
+    nearest = f"{60.0 - deg(LINEAR.no_go_clearance_rad):.2f}"
+    assert refused.text.startswith(
+        f"the way to {target_deg:.2f} deg enters the no-go sector 60.00 to 120.00 deg; you are at 10.00 deg, "
+        f"permitted as far as {nearest} deg; there is no way round"
+    )
+    # What it names is permitted.
+    assert check_target(rad(10.0), LINEAR.stretch(rad(10.0)).high_rad, LINEAR) is None
+
+
+def test_a_modulo_axis_is_told_its_way_round() -> None:
+    """From 340 to 20 deg: 40 deg through the sector, 320 deg round it."""
+    refused = check_target(rad(340.0), rad(380.0), ENDLESS)
+    assert refused is not None
+    assert (
+        "the way to 20.00 deg enters the no-go sector 350.00 to 10.00 deg; you are at 340.00 deg"
+        in refused.text
+    )
+    assert refused.text.endswith("the way round is -320.00 deg")
+    assert check_target(rad(340.0), rad(20.0), ENDLESS) is None
+    # A target in the sector has no way at all.
+    inside = check_target(rad(340.0), rad(360.0), ENDLESS)
+    assert inside is not None
+    assert inside.text.endswith("there is no way round")
+
+
+@given(st.floats(-3000.0, 3000.0), st.floats(11.0, 349.0))
+def test_a_sector_of_a_modulo_axis_is_there_in_every_turn(turns: float, at_deg: float) -> None:
+    """The stretch is the turn less the sector and a clearance on both sides, whichever turn it is."""
+    whole = 360.0 * round(turns)
+    low, high = reach(ENDLESS, whole + at_deg)
+    clearance = deg(ENDLESS.no_go_clearance_rad)
+    assert low - whole == pytest.approx(10.0 + clearance, abs=1e-6)
+    assert high - whole == pytest.approx(350.0 - clearance, abs=1e-6)
+
+
+def test_a_jog_at_the_edge_is_refused_towards_the_sector_only() -> None:
+    edge = LINEAR.stretch(0.0).high_rad
+    refused = check_direction(edge, 1.0, LINEAR)
+    assert refused is not None
+    assert "no-go sector 60.00 to 120.00 deg" in refused.text
+    assert check_direction(edge, -1.0, LINEAR) is None
