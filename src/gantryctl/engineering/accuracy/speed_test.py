@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from gantryctl.engineering.accuracy.procedure.plan import speeds_to_test
+from gantryctl.engineering.accuracy.procedure.plan import speeds_to_test, stretch_to_test_deg
 from gantryctl.engineering.accuracy.report.report import LoadSpeedBy, SpeedCurves, SpeedRun
 from gantryctl.engineering.accuracy.table import Direction, FloatArray
 from gantryctl.engineering.batch import (
@@ -148,10 +148,10 @@ def _run_speed(machine: Machine, from_deg: float, to_deg: float, speed_deg_s: fl
 
 def _move(machine: Machine, speed_deg_s: float) -> tuple[float, float]:
     """Ends of a move that cruises for `CRUISE_S`, or as long as the travel allows."""
-    axis = machine.axis
-    travel, ramps = axis.pos_max_deg - axis.pos_min_deg, ramps_deg(machine, speed_deg_s)
+    least, most = stretch_to_test_deg(machine)
+    travel, ramps, middle = most - least, ramps_deg(machine, speed_deg_s), 0.5 * (least + most)
     way = min(travel, ramps + speed_deg_s * CRUISE_S)
-    return axis.middle_deg - 0.5 * way, axis.middle_deg + 0.5 * way
+    return middle - 0.5 * way, middle + 0.5 * way
 
 
 class _Speeds(NamedTuple):

@@ -24,6 +24,7 @@ from gantryctl.engineering.accuracy.procedure.procedures import (
 )
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
+from gantryctl.machine.places import fitted_stretch_deg
 from gantryctl.units import DEG_S_PER_R_MIN
 from gantryctl.wiring.program import ramps_deg
 
@@ -70,14 +71,19 @@ class ChordPlan:
         )
 
 
+def stretch_to_test_deg(machine: Machine) -> tuple[float, float]:
+    """Where a test may go: travel, or the part of it that the axis can reach."""
+    return fitted_stretch_deg(machine, machine.axis.pos_min_deg, machine.axis.pos_max_deg)
+
+
 def chord_plan(
     machine: Machine, bases_deg: Sequence[float] = (), displacements_deg: Sequence[float] = ()
 ) -> ChordPlan:
     """The plan of a chord test: what is given here, else by the machine file, else from the travel."""
-    axis, given = machine.axis, machine.accuracy
-    travel = axis.pos_max_deg - axis.pos_min_deg
+    given, (low, high) = machine.accuracy, stretch_to_test_deg(machine)
+    travel, middle = high - low, 0.5 * (low + high)
     step = min(STEP_DEG, _STEP_PART * travel)
-    bases = tuple(axis.middle_deg + part * travel for part in (_BASE_PART, 0.0, -_BASE_PART))
+    bases = tuple(middle + part * travel for part in (_BASE_PART, 0.0, -_BASE_PART))
     steps = tuple(step * k for k in range(1, STEPS + 1))
     return ChordPlan(
         tuple(bases_deg) or given.bases_deg or bases,
@@ -93,18 +99,18 @@ def check_travel(machine: Machine, procedure: Procedure) -> None:
         UsageError: a stop lies outside.
     """
     low, high = procedure.travel_deg
-    axis, bases = machine.axis, procedure.bases_deg
-    if axis.pos_min_deg - _ROUNDING_DEG <= low and high <= axis.pos_max_deg + _ROUNDING_DEG:
+    bases, (least, most) = procedure.bases_deg, stretch_to_test_deg(machine)
+    if least - _ROUNDING_DEG <= low and high <= most + _ROUNDING_DEG:
         return
-    first, last = axis.pos_min_deg + min(bases) - low, axis.pos_max_deg - (high - max(bases))
-    room = min(axis.pos_max_deg - max(bases), min(bases) - axis.pos_min_deg)
+    first, last = least + min(bases) - low, most - (high - max(bases))
+    room = min(most - max(bases), min(bases) - least)
     fits = [
         f"bases from {first:g} to {last:g} deg" if first <= last else "",
         f"displacements up to {room:g} deg from these bases" if room > 0.0 else "",
     ]
     raise UsageError(
         f"procedure {procedure.name} from {_angles(bases)} deg goes from {low:g} to {high:g} deg, the axis ends at "
-        f"{axis.pos_min_deg:g} and {axis.pos_max_deg:g} deg; what fits: "
+        f"{least:g} and {most:g} deg; what fits: "
         f"{', or '.join(filter(None, fits)) or 'smaller displacements'}; without any, the plan follows the travel"
     )
 
@@ -149,8 +155,8 @@ def speeds_to_test(machine: Machine, speeds_deg_s: Sequence[float] = ()) -> tupl
 
 def fastest_within(machine: Machine) -> float:
     """Highest setting, or the fastest that is reached within most of the travel, deg/s, to three digits."""
-    top, axis = machine.speed.setting_max_deg_s, machine.axis
-    way = _RAMPS_PART * (axis.pos_max_deg - axis.pos_min_deg)
+    top, (least, most) = machine.speed.setting_max_deg_s, stretch_to_test_deg(machine)
+    way = _RAMPS_PART * (most - least)
     if ramps_deg(machine, top) <= way:
         return top
     low, high = 0.0, top
@@ -162,7 +168,7 @@ def fastest_within(machine: Machine) -> float:
 
 
 def _check_speed(machine: Machine, speed_deg_s: float) -> None:
-    speed, axis = machine.speed, machine.axis
+    speed, (least, most) = machine.speed, stretch_to_test_deg(machine)
     # 0.1 r/min are 0.6000000000000001 deg/s.
     if not speed.setting_min_deg_s / _ROUNDING <= speed_deg_s <= speed.setting_max_deg_s * _ROUNDING:
         raise UsageError(
@@ -171,7 +177,7 @@ def _check_speed(machine: Machine, speed_deg_s: float) -> None:
         )
     # The paper's 0.393 deg/s2 takes 45.8 deg to reach 6 deg/s and as much to leave it: the moves of the chord
     # test peak at 1.4 to 2.8 deg/s, so the speed test is a test of its own.
-    ramps, travel = ramps_deg(machine, speed_deg_s), axis.pos_max_deg - axis.pos_min_deg
+    ramps, travel = ramps_deg(machine, speed_deg_s), most - least
     if not ramps < travel:
         raise UsageError(
             f"speed {speed_deg_s:g} deg/s needs {ramps:.1f} deg to be reached and left again, the travel is "
