@@ -32,15 +32,25 @@ def motion_values(basis: Basis) -> Values:
 
 
 def _axis(basis: Basis) -> Values:
-    sheet, permitted = basis.sheet, basis.required.stopping_angle_deg
-    ends = {"min": (sheet.range.pos_min_deg, -permitted), "max": (sheet.range.pos_max_deg, permitted)}
-    built = "x stopping angle beyond travel; where it is built"
     return {
-        "axis.kind": chosen("linear"),
+        "axis.kind": basis.of_sheet("range.kind"),
+        # The ratios of a sheet are decimal numbers of few digits, and exact as they are written.
         "axis.gear_motor_turns": chosen(0),
         "axis.gear_axis_turns": chosen(1),
         "axis.pos_min_deg": basis.of_sheet("range.pos_min_deg"),
         "axis.pos_max_deg": basis.of_sheet("range.pos_max_deg"),
+        **({} if basis.sheet.range.kind == "modulo" else _ends(basis)),
+        "axis.reducer_ratio": basis.of_sheet("gears.reducer_ratio"),
+        "axis.ring_ratio": basis.of_sheet("gears.ring_ratio"),
+    }
+
+
+def _ends(basis: Basis) -> Values:
+    """What lies beyond travel, where the axis has ends."""
+    sheet, permitted = basis.sheet, basis.required.stopping_angle_deg
+    ends = {"min": (sheet.range.pos_min_deg, -permitted), "max": (sheet.range.pos_max_deg, permitted)}
+    built = "x stopping angle beyond travel; where it is built"
+    return {
         **{
             f"axis.over_travel_{side}_deg": computed(
                 round(end + _TRIP * way, 3), "1/8 x stopping angle beyond travel"
@@ -52,8 +62,6 @@ def _axis(basis: Basis) -> Values:
             for what, part in (("limit_switch", _SWITCH), ("mechanical_stop", _STOP))
             for side, (end, way) in ends.items()
         },
-        "axis.reducer_ratio": basis.of_sheet("gears.reducer_ratio"),
-        "axis.ring_ratio": basis.of_sheet("gears.ring_ratio"),
     }
 
 

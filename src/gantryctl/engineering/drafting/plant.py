@@ -172,7 +172,9 @@ def _wind_and_integration(basis: Basis) -> Values:
 
 def _encoder(basis: Basis) -> Values:
     travel = basis.sheet.range
-    middle = 0.5 * (travel.pos_min_deg + travel.pos_max_deg) / 360.0 * basis.ratio
+    # The encoder of a modulo axis may wrap anywhere.
+    centre_deg = 0.0 if travel.kind == "modulo" else 0.5 * (travel.pos_min_deg + travel.pos_max_deg)
+    middle = centre_deg / 360.0 * basis.ratio
     return {
         "encoder.latency_us": guessed(62.5, "half a drive cycle"),
         "encoder.mounting_turns": computed(

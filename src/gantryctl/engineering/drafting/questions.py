@@ -11,7 +11,7 @@ from gantryctl.errors import ConfigError, UsageError
 from gantryctl.machine.loading import check_table
 from gantryctl.machine.reading import Data, parse_toml, printable
 from gantryctl.machine.specs import FieldSpec, Value, field_specs
-from gantryctl.machine.tables.axis import POS_MAX_DEG, POS_MIN_DEG
+from gantryctl.machine.tables.axis import AXIS_KIND, POS_MAX_DEG, POS_MIN_DEG, AxisKind
 from gantryctl.machine.tables.fields import Table, number, required_number, table, text
 
 BY_RULE: Final = 0.0
@@ -45,6 +45,7 @@ class Answers(Table):
     gear_ratio: float = number(
         BY_RULE, 0.0, 50000.0, "Motor turns per turn of the axis; 0 = what speed and encoder allow."
     )
+    kind: AxisKind = AXIS_KIND
     source: str = text("", 200, "Where the requirement comes from.")
 
 

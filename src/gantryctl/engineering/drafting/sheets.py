@@ -119,8 +119,9 @@ class Answered:
         """As answered, or the largest that the motor's speed and the turns of the encoder allow."""
         if self.answers.gear_ratio != BY_RULE:
             return self.answers.gear_ratio
-        travel = self.answers.pos_max_deg - self.answers.pos_min_deg + 2.0 * _WRAP_MARGIN_DEG
-        by_encoder = _ENCODER_TURNS * 360.0 / travel
+        modulo = self.answers.kind == "modulo"
+        travel = 0.0 if modulo else self.answers.pos_max_deg - self.answers.pos_min_deg
+        by_encoder = _ENCODER_TURNS * 360.0 / (travel + 2.0 * _WRAP_MARGIN_DEG)
         by_speed = self.template.proportions.motor_speed_r_min / self.answers.speed_max_r_min
         ring = self.template.proportions.ring_ratio
         return ring * max(1.0, math.floor(min(by_encoder, by_speed) / ring))
@@ -143,6 +144,11 @@ def _contradictions(answers: Answers) -> list[str]:
         wrong.append(
             f"pos_min_deg = {answers.pos_min_deg:g} deg: must lie at least 1 deg below pos_max_deg = "
             f"{answers.pos_max_deg:g} deg"
+        )
+    if answers.kind == "modulo" and abs(answers.pos_max_deg - answers.pos_min_deg - 360.0) > 1e-9:
+        wrong.append(
+            f"kind = modulo: {answers.pos_min_deg:g} to {answers.pos_max_deg:g} deg must be one turn: "
+            "0 to 360, or -180 to 180"
         )
     reaction = answers.speed_max_r_min * DEG_S_PER_R_MIN * REACTION_S
     if answers.stopping_angle_deg <= 1.2 * reaction:
@@ -222,6 +228,7 @@ def _required(answered: Answered) -> Values:
 def _range_and_motion(answered: Answered) -> Values:
     speed, acc = answered.answers.speed_max_r_min, answered.acc_rad_s2
     return {
+        "range.kind": _answer(answered, "kind"),
         "range.pos_min_deg": _answer(answered, "pos_min_deg"),
         "range.pos_max_deg": _answer(answered, "pos_max_deg"),
         "range.wrap_margin_min_deg": chosen(_WRAP_MARGIN_DEG),

@@ -40,6 +40,7 @@ def _limits(sheet: Sheet) -> dict[str, Value]:
         for key in _SPEED_CHAIN
     }
     return {
+        "axis.kind": sheet.range.kind,
         "axis.pos_min_deg": sheet.range.pos_min_deg,
         "axis.pos_max_deg": sheet.range.pos_max_deg,
         "axis.reducer_ratio": sheet.gears.reducer_ratio,

@@ -157,15 +157,15 @@ def _lasting(motor: MotorFile, train: Train, day: Duty) -> list[Check]:
 
 
 def _encoder(sheet: Sheet, motor: MotorFile) -> list[Check]:
-    # The axis is linear, never modulo: the encoder must tell every angle of the travel from every other.
-    travel = sheet.range.pos_max_deg - sheet.range.pos_min_deg + 2.0 * sheet.range.wrap_margin_min_deg
+    # The encoder of a linear axis must tell every angle of the travel from every other.
+    modulo = sheet.range.kind == "modulo"
     return [
         Check(
             "encoder range",
-            travel / 360.0,
+            sheet.range.told_apart_deg / 360.0,
             eq.encoder_range_turns(motor.encoder.turns, sheet.gears.ratio),
             "turns",
-            "turns of the axis: travel and the wrap margin on both sides",
+            f"turns of the axis: {'the' if modulo else 'travel and the'} wrap margin on both sides",
         ),
         Check(
             "encoder step",
@@ -178,6 +178,7 @@ def _encoder(sheet: Sheet, motor: MotorFile) -> list[Check]:
 
 
 def wrap_margin_deg(sheet: Sheet, motor: MotorFile) -> float:
-    """Distance from travel to the wrap of a centred encoder, each side, deg."""
+    """Distance from travel to the wrap of a centred encoder, each side, deg; of a modulo axis, half the range."""
     turns = eq.encoder_range_turns(motor.encoder.turns, sheet.gears.ratio)
-    return 0.5 * (360.0 * turns - (sheet.range.pos_max_deg - sheet.range.pos_min_deg))
+    covered = sheet.range.told_apart_deg - 2.0 * sheet.range.wrap_margin_min_deg
+    return 0.5 * (360.0 * turns - covered)

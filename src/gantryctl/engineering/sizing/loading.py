@@ -75,6 +75,8 @@ def _travel(sheet: Sheet) -> Iterator[str]:
     low, high = sheet.range.pos_min_deg, sheet.range.pos_max_deg
     if high - low < 1.0:
         yield (f"[range] pos_min_deg = {low:g} deg: must lie at least 1 deg below pos_max_deg = {high:g} deg")
+    if sheet.range.kind == "modulo" and abs(high - low - 360.0) > 1e-9:
+        yield (f"[range] kind = modulo: {low:g}..{high:g} deg must be one turn: 0..360 or -180..180 deg")
 
 
 def _motion(sheet: Sheet) -> Iterator[str]:

@@ -7,10 +7,12 @@ from typing import Annotated
 from pydantic import Field
 
 from gantryctl.machine.tables.axis import (
+    AXIS_KIND,
     POS_MAX_DEG,
     POS_MIN_DEG,
     REDUCER_RATIO,
     RING_RATIO,
+    AxisKind,
     FileIdentity,
 )
 from gantryctl.machine.tables.fields import Table, number, numbers, required_number, table
@@ -19,13 +21,23 @@ from gantryctl.machine.tables.required import RequiredTable
 
 
 class Range(Table):
-    """[range]: travel, deg at the gantry."""
+    """[range]: travel, deg at the gantry; of a modulo axis, its turn."""
 
+    kind: AxisKind = AXIS_KIND
     pos_min_deg: float = POS_MIN_DEG
     pos_max_deg: float = POS_MAX_DEG
     wrap_margin_min_deg: float = number(
         5.0, 0.1, 180.0, "Least distance between travel and the wrap of the encoder."
     )
+
+    @property
+    def told_apart_deg(self) -> float:
+        """Angles that the encoder must tell apart: travel and the margin on both sides.
+
+        That of a modulo axis may wrap anywhere; it tells the margin both ways, for motions while the axis is off.
+        """
+        travel = 0.0 if self.kind == "modulo" else self.pos_max_deg - self.pos_min_deg
+        return travel + 2.0 * self.wrap_margin_min_deg
 
 
 class Motion(Table):

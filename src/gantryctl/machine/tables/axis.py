@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 from pydantic import Field
 
@@ -11,6 +11,8 @@ from gantryctl.machine.tables.fields import Table, beside, choice, number, pairs
 from gantryctl.units import within_turn
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
+AxisKind: TypeAlias = Literal["linear", "modulo"]
+AXIS_KIND: Final[Any] = choice("linear", "A travel with two ends, or turns without end.")
 # Ten turns each way: more than a cable drum of any of these axes takes.
 POS_MIN_DEG: Final[Any] = required_number(-180.0, -3600.0, 3600.0, "Lowest angle the set-point may reach.")
 POS_MAX_DEG: Final[Any] = required_number(180.0, -3600.0, 3600.0, "Highest angle the set-point may reach.")
@@ -52,7 +54,7 @@ class AxisTable(Table):
     Of a modulo axis `pos_min_deg` and `pos_max_deg` are the ends of its turn, and it has no other limits.
     """
 
-    kind: Literal["linear", "modulo"] = choice("linear", "A travel with two ends, or turns without end.")
+    kind: AxisKind = AXIS_KIND
     pos_min_deg: float = POS_MIN_DEG
     pos_max_deg: float = POS_MAX_DEG
     over_travel_min_deg: float = beside("pos_min_deg", -0.5, -180.5, "A measured angle below it trips.")

@@ -59,6 +59,21 @@ def test_the_same_machine_by_every_way(tmp_path):
     assert {machine.name for machine in machines} == {"rig", "drafted", "sized"}
 
 
+def test_an_axis_that_turns_without_end():
+    """No ends in its file, more gear than its turn would allow, and it moves by the shortest way."""
+    turn = ("kind=modulo", "pos_min_deg=0", "pos_max_deg=360")
+    run("new", "table", "--template", "rotary_table", *(word for each in turn for word in ("--set", each)))
+    machine = load_machine("table.toml")
+    assert machine.axis.modulo
+    assert not [key for key in machine.axis.model_fields_set if "stop" in key or "switch" in key]
+    run("move", "350", "--config", "table.toml", "--no-trace")
+    run("move", "--by", "15", "--config", "table.toml", "--no-trace")
+    said = json.loads(run("status", "--config", "table.toml", "--json").output)
+    assert said["angle_deg"] == pytest.approx(5.0, abs=0.01)
+    with pytest.raises(ConfigError, match="must be one turn"):
+        run("new", "other", "--template", "rotary_table", "--set", "kind=modulo", "--set", "pos_max_deg=170")
+
+
 def test_json_and_the_origin_of_every_value():
     said = json.loads(run("new", "rig", "--template", "rotary_table", "--json").output)
     assert said["written"] == ["rig_sheet.toml", "rig.toml"]
@@ -82,7 +97,7 @@ def test_motors_to_choose_from():
 def test_a_person_is_asked_and_asked_again(monkeypatch):
     """Enter keeps the usual value; an answer that is refused is asked for again with what is allowed."""
     monkeypatch.setattr("gantryctl.cli.drafting._at_a_terminal", lambda: True)
-    answers = ["tilt_table", "-5", "much", "80", "", "", "", "", "", "", "", "", "", "", "rig 3"]
+    answers = ["tilt_table", "-5", "much", "80", "", "", "", "", "", "", "", "", "", "", "", "rig 3"]
     said = run("new", "rig", stdin="\n".join(answers) + "\n").output
     assert "Highest angle the set-point may reach (deg) [95]:" in said
     machine = load_machine("rig.toml")
