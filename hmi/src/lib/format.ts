@@ -11,6 +11,18 @@ export function signed(value: number | null | undefined, decimals: number): stri
   return value != null && Number(value.toFixed(decimals)) > 0 ? `+${text}` : text;
 }
 
+/** An angle of a linear axis as people read it: signed, or within 0 to 360 degrees. */
+export function read(deg: number | null | undefined, display: string | null | undefined): number | null {
+  if (deg == null) return null;
+  return display === '0..360' ? ((deg % 360) + 360) % 360 : deg;
+}
+
+/** The angle of the axis that a person means who types what the display shows. */
+export function meant(deg: number, display: string | null | undefined, min: number, max: number): number {
+  if (display !== '0..360' || (min <= deg && deg <= max)) return deg;
+  return [deg - 360, deg + 360].find((angle) => min <= angle && angle <= max) ?? deg;
+}
+
 /** deg/s of the gantry as r/min. */
 export function rpm(deg_s: number | null | undefined): number | null {
   return deg_s == null ? null : deg_s / 6;

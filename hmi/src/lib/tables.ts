@@ -294,6 +294,10 @@ export interface Tags {
   machine: string | null;
   /** linear, or modulo: turns without end. */
   axis_kind: string | null;
+  /** How people read and type angles: -180..180 or 0..360; tags and commands are signed angles of the axis. */
+  display: string | null;
+  /** No-go sectors, from and to; empty without one. [deg] */
+  no_go: string | null;
   /** sim, ideal or canopen. */
   drive_kind: string | null;
   /** Short hash of the machine file in force. */

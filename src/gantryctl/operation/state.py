@@ -217,7 +217,8 @@ def reset_simulation(machine: Machine, angle_deg: float | None) -> str:
         keep_machine(machine, store, fresh.drive, fresh.retained)
     leave_bus(fresh.drive)
     standing_deg = machine.axis.start_angle_deg if angle_deg is None else angle_deg
-    return f"{machine.name}: a new simulated machine stands at {standing_deg:g} deg, brake closed"
+    read_deg = machine.axis.read_deg(standing_deg)
+    return f"{machine.name}: a new simulated machine stands at {read_deg:g} deg, brake closed"
 
 
 _ZERO_KEYS: Final = (
@@ -314,6 +315,7 @@ def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:
                 "shaft, or mount it with its range centred" + _AROUND_ZERO * machine.on_bus
             )
         keep_machine(machine, store, opened.drive, retained)
+    read_deg = machine.axis.read_deg(angle_deg)
     return (
-        f"zero set by {retained.zero_set_by}: the axis stands at {angle_deg:g} deg ({retained.zero_witness})"
+        f"zero set by {retained.zero_set_by}: the axis stands at {read_deg:g} deg ({retained.zero_witness})"
     )

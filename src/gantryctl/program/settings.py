@@ -42,6 +42,8 @@ class TravelSettings:
 
     turn_from_rad: float = -math.pi
     """Where the turn of a modulo axis begins that its angles are shown in."""
+    read_within_turn: bool = False
+    """People read angles of a linear axis within 0 to 360 deg."""
     no_go_rad: tuple[Sector, ...] = ()
     no_go_clearance_rad: float = 0.0
     no_go_margin_rad: float = 0.0
@@ -65,8 +67,15 @@ class TravelSettings:
         return math.isinf(self.pos_max_rad)
 
     def shown_rad(self, pos_rad: float) -> float:
-        """An angle as people read it: of a modulo axis, within its turn."""
+        """An angle in tags and JSON: of a modulo axis, within its turn."""
         return within_turn(pos_rad, self.turn_from_rad, math.tau) if self.endless else pos_rad
+
+    def read_rad(self, pos_rad: float) -> float:
+        """An angle in sentences, as people read it."""
+        # Beyond a turn it is no angle of the axis: what was typed is shown.
+        if self.read_within_turn and abs(pos_rad) <= math.tau:
+            return within_turn(pos_rad, 0.0, math.tau)
+        return self.shown_rad(pos_rad)
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,6 +96,7 @@ def travel_settings(machine: Machine) -> TravelSettings:
             pos_max_rad=rad(axis.pos_max_deg),
             over_travel_min_rad=rad(axis.over_travel_min_deg),
             over_travel_max_rad=rad(axis.over_travel_max_deg),
+            read_within_turn=axis.display == "0..360",
         )
     if not axis.no_go_deg:
         return limits

@@ -30,6 +30,9 @@ BREAKS = {
     "over_travel_before_lower_switch": {"axis.over_travel_min_deg": -182.0},
     "over_travel_before_upper_switch": {"axis.over_travel_max_deg": 182.0},
     "stop_fits_behind_lower_switch": {"axis.mechanical_stop_min_deg": -185.9},
+    "display_is_unambiguous": {
+        "axis.display": "0..360", "axis.pos_max_deg": 180.25, "axis.over_travel_max_deg": 180.75,
+    },
     "sectors_within_travel": {"axis.no_go_deg": ((20.0, 10.0),)},
     "sectors_leave_stretches": {"axis.no_go_deg": ((10.0, 20.0), (20.5, 30.0))},
     "lower_switch_before_stop": {"axis.limit_switch_min_deg": -187.0},

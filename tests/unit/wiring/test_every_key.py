@@ -474,6 +474,7 @@ ELSEWHERE = {
     "machine.name": "shown",
     "machine.description": "shown",
     "machine.guesses": "shown",
+    "axis.display": "sentences for people: tests/unit/cli/test_display_of_angles.py",
     "axis.no_go_deg": "travel of the program: tests/plant/test_no_go.py, unit/program/test_no_go.py",
     "axis.kind": "an axis without ends: test_modulo.py",
     "axis.gear_motor_turns": "modulo axes: test_modulo.py",

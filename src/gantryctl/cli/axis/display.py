@@ -98,11 +98,13 @@ def _motion_lines(machine: Machine, report: MotionReport | None, s: MotionSummar
     word = "stopped by an alarm" if report is None else report.text
     if s is None:
         if report is not None:
-            yield f"{word}: {shown(report.start_deg, 4):.4f} -> {shown(report.end_deg, 4):.4f} deg"
+            begin, end_deg = (machine.axis.read_deg(angle) for angle in (report.start_deg, report.end_deg))
+            yield f"{word}: {shown(begin, 4):.4f} -> {shown(end_deg, 4):.4f} deg"
         return
-    end = "an angle that is not known" if s.end_deg is None else f"{shown(s.end_deg, 4):.4f} deg"
+    read = machine.axis.read_deg
+    end = "an angle that is not known" if s.end_deg is None else f"{shown(read(s.end_deg), 4):.4f} deg"
     yield (
-        f"{word}: {shown(s.start_deg, 4):.4f} -> {end}, {s.duration_s:.2f} s, "
+        f"{word}: {shown(read(s.start_deg), 4):.4f} -> {end}, {s.duration_s:.2f} s, "
         f"peak {s.peak_deg_s:.2f} deg/s{_speed_hint(machine, s, report)}"
     )
     # The load side is what the paper judges; only a simulator knows it without an instrument.
@@ -137,8 +139,8 @@ class Display:
     Without a reader (terminal lost, pipe closed) `show` raises, and the run stops the axis.
     """
 
-    def __init__(self, *, enabled: bool) -> None:
-        self._enabled = enabled
+    def __init__(self, machine: Machine, *, enabled: bool) -> None:
+        self._machine, self._enabled = machine, enabled
         self._live = enabled and sys.stdout.isatty()
         self._next_s = 0.0
         self._shown = False
@@ -154,6 +156,8 @@ class Display:
         if not self._enabled or (not self._live and snapshot.time_s < self._next_s):
             return
         self._next_s = snapshot.time_s + _LOG_EVERY_S
+        if snapshot.angle_deg is not None:
+            snapshot = snapshot._replace(angle_deg=self._machine.axis.read_deg(snapshot.angle_deg))
         try:
             if self._live:
                 # One column less than there are: the last one makes some terminals begin a new line.

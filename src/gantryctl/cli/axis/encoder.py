@@ -54,6 +54,8 @@ def set_zero(config_file: Path | None, angle: float, witness: str, as_json: bool
     # A machine that is not running stands with the brake closed: the store's lock proves that none runs here.
     from gantryctl.operation.state import set_encoder_zero
 
-    done = set_encoder_zero(machine_of(config_file), angle, witness)
+    machine = machine_of(config_file)
+    angle = machine.axis.meant_deg(angle)
+    done = set_encoder_zero(machine, angle, witness)
     print_done(done, as_json, set_zero=done)
     return 0

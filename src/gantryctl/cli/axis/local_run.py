@@ -61,7 +61,7 @@ def local_run(
 ) -> Iterator[LocalRun]:
     """Open a machine with its program, recording and live line; the caller runs and closes the axis."""
     program = load_program(program_name)
-    live = Display(enabled=not as_json)
+    live = Display(machine, enabled=not as_json)
     # Locked from before the drive is opened until the state is kept: a second run would start from an old state.
     with nullcontext() if fresh else StateStore(machine) as store:
         path = None if no_trace else trace_path(store, out, name)

@@ -107,7 +107,7 @@ def move(
         wanted = axis.speed_max_deg_s if speed is None else speed
         shortest = Direction.SHORTEST if axis.machine.axis.modulo else None
         chosen = shortest if direction is None else Direction[direction.upper()]
-        end = target
+        end = None if target is None else axis.machine.axis.meant_deg(target)
         if axis.must_ask:
             # First of all: control at a service may stop what moves (--take-over).
             _check_speed(axis, wanted)
@@ -198,8 +198,9 @@ def _way(
     if machine.axis.modulo:
         way = f"{distance:+.3f} deg" if by_way else _turning(machine, here, end, direction)
     return (
-        f"{machine.machine.name} ({machine.drive.kind}): from {here:.3f} to {machine.axis.shown_deg(end):.3f} deg, way "
-        f"{way} at {speed:g} deg/s, a quick stop takes {stop:.2f} deg" + (f"; {note}" if note else "")
+        f"{machine.machine.name} ({machine.drive.kind}): from {machine.axis.read_deg(here):.3f} to "
+        f"{machine.axis.read_deg(end):.3f} deg, way {way} at {speed:g} deg/s, a quick stop takes {stop:.2f} deg"
+        + (f"; {note}" if note else "")
     )
 
 
@@ -232,7 +233,8 @@ def _check_unmoved(machine: Machine, asked: float, now: float) -> None:
         from gantryctl.errors import CommandRefused
 
         raise CommandRefused(
-            f"the axis stood at {asked:.3f} deg when you were asked, now at {now:.3f} deg: look, then ask again"
+            f"the axis stood at {machine.axis.read_deg(asked):.3f} deg when you were asked, now at "
+            f"{machine.axis.read_deg(now):.3f} deg: look, then ask again"
         )
 
 

@@ -50,7 +50,9 @@ def status(config_file: Path | None, as_json: bool, service: bool) -> int:
         print_json(asdict(found) | {"tags": tags})
         return 0
     click.echo(f"{found.machine}: {found.condition}")
-    angle = "not known" if found.angle_deg is None else f"{shown(found.angle_deg, 4):.4f} deg (motor encoder)"
+    angle = "not known"
+    if found.angle_deg is not None:
+        angle = f"{shown(machine.axis.read_deg(found.angle_deg), 4):.4f} deg (motor encoder)"
     rows = [
         ("angle", angle),
         *more,
@@ -216,6 +218,8 @@ def sim_reset(config_file: Path | None, angle: float | None, as_json: bool) -> i
     """Throw the simulated machine and its memory away and put a new one there, brake closed."""
     from gantryctl.operation.state import reset_simulation
 
-    done = reset_simulation(machine_of(config_file), angle)
+    machine = machine_of(config_file)
+    angle = None if angle is None else machine.axis.meant_deg(angle)
+    done = reset_simulation(machine, angle)
     print_done(done, as_json, reset=done, angle_deg=angle)
     return 0

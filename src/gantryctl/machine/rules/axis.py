@@ -133,6 +133,22 @@ def stop_fits_behind_upper_switch(m: Machine) -> Broken:
     return at_least(m.axis.mechanical_stop_max_deg, need, "limit switch plus permitted stopping angle")
 
 
+@rule("axis.display", "axis.kind", "axis.pos_min_deg", "axis.pos_max_deg")
+def display_is_unambiguous(m: Machine) -> Broken:
+    """With display = "0..360" travel is at most one turn, and the turn of a modulo axis is 0 to 360 deg."""
+    axis = m.axis
+    if axis.display != "0..360":
+        return None
+    if axis.modulo and axis.pos_min_deg != 0.0:
+        return f"the turn of the axis begins at {axis.pos_min_deg:g} deg: must be 0 and 360 deg, or the other display"
+    travel = axis.pos_max_deg - axis.pos_min_deg
+    return (
+        None
+        if travel <= 360.0
+        else f"travel is {travel:g} deg: must be at most 360 deg, or an angle is read twice"
+    )
+
+
 @rule("axis.no_go_deg", "axis.kind", "axis.pos_min_deg", "axis.pos_max_deg")
 def sectors_within_travel(m: Machine) -> Broken:
     """A no-go sector goes from a lower to a higher angle inside travel; that of a modulo axis may begin anywhere."""

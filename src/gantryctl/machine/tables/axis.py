@@ -66,6 +66,11 @@ class AxisTable(Table):
     no_go_deg: tuple[tuple[Annotated[float, _AT], Annotated[float, _AT]], ...] = pairs(
         8, "Sectors [from, to] that neither set-point nor a stop may enter; of a modulo axis in every turn."
     )
+    # IEC 61217 counts gantry angles from 0 to 360 deg.
+    display: Literal["-180..180", "0..360"] = choice(
+        "-180..180",
+        "How people read and type angles: signed, or within 0 to 360 deg; a modulo axis by its turn.",
+    )
     reducer_ratio: float = REDUCER_RATIO
     ring_ratio: float = RING_RATIO
     # 117.3333 for 352/3 leads the angle of a modulo axis astray by 1.0e-4 deg with each turn, 1 deg after 10,000.
@@ -137,6 +142,20 @@ class AxisTable(Table):
     def shown_deg(self, angle_deg: float) -> float:
         """An angle as people read it: of a modulo axis, within the turn from `pos_min_deg`."""
         return within_turn(angle_deg, self.pos_min_deg, 360.0) if self.modulo else angle_deg
+
+    def read_deg(self, angle_deg: float) -> float:
+        """An angle as people read it; numbers for machines (JSON, tags, recordings) stay as they are."""
+        if self.modulo or self.display == "-180..180":
+            return self.shown_deg(angle_deg)
+        return within_turn(angle_deg, 0.0, 360.0)
+
+    def meant_deg(self, typed_deg: float) -> float:
+        """Angle of the axis that a person means who types what the display shows."""
+        low, high = self.pos_min_deg, self.pos_max_deg
+        if self.modulo or self.display == "-180..180" or low <= typed_deg <= high:
+            return typed_deg
+        turned = (typed_deg - 360.0, typed_deg + 360.0)
+        return next((angle for angle in turned if low <= angle <= high), typed_deg)
 
     def within_stops(self, angle_deg: float) -> bool:
         """Whether the axis can stand at an angle: between its mechanical stops, or within a turn where it has none."""

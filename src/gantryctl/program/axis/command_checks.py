@@ -110,9 +110,9 @@ def check_target(here_rad: float, target_rad: float, travel: TravelSettings) -> 
         return check_range(target_rad, travel) or _no_go(here_rad, target_rad, limit_rad, sector, travel)
     return check_range(target_rad, travel) or refusal(
         Code.CTL_09,
-        measured=deg(target_rad),
-        limit=deg(limit_rad),
-        position=round(deg(here_rad), 2) + 0.0,  # never "-0.00"
+        measured=deg(travel.read_rad(target_rad)),
+        limit=deg(travel.read_rad(limit_rad)),
+        position=round(deg(travel.read_rad(here_rad)), 2) + 0.0,  # never "-0.00"
         left=max(0.0, deg(left_rad)),
     )
 
@@ -129,11 +129,11 @@ def _no_go(
             round_ = Words.WAY_ROUND(way=deg(other - here_rad))
     return refusal(
         Code.CTL_18,
-        measured=deg(travel.shown_rad(target_rad)),
-        begin=deg(travel.shown_rad(sector[0])),
-        end=deg(travel.shown_rad(sector[1])),
-        position=round(deg(travel.shown_rad(here_rad)), 2) + 0.0,
-        limit=round(deg(travel.shown_rad(limit_rad)), 2) + 0.0,
+        measured=deg(travel.read_rad(target_rad)),
+        begin=deg(travel.read_rad(sector[0])),
+        end=deg(travel.read_rad(sector[1])),
+        position=round(deg(travel.read_rad(here_rad)), 2) + 0.0,
+        limit=round(deg(travel.read_rad(limit_rad)), 2) + 0.0,
         round=round_,
     )
 

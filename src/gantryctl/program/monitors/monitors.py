@@ -234,7 +234,7 @@ class Monitors:
         above = pos_rad > high or stop_rad > high
         beyond, sector = high if above else low, self._sector_beyond(pos_rad, above)
         if sector is not None:
-            show = self._travel.shown_rad
+            show = self._travel.read_rad
             begin, end = (deg(show(edge)) for edge in sector)
             at, stop = deg(show(pos_rad)), deg(show(stop_rad))
             self._alarms.raise_(Code.LIM_06, measured=at, position=stop, begin=begin, end=end)

@@ -124,6 +124,10 @@ class Publisher:
         # A motion without an end has no target, and none in time.
         end_rad = virtual.plan.pos_end if virtual.plan.vel_end == 0.0 else math.nan
         left_s = axis.plan_end_s - engine.time_s
+        low, high = limits.pos_min_deg, limits.pos_max_deg
+        if travel.no_go_rad:
+            stretch = travel.stretch(virtual.pos_ref_rad)
+            low, high = deg(travel.shown_rad(stretch.low_rad)), deg(travel.shown_rad(stretch.high_rad))
         widening_rad = monitors.following_error_per_speed_s * abs(virtual.vel_ref_rad_s)
         return {
             "pos_act_deg": pos,
@@ -142,8 +146,8 @@ class Publisher:
             else 0.0,
             "stopping_angle_deg": deg(axis.stopping_angle_rad()),
             "quick_stop_angle_deg": deg(0.5 * vel * vel / axis.settings.ramps.quick_dec_rad_s2),
-            "travel_left_minus_deg": math.nan if travel.endless else pos - limits.pos_min_deg,
-            "travel_left_plus_deg": math.nan if travel.endless else limits.pos_max_deg - pos,
+            "travel_left_minus_deg": math.nan if travel.endless else pos - low,
+            "travel_left_plus_deg": math.nan if travel.endless else high - pos,
             "following_error_trip_deg": deg(monitors.following_error_base_rad + widening_rad),
         }
 
@@ -247,6 +251,8 @@ class Publisher:
         return {
             "machine": machine.name,
             "axis_kind": axis.kind,
+            "display": axis.display,
+            "no_go": "; ".join(f"{begin:g} to {end:g}" for begin, end in axis.no_go_deg),
             "drive_kind": machine.drive.kind,
             "config_hash": short_hash(machine),
             "speed_min_deg_s": speed.low,

@@ -212,6 +212,9 @@ _LIMITS: Final = (
 _MACHINE: Final = (
     _out("machine", "", "text", "on change", "Name of the machine."),
     _out("axis_kind", "", "text", "on change", "linear, or modulo: turns without end."),
+    _out("display", "", "text", "on change",
+         "How people read and type angles: -180..180 or 0..360; tags and commands are signed angles of the axis."),
+    _out("no_go", "deg", "text", "on change", "No-go sectors, from and to; empty without one."),
     _out("drive_kind", "", "text", "on change", "sim, ideal or canopen."),
     _out("config_hash", "", "text", "on change", "Short hash of the machine file in force."),
     _out("version", "", "text", "on change", "Version of gantryctl."),

@@ -1,0 +1,55 @@
+"""Angles as people read and type them: signed, or within 0 to 360 deg (IEC 61217); numbers for machines stay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from gantryctl.machine import default_machine, with_values
+from gantryctl.machine.effective import to_toml
+from support.axes import tilt
+from support.command_line import cli
+
+IEC = with_values(default_machine(), {"axis.display": "0..360", "machine.name": "iec"})
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "read_deg"), [(0.0, 0.0), (90.0, 90.0), (-10.0, 350.0), (-180.0, 180.0), (180.0, 180.0)]
+)
+def test_iec_61217_counts_from_0_to_360(angle_deg: float, read_deg: float) -> None:
+    assert IEC.axis.read_deg(angle_deg) == read_deg
+    assert default_machine().axis.read_deg(angle_deg) == angle_deg
+
+
+@pytest.mark.parametrize(
+    ("typed_deg", "angle_deg"),
+    [(350.0, -10.0), (190.0, -170.0), (180.0, 180.0), (-10.0, -10.0), (360.0, 0.0), (900.0, 900.0)],
+)
+def test_what_the_display_shows_may_be_typed(typed_deg: float, angle_deg: float) -> None:
+    assert IEC.axis.meant_deg(typed_deg) == angle_deg
+    # Where angles are signed, 350 deg lie beyond travel, and nothing is guessed.
+    assert default_machine().axis.meant_deg(typed_deg) == typed_deg
+
+
+def test_an_angle_beyond_travel_stays_what_was_typed() -> None:
+    """A tilt axis of -5 to 95 deg has 355 to 360 deg, and no 200 deg."""
+    axis = with_values(tilt(), {"axis.display": "0..360"}).axis
+    assert (axis.meant_deg(357.0), axis.meant_deg(200.0)) == (-3.0, 200.0)
+
+
+def test_a_move_is_typed_and_printed_as_the_display_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("GANTRYCTL_STATE", str(tmp_path / "state"))
+    file = tmp_path / "iec.toml"
+    file.write_text(to_toml(IEC), encoding="utf-8")
+    moved = cli("move", "355", "--config", file, "--no-trace")
+    assert moved.code == 0
+    assert "done: 0.0000 -> 355.0" in moved.out or "done: 0.0000 -> 354.9" in moved.out
+    shown = cli("status", "--config", file)
+    assert "angle" in shown.out
+    assert "355.0" in shown.out or "354.9" in shown.out
+    # A number for a machine is the angle of the axis.
+    assert cli("status", "--config", file, "--json").json["angle_deg"] == pytest.approx(-5.0, abs=0.01)
+    assert "target 900.00 deg is beyond" in cli("move", "900", "--config", file, "--no-trace").err
