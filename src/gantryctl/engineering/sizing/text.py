@@ -174,7 +174,7 @@ def _torque(shown: Fit) -> str:
     rated = motor.torque_at_nm(motor.motor.torque_rated_nm, speed)
     how = "within" if complete <= rated else "above"
     return (
-        f"The sizing case takes {_whole(complete)} N m, not the {_whole(alone)} N m of eq. (2): {how} the "
+        f"The sizing case takes {_whole(complete)} N m, not the {_whole(alone)} N m of its inertia: {how} the "
         f"{_whole(rated)} N m that {motor.name} gives continuously at {speed:.0f} r/min"
         + (
             f"; for {train.sheet.motion.sizing_time_s:g} s it needs its overload of {motor.motor.torque_max_nm:g} N m."

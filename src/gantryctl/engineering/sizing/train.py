@@ -111,7 +111,7 @@ class Train:
         through = float(self.load_nm(acc_rad_s2, w, against)) / i
         rollers = s.load.friction_coulomb_nm + s.load.friction_viscous_nm_s_per_rad * w
         return [
-            Part("load inertia, eq. (2)", s.load.inertia_kg_m2 * acc_rad_s2 / i),
+            Part("load inertia alone", s.load.inertia_kg_m2 * acc_rad_s2 / i),
             Part("rotor", self.rotor_kg_m2 * acc_rad_s2 * i),
             Part("reducer input", s.gears.input_inertia_kg_m2 * acc_rad_s2 * i),
             Part("largest eccentric moment", against / i),

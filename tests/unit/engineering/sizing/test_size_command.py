@@ -48,7 +48,7 @@ def test_the_paper_s_figures_as_printed_there():
 
 def test_the_complete_figures_and_the_motors(printed):
     words = " ".join(run().output.split())
-    assert "The sizing case takes 328 N m, not the 200 N m of eq. (2): above the 257 N m" in words
+    assert "The sizing case takes 328 N m, not the 200 N m of its inertia: above the 257 N m" in words
     assert "im_22kw_1150 does not fit: peak torque" in words
     assert "pm_25kw_1000 does not fit: inertia ratio" in words
     assert "it needs a jerk limit. The reducer and the base are the limit, not the motor." in words
