@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import numpy as np
+
 from gantryctl.errors import DeviceError, UsageError
 from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
 from gantryctl.trace.files import Floats
@@ -72,7 +74,7 @@ def overview(trace: Trace) -> list[Panel]:
     """Diagrams of angle, speed, their errors and torque: of these, what the trace has."""
     torque = [Line("motor", trace["torque_act_nm"], _BLUE)] if "torque_act_nm" in trace else []
     panels = [
-        Panel("Angle", "angle in deg", _followed(trace, "pos_{}_rad")),
+        Panel("Angle", "angle in deg", _angles(trace)),
         Panel("Following error (set-point minus angle)", "error in mdeg", _errors(trace, "pos_{}_rad", 1e3)),
         Panel("Speed", "speed in deg/s", _followed(trace, "vel_{}_rad_s")),
         Panel("Speed error (set-point minus speed)", "error in deg/s", _errors(trace, "vel_{}_rad_s", 1.0)),
@@ -90,14 +92,39 @@ def _followed(trace: Trace, pattern: str) -> list[Line]:
     ]
 
 
+def _angles(trace: Trace) -> list[Line]:
+    """Angles in degrees, each without the whole turns by which the zero of a modulo axis moves on."""
+    lines = _followed(trace, "pos_{}_rad")
+    if not lines or not len(trace):
+        return lines
+    whole = [each._replace(values=_continued(each.values)) for each in lines]
+    first = whole[0].values[0]
+    return [each._replace(values=_less_turns(each.values, each.values[0] - first)) for each in whole]
+
+
+def _continued(angle_deg: Floats) -> Floats:
+    """The same angle without steps of whole turns; of a linear axis, the same numbers."""
+    step = np.diff(angle_deg)
+    turns = np.where(np.abs(step) > 180.0, np.round(step / 360.0), 0.0)
+    return angle_deg - 360.0 * np.concatenate(([0.0], np.cumsum(turns)))
+
+
+def _less_turns(values_deg: Floats, by_deg: Floats | float) -> Floats:
+    """Values less the whole turns in a difference of angles; NaN has none."""
+    return values_deg - 360.0 * np.nan_to_num(np.round(np.asarray(by_deg) / 360.0))
+
+
 def _errors(trace: Trace, pattern: str, scale: float) -> list[Line]:
     """Set-point minus each side; `scale` 1e3 for thousandths of a degree."""
     if (set_point := pattern.format("ref")) not in trace:
         return []
     return [
-        Line(label, deg(scale) * (trace[set_point] - trace[column]), colour, width)
+        Line(
+            label, scale * (_less_turns(error, error) if pattern.startswith("pos") else error), colour, width
+        )
         for role, label, colour, width in _SIDES
         if (column := pattern.format(role)) in trace
+        for error in [deg(1.0) * (trace[set_point] - trace[column])]
     ]
 
 
