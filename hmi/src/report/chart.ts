@@ -18,9 +18,11 @@ function signs(label: string): string {
 function number(value: number | null | undefined): string {
   if (value == null) return '–';
   const size = Math.abs(value);
-  return size !== 0 && (size < 1e-4 || size >= 1e6)
-    ? value.toExponential(3)
-    : String(Number(value.toPrecision(6)));
+  const text =
+    size !== 0 && (size < 1e-4 || size >= 1e6)
+      ? value.toExponential(3)
+      : String(Number(value.toPrecision(6)));
+  return text.replaceAll('-', '−');
 }
 
 type Sample = readonly [x: number, y: number];
@@ -125,7 +127,7 @@ export class Chart {
         title: signs(panel.title),
         scales: {
           x: { time: false, range: (_, low, high) => wide(low, high, 0) },
-          y: { range: (_, low, high) => wide(low, high, 0.06) },
+          y: { range: (_, low, high) => wide(...withLimits(panel, low, high), 0.06) },
         },
         cursor: { sync: { key: this.sync }, drag: { x: true, y: true, uni: 24 }, focus: { prox: 24 } },
         plugins: [marks(panel, () => this.cursors)],
@@ -193,6 +195,16 @@ export class Chart {
       ...told.map((text) => Object.assign(document.createElement('div'), { textContent: text })),
     );
   }
+}
+
+/** The range of all samples reaches to the limits, as on paper; who zooms in sees what was asked for. */
+function withLimits(panel: Panel, low: number | null, high: number | null): [number, number] {
+  const [a, b] = [low ?? 0, high ?? 0];
+  const values = panel.lines.flatMap((line) => line.y);
+  const lowest = values.reduce((least, y) => Math.min(least, y), Infinity);
+  const highest = values.reduce((most, y) => Math.max(most, y), -Infinity);
+  if (a !== lowest || b !== highest) return [a, b];
+  return [Math.min(a, ...panel.limits), Math.max(b, ...panel.limits)];
 }
 
 /** A range with a margin; a constant lies in the middle of one unit. */
