@@ -19,7 +19,6 @@ from gantryctl.engineering.batch import (
     Runner,
     alone,
     expected,
-    grouped,
     in_lockstep,
     outcome,
 )
@@ -63,10 +62,17 @@ def speed_tests(
 ) -> list[list[SpeedRun] | Exception]:
     """The same of several machines side by side; an exception where one cannot be tested."""
     moves = [outcome(partial(_moves, machine, speeds_deg_s)) for machine in machines]
-    possible = [own for own in moves if not isinstance(own, Exception)]
-    runs = in_lockstep([partial(_run_speed, *move) for own in possible for move in own])
-    found = iter(grouped(runs, [len(own) for own in possible]))
-    return [own if isinstance(own, Exception) else next(found) for own in moves]
+    possible = {k: own for k, own in enumerate(moves) if not isinstance(own, Exception)}
+    # The first moves of all machines, then the second ones: moves of one length go well together.
+    places = sorted((number, k) for k, own in possible.items() for number in range(len(own)))
+    runs = in_lockstep([partial(_run_speed, *possible[k][number]) for number, k in places])
+    at = dict(zip(places, runs, strict=True))
+    return [
+        own
+        if isinstance(own, Exception)
+        else outcome(partial(expected, [at[number, k] for number in range(len(own))]))
+        for k, own in enumerate(moves)
+    ]
 
 
 def _moves(machine: Machine, speeds_deg_s: Sequence[float]) -> list[tuple[Machine, float, float, float]]:
