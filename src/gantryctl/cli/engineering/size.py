@@ -132,7 +132,7 @@ def motors(
     if as_json:
         from gantryctl.engineering.sizing.data import sizing_data
 
-        print_json(sizing_data(shown, fits, _followed(base, shown).drive.speed_loop if shown.fits else None))
+        print_json(sizing_data(shown, fits, base.drive.speed_loop if base is not None else None))
     else:
         _show(sheet, shown, fits)
     return 0 if any(fitted.fits for fitted in fits) else 1
@@ -187,8 +187,9 @@ def _sheet(path: Path | None) -> Sheet:
 def _print_limits(base: Machine | None, shown: Fit) -> int:
     from gantryctl.engineering.sizing.chain import as_tables, machine_values
 
-    # Refuses what does not fit.
-    _followed(base, shown)
+    if not shown.fits or base is not None:
+        # Refuses what does not fit, or contradicts the rest of the machine.
+        _followed(base, shown)
     sheet, motor = shown.train.sheet, shown.motor
     click.echo(f"# requirement sheet {sheet.sheet.name}, motor {motor.name} ({motor.identity.source})")
     click.echo(as_tables(machine_values(sheet, motor)), nl=False)

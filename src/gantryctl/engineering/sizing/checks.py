@@ -147,6 +147,13 @@ def _lasting(motor: MotorFile, train: Train, day: Duty) -> list[Check]:
             f"largest eccentric moment {train.hold_nm:.4g} x {margins.brake:g}",
         ),
         Check(
+            "reducer",
+            rated,
+            usable_torque_nm(sheet, motor),
+            "N m",
+            "rated torque of the motor, within what the reducer bears for a moment",
+        ),
+        Check(
             "inertia ratio",
             train.inertia_ratio,
             margins.inertia_ratio_max,

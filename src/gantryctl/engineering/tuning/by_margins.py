@@ -26,10 +26,11 @@ from gantryctl.engineering.analysis.models.robust import (
     margins_on,
     uncertain_plants,
 )
-from gantryctl.engineering.tuning.gains import Gains, configured, settings_with
+from gantryctl.engineering.tuning.gains import FAST_INERTIA_KG_M2, Gains, configured, settings_with
 from gantryctl.engineering.tuning.judge import damping_left
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
+from gantryctl.machine.rules.parts import rotor_inertia_kg_m2
 from gantryctl.wiring.simulator import drive_params
 
 # The corners first: 3 x 2 x 2 x 2 plants instead of 156 in every step of the search.
@@ -124,14 +125,17 @@ class _Search:
         self.plants = plants
         self.base = configured(machine)
         self.inertia = float(mechanics(machine, PlantKind.RIGID).inertia[0])
-        highest = _HIGHEST.kvp_nm_s_per_rad if kvp_max is None else min(kvp_max, _HIGHEST.kvp_nm_s_per_rad)
-        if highest <= _LOWEST.kvp_nm_s_per_rad:
+        # A speed loop goes with the rotor that it turns: from 72 ms to 0.7 ms for any of them.
+        rotor = round(rotor_inertia_kg_m2(machine) / FAST_INERTIA_KG_M2, 12)
+        lowest, highest = rotor * _LOWEST.kvp_nm_s_per_rad, rotor * _HIGHEST.kvp_nm_s_per_rad
+        highest = highest if kvp_max is None else min(kvp_max, highest)
+        if highest <= lowest:
             raise UsageError(
                 f"[drive.speed_loop] feedback: one encoder step makes {conditions.step_torque:.0%} of the rated torque "
                 f"already at Kvp = {highest:.3g} N m s/rad; take an interpolated encoder"
             )
         self.highest = (highest, _HIGHEST.tvi_s, _HIGHEST.kpp_per_s)
-        self.lowest = (_LOWEST.kvp_nm_s_per_rad, _LOWEST.tvi_s, _LOWEST.kpp_per_s)
+        self.lowest = (lowest, _LOWEST.tvi_s, _LOWEST.kpp_per_s)
 
     def best(self) -> Gains:
         """The stiffest gains that meet the conditions on the present plants."""

@@ -46,13 +46,13 @@ PAPER: Final = Gains(77.6959, 0.010, 10.0, 1.0, 450.0 / 1144.0)
 
 # Where the procedure starts: soft, slow, no feed-forward; on the reference machine.
 POOR: Final = Gains(10.0, 0.5, 1.0, 0.0, 0.05)
-# Its rotor with reducer input: a speed loop of 36 ms.
-_POOR_INERTIA_KG_M2: Final = 0.362
+# Rotor with reducer input of the machine that absolute gains here were found on: with `POOR` a speed loop of 36 ms.
+FAST_INERTIA_KG_M2: Final = 0.362
 
 
 def poor(fast_inertia_kg_m2: float, acc_deg_s2: float) -> Gains:
     """Gains as poor as `POOR` for an axis with this inertia at the motor shaft, and this acceleration in its file."""
-    kvp = POOR.kvp_nm_s_per_rad * (fast_inertia_kg_m2 / _POOR_INERTIA_KG_M2)
+    kvp = POOR.kvp_nm_s_per_rad * (fast_inertia_kg_m2 / FAST_INERTIA_KG_M2)
     return replace(POOR, kvp_nm_s_per_rad=kvp, acc_deg_s2=min(POOR.acc_deg_s2, 0.25 * acc_deg_s2))
 
 
