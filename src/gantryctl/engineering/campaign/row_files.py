@@ -113,7 +113,7 @@ class RowFiles:
                     held = self._holder(wanted)
                     file = stack.enter_context(self._opened(held))
                 first = held.first
-                for batch in file.iter_batches(_GROUP_ROWS, columns=list(columns)):
+                for batch in self._decoded(held, file, list(columns)):
                     low = max(wanted.first - first, 0)
                     high = min(wanted.last + 1 - first, batch.num_rows)
                     if low < high:
@@ -180,12 +180,30 @@ class RowFiles:
         except FileNotFoundError:
             raise
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as fault:
-            raise StateError(
-                f"{path}: cannot be read: {printable(fault, 200)}; remove it and run again"
-            ) from None
+            raise self._unreadable(chunk, fault) from None
         if not right:
             raise StateError(f"{path}: {_OTHER_ROWS}")
         return file
+
+    def _decoded(
+        self, chunk: Chunk, file: pq.ParquetFile, columns: list[str] | None = None
+    ) -> Iterator[pa.RecordBatch]:
+        import pyarrow as pa
+
+        batches = iter(file.iter_batches(_GROUP_ROWS, columns=columns))
+        while True:
+            try:
+                batch = next(batches, None)
+            except (pa.ArrowException, OSError) as fault:
+                raise self._unreadable(chunk, fault) from None
+            if batch is None:
+                return
+            yield batch
+
+    def _unreadable(self, chunk: Chunk, fault: Exception) -> StateError:
+        return StateError(
+            f"{self.file(chunk)}: cannot be read: {printable(fault, 200)}; remove it and run again"
+        )
 
     def _copy(self, group: Sequence[Chunk], draft: Path, about: dict[str, Any]) -> None:
         """Write the rows of neighbours into one file."""
@@ -217,7 +235,7 @@ class RowFiles:
         for chunk in group:
             with self._opened(chunk) as file:
                 first = chunk.first
-                for batch in file.iter_batches(_GROUP_ROWS):
+                for batch in self._decoded(chunk, file):
                     if not np.array_equal(_array(batch[INDEX]), np.arange(first, first + batch.num_rows)):
                         raise StateError(f"{self.file(chunk)}: {_OTHER_ROWS}")
                     first += batch.num_rows

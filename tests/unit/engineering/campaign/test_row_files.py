@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -198,6 +199,40 @@ def test_a_merge_does_not_make_damage_lasting(tmp_path: Path) -> None:
     with pytest.raises(StateError, match=r"rows-0000000004-0000000006\.parquet: holds other rows"):
         files.merge(ABOUT)
     assert len(list(tmp_path.glob("*.parquet"))) == 5
+
+
+def test_a_file_that_is_damaged_in_the_middle_is_named_by_readers_and_by_a_merge(tmp_path: Path) -> None:
+    files = filled(tmp_path)
+    path = files.file(Chunk(4, 3))
+    content = bytearray(path.read_bytes())
+    content[4:60] = bytes(56)  # pages come first, the description of the file last
+    path.write_bytes(content)
+    files.check()
+    with pytest.raises(StateError, match=r"rows-0000000004-0000000006\.parquet: cannot be read"):
+        read(files)
+    with pytest.raises(StateError, match=r"rows-0000000004-0000000006\.parquet: cannot be read"):
+        files.merge(ABOUT)
+    assert len(names(tmp_path)) == 5
+
+
+def test_a_disk_that_is_full_in_a_merge_costs_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import pyarrow.parquet as pq
+
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    files = filled(tmp_path)
+    wanted = read(files)
+    monkeypatch.setattr(pq.ParquetWriter, "write_table", full)
+    with pytest.raises(
+        StateError, match=r"rows-0000000000-0000000011\.parquet: cannot be written: No space left"
+    ):
+        files.merge(ABOUT)
+    monkeypatch.undo()
+    assert len(names(tmp_path)) == 5
+    assert read(files) == wanted
 
 
 def test_ranges_that_overlap_and_hold_neither_are_refused(tmp_path: Path) -> None:
