@@ -13,8 +13,9 @@ from gantryctl.engineering.accuracy.procedure.plan import (
 from gantryctl.engineering.accuracy.procedure.procedures import StopRole, chord_procedure
 from gantryctl.engineering.accuracy.speed_test import speed_test
 from gantryctl.errors import UsageError
-from gantryctl.machine import Machine, default_machine, with_values
+from gantryctl.machine import Machine, default_machine, is_reference_machine, with_values
 from gantryctl.wiring.program import ramps_deg
+from support.modulo_machine import modulo_machine
 
 SLOW = {
     "speed.setting_min_deg_s": 0.02,
@@ -93,7 +94,7 @@ def test_the_short_procedure_takes_one_displacement_out_of_the_plan() -> None:
 def test_a_plan_that_the_axis_cannot_do_names_what_fits() -> None:
     tilt = axis(-5.0, 95.0)
     with pytest.raises(
-        UsageError, match=r"from 90 deg goes from 70 to 110 deg, the axis ends at -5 and 95 deg"
+        UsageError, match=r"from 90 deg goes from 70 to 110 deg, the axis reaches -5 to 95 deg"
     ):
         chord_test(tilt, bases_deg=(90.0,))
     with pytest.raises(
@@ -122,3 +123,22 @@ def test_a_travel_too_short_for_the_highest_setting_is_tested_as_fast_as_it_goes
 def test_a_slow_axis_is_tested_at_its_own_speeds() -> None:
     dish = axis(-270.0, 270.0, **SLOW)
     assert speeds_to_test(dish) == (0.02, 1.0, 2.0)
+
+
+def test_a_plan_keeps_to_the_stretch_between_no_go_sectors() -> None:
+    machine = with_values(default_machine(), {"axis.no_go_deg": [[40.0, 60.0]]})
+    low, high = chord_test(machine).travel_deg
+    assert -180.0 < low < high < 40.0
+    ends = [run.travel_deg for run in speed_test(machine)]
+    assert all(-180.0 <= end < 40.0 for way in ends for end in way)
+    with pytest.raises(UsageError, match=r"the axis reaches -180 to 39.5 deg"):
+        chord_test(machine, bases_deg=(90.0,))
+
+
+@pytest.mark.parametrize("name", "ACE")
+def test_a_modulo_axis_is_tested_within_one_turn(name: str) -> None:
+    machine = modulo_machine()
+    assert chord_test(machine, name) == chord_procedure(name)
+    assert speeds_to_test(machine) == (0.6, 3.0, 6.0)
+    # It has no printed table: the machine of the paper has a travel with two ends.
+    assert not is_reference_machine(machine)

@@ -109,8 +109,8 @@ def check_travel(machine: Machine, procedure: Procedure) -> None:
         f"displacements up to {room:g} deg from these bases" if room > 0.0 else "",
     ]
     raise UsageError(
-        f"procedure {procedure.name} from {_angles(bases)} deg goes from {low:g} to {high:g} deg, the axis ends at "
-        f"{least:g} and {most:g} deg; what fits: "
+        f"procedure {procedure.name} from {_angles(bases)} deg goes from {low:g} to {high:g} deg, the axis reaches "
+        f"{least:g} to {most:g} deg; what fits: "
         f"{', or '.join(filter(None, fits)) or 'smaller displacements'}; without any, the plan follows the travel"
     )
 
