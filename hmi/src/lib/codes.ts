@@ -415,6 +415,7 @@ export const WORDS: Record<string, string> = {
   NO_SUCH_ALARM: "没有第 {number} 号报警",
   JSON_NEEDED: "需要 Content-Type: application/json",
   BODY_TOO_LONG: "正文最多 {limit} 字节",
+  TWO_LENGTHS: "请求只能有 Content-Length 或 Transfer-Encoding 之一",
   NAME_AND_PASSWORD: "请写一个含 `user` 和 `password` 的 JSON 对象",
   WHOLE_NUMBER: "{name}：不小于 0 的整数",
   TOO_MANY_COMMANDS: "一秒内超过 {limit:g} 条命令",

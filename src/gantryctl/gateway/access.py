@@ -12,8 +12,9 @@ from starlette.responses import JSONResponse, Response
 
 from gantryctl.errors import StateError
 from gantryctl.gateway.guard import address_of, error
+from gantryctl.gateway.peers import peer_of
 from gantryctl.gateway.sessions import WHOLE_S, LockOut, Session, Sessions, worth_writing
-from gantryctl.gateway.settings import Settings, is_loopback, neighbourhood
+from gantryctl.gateway.settings import Settings, is_loopback
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
@@ -72,7 +73,7 @@ class Access:
     async def log_in(self, request: Request, name: str, password: str) -> Response:
         """Check name and password; a cookie, or why not."""
         address, account = address_of(request.scope), name[:64]
-        pair = (account, neighbourhood(address))
+        pair = (account, peer_of(request.scope))
         async with self._checking:
             # Judged inside: an attempt that waited here comes after the failures before it.
             wait_s = self.locks.wait_s(*pair)

@@ -64,7 +64,7 @@ def build_app(settings: Settings, memory: SharedMemory, page: Page | None = None
         exception_handlers={405: _page_is_read},
         lifespan=running,
     )
-    return Guard(app, settings)
+    return Guard(app, settings, access.session)
 
 
 class NoRoute:

@@ -12,7 +12,7 @@ from typing import Any, Final
 import uvicorn
 
 from gantryctl.gateway.places import Place, Places
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, HEADER_S
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, HEADER_S, STUCK_S
 
 WAITING: Final = 4 * CONNECTIONS
 """HTTP connections of all addresses together."""
@@ -38,6 +38,7 @@ class Door(uvicorn.Server):
         for listener in sockets or []:
             listener.setblocking(False)
             self._keep(self._take(listener))
+        self._keep(self._tidy())
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Take no more connections, then end."""
@@ -71,6 +72,18 @@ class Door(uvicorn.Server):
                 self._keep(self._greet(connection, place))
             # A storm of connections must leave the loop to those that are open.
             await asyncio.sleep(0)
+
+    async def _tidy(self) -> None:
+        """End connections that are closed but for answers that nobody takes."""
+        # asyncio keeps them until the last byte is gone, and uvicorn waits for that.
+        closing: dict[Any, float] = {}
+        while True:
+            now_s, found = time.monotonic(), [*self.server_state.connections]
+            closing = {each: closing.get(each, now_s) for each in found if each.transport.is_closing()}
+            for each, since_s in closing.items():
+                if now_s - since_s > STUCK_S:
+                    each.transport.abort()
+            await asyncio.sleep(STUCK_S / 5)
 
     async def _greet(self, connection: socket.socket, place: Place) -> None:
         """TLS, then HTTP; a connection that does not get so far is closed."""

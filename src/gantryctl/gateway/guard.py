@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from typing import Any, Final
 
 from starlette.datastructures import MutableHeaders
+from starlette.requests import HTTPConnection
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from gantryctl.gateway.settings import BODY_MAX, REQUESTS_PER_S, REQUESTS_RESERVE, Settings, neighbourhood
+from gantryctl.gateway.peers import peer_of
+from gantryctl.gateway.routes import API
+from gantryctl.gateway.sessions import Session
+from gantryctl.gateway.settings import (
+    BODY_MAX,
+    LOGINS_PER_S,
+    LOGINS_RESERVE,
+    REQUESTS_PER_S,
+    REQUESTS_RESERVE,
+    Settings,
+    is_loopback,
+)
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import Refusal, refusal
 from gantryctl.program.alarms.words import Words
@@ -40,11 +53,19 @@ def error(status: int, reason: Refusal, **headers: str) -> Response:
 
 
 class Guard:
-    """The outermost layer of the application."""
+    """The outermost layer of the application.
 
-    def __init__(self, app: ASGIApp, settings: Settings) -> None:
-        self._app, self._settings = app, settings
-        self._hosts, self._limit = settings.hosts, RateLimiter(REQUESTS_PER_S, REQUESTS_RESERVE)
+    Args:
+        session: finds the living session of a connection.
+    """
+
+    def __init__(
+        self, app: ASGIApp, settings: Settings, session: Callable[[HTTPConnection], Session | None]
+    ) -> None:
+        self._app, self._settings, self._session = app, settings, session
+        self._hosts = settings.hosts
+        self._sessions, self._others = (RateLimiter(REQUESTS_PER_S, REQUESTS_RESERVE) for _ in range(2))
+        self._logins = RateLimiter(LOGINS_PER_S, LOGINS_RESERVE)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """One request or WebSocket."""
@@ -64,7 +85,10 @@ class Guard:
         # A name that is not ours is DNS rebinding: another page reaching this address by its own name.
         if headers.get(b"host", b"").decode("latin-1").lower() not in self._hosts:
             return error(403, refusal(Code.SEC_04, reason=Words.FOREIGN_HOST))
-        wait_s = self._limit.wait_s(neighbourhood(address_of(scope)))
+        if b"transfer-encoding" in headers and b"content-length" in headers:
+            # Two lengths: what one of us reads as a body is the next request for another (RFC 9112, section 6.3).
+            return error(400, refusal(Code.SEC_05, reason=Words.TWO_LENGTHS), connection="close")
+        wait_s = self._wait_s(scope)
         if wait_s > 0.0:
             busy = refusal(Code.SEC_06, reason=Words.TOO_MANY_REQUESTS)
             return error(429, busy, retry_after=str(math.ceil(wait_s)))
@@ -73,6 +97,19 @@ class Guard:
         if not length.isdigit() or len(length) > 9 or int(length) > BODY_MAX:
             return error(413, refusal(Code.SEC_05, reason=Words.BODY_TOO_LONG(limit=BODY_MAX)))
         return None
+
+    def _wait_s(self, scope: Scope) -> float:
+        """How long a request must wait; strangers take nothing from whoever is logged in, nor from a login."""
+        session = self._session(HTTPConnection(scope))
+        if session is not None:
+            return self._sessions.wait_s(session.token)
+        path, peer = str(scope["path"]), peer_of(scope)
+        if path == f"{API}/login":
+            return self._logins.wait_s(peer)
+        # Files of the page are in memory: on this machine a flood must not keep a new page away.
+        if not path.startswith("/api") and is_loopback(address_of(scope)):
+            return 0.0
+        return self._others.wait_s(peer)
 
     def _with_headers(self, send: Send) -> Send:
         async def sending(message: Message) -> None:

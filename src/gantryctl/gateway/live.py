@@ -12,7 +12,7 @@ from gantryctl.gateway.access import Access
 from gantryctl.gateway.guard import address_of, deny, error
 from gantryctl.gateway.places import Places
 from gantryctl.gateway.sessions import Session
-from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_OF_USER, CONNECTIONS_REMOTE
+from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_OF_USER, CONNECTIONS_REMOTE, UNUSED_S
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.log import refusal
 from gantryctl.program.alarms.words import Words
@@ -41,9 +41,9 @@ class Live:
         if session is None:
             await _deny(socket, 401, Code.SEC_01, Words.LOG_IN_FIRST)
             return
-        own = sum(client.who.user == session.user for client in self._hub.clients())
         # 8 of one remote address, 64 of loopback, 16 of one user: a flood leaves room for the others.
-        place = self._places.take(address_of(socket.scope)) if own < CONNECTIONS_OF_USER else None
+        room = self._hub.make_room(session.user, CONNECTIONS_OF_USER, UNUSED_S)
+        place = self._places.take(address_of(socket.scope)) if room else None
         if place is None:
             await _deny(socket, 429, Code.SEC_06, Words.TOO_MANY_CONNECTIONS)
             return
@@ -90,6 +90,8 @@ class Live:
         await socket.send_text(self._hub.welcome(client.who))
         while True:
             await client.wake.wait()
+            if client.displaced:
+                return TOO_MANY
             session.used_s = max(session.used_s, client.used_s)
             if not self._access.sessions.lives(session):
                 return SESSION_ENDED

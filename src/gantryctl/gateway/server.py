@@ -14,7 +14,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from gantryctl.gateway.door import WAITING, Door
 from gantryctl.gateway.places import Place
-from gantryctl.gateway.settings import HEADER_S, Settings
+from gantryctl.gateway.settings import HEADER_S, STUCK_S, Settings
 from gantryctl.service.protocol.limits import MESSAGE_MAX
 
 HANDLES: Final = 4096
@@ -22,7 +22,7 @@ HANDLES: Final = 4096
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP with a time limit for every request, from its first byte to the last one of its body.
+    """HTTP with a time limit for every request, from its first byte to the last one of its body, and for every answer.
 
     Args:
         place: given back when the connection ends or becomes a WebSocket, which has limits of its own.
@@ -32,6 +32,7 @@ class PatientProtocol(H11Protocol):
         super().__init__(**uvicorns)
         self._place = place
         self._patience: asyncio.TimerHandle | None = None
+        self._stuck: asyncio.TimerHandle | None = None
 
     # uvicorn narrows the transport of asyncio's protocol, and so must who derives from it.
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
@@ -49,7 +50,27 @@ class PatientProtocol(H11Protocol):
     def handle_events(self) -> None:
         """Stop the time limit when the request is whole."""
         super().handle_events()
+        asked: Any = self.cycle
+        more = self.conn.their_state is h11.DONE and self.conn.trailing_data[0]
+        if more and asked is not None and not asked.response_complete:
+            # Requests before the answer to the last one could wait here without end, and their answers after them.
+            asked.keep_alive = False
         self._watch()
+
+    def on_response_complete(self) -> None:
+        """Idle until the next request."""
+        super().on_response_complete()
+        self._watch()
+
+    def pause_writing(self) -> None:
+        """The client takes no more of the answer; it has some time to go on."""
+        super().pause_writing()
+        self._stuck = self._stuck or self.loop.call_later(STUCK_S, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """It has gone on."""
+        super().resume_writing()
+        self._unstick()
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         """Hand over to the WebSocket, which has limits of its own."""
@@ -62,19 +83,29 @@ class PatientProtocol(H11Protocol):
         self._rest()
         self._place.leave()
         super().connection_lost(exc)
+        self._unstick()
 
     def _watch(self) -> None:
         # A client that sends a byte a minute would hold its place for hours (slow loris).
         missing = self.conn.their_state in (h11.IDLE, h11.SEND_BODY)
         if not missing or not self._place.mine or self.transport.is_closing():
             self._rest()
-        elif self._patience is None:
+            self._place.work()
+            return
+        if self._place.idle is None:
+            self._place.rest(self.transport.abort)
+        if self._patience is None:
             self._patience = self.loop.call_later(HEADER_S, self.transport.abort)
 
     def _rest(self) -> None:
         if self._patience is not None:
             self._patience.cancel()
             self._patience = None
+
+    def _unstick(self) -> None:
+        if self._stuck is not None:
+            self._stuck.cancel()
+            self._stuck = None
 
 
 class QuietWebSocket(WebSocketsSansIOProtocol):

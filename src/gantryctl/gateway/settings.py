@@ -15,10 +15,18 @@ CONNECTIONS_REMOTE: Final = 8
 """Connections of one address."""
 CONNECTIONS_OF_USER: Final = 16
 """WebSockets of one user, from all addresses together."""
+UNUSED_S: Final = 60.0
+"""Time without a command of a WebSocket, after which it makes room for another one of its user."""
 REQUESTS_PER_S: Final = 10.0
 REQUESTS_RESERVE: Final = 40.0
+"""Of one peer without a session, and of one session."""
+LOGINS_PER_S: Final = 5.0
+LOGINS_RESERVE: Final = 20.0
+"""Of one peer: a check of a password takes 0.1 s of a processor."""
 HEADER_S: Final = 5.0
 """Time limit for a whole request; the connection is closed after it."""
+STUCK_S: Final = 5.0
+"""Time in which a client takes nothing of an answer, or of the rest of one; the connection is closed after it."""
 
 
 class Settings(NamedTuple):

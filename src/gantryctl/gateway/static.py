@@ -11,6 +11,10 @@ from typing import Final, NamedTuple
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
+from gantryctl.gateway.guard import error
+from gantryctl.program.alarms.codes import Code
+from gantryctl.program.alarms.log import refusal
+
 FOLDER: Final = Path(__file__).parent / "page"
 _NOT_BUILT: Final = (
     "The operator page is not built into this installation. The service runs: commands and REST work.\n"
@@ -45,7 +49,7 @@ class Page:
         if found is None:
             if path == "/":
                 return PlainTextResponse(_NOT_BUILT, 503)
-            return PlainTextResponse("not found\n", 404)
+            return error(404, refusal(Code.SEC_12))
         # Vite puts a hash of the content into the names below /assets: such a file never changes.
         lasting = "max-age=31536000, immutable" if path.startswith("/assets/") else "no-cache"
         headers = {"etag": found.tag, "cache-control": lasting, "vary": "accept-encoding"}

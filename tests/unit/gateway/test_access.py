@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import signal
+import socket
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,11 +16,12 @@ from starlette.requests import Request
 from starlette.responses import Response
 from starlette.websockets import WebSocket
 
+from gantryctl.gateway import peers
 from gantryctl.gateway.access import COOKIE, Access
 from gantryctl.gateway.app import build_app
 from gantryctl.gateway.live import Live
 from gantryctl.gateway.sessions import FAILURES
-from gantryctl.gateway.settings import CONNECTIONS_OF_USER, Settings
+from gantryctl.gateway.settings import CONNECTIONS_OF_USER, UNUSED_S, Settings
 from gantryctl.service.clients.hub import Hub
 from gantryctl.service.memory.memory import SharedMemory, Source
 from gantryctl.service.protocol.roles import Role
@@ -105,8 +107,52 @@ def test_one_user_has_so_many_connections_and_others_have_theirs(access: Access)
         access.hub.connect("eve", Role.VIEWER, "loopback")
         assert await opened(access, eve) == "websocket.close"
         assert await opened(access, anna) == "websocket.accept"
+        # The one that was unused for longest makes room, after a minute; who has control never does.
+        first, second, *_ = access.hub.clients()
+        access.hub._slow["authority_client"] = first.who.client
+        first.used_s -= 2 * UNUSED_S
+        assert await opened(access, eve) == "websocket.close"
+        second.used_s -= 1.01 * UNUSED_S
+        assert await opened(access, eve) == "websocket.accept"
+        assert [client.displaced for client in access.hub.clients()] == [False, True, *[False] * 14]
 
     asyncio.run(check())
+
+
+def test_a_lock_on_this_machine_is_for_the_local_user_who_guessed(
+    access: Access, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uids = {1: 1000, 2: 1001, 3: None}
+    monkeypatch.setattr(peers, "user_of", lambda client, _: uids[client[1]])
+
+    async def tries(port: int, password: str) -> int:
+        request = asking("127.0.0.1")
+        request.scope.update(client=("127.0.0.1", port), server=("127.0.0.1", 80))
+        return (await access.log_in(request, "anna", password)).status_code
+
+    async def check() -> None:
+        assert [await tries(1, "wrong") for _ in range(FAILURES + 1)] == [401] * FAILURES + [429]
+        assert await tries(1, PASSWORD) == 429
+        assert await tries(2, PASSWORD) == 200
+        assert await tries(3, PASSWORD) == 200  # of whom the system says nothing
+
+    asyncio.run(check())
+
+
+def test_the_system_knows_the_user_of_a_local_connection() -> None:
+    for host in ("127.0.0.1", "::1"):
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        try:
+            listener = socket.create_server((host, 0), family=family)
+        except OSError:
+            pytest.skip("no IPv6 here")
+        port = listener.getsockname()[1]
+        with listener, socket.create_connection((host, port)) as made:
+            scope = {"client": made.getsockname()[:2], "server": (host, port)}
+            assert peers.peer_of(scope) == f"uid {os.getuid()}"
+            assert peers.user_of((host, 1), (host, port)) is None  # nobody is there
+    assert peers.peer_of({"client": ("192.0.2.7", 5), "server": ("192.0.2.1", 80)}) == "192.0.2.7"
+    assert peers.peer_of({"client": None}) == ""
 
 
 def test_a_gateway_whose_pictures_end_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,37 +10,49 @@ from typing import Any
 
 import pytest
 
+from gantryctl.gateway.access import COOKIE
 from gantryctl.gateway.app import build_app
 from gantryctl.gateway.routes import API, ROUTES
-from gantryctl.gateway.settings import Settings
+from gantryctl.gateway.settings import LOGINS_RESERVE, REQUESTS_RESERVE, Settings
+from gantryctl.gateway.static import Page
 from gantryctl.service.memory.memory import SharedMemory
+from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor.users import Users
+
+PASSWORD = "correct horse battery"
 
 
 @pytest.fixture
 def app(tmp_path: Path) -> Iterator[Any]:
     memory = SharedMemory.create()
-    yield build_app(Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path), memory)
+    Users(tmp_path).add("anna", Role.OPERATOR, PASSWORD)
+    page = Page(Path(__file__).parent)  # any folder of files
+    yield build_app(Settings("127.0.0.1", 1, -1, None, None, (), tmp_path, tmp_path), memory, page)
     memory.close()
 
 
-def ask(app: Any, method: str, path: str) -> tuple[int, dict[str, str], bytes]:
+def ask(
+    app: Any, method: str, path: str, address: str = "192.0.2.7", cookie: str = "", body: bytes = b""
+) -> tuple[int, dict[str, str], bytes]:
     """Status, headers and body."""
+    headers = [(b"host", b"127.0.0.1:1"), (b"content-type", b"application/json")]
+    headers += [(b"cookie", f"{COOKIE}={cookie}".encode())] if cookie else []
     scope = {
         "type": "http", "method": method, "path": path, "raw_path": path.encode(), "query_string": b"",
-        "headers": [(b"host", b"127.0.0.1:1")], "client": ("192.0.2.7", 1), "http_version": "1.1", "scheme": "http",
+        "headers": headers, "client": (address, 1), "http_version": "1.1", "scheme": "http",
         "root_path": "", "state": {},
     }  # fmt: skip
     said: list[Any] = []
 
     async def receive() -> Any:
-        return {"type": "http.request", "body": b""}
+        return {"type": "http.request", "body": body}
 
     async def send(message: Any) -> None:
         said.append(message)
 
     asyncio.run(app(scope, receive, send))
-    headers = {name.decode(): value.decode() for name, value in said[0]["headers"]}
-    return said[0]["status"], headers, b"".join(each.get("body", b"") for each in said[1:])
+    found = {name.decode(): value.decode() for name, value in said[0]["headers"]}
+    return said[0]["status"], found, b"".join(each.get("body", b"") for each in said[1:])
 
 
 @pytest.mark.parametrize(
@@ -50,6 +62,7 @@ def ask(app: Any, method: str, path: str) -> tuple[int, dict[str, str], bytes]:
         ("POST", "/api/v1/nothing", 404, None),
         ("BREW", "/api/nothing", 404, None),
         ("GET", "/api/v1/traces/", 404, None),
+        ("GET", "/nothing", 404, None),
         ("PUT", "/api/v1/status", 405, "GET, HEAD"),
         ("OPTIONS", "/api/v1/status", 405, "GET, HEAD"),
         ("BREW", "/api/v1/status", 405, "GET, HEAD"),
@@ -78,3 +91,38 @@ def test_every_route_answers_another_method_with_405(app: Any) -> None:
     for route in ROUTES:
         path = API + route.path.replace("{id}", "0" * 32)
         assert ask(app, "PATCH", path)[0] == 405
+
+
+def test_strangers_of_an_address_take_nothing_from_whoever_is_logged_in_there(app: Any) -> None:
+    here = "127.0.0.1"
+
+    def statuses(path: str, **how: Any) -> list[int]:
+        return [ask(app, "GET", path, here, **how)[0] for _ in range(round(4 * REQUESTS_RESERVE))]
+
+    def log_in() -> tuple[int, dict[str, str]]:
+        body = json.dumps({"user": "anna", "password": PASSWORD}).encode()
+        return ask(app, "POST", f"{API}/login", here, body=body)[:2]
+
+    found = statuses(f"{API}/health")
+    assert found[0] == 200
+    assert found[-1] == 429
+    # A login, the page that asks for it, and a session have limits of their own.
+    status, headers = log_in()
+    cookie = headers["set-cookie"].partition("=")[2].partition(";")[0]
+    assert status == 200
+    assert ask(app, "GET", "/test_app.py", here)[0] == 200
+    assert statuses(f"{API}/health")[-1] == 429
+    assert [ask(app, "GET", f"{API}/status", here, cookie)[0] for _ in range(20)] == [200] * 20
+    assert 429 not in statuses("/test_app.py")
+    # A session floods nobody but itself, and an invented one is none.
+    assert statuses(f"{API}/health", cookie=cookie)[-1] == 429
+    assert statuses(f"{API}/health", cookie="0" * 32)[-1] == 429
+    assert log_in()[0] == 200
+    # Guesses are limited as well.
+    found = [ask(app, "POST", f"{API}/login", here)[0] for _ in range(round(3 * LOGINS_RESERVE))]
+    assert (found[0], found[-1]) == (400, 429)
+
+
+def test_from_elsewhere_files_of_the_page_are_limited_too(app: Any) -> None:
+    found = [ask(app, "GET", "/test_app.py", "192.0.2.9")[0] for _ in range(round(4 * REQUESTS_RESERVE))]
+    assert (found[0], found[-1]) == (200, 429)

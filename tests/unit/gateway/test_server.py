@@ -7,6 +7,8 @@ import os
 import resource
 import socket
 import ssl
+import sys
+import time
 from collections.abc import Awaitable, Callable
 from contextlib import ExitStack, suppress
 from datetime import UTC, datetime, timedelta
@@ -15,13 +17,13 @@ from pathlib import Path
 import pytest
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse
+from starlette.responses import PlainTextResponse, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
 from websockets.asyncio.client import connect
 
 from gantryctl.gateway import door, server
-from gantryctl.gateway.guard import deny, error
+from gantryctl.gateway.guard import Guard, deny, error
 from gantryctl.gateway.places import Places
 from gantryctl.gateway.settings import CONNECTIONS, CONNECTIONS_REMOTE, Settings, neighbourhood
 from gantryctl.program.alarms.codes import Code
@@ -30,6 +32,8 @@ from gantryctl.program.alarms.words import Words
 from support.certificates import certificate
 
 ASK = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
+HOSTILE = Path(__file__).parents[2] / "support" / "hostile.py"
+SERVERS: list[door.Door] = []
 PATIENCE_S = 30.0
 """Until a test gives up; the limits under test are 0.3 s here."""
 
@@ -38,11 +42,16 @@ PATIENCE_S = 30.0
 def _short(monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (door, server):
         monkeypatch.setattr(module, "HEADER_S", 0.3)
+        monkeypatch.setattr(module, "STUCK_S", 0.3)
 
 
 async def hello(request: Request) -> PlainTextResponse:
     await request.body()
     return PlainTextResponse("hello")
+
+
+async def big(request: Request) -> StreamingResponse:
+    return StreamingResponse(b"x" * 65536 for _ in range(1000))
 
 
 async def echo(web: WebSocket) -> None:
@@ -54,22 +63,24 @@ async def refuse(web: WebSocket) -> None:
     await deny(web.scope, web.receive, web.send, error(401, refusal(Code.SEC_01, reason=Words.LOG_IN_FIRST)))
 
 
-def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None) -> None:
+def run(check: Callable[[int], Awaitable[None]], tls: Path | None = None, *, guarded: bool = False) -> None:
     """A server with limits and a page of one word; `check` gets its port."""
 
     async def whole() -> None:
-        with socket.create_server(("127.0.0.1", 0)) as listener:
+        with socket.create_server(("127.0.0.1", 0), backlog=1024) as listener:
             port = listener.getsockname()[1]
             files = [None, None] if tls is None else [str(tls / name) for name in ("cert.pem", "key.pem")]
             settings = Settings("127.0.0.1", port, listener.fileno(), *files, (), Path(), Path())
             app = Starlette(
                 routes=[
                     Route("/", hello, methods=["GET", "POST"]),
+                    Route("/big", big),
                     WebSocketRoute("/ws", refuse),
                     WebSocketRoute("/echo", echo),
                 ]
             )
-            made = server.make_server(app, settings)
+            made = server.make_server(Guard(app, settings, lambda _: None) if guarded else app, settings)
+            SERVERS.append(made)
             serving = asyncio.create_task(made.serve(sockets=[listener]))
             try:
                 await asyncio.wait_for(check(port), PATIENCE_S)
@@ -200,6 +211,185 @@ def test_a_websocket_has_no_such_limit_and_leaves_its_place_to_others() -> None:
     run(check)
 
 
+BIG = b"GET /big HTTP/1.1\r\nHost: x\r\n\r\n"
+
+
+async def open_deaf(port: int, text: bytes) -> socket.socket:
+    """A connection that asks and never reads."""
+    made = socket.socket()
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+    made.setblocking(False)
+    loop = asyncio.get_running_loop()
+    await loop.sock_connect(made, ("127.0.0.1", port))
+    await loop.sock_sendall(made, text)
+    return made
+
+
+@pytest.mark.parametrize("text", [BIG, 2 * BIG, ASK + BIG])
+def test_answers_that_are_never_read_are_given_up(text: bytes) -> None:
+    async def check(port: int) -> None:
+        with ExitStack() as stack:
+            for _ in range(20):
+                stack.enter_context(await open_deaf(port, text))
+            await asyncio.sleep(0.05)
+            connections = SERVERS[-1].server_state.connections
+            # The other end sees nothing of it: what it does not read is in the system.
+            for _ in range(100):
+                await asyncio.sleep(0.05)
+                if not connections:
+                    break
+            assert not connections
+
+    run(check)
+
+
+def test_a_slow_reader_that_goes_on_gets_its_whole_answer() -> None:
+    async def check(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=4096)
+        writer.write(BIG.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n"))
+        length, begin_s = 0, time.monotonic()
+        while data := await reader.read(1 << 20):
+            length += len(data)
+            if time.monotonic() - begin_s < 1.0:  # three times the limit
+                await asyncio.sleep(0.01)
+        assert length > 1000 * 65536
+        writer.close()
+
+    run(check)
+
+
+def test_what_is_closed_but_for_answers_that_nobody_takes_is_ended() -> None:
+    class Transport:
+        closing, aborted = False, 0
+
+        def is_closing(self) -> bool:
+            return self.closing
+
+        def abort(self) -> None:
+            self.aborted += 1
+
+    class Connection:
+        def __init__(self) -> None:
+            self.transport = Transport()
+
+    async def check() -> None:
+        made = server.make_server(Starlette(), Settings("127.0.0.1", 1, -1, None, None, (), Path(), Path()))
+        open_, closing = Connection(), Connection()
+        closing.transport.closing = True
+        made.server_state.connections |= {open_, closing}  # type: ignore[arg-type]
+        task = asyncio.create_task(made._tidy())
+        await asyncio.sleep(0.2)
+        assert not closing.transport.aborted
+        await asyncio.sleep(0.4)
+        task.cancel()
+        assert closing.transport.aborted
+        assert not open_.transport.aborted
+
+    asyncio.run(check())
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_requests_before_the_answer_to_the_last_one_are_not_taken(together: bool) -> None:
+    async def check(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        if together:
+            writer.write(50 * ASK)
+        else:
+            writer.write(BIG)
+            await reader.readuntil(b"\r\n\r\n")
+            for _ in range(50):
+                writer.write(ASK)
+        answers = 0
+        with suppress(ConnectionError):  # what was not taken is thrown away
+            while data := await reader.read(1 << 20):
+                answers += data.count(b"200 OK")
+        assert answers == (1 if together else 0)  # the head of the big one has been read
+        writer.close()
+
+    run(check)
+
+
+def test_two_lengths_end_the_connection() -> None:
+    async def check(port: int) -> None:
+        smuggling = f"POST / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 6\r\n"
+        smuggling += "Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+        answer = await until_closed_now(port, smuggling.encode() + ASK)
+        assert answer.startswith(b"HTTP/1.1 400 ")
+        assert answer.count(b"HTTP/1.1") == 1
+        assert b"not both" in answer
+
+    run(check, guarded=True)
+
+
+async def until_closed_now(port: int, text: bytes) -> bytes:
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(text)
+    answer = b""
+    with suppress(ConnectionError):
+        while data := await reader.read(1 << 16):
+            answer += data
+    writer.close()
+    return answer
+
+
+async def answered(port: int) -> bytes:
+    """An answer at the second attempt at the latest, as of a browser."""
+    for last in (False, True):
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        try:
+            writer.write(ASK)
+            return await reader.readuntil(b"hello")
+        except (ConnectionError, asyncio.IncompleteReadError):
+            if last:
+                raise
+        finally:
+            writer.close()
+    return b""
+
+
+def test_an_answer_under_way_makes_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "HEADER_S", PATIENCE_S)
+    monkeypatch.setattr(server, "STUCK_S", PATIENCE_S)
+
+    async def check(port: int) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port, limit=4096)
+        writer.write(BIG.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n"))
+        await reader.readuntil(b"\r\n\r\n")
+        with ExitStack() as stack:
+            for _ in range(2 * CONNECTIONS):
+                stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+                await asyncio.sleep(0.005)
+            length = 0
+            while data := await reader.read(1 << 20):
+                length += len(data)
+        assert length > 1000 * 65536
+        writer.close()
+
+    run(check)
+
+
+@pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_crowd_that_holds_connections_keeps_nobody_out(monkeypatch: pytest.MonkeyPatch, count: int) -> None:
+    monkeypatch.setattr(server, "HEADER_S", PATIENCE_S)  # nothing ends by itself here
+
+    async def check(port: int) -> None:
+        crowd = await asyncio.create_subprocess_exec(
+            sys.executable, HOSTILE, str(port), str(count), "x", stdout=asyncio.subprocess.PIPE
+        )
+        try:
+            assert crowd.stdout is not None
+            assert await crowd.stdout.readline() == b"holding\n"
+            begin_s = time.monotonic()
+            for _ in range(10):
+                assert b"200 OK" in await answered(port)
+            assert time.monotonic() - begin_s < PATIENCE_S / 2
+        finally:
+            crowd.kill()
+            await crowd.wait()
+
+    run(check)
+
+
 def test_an_address_has_its_places_and_no_more() -> None:
     places = Places(door.WAITING, loopback=CONNECTIONS, remote=CONNECTIONS_REMOTE)
     mine = [places.take("192.0.2.7") for _ in range(CONNECTIONS_REMOTE)]
@@ -211,6 +401,24 @@ def test_an_address_has_its_places_and_no_more() -> None:
         mine[0].leave()
     assert places.take("192.0.2.7") is not None
     assert places.take("192.0.2.7") is None
+
+
+def test_who_has_been_idle_for_longest_makes_room() -> None:
+    places, closed = Places(4, loopback=3, remote=2), []
+    first, second = places.take("192.0.2.7"), places.take("192.0.2.7")
+    assert first is not None
+    assert second is not None
+    for name, each in (("second", second), ("first", first)):
+        each.rest(lambda name=name: closed.append(name))  # type: ignore[misc]
+    third = places.take("192.0.2.7")
+    assert (third is not None, closed, second.mine) == (True, ["second"], False)
+    first.work()
+    assert places.take("192.0.2.7") is None  # both are in use
+    # All together: the address with the most.
+    assert [places.take("127.0.0.1") is not None for _ in range(3)] == [True, True, False]
+    first.rest(lambda: closed.append("first"))
+    assert places.take("198.51.100.1") is not None
+    assert closed == ["second", "first"]
 
 
 def test_all_addresses_together_have_so_many() -> None:

@@ -157,7 +157,8 @@ def _listener(page: Listen, root: Path) -> socket.socket:
         family, *_, address = socket.getaddrinfo(
             host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
-        return socket.create_server(address[:2], family=family, backlog=64)
+        # A crowd of local clients must not keep a page waiting for the next attempt of its SYN, a second later.
+        return socket.create_server(address[:2], family=family, backlog=1024)
     except OSError as fault:
         raise UsageError(
             f"--listen {page.address}: {fault.strerror or fault}; a free port: {host}:0"

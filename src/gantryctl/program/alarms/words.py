@@ -620,6 +620,10 @@ class Words(Enum):
     NO_SUCH_ALARM = "there is no alarm number {number}", "没有第 {number} 号报警"
     JSON_NEEDED = "Content-Type: application/json is needed", "需要 Content-Type: application/json"
     BODY_TOO_LONG = "a body of at most {limit} bytes", "正文最多 {limit} 字节"
+    TWO_LENGTHS = (
+        "a request has Content-Length or Transfer-Encoding, not both",
+        "请求只能有 Content-Length 或 Transfer-Encoding 之一",
+    )
     NAME_AND_PASSWORD = (
         "write one JSON object with `user` and `password`",
         "请写一个含 `user` 和 `password` 的 JSON 对象",

@@ -40,11 +40,13 @@ class Client:
         who: its identity.
         wake: set when there is something to send.
         used_s: when its user last asked for something, on the monotonic clock.
+        displaced: it has made room for a newer connection of its user, and is to be closed.
     """
 
     def __init__(self, hub: Hub, who: Identity) -> None:
         self.who, self.wake = who, asyncio.Event()
         self.used_s = time.monotonic()
+        self.displaced = False
         self._hub = hub
         self._replies: deque[str] = deque()
         self._asked: dict[int, float] = {}
@@ -153,6 +155,27 @@ class Hub:
         who = Identity(secrets.token_hex(4), user, role, place)
         client = self._clients[who.client] = Client(self, who)
         return client
+
+    def make_room(self, user: str, most: int, unused_s: float) -> bool:
+        """Let the connection of a user that was unused for longest make room; False when none may.
+
+        Args:
+            most: connections of one user. unused_s: so long must it have been unused: a page that is closed connects
+                again, and must not close the next one at once.
+        """
+        own = [
+            client for client in self._clients.values() if client.who.user == user and not client.displaced
+        ]
+        if len(own) < most:
+            return True
+        # Who has control keeps it: a key may be held.
+        free = [client for client in own if client.who.client != self._slow.get("authority_client")]
+        oldest = min(free, key=lambda client: client.used_s, default=None)
+        if oldest is None or time.monotonic() - oldest.used_s < unused_s:
+            return False
+        oldest.displaced = True
+        oldest.wake.set()
+        return True
 
     def leave(self, client: Client) -> None:
         """Remove a connection; the controller ends its lease and its control."""

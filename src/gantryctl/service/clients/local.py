@@ -25,8 +25,13 @@ from gantryctl.service.protocol.roles import Role
 
 GROUP: Final = "gantry"
 _CREDENTIALS: Final = struct.Struct("3i")
-_CONNECTIONS: Final = 16
+_CONNECTIONS: Final = 64
+_CONNECTIONS_OF_USER: Final = 16
+_UNUSED_S: Final = 5.0
+"""Time without a command, after which a connection makes room for another one of its user."""
 _SEND_S: Final = 5.0
+_IDLE_S: Final = 60.0
+"""Time without a message of a connection that does not watch; it is closed after it."""
 
 
 class PeerName:
@@ -82,7 +87,8 @@ class LocalServer:
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         user, role = peer(writer.get_extra_info("socket"))
-        if len(self._hub) >= _CONNECTIONS:
+        # One that was unused for longest makes room, so nobody holds all places of his user, nor those of others.
+        if len(self._hub) >= _CONNECTIONS or not self._hub.make_room(user, _CONNECTIONS_OF_USER, _UNUSED_S):
             writer.close()
             return
         client = self._hub.connect(user, role, "local")
@@ -92,7 +98,7 @@ class LocalServer:
             first = json.loads(await asyncio.wait_for(reader.readline(), _SEND_S))
             watch = isinstance(first, dict) and first.get("watch") is True
             sender = asyncio.create_task(self._send(client, writer, watch=watch))
-            while line := await reader.readline():
+            while line := await asyncio.wait_for(reader.readline(), None if watch else _IDLE_S):
                 client.take(line)
         except (TimeoutError, ConnectionError, ValueError, Flooded, asyncio.CancelledError):
             pass  # all of them end the connection
@@ -101,18 +107,24 @@ class LocalServer:
                 sender.cancel()
             self._hub.leave(client)
             writer.close()
+            # The last replies have some time; who does not read them keeps no handle for longer.
+            asyncio.get_running_loop().call_later(_SEND_S, writer.transport.abort)
 
     async def _send(self, client: Client, writer: asyncio.StreamWriter, *, watch: bool) -> None:
         writer.write(self._hub.welcome(client.who).encode() + b"\n")
         while True:
             await client.wake.wait()
+            if client.displaced:
+                writer.transport.abort()
+                return
             for text in client.outgoing():
                 if watch or '"type":"status"' not in text[:20]:
                     writer.write(text.encode() + b"\n")
             try:
                 await asyncio.wait_for(writer.drain(), _SEND_S)
             except (TimeoutError, ConnectionError):
-                writer.close()
+                # What nobody reads must not keep the connection.
+                writer.transport.abort()
                 return
 
 

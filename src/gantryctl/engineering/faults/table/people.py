@@ -170,7 +170,21 @@ PEOPLE: Final = (
                 "test_a_flood_of_messages_closes_only_its_own_connection",
                 "test_too_many_requests_are_refused_for_their_own_address_and_stop_is_not",
             ),
-            *at("unit/gateway/test_server.py", "test_an_address_has_its_places_and_no_more"),
+            *at(
+                "unit/gateway/test_server.py",
+                "test_an_address_has_its_places_and_no_more",
+                "test_a_crowd_that_holds_connections_keeps_nobody_out",
+                "test_answers_that_are_never_read_are_given_up",
+                "test_requests_before_the_answer_to_the_last_one_are_not_taken",
+            ),
+            *at(
+                "unit/gateway/test_app.py",
+                "test_strangers_of_an_address_take_nothing_from_whoever_is_logged_in_there",
+            ),
+            *at(
+                "unit/service/test_local.py",
+                "test_who_was_unused_for_longest_makes_room_and_who_has_control_does_not",
+            ),
         ),
     ),
     Row(

@@ -1,0 +1,114 @@
+"""The local socket: nobody holds places there that others need."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+from gantryctl.operation.store import SERVICE_SOCKET
+from gantryctl.service.clients import local
+from gantryctl.service.clients.hub import Hub
+from gantryctl.service.clients.local import LocalServer
+from gantryctl.service.memory.memory import SharedMemory, Source
+
+OF_USER = local._CONNECTIONS_OF_USER
+
+
+@asynccontextmanager
+async def serving(folder: Path) -> AsyncIterator[Hub]:
+    memory = SharedMemory.create()
+    hub = Hub(memory, Source.LOCAL)
+    server = LocalServer(folder, hub)
+    await server.start()
+    task = asyncio.create_task(hub.run())
+    yield hub
+    task.cancel()
+    server.close()
+    for client in hub.clients():
+        hub.leave(client)
+    await asyncio.sleep(0.05)
+    memory.close()
+
+
+def run(folder: Path, check: Callable[[Hub, Path], Awaitable[None]]) -> None:
+    async def whole() -> None:
+        async with serving(folder) as hub:
+            await asyncio.wait_for(check(hub, folder / SERVICE_SOCKET), 30.0)
+
+    asyncio.run(whole())
+
+
+async def connect(path: Path, *, watch: bool) -> tuple[asyncio.StreamReader, asyncio.StreamWriter, str]:
+    reader, writer = await asyncio.open_unix_connection(path)
+    writer.write(json.dumps({"watch": watch}).encode() + b"\n")
+    with suppress(ConnectionError):
+        line = await asyncio.wait_for(reader.readline(), 5.0)
+        return reader, writer, json.loads(line)["client"] if line else ""
+    return reader, writer, ""
+
+
+async def ended(reader: asyncio.StreamReader, within_s: float = 5.0) -> bool:
+    with suppress(ConnectionError, TimeoutError):
+        async with asyncio.timeout(within_s):
+            while await reader.read(65536):
+                pass
+        return True
+    return reader.at_eof() or reader.exception() is not None
+
+
+def test_who_was_unused_for_longest_makes_room_and_who_has_control_does_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def check(hub: Hub, path: Path) -> None:
+        made = [await connect(path, watch=True) for _ in range(OF_USER)]
+        _, writer, name = await connect(path, watch=True)
+        assert name == ""  # all are in use
+        writer.close()
+        monkeypatch.setattr(local, "_UNUSED_S", 0.0)
+        hub.look = lambda: None  # type: ignore[method-assign]
+        hub._slow["authority_client"] = made[0][2]
+        more = await connect(path, watch=True)
+        assert more[2] != ""
+        assert await ended(made[1][0])
+        assert not await ended(made[0][0], 0.3)
+        for _, each, _ in (*made, more):
+            each.close()
+
+    run(tmp_path, check)
+
+
+def test_a_connection_that_neither_watches_nor_says_anything_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(local, "_IDLE_S", 0.3)
+
+    async def check(_: Hub, path: Path) -> None:
+        idle, watching = await connect(path, watch=False), await connect(path, watch=True)
+        assert await ended(idle[0])
+        assert not await ended(watching[0], 0.6)
+        for _, writer, _ in (idle, watching):
+            writer.close()
+
+    run(tmp_path, check)
+
+
+def test_a_watcher_that_reads_nothing_is_closed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local, "_SEND_S", 0.3)
+    monkeypatch.setattr(Hub, "status_text", lambda *_, **__: "x" * 100_000)
+
+    async def check(hub: Hub, path: Path) -> None:
+        _, writer, name = await connect(path, watch=True)
+        assert name
+        for _ in range(200):
+            await asyncio.sleep(0.02)
+            if not hub.clients():
+                break
+        assert not hub.clients()
+        writer.close()
+
+    run(tmp_path, check)
