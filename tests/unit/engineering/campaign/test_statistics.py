@@ -148,5 +148,8 @@ def test_indices_come_from_the_first_base_points_that_are_there_whole(
     assert population_of(result).base_points == 4
     result.merge(head)
     next(tmp_path.glob("rows-*.parquet")).unlink()
-    write(0, 24)
+    write(0, 7)
+    write(8, 24)
+    assert population_of(result).base_points == 2
+    write(7, 8)
     assert population_of(result).base_points == 8
