@@ -37,6 +37,7 @@ from gantryctl.engineering.accuracy.procedure.on_batch import run_time_s
 from gantryctl.engineering.report.meter import Meter
 from gantryctl.errors import AlarmStop, CommandRefused, DeviceError, UsageError
 from gantryctl.machine import Machine
+from gantryctl.machine.places import reach_deg
 from gantryctl.operation.bus_log import freeze
 from gantryctl.operation.ledger import LedgerRow, Proofs, Standing
 from gantryctl.operation.ledger.acceptance import proven_hash
@@ -98,7 +99,8 @@ class Step:
 
 def _travel_s(machine: Machine) -> float:
     """The slow turn: to one end, to the other, and to the middle."""
-    travel_deg = machine.axis.pos_max_deg - machine.axis.pos_min_deg
+    low, high = reach_deg(machine)
+    travel_deg = high - low
     speed_deg_s = min(steps_motion.TURN_SPEED, machine.speed.setting_max_deg_s)
     # Three moves, each with half a ramp up and half a ramp down more than at constant speed.
     return 2.0 * travel_deg / speed_deg_s + 3.0 * speed_deg_s / machine.virtual_axis.acc_deg_s2

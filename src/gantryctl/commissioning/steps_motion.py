@@ -22,6 +22,7 @@ from gantryctl.commissioning.stopping.silence import Silence, Way, fall_silent, 
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.errors import AlarmStop
 from gantryctl.machine.derived import rigid_stop
+from gantryctl.machine.places import reach_deg
 from gantryctl.machine.rules.reaction import REACTION_S, silent_way_deg
 from gantryctl.operation.client import Snapshot
 from gantryctl.operation.ledger.rows import RAMP_DEG_S2, SILENT_STOP_S
@@ -239,7 +240,8 @@ def _jog_release(c: Context, speed: float) -> float:
 
 def slow_turn(c: Context) -> StepResult:
     """Fit friction and eccentric moment to the torque over the angle, both ways."""
-    low, high = c.machine.axis.pos_min_deg + _MARGIN_DEG, c.machine.axis.pos_max_deg - _MARGIN_DEG
+    least, most = reach_deg(c.machine)
+    low, high = least + _MARGIN_DEG, most - _MARGIN_DEG
     speed = min(TURN_SPEED, c.machine.speed.setting_max_deg_s)
     # Forward to the end and from the other end back to where it began: both ways are whole.
     with _recorded_run(c, "the whole travel") as (run, recorder):
@@ -273,7 +275,7 @@ def slow_turn(c: Context) -> StepResult:
     model = np.column_stack((direction, np.sin(angle), np.cos(angle), np.ones_like(angle)))
     (friction, sine, cosine, constant), *_ = np.linalg.lstsq(model, torque, rcond=None)
     rest = float(np.std(torque - model @ np.array((friction, sine, cosine, constant))))
-    whole = c.machine.axis.pos_max_deg - c.machine.axis.pos_min_deg >= _WHOLE_DEG
+    whole = most - least >= _WHOLE_DEG
     moment = math.hypot(sine, cosine)
     figures = {
         "friction_nm": float(friction),

@@ -17,13 +17,13 @@ _ROOM_DEG: Final = 5.0
 
 def fitted_stretch_deg(machine: Machine, low_deg: float, high_deg: float) -> tuple[float, float]:
     """A stretch of travel as long as `low_deg..high_deg`, nearest to it; shorter where travel is."""
-    least, most = _reach_deg(machine)
+    least, most = reach_deg(machine)
     way = min(high_deg - low_deg, most - least)
     begin = min(max(low_deg, least), most - way)
     return begin, begin + way
 
 
-def _reach_deg(machine: Machine) -> tuple[float, float]:
+def reach_deg(machine: Machine) -> tuple[float, float]:
     """Where a trial may go: travel, or its stretch between no-go sectors, and away from those."""
     axis = machine.axis
     low, high = axis.home_stretch_deg
@@ -38,7 +38,7 @@ def heaviest_deg(machine: Machine) -> tuple[float, float]:
     """Angles of travel with the largest eccentric moment, either way: 90 and -90 deg on the reference machine."""
     axis, load = machine.axis, machine.plant.load
     level = load.eccentric_angle_deg
-    least, most = _reach_deg(machine)
+    least, most = reach_deg(machine)
     first = math.ceil((least - level - 90.0) / 180.0)
     last = math.floor((most - level - 90.0) / 180.0)
     candidates = [level + 90.0 + 180.0 * k for k in range(first, last + 1)] + [least, most]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from gantryctl.machine import Machine, default_machine, with_values
-from gantryctl.machine.places import fitted_stretch_deg, heaviest_deg, one_flank_deg
+from gantryctl.machine.places import fitted_stretch_deg, heaviest_deg, one_flank_deg, reach_deg
 from support.axes import dish, stage, table, tilt
 
 AXES = (default_machine, table, tilt, dish, stage)
@@ -51,3 +51,21 @@ def test_the_moment_is_largest_there(
     }
     machine = with_values(default_machine(), ends | {"plant.load.eccentric_angle_deg": level})
     assert heaviest_deg(machine) == heaviest
+
+
+@pytest.mark.parametrize(
+    ("sectors", "reach"),
+    [
+        (((60.0, 120.0),), (-180.0, 59.5)),  # 0 deg lies below it; half a degree away
+        (((-120.0, -60.0), (60.0, 120.0)), (-59.5, 59.5)),
+        (((-20.0, 30.0),), (-180.0, -20.5)),  # 0 deg lies in it: the wider rest, 160 deg below against 150 above
+    ],
+)
+def test_trials_stay_away_from_no_go_sectors(
+    sectors: tuple[tuple[float, float], ...], reach: tuple[float, float]
+) -> None:
+    machine = with_values(default_machine(), {"axis.no_go_deg": sectors})
+    assert reach_deg(machine) == reach
+    assert reach[0] <= machine.axis.start_angle_deg <= reach[1]
+    for low, high in (fitted_stretch_deg(machine, -90.0, 90.0), heaviest_deg(machine)[::-1]):
+        assert reach[0] <= min(low, high) <= max(low, high) <= reach[1]

@@ -32,7 +32,7 @@ UNIT_OF_SUFFIX = {
     "_deg_s2": "deg/s2", "_deg_s3": "deg/s3", "_deg_s": "deg/s", "_deg": "deg", "_nm_s_per_rad": "N m s/rad",
     "_nm_per_rad": "N m/rad", "_nm": "N m", "_kg_m2": "kg m2", "_kg": "kg", "_r_min": "r/min", "_kw": "kW",
     "_ms": "ms", "_us": "us", "_um": "um", "_mm": "mm", "_rad_s": "rad/s", "_rad": "rad", "_hz": "Hz",
-    "_per_s": "1/s", "_per_speed_s": "s", "_s": "s", "_m": "m", "_a": "A", "_days": "d", "_c": "degC",
+    "_per_s": "1/s", "_per_speed_s": "s", "_s": "s", "_m_s": "m/s", "_m": "m", "_a": "A", "_days": "d", "_c": "degC",
 }  # fmt: skip
 
 

@@ -41,6 +41,8 @@ UNNOTICED = {
     "control.compensation.latency_us": list(FACTORS),
     "axis.gear_motor_turns": list(FACTORS),  # 0: by the ratios
     "axis.gear_axis_turns": list(FACTORS),
+    "plant.wind.moment_nm": list(FACTORS),  # 0 N m: calm
+    "plant.wind.seed": list(FACTORS),
     "can.inputs.limit_minus": list(FACTORS),  # bit 0
     "can.torque_limit_in_drive_nm": list(FACTORS),  # 0 = none
     # None: derived from travel and speed range.

@@ -39,6 +39,7 @@ from gantryctl.machine import (
     with_values,
 )
 from gantryctl.machine.loading import check_table
+from gantryctl.machine.places import reach_deg
 from gantryctl.machine.problems import unknown_path
 from gantryctl.machine.reading import Data, parse_toml, printable, read_text
 from gantryctl.machine.specs import value_at
@@ -275,7 +276,7 @@ class _Reader:
                 speeds_to_test(machine, [r * DEG_S_PER_R_MIN for r in self.settings.speed_test.speeds_r_min])
             except UsageError as wrong:
                 self._say(f"[speed_test]: {wrong}")
-        low, high = machine.axis.pos_min_deg, machine.axis.pos_max_deg
+        low, high = reach_deg(machine)
         for key, angle in (("from_deg", self.settings.move.from_deg), ("to_deg", self.settings.move.to_deg)):
             if "move" in order.tests and not low <= angle <= high:
                 self._say(f"[move] {key} = {angle:g}: the travel goes from {low:g} to {high:g} deg")

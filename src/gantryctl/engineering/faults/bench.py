@@ -20,6 +20,7 @@ from gantryctl.engineering.faults.target import StallingClock, Target
 from gantryctl.errors import UsageError
 from gantryctl.image import DriveState, Mode
 from gantryctl.machine import Machine
+from gantryctl.machine.places import reach_deg
 from gantryctl.ports import Drive
 from gantryctl.program import AxisState, GantryProgram, PowerPhase
 from gantryctl.runtime import Engine, FixedOperator, OverrunPolicy
@@ -96,7 +97,7 @@ class FaultBench:
         ratio = machine.axis.ratio
         self._per_rad = math.degrees(1.0) / ratio
         start = angle_deg - self._way_to_cruise() if phase.moves else angle_deg
-        low, high = machine.axis.pos_min_deg, machine.axis.pos_max_deg
+        low, high = reach_deg(machine)
         if not low <= start <= high:
             raise UsageError(
                 f"to be at {angle_deg:g} deg with {speed_deg_s:g} deg/s the axis would start at {start:.1f} deg, the "
@@ -312,9 +313,9 @@ class FaultBench:
     def move(self) -> None:
         """Ask for a long move in the direction of the speed."""
         speed = self._speed or 1.0
-        axis = self.machine.axis
-        spare = min(_TARGET_BEFORE_END_DEG, 0.05 * (axis.pos_max_deg - axis.pos_min_deg))
-        end = axis.pos_max_deg - spare if speed > 0.0 else axis.pos_min_deg + spare
+        low, high = reach_deg(self.machine)
+        spare = min(_TARGET_BEFORE_END_DEG, 0.05 * (high - low))
+        end = high - spare if speed > 0.0 else low + spare
         self.command(move=True, target_rad=rad(end), speed_rad_s=rad(abs(speed)))
 
     def reach(self) -> None:

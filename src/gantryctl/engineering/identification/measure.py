@@ -9,7 +9,7 @@ from gantryctl.engineering.analysis.measured.speed_loop import SpeedLoop
 from gantryctl.engineering.identification.samples import MoveLog, Samples, hash_of, joined, steady
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine, with_values
-from gantryctl.machine.places import fitted_stretch_deg
+from gantryctl.machine.places import fitted_stretch_deg, reach_deg
 
 # Speed of the slow turns: friction is steady, and the tooth mesh passes below the first mode.
 TURN_DEG_S: Final = 1.0
@@ -140,8 +140,8 @@ def travel_of(machine: Machine) -> tuple[float, float]:
     Raises:
         UsageError: the travel is shorter than half a turn: the maps would have no ground.
     """
-    axis = machine.axis
-    low, high = axis.pos_min_deg + _MARGIN_DEG, axis.pos_max_deg - _MARGIN_DEG
+    least, most = reach_deg(machine)
+    low, high = least + _MARGIN_DEG, most - _MARGIN_DEG
     # Sixteen harmonics over less than half a turn cannot be told apart.
     if high - low < 180.0:
         raise UsageError(

@@ -17,6 +17,7 @@ from gantryctl.engineering.identification.fit import calibrate
 from gantryctl.engineering.identification.measure import TURN_DEG_S, quiet_machine
 from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.machine import Calibration, Machine
+from gantryctl.machine.places import reach_deg
 from gantryctl.motion import MotionLimits, SetPoint, plan_move
 from gantryctl.units import deg, rad
 from gantryctl.wiring.program import motion_limits, position_law
@@ -96,8 +97,8 @@ class SimulatedAxis:
         machine = self.machine
         limits = ProbeLimits(
             torque_nm=_TORQUE_LIMIT_SHARE * machine.motor.torque_rated_nm,
-            pos_min_rad=rad(machine.axis.pos_min_deg),
-            pos_max_rad=rad(machine.axis.pos_max_deg),
+            pos_min_rad=rad(reach_deg(machine)[0]),
+            pos_max_rad=rad(reach_deg(machine)[1]),
             motion=motion_limits(self._quiet),
         )
         drive = sim_drive(machine, deg(self._pos_rad))

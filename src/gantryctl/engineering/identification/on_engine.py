@@ -20,6 +20,7 @@ from gantryctl.engineering.identification.samples import MoveLog
 from gantryctl.engineering.instruments import Instrument
 from gantryctl.errors import CommandRefused, InstrumentError
 from gantryctl.machine import Machine
+from gantryctl.machine.places import reach_deg
 from gantryctl.operation.client import Snapshot
 from gantryctl.operation.run import AxisRun
 from gantryctl.operation.sliced_scan import SLICE_S
@@ -170,7 +171,7 @@ class EngineAxis:
         self._say("the speed loop of the drive, turning slowly")
         speed, override = self._speed(TURN_DEG_S)
         target = run.angle_deg + TURN_DEG_S * _SPEED_LOOP_S
-        run.begin_move(min(target, self.machine.axis.pos_max_deg - 0.5), speed, override)
+        run.begin_move(min(target, reach_deg(self.machine)[1] - 0.5), speed, override)
         run.follow(_SETTLE_S + TURN_DEG_S / self.machine.virtual_axis.acc_deg_s2)
         probe = EngineProbe(run, _TORQUE_LIMIT_SHARE * self.machine.motor.torque_rated_nm)
         found = measured_speed_loop(probe, torque_nm)

@@ -28,6 +28,7 @@ from gantryctl.engineering.analysis.models.sampled import Input, SampledLoop, lo
 from gantryctl.engineering.report.origin import Origin, origin_of
 from gantryctl.errors import UsageError
 from gantryctl.machine import Machine
+from gantryctl.machine.places import reach_deg
 from gantryctl.operation.run import AxisRun
 from gantryctl.units import rad
 from gantryctl.wiring.program import motion_limits, position_law
@@ -155,8 +156,8 @@ def simulated_probe(machine: Machine, angle_deg: float) -> Probe:
     """A probe on the simulated drive of a machine file, standing at an angle with torque off."""
     limits = ProbeLimits(
         torque_nm=TORQUE_LIMIT_SHARE * machine.motor.torque_rated_nm,
-        pos_min_rad=rad(machine.axis.pos_min_deg),
-        pos_max_rad=rad(machine.axis.pos_max_deg),
+        pos_min_rad=rad(reach_deg(machine)[0]),
+        pos_max_rad=rad(reach_deg(machine)[1]),
         motion=motion_limits(machine),
     )
     scan_s = machine.control.scan_period_ms * 1e-3
@@ -199,7 +200,7 @@ def measure_on(machine: Machine, run: AxisRun, condition: Condition) -> Measured
     turning_s = 0.0
     if condition.vel_deg_s:
         lowest = machine.speed.setting_min_deg_s
-        end_deg = min(start_deg + condition.vel_deg_s * _LONGEST_S, machine.axis.pos_max_deg)
+        end_deg = min(start_deg + condition.vel_deg_s * _LONGEST_S, reach_deg(machine)[1])
         run.begin_move(end_deg, max(condition.vel_deg_s, lowest), min(1.0, condition.vel_deg_s / lowest))
         turning_s = condition.vel_deg_s / machine.virtual_axis.acc_deg_s2
     run.follow(turning_s + _CALM_S)
@@ -222,9 +223,10 @@ def starts_at_deg(machine: Machine, condition: Condition) -> float:
     """
     way = condition.vel_deg_s * _LONGEST_S
     start = condition.angle_deg - 0.5 * way
-    if machine.axis.pos_min_deg < start <= start + way < machine.axis.pos_max_deg:
+    low, high = reach_deg(machine)
+    if low < start <= start + way < high:
         return start
     raise UsageError(
         f"measuring at {condition.angle_deg:g} deg while turning takes {way:.0f} deg: {start:.0f}.."
-        f"{start + way:.0f} deg must lie within {machine.axis.pos_min_deg:g}..{machine.axis.pos_max_deg:g} deg"
+        f"{start + way:.0f} deg must lie within {low:g}..{high:g} deg"
     )
