@@ -58,7 +58,10 @@ def test_the_moment_is_largest_there(
     [
         (((60.0, 120.0),), (-180.0, 59.5)),  # 0 deg lies below it; half a degree away
         (((-120.0, -60.0), (60.0, 120.0)), (-59.5, 59.5)),
-        (((-20.0, 30.0),), (-180.0, -20.5)),  # 0 deg lies in it: the wider rest, 160 deg below against 150 above
+        (
+            ((-20.0, 30.0),),
+            (-180.0, -20.5),
+        ),  # 0 deg lies in it: the wider rest, 160 deg below against 150 above
     ],
 )
 def test_trials_stay_away_from_no_go_sectors(
