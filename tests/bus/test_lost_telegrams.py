@@ -48,7 +48,7 @@ def test_a_lost_telegram_ends_in_a_quick_stop(
     else:
         assert rig.stops == ["CAN-03"], rig.told
         # Motor side, 0.05 deg as for every angle that is told.
-        said = float(told.partition("gantry moved ")[2].partition(" to ")[2].partition(" deg")[0])
+        said = float(told.partition("axis moved ")[2].partition(" to ")[2].partition(" deg")[0])
         assert said == pytest.approx(rig.ticks[-1].pos_deg, abs=0.05)
     rig.engine.close()
 

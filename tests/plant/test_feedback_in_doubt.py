@@ -28,7 +28,7 @@ def assert_told_as_doubt(rig: PlantRig, way_deg: float, limit_deg: float) -> Non
     assert rig.axis.power.request is DriveRequest.DISABLE
     assert not rig.axis.power.brake_open
     assert rig.first_alarm is not None
-    assert "gantry moved" not in rig.first_alarm.text
+    assert "axis moved" not in rig.first_alarm.text
     assert "at rest after" not in rig.first_alarm.text
     assert Words.ANGLE_UNKNOWN in rig.first_alarm.steps
     rig.say(power=False, reset=True)
@@ -145,7 +145,7 @@ def test_a_sound_encoder_is_never_doubted(stop: str, scan_ms: float, moment_nm: 
     assert not rig.axis.feedback.in_doubt, rig.texts
     assert rig.axis.feedback.position_valid
     assert rig.first_alarm is not None
-    assert "gantry moved" in rig.first_alarm.text
+    assert "axis moved" in rig.first_alarm.text
 
 
 def test_an_emergency_stop_with_a_doubtful_reading_tells_no_angle() -> None:

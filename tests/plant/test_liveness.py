@@ -27,7 +27,7 @@ def assert_in_doubt(rig: PlantRig, limit_deg: float, *codes: Code) -> None:
     assert first.code in codes, first.text
     assert rig.axis.feedback.in_doubt
     assert rig.phase is PowerPhase.OFF
-    assert "gantry moved" not in first.text
+    assert "axis moved" not in first.text
     assert first.definition.lock
 
 

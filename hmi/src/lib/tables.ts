@@ -68,7 +68,7 @@ export interface Tags {
   vel_ref_deg_s: number | null;
   /** Set-point acceleration. [deg/s2] */
   acc_ref_deg_s2: number | null;
-  /** Speed command to the drive, at the gantry. [deg/s] */
+  /** Speed command to the drive, at the load. [deg/s] */
   vel_cmd_deg_s: number | null;
   /** Following error: set-point minus measured angle. [deg] */
   pos_err_deg: number | null;
@@ -308,7 +308,7 @@ export interface Tags {
   blocked_by: string | null;
   /** The same as codes and values (see below). */
   blocked_by_messages: Message[] | null;
-  /** Eccentric moment at the gantry, learned from the torque; null until learned. [N m] */
+  /** Eccentric moment at the load, learned from the torque; null until learned. [N m] */
   eccentric_moment_nm: number | null;
   /** Where it would come to rest by itself; null until learned. [deg] */
   eccentric_angle_deg: number | null;

@@ -62,7 +62,7 @@ def test_a_reason_carries_its_numbers() -> None:
     with kept(turned_deg=0.2) as store:
         (reason,) = open_axis(MACHINE, store).reasons
     assert reason.values["moved_deg"] == pytest.approx(0.2, abs=1e-6)
-    assert reason.text.startswith("ENC-09 · the gantry moved +0.200 deg while off (limit 0.05 deg)")
+    assert reason.text.startswith("ENC-09 · the axis moved +0.200 deg while off (limit 0.05 deg)")
 
 
 def test_an_earlier_stop_by_the_encoder_casts_doubt_on_the_position() -> None:

@@ -183,7 +183,7 @@ def test_text_has_its_four_parts():
     )
     assert log.first_out.text == (
         "CTL-03 STOP · Following error 0.111 deg, limit 0.102 deg at 6.00 deg/s · Quick stop, at rest after 1090 ms, "
-        "gantry moved 3.30 deg to 12.44 deg · Look at torque and following error in the trace, remove the cause, "
+        "axis moved 3.30 deg to 12.44 deg · Look at torque and following error in the trace, remove the cause, "
         "then reset."
     )
 

@@ -140,7 +140,7 @@ def test_quick_stop_goes_down_through_brake_and_unloading():
     assert rig.axis.state is AxisState.ERROR_STOP
     assert rig.first.text.startswith("INT-06 STOP")
     assert "at rest after 1" in rig.first.text
-    assert "gantry moved 3.2" in rig.first.text
+    assert "axis moved 3.2" in rig.first.text
 
 
 def test_quick_stop_not_obeyed_becomes_torque_off():

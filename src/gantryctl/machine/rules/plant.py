@@ -104,7 +104,7 @@ def slopes_within_reducer(m: Machine) -> Broken:
     "plant.switches.hysteresis", "plant.switches.rigid",
 )  # fmt: skip
 def hysteresis_is_credible(m: Machine) -> Broken:
-    """The hysteresis of the transmission is at most a fifth of the reducer's rated torque, at the gantry."""
+    """The hysteresis of the transmission is at most a fifth of the reducer's rated torque, at the load."""
     if m.plant.switches.rigid or not m.plant.switches.hysteresis:
         return None
     most = 0.2 * m.reducer.torque_rated_nm * m.axis.ring_ratio

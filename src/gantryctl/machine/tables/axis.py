@@ -49,7 +49,7 @@ _AT: Final[Any] = Field(ge=-3600.0, le=3600.0)
 
 
 class AxisTable(Table):
-    """[axis]: travel, limits, gear ratio. Signed angles at the gantry; 0 deg may lie outside travel.
+    """[axis]: travel, limits, gear ratio. Signed angles at the load; 0 deg may lie outside travel.
 
     Of a modulo axis `pos_min_deg` and `pos_max_deg` are the ends of its turn, and it has no other limits.
     """
@@ -172,7 +172,7 @@ class AxisTable(Table):
 
 
 class SpeedTable(Table):
-    """[speed]: the speed chain in deg/s at the gantry, from the slowest setting to the overspeed trip."""
+    """[speed]: the speed chain in deg/s at the load, from the slowest setting to the overspeed trip."""
 
     setting_min_deg_s: float = number(0.6, 1e-6, 1000.0, "Lowest speed setting (0.1 r/min).", "paper")
     setting_max_deg_s: float = number(6.0, 1e-4, 3600.0, "Highest speed setting (1 r/min).", "paper")
@@ -193,7 +193,7 @@ class SpeedTable(Table):
 
 
 class VirtualAxisTable(Table):
-    """[virtual_axis]: dynamics of the set-point at the gantry, with three decelerations."""
+    """[virtual_axis]: dynamics of the set-point at the load, with three decelerations."""
 
     # A step of the acceleration swings a load on a spring up to twice as far; the paper drives trapezoids all the same.
     profile: Literal["trapezoid", "jerk_limited"] = choice(

@@ -23,7 +23,7 @@ class ControlTable(Table):
 
 
 class MonitorsTable(Table):
-    """[monitors]: thresholds of the supervision, at the gantry; times become at least two scans."""
+    """[monitors]: thresholds of the supervision, at the load; times become at least two scans."""
 
     # The band grows with the speed because a late reading looks like an error of speed x lateness (decision 0005).
     following_error_base_deg: float = number(0.03, 1e-6, 10.0, "Following error at rest that trips.")

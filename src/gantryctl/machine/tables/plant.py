@@ -22,7 +22,7 @@ _PHASES_RAD = (
 
 
 class LoadTable(Table):
-    """[plant.load]: everything that turns with the gantry, about the gantry axis."""
+    """[plant.load]: everything that turns with the axis, about it."""
 
     inertia_kg_m2: float = number(2.18e6, 0.01, 1e8, "Inertia of everything that turns.", "paper")
     mass_kg: float = number(2.0e5, 0.1, 1e7, "Turning mass.", "estimate")
@@ -138,7 +138,7 @@ class GearErrorTable(Table):
 
 
 class RollerFrictionTable(Table):
-    """[plant.roller_friction]: the support rollers, at the gantry."""
+    """[plant.roller_friction]: the support rollers, at the load."""
 
     # W / cos 30 x (R / r) x (rolling and bearing friction) gives 6 to 9 kN m for 200 t.
     coulomb_nm: float = number(6000.0, 0.0, 1e8, "Friction while turning.", "derived")
@@ -169,7 +169,7 @@ class MotorFrictionTable(Table):
 
 
 class BaseTable(Table):
-    """[plant.base]: rocking of roller frames and plinth about the gantry axis."""
+    """[plant.base]: rocking of roller frames and plinth about the axis."""
 
     inertia_kg_m2: float = number(6.0e5, 0.01, 1e9, "Effective rocking inertia.", "estimate")
     # An anchored steel frame on concrete has 5 to 15 Hz.

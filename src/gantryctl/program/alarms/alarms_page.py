@@ -16,7 +16,7 @@ Written by `python -m gantryctl.program.alarms.alarms_page docs/reference/alarms
 `gantryctl explain CODE` prints one entry.
 
 A code never changes its meaning: one cause, one code. An alarm says, in one line: code and severity, what was
-measured against which limit, what was done about it (with times, and how far the gantry moved), what to do.
+measured against which limit, what was done about it (with times, and how far the axis moved), what to do.
 The first alarm that stops the axis is latched as *first out*; whatever follows is folded under it. A refused
 command changes nothing.
 

@@ -48,7 +48,7 @@ class Alarm:
     reaction: Reaction
     scan: int = 0
     pos_rad: float = 0.0
-    """Angle of the gantry; NaN where the reading is in doubt."""
+    """Angle of the axis; NaN where the reading is in doubt."""
     steps: tuple[Words | Said, ...] = field(init=False)
     """What gantryctl has commanded; when the stop is over, what the drive has shown, one by one."""
     follows: Code | None = None

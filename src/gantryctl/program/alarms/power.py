@@ -257,10 +257,10 @@ POWER: Final = (
         Code.INT_01, _STOP, _QS,
         Text("Collision interlock", "The collision interlock opened at {measured}",
              "A collision sensor was touched, or its wire is broken.",
-             "Look at gantry and couch from all sides. Clear the way, then reset. Nothing moves while it is open: to "
+             "Look at the axis from all sides. Clear the way, then reset. Nothing moves while it is open: to "
              "free a sensor that stays touched, call service."),
         Text("防碰撞联锁", "防碰撞联锁在 {measured} 时断开", "碰撞传感器被触碰，或其导线断开。",
-             "从各个方向查看机架和治疗床。排除障碍后复位。联锁断开期间一切不能运动：若传感器一直被压住，联系维修。"),
+             "从各个方向查看轴。排除障碍后复位。联锁断开期间一切不能运动：若传感器一直被压住，联系维修。"),
     ),
     # Fault catalogue G8: pulses of a loose wire; each is latched by its first edge.
     Definition(
@@ -296,9 +296,9 @@ POWER: Final = (
     Definition(
         Code.INT_08, _WARN, Reaction.HLT,
         Text("Motion permit", "The motion permit was taken away at {measured}",
-             "The room took its permit away while the gantry moved, or a wire of it is broken.",
+             "The room took its permit away while the axis moved, or a wire of it is broken.",
              "See why. When the permit is given again: reset, then press the key or give the command again."),
-        Text("运动许可", "运动许可在 {measured} 时被撤销", "机架运动时机房撤销了许可，或许可线路断开。",
+        Text("运动许可", "运动许可在 {measured} 时被撤销", "轴运动时机房撤销了许可，或许可线路断开。",
              "查明原因。许可恢复后：复位，然后重新按键或重新下达命令。"),
         blocks_motion=True,
     ),

@@ -180,7 +180,7 @@ class Words(Enum):
         "still turning at {speed:.2f} deg/s: press the emergency stop",
         "仍以 {speed} °/s 转动：请按下急停",
     )
-    MOVED_TO = "gantry moved {way:.2f} deg to {position:.2f} deg", "机架移动 {way}° 至 {position}°"
+    MOVED_TO = "axis moved {way:.2f} deg to {position:.2f} deg", "轴移动 {way}° 至 {position}°"
     ANGLE_UNKNOWN = "the angle is not known", "角度未知"
 
     # Why the axis may not be enabled or moved.
@@ -346,8 +346,8 @@ class Words(Enum):
         "编码器显示 {angle}°，超出机械挡块",
     )
     MOVED_OR_TURNS_LOST = (
-        "the gantry moved {moved:+.3f} deg while off, or the encoder lost turns",
-        "断电期间机架移动了 {moved}°，或编码器丢失圈数",
+        "the axis moved {moved:+.3f} deg while off, or the encoder lost turns",
+        "断电期间轴移动了 {moved}°，或编码器丢失圈数",
     )
 
     # Proofs of a drive on a bus (CFG-CAN-02, CFG-CAN-03).
