@@ -105,10 +105,14 @@ def _draft(dest: Path, sheet_path: Path, motor_files: tuple[Path, ...], force: b
     """Machine file from a sheet; its name is that of the file."""
     from gantryctl.engineering.drafting.writing import machine_text
     from gantryctl.engineering.sizing.loading import load_sheet
+    from gantryctl.engineering.sizing.motors import is_motor_file
+    from gantryctl.errors import UsageError
 
     if dest.is_dir():
         dest = dest / DEFAULT_DEST
     check_name(dest.stem, "DEST")
+    if is_motor_file(sheet_path):
+        raise UsageError(f"--sheet {sheet_path}: is a motor file; a requirement sheet is wanted")
     made = drafted(load_sheet(sheet_path), motor_files, dest.stem)
     write_new({dest: machine_text(made)}, force)
     report(made, [dest], None, as_json)

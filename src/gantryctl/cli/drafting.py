@@ -138,8 +138,12 @@ def _asked(template: Template) -> Answered:
 def drafted(sheet: Sheet, motor_files: tuple[Path, ...], name: str) -> Draft:
     """A draft with the smallest motor of the files, or of all that are delivered."""
     from gantryctl.engineering.drafting.choice import draft_with
-    from gantryctl.engineering.sizing.motors import delivered_motors, load_motors
+    from gantryctl.engineering.sizing.motors import delivered_motors, is_motor_file, load_motors
+    from gantryctl.errors import UsageError
 
+    for path in motor_files:
+        if not is_motor_file(path):
+            raise UsageError(f"--motor {path}: is no motor file: it has no table [motor]")
     return draft_with(sheet, load_motors(list(motor_files) or delivered_motors()), name)
 
 

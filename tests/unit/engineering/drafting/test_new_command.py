@@ -10,6 +10,9 @@ from gantryctl.errors import ConfigError, GantryctlError, UsageError
 from gantryctl.machine import config_hash, configs_folder, load_machine, origins
 
 MOTORS = configs_folder() / "motors"
+MACHINE = configs_folder() / "hust_gantry.toml"
+SHEET = configs_folder() / "requirements" / "hust_gantry.toml"
+MOTOR = MOTORS / "pm_1kw_2000.toml"
 
 
 @pytest.fixture(autouse=True)
@@ -153,6 +156,22 @@ def test_a_person_is_asked_and_asked_again(monkeypatch):
             ("config", "init", "m.toml", "--sheet", "x", "--can", "can0"),
             UsageError,
             "--sheet: goes with neither",
+        ),
+        (
+            ("config", "init", "m.toml", "--sheet", MACHINE),
+            ConfigError,
+            "hust_gantry.toml: is a machine file",
+        ),
+        (
+            ("config", "init", "m.toml", "--sheet", MOTOR),
+            UsageError,
+            "is a motor file; a requirement sheet is wanted",
+        ),
+        (("new", "r", "--template", "gantry", "--motor", MACHINE), ConfigError, "is a machine file"),
+        (
+            ("new", "r", "--template", "gantry", "--motor", SHEET),
+            UsageError,
+            "is no motor file: it has no table [motor]",
         ),
         (("config", "init", "m.toml", "--motor", "x"), UsageError, "--motor: goes with --sheet only"),
         (("config", "init", "a b.toml", "--sheet", "x"), UsageError, "DEST a b: a name of a machine"),
