@@ -23,7 +23,7 @@ from gantryctl.machine import Machine, default_machine, load_machine
 from gantryctl.units import DEG_S_PER_R_MIN
 from support.command_line import cli, done
 from support.figure_faults import faults_of, watched
-from support.reports import HEAD
+from support.reports import CAMPAIGN, HEAD
 
 # The reference, a dish of 5e6 kg m2 with 0.333 r/min, a table of 50 kg m2 with 5 r/min.
 MACHINES = ("reference", "telescope_azimuth", "rotary_table")
@@ -65,13 +65,6 @@ def test_speed_test(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     good(found, 2)
 
 
-@pytest.mark.parametrize("name", ["telescope_azimuth"])
-def test_stops(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-    with watched(monkeypatch) as found:
-        render_stops(machine, stop_table(machine, (machine.speed.setting_max_deg_s,)), None, HEAD)
-    good(found, 1)
-
-
 @pytest.mark.parametrize("name", ["rotary_table"])
 def test_analysis(machine: Machine, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with watched(monkeypatch) as found:
@@ -104,11 +97,25 @@ def test_whatever_a_command_draws(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["reference", "tilt_table"])
+@pytest.mark.parametrize("name", ["reference", "telescope_azimuth", "tilt_table"])
 def test_stops_at_every_speed(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     with watched(monkeypatch) as found:
         render_stops(machine, stop_table(machine), None, HEAD)
     good(found, 1)
+
+
+@pytest.mark.slow
+def test_recordings_faults_and_populations(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    campaign = tmp_path / "small.toml"
+    campaign.write_text(CAMPAIGN, "utf-8")
+    with watched(monkeypatch) as found:
+        done("move", "5")
+        done("trace", "plot", "--out", tmp_path / "a.png")
+        done("trace", "plot", "--out", tmp_path / "a.html")
+        done("faults", "run", "--fault", "A2", "--speed", "6", "--out", tmp_path / "f.png")
+        assert cli("campaign", "run", campaign, "--out", tmp_path / "result").code == 0
+        done("campaign", "plot", tmp_path / "result", "--out", tmp_path)
+    good(found, 7)
 
 
 def planted() -> Figure:
