@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import PlainTextResponse, StreamingResponse
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket
@@ -46,7 +46,8 @@ def _short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 async def hello(request: Request) -> PlainTextResponse:
-    await request.body()
+    with suppress(ClientDisconnect):  # it made room
+        await request.body()
     return PlainTextResponse("hello")
 
 
@@ -317,6 +318,7 @@ def test_two_lengths_end_the_connection() -> None:
         assert answer.startswith(b"HTTP/1.1 400 ")
         assert answer.count(b"HTTP/1.1") == 1
         assert b"not both" in answer
+        assert b"\r\nconnection: close\r\n" in answer.lower()  # alone, too: nothing after it is read
 
     run(check, guarded=True)
 
@@ -380,7 +382,7 @@ def test_a_crowd_that_holds_connections_keeps_nobody_out(monkeypatch: pytest.Mon
             assert crowd.stdout is not None
             assert await crowd.stdout.readline() == b"holding\n"
             begin_s = time.monotonic()
-            for _ in range(10):
+            for _ in range(5):
                 assert b"200 OK" in await answered(port)
             assert time.monotonic() - begin_s < PATIENCE_S / 2
         finally:
