@@ -44,8 +44,10 @@ def machines(draw: st.DrawFn) -> Machine:
         "plant.transmission.damping_ratio": draw(factor(0.005, 0.1)),
         "plant.gear_error.scale": draw(factor(0.0, 3.0)),
         "plant.gear_error.phases_rad": draw(st.tuples(*[factor(0.0, 6.28)] * 18)),
-        "plant.roller_friction.coulomb_nm": 6000.0 * draw(factor(0.1, 1.0)),
-        "plant.motor_friction.coulomb_nm": 5.5 * draw(factor(0.1, 1.0)),
+        "plant.roller_friction.coulomb_nm": (roller_nm := 6000.0 * draw(factor(0.1, 1.0))),
+        "plant.roller_friction.breakaway_nm": roller_nm * draw(factor(1.0, 4.0)),
+        "plant.motor_friction.coulomb_nm": (motor_nm := 5.5 * draw(factor(0.1, 1.0))),
+        "plant.motor_friction.breakaway_nm": motor_nm * draw(factor(1.0, 4.0)),
         "plant.integration.scheme": draw(st.sampled_from(["one_evaluation", "rk4"])),
     }
     for name in _SWITCHES:

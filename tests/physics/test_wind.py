@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from gantryctl.machine.tables.plant import WindTable
+from gantryctl.machine.wind import WAVES, moment_spectrum, wind_waves
 from gantryctl.units import rad
 from gantryctl.wiring.simulator import gantry_sim, plant_params
-from gantryctl.wiring.wind import WAVES, moment_spectrum, wind_waves
 from physics.plants import controlled, machine, trapezoid
 
 WIND = WindTable(moment_nm=2e4, turbulence=0.15, speed_m_s=10.0, length_m=100.0, width_m=10.0, seed=1)

@@ -12,9 +12,9 @@ from gantryctl.drives.ideal import IdealDrive
 from gantryctl.drives.simulated import PlantMaker, SimDrive
 from gantryctl.machine import Machine
 from gantryctl.machine.tables.plant import SCALE_TERMS, GearErrorTable, PlantTable
+from gantryctl.machine.wind import wind_waves
 from gantryctl.units import rad
 from gantryctl.wiring.compensation import lead_deg
-from gantryctl.wiring.wind import wind_waves
 
 # Below this torque the ripple shrinks with the torque (plant equations S5).
 _RIPPLE_FULL_TORQUE_NM: Final = 20.0

@@ -25,12 +25,12 @@ from gantryctl.drives.canopen.settings import (
 )
 from gantryctl.drives.profiles import load_profile
 from gantryctl.machine import Machine, default_machine, field_specs
+from gantryctl.machine.wind import wind_waves
 from gantryctl.program.settings import StandstillPolicy
 from gantryctl.wiring import compensation
 from gantryctl.wiring.canopen import canopen_settings
 from gantryctl.wiring.program import axis_settings
 from gantryctl.wiring.simulator import drive_params, gantry_sim, plant_params, sim_drive
-from gantryctl.wiring.wind import wind_waves
 
 DEG = 0.017453292519943295  # rad
 MS = 0.001

@@ -12,9 +12,10 @@ import pytest
 
 import gantryctl.wiring
 
-MODULES_MAX = 212
+MODULES_MAX = 213
 """Of the controller of a machine on a bus; 213 before the rooms were told apart, 172 before the ledger and the
-nodes beside the drive came, 203 before the power sequence got its parts."""
+nodes beside the drive came, 203 before the power sequence got its parts,
+208 before requirement, turns of a modulo axis and no-go sectors."""
 
 ON_BUS = """
 from gantryctl.service.controller import process
