@@ -116,7 +116,7 @@ class AxisOracle:
         self._latched: Alarm | None = None
         self._onset: Instant | None = None
         self._onset_of_feedback = False
-        self._disobeys = self._brake_fault = False
+        self._disobeys = self._brake_fault = self._creeps = False
         self._late_s = self.brake_late_s = 0.0
         self._wrong_since: int | None = None
         self._wrong = self._kpp = 0.0
@@ -143,6 +143,8 @@ class AxisOracle:
         self._speed_max = limits.OVERSPEED * speed.setting_max_rad_s * ratio
         self._rest, self._told = limits.REST_DEG_S * k, limits.TOLD_DEG * k
         self._settled = _REGULATION_DEG_S * k
+        # Ramps of machines that need seconds to leave the speeds that look like regulation.
+        self._creeps = min(ramps.acc_rad_s2, ramps.dec_rad_s2) * ratio < self._settled
         # The clamp is a float that the law reaches exactly.
         self._vel_max = speed.command_clamp_rad_s * ratio * (1.0 + 1e-12)
         self._torque_max = settings.power.torque_max_nm * (1.0 + 1e-12)
@@ -255,6 +257,8 @@ class AxisOracle:
                 self._stray = self._stray + abs(vel) * passed * 1e-3 if before else 0.0
                 self._check_origin(now, vel)
         elif self._target is not None:
+            if self._creeps:
+                self._reason_ms = now + _SETTLES_MS
             self._perhaps_arrived(now, self._target)
 
     def _perhaps_arrived(self, now: int, target: float) -> None:

@@ -241,4 +241,15 @@ INTERLOCKS: Final = (
             *at("unit/program/test_gantry_stops.py", "test_halt_stop_and_quick_stop_are_three_ramps"),
         ),
     ),
+    Row(
+        "G18",
+        "A stop would end in a no-go sector",
+        "measured angle and speed against the sectors of [axis] no_go_deg, 1 scan",
+        "quick stop before the sector; the way out is open",
+        (Code.LIM_06,),
+        (
+            *at("plant/test_no_go.py", "test_a_set_point_that_goes_into_a_sector_is_stopped_before_it"),
+            *at("plant/test_no_go.py", "test_an_axis_that_stands_in_a_sector_leaves_it_by_the_nearer_edge"),
+        ),
+    ),
 )
