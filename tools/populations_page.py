@@ -54,15 +54,19 @@ def _section(name: str) -> str:
     made += _table(
         ("", "figure", "", "5 %", "median", "95 %", "median, 95 % interval", "plants"), rows, _quantiles
     )
-    limits = sorted({each["limit"] for _, _, figure in rows for each in figure["passing"]}, reverse=True)
-    if limits:
-        heads = ("", "probability of keeping, 95 % interval", *(f"{limit:g}" for limit in limits))
-        made += _table(heads, [row for row in rows if row[2]["passing"]], _passing)
+    limits = sorted({_limits(figure) for _, _, figure in rows} - {()}, reverse=True)
+    for of in limits:
+        heads = ("", "probability of keeping, 95 % interval", *(f"{limit:g}" for limit in of))
+        made += _table(heads, [row for row in rows if _limits(row[2]) == of], _passing)
     if first["base_points"]:
         made += [f"Sobol indices, by {first['base_points']} base points:", ""]
         heads = ("", "figure", "factor", "first order", "total", "95 % interval of the total")
         made += _table(heads, rows, _sobol)
     return "\n".join(made).rstrip()
+
+
+def _limits(figure: dict[str, Any]) -> tuple[float, ...]:
+    return tuple(sorted({each["limit"] for each in figure["passing"]}, reverse=True))
 
 
 def _refused(part: dict[str, Any]) -> str:
