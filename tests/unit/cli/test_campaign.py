@@ -8,37 +8,11 @@ from pathlib import Path
 import pytest
 
 from support.command_line import cli, done, refused
-
-CAMPAIGN = """
-[campaign]
-name = "small"
-description = "short moves"
-tests = ["move"]
-outputs = ["move_load_error_deg_s", "move_base_um"]
-sampling = "{sampling}"
-count = 8
-
-[move]
-from_deg = 0.0
-to_deg = 0.2
-
-[vary.inertia]
-law = "uniform"
-keys = ["plant.load.inertia_kg_m2"]
-relative = true
-low = 0.8
-high = 1.2
-
-[vary.gear]
-law = "phases"
-
-[limits]
-move_load_error_deg_s = [0.4, 0.002]
-"""
+from support.reports import CAMPAIGN
 
 
 def write(name: str = "small.toml", sampling: str = "monte_carlo", **changes: str) -> Path:
-    text = CAMPAIGN.format(sampling=sampling)
+    text = CAMPAIGN.replace('"sensitivity"', f'"{sampling}"')
     for old, new in changes.items():
         text = text.replace(old, new)
     Path(name).write_text(text, encoding="utf-8")

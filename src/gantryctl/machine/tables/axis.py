@@ -100,11 +100,6 @@ class AxisTable(Table):
         return self.reducer_ratio * self.ring_ratio
 
     @property
-    def middle_deg(self) -> float:
-        """Middle of travel."""
-        return 0.5 * (self.pos_min_deg + self.pos_max_deg)
-
-    @property
     def start_angle_deg(self) -> float:
         """Angle at which a new simulated machine stands: 0 deg, or the middle of the widest stretch without it."""
         stretches = self._stretches_deg
