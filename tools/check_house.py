@@ -3,11 +3,13 @@
 - No circle of imports: an import inside a function or for type checkers only counts as any other.
 - No class cut in two by inheritance: a concrete base class with one subclass, both in one wing.
 - A folder holds at most 14 files.
+- An assert narrows a type: `python -O` leaves it out, so it must not be what refuses something.
 """
 
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
@@ -28,10 +30,12 @@ class Module(NamedTuple):
     Attributes:
         names: what a name imported here is called in full.
         classes: the base classes of each class by its name, as they are written; None for an abstract class.
+        asserted: what its asserts say.
     """
 
     names: dict[str, str]
     classes: dict[str, list[str] | None]
+    asserted: list[str]
 
 
 def read_modules(src: Path) -> dict[str, Module]:
@@ -47,7 +51,7 @@ def read_modules(src: Path) -> dict[str, Module]:
 
 
 def _module(tree: ast.Module) -> Module:
-    module = Module({}, {})
+    module = Module({}, {}, [])
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             module.names.update({alias.asname or alias.name: alias.name for alias in node.names})
@@ -62,6 +66,8 @@ def _module(tree: ast.Module) -> Module:
                 for decorator in item.decorator_list
             )
             module.classes[node.name] = None if abstract else bases
+        elif isinstance(node, ast.Assert):
+            module.asserted.append(ast.unparse(node.test))
     return module
 
 
@@ -125,11 +131,19 @@ def full_folders(src: Path) -> Iterator[str]:
             yield f"{folder.relative_to(src)}: {count} files, at most {MAX_FILES}"
 
 
+def checking_asserts(modules: Mapping[str, Module]) -> Iterator[str]:
+    """Asserts that do more than tell a type checker what the code before them made sure of."""
+    for name, module in sorted(modules.items()):
+        for asserted in module.asserted:
+            if not re.fullmatch(r"[\w.]+ is not None|isinstance\([^()]*\)", asserted):
+                yield f"{name}: assert {asserted}: python -O leaves it out; raise an error"
+
+
 def main() -> int:
     """Print every finding; 1 when there is one."""
     src = Path(__file__).resolve().parent.parent / "src"
     modules = read_modules(src)
-    findings = [*circles(modules), *cut_classes(modules), *full_folders(src)]
+    findings = [*circles(modules), *cut_classes(modules), *full_folders(src), *checking_asserts(modules)]
     print(*findings, sep="\n", end="\n" if findings else "")
     return 1 if findings else 0
 

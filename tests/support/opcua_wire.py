@@ -162,7 +162,7 @@ class Wire:
 
 def _in_clear(uri: str, certificate: bytes, body: bytes) -> bytes:
     """An OpenSecureChannel message of a policy, neither signed nor encrypted."""
-    thumb = hashlib.sha1(certificate).digest() if certificate else None
+    thumb = hashlib.sha1(certificate, usedforsecurity=False).digest() if certificate else None
     security = struct_to_binary(ua.AsymmetricAlgorithmHeader(uri, certificate or None, thumb))
     data = security + struct.pack("<II", 1, 1) + body
     return struct.pack("<3scII", b"OPN", b"F", 12 + len(data), 0) + data

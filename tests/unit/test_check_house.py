@@ -117,3 +117,21 @@ def test_a_full_folder_is_found(checker: ModuleType, tmp_path: Path) -> None:
     assert not list(checker.full_folders(tmp_path))
     write(tmp_path, {"house/one_more.py": ""})
     assert list(checker.full_folders(tmp_path)) == ["house: 15 files, at most 14"]
+
+
+@pytest.mark.parametrize(
+    ("line", "found"),
+    [
+        ("assert x.y is not None", False),
+        ("assert isinstance(x, A | B)  # said above", False),
+        ("assert x", True),
+        ("assert x is not None and allowed(x)", True),
+        ("assert isinstance(x, A), f()", False),  # the message of an assert refuses nothing
+        ("assert isinstance(x, A) or refuse(x)", True),
+    ],
+)
+def test_an_assert_that_refuses_something_is_found(
+    checker: ModuleType, tmp_path: Path, line: str, found: bool
+) -> None:
+    modules = checker.read_modules(write(tmp_path, {"house/a.py": f"def f(x):\n    {line}\n"}))
+    assert bool(list(checker.checking_asserts(modules))) is found

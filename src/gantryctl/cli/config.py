@@ -120,8 +120,6 @@ def _draft(dest: Path, sheet_path: Path, motor_files: tuple[Path, ...], force: b
 
 def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:
     """The CAN machine with other values in [can], its comments kept."""
-    import re
-
     from gantryctl.errors import UsageError
     from gantryctl.machine import default_machine_path
 
@@ -131,19 +129,24 @@ def _write_can(dest: Path, force: bool, values: dict[str, str]) -> None:
             raise UsageError(
                 f"--{'can' if key == 'interface' else key} {value}: no name of an interface or channel"
             )
-        text, found = re.subn(rf"(?m)^{key} = [^#\n]*?( *)(#.*)?$", rf"{key} = {value}\1\2", text)
-        assert found == 1
+        text = _with_line(text, rf"^{key} = [^#\n]*?( *)(#.*)?$", rf"{key} = {value}\1\2")
     _write(_named(text, dest), dest, force)
 
 
 def _named(text: str, dest: Path) -> bytes:
     """A delivered machine under the name of its new file: state is kept by name, and two machines need two."""
+    check_name(dest.stem, "DEST")
+    return _with_line(text, r'^name = "[^"]*"$', f'name = "{dest.stem}"').encode()
+
+
+def _with_line(text: str, pattern: str, line: str) -> str:
+    """The text of a delivered machine with the one line that fits replaced."""
     import re
 
-    check_name(dest.stem, "DEST")
-    text, found = re.subn(r'(?m)^name = "[^"]*"$', f'name = "{dest.stem}"', text, count=1)
-    assert found == 1
-    return text.encode()
+    replaced, found = re.subn(f"(?m){pattern}", line, text)
+    if found != 1:
+        raise LookupError(f"{pattern} fits {found} lines of a delivered machine, not one")
+    return replaced
 
 
 def _copy(source: Path, dest: Path, force: bool) -> None:

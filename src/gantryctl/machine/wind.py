@@ -45,7 +45,7 @@ def moment_spectrum(wind: WindTable, frequency_hz: float) -> float:
 def wind_waves(wind: WindTable) -> WindWaves:
     """The gusts: bands of equal ratios, each a wave with the energy of its band; phases by the seed."""
     ratio = math.pow(_HIGHEST_HZ / _LOWEST_HZ, 1.0 / WAVES)
-    drawn = random.Random(wind.seed)
+    drawn = random.Random(wind.seed)  # noqa: S311 - gusts that can be repeated, no secret
     amplitudes, rates, phases = [], [], []
     for band in range(WAVES):
         low = _LOWEST_HZ * ratio**band

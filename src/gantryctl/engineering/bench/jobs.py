@@ -114,7 +114,9 @@ def python_s() -> float:
 
 
 def _run(command: list[str], folder: str | None, environment: dict[str, str] | None) -> str:
-    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=folder, env=environment)
+    done = subprocess.run(  # noqa: S603 - this Python with arguments of this file, no shell
+        command, check=False, capture_output=True, text=True, cwd=folder, env=environment
+    )
     if done.returncode:
         raise DeviceError(
             f"{' '.join(command[1:])} ended with {done.returncode}: {done.stderr.strip()[:400]}"

@@ -10,7 +10,7 @@ from typing import NamedTuple
 class Judged(StrEnum):
     """What a figure or a report has shown; the values are the style classes of the page."""
 
-    PASS = "pass"
+    PASS = "pass"  # noqa: S105 - a verdict
     FAIL = "fail"
     # Not judged, or neither passed nor failed.
     OPEN = "none"

@@ -179,7 +179,7 @@ def read_journal(directory: Path, after: int = 0, limit: int = 10_000, newest: b
         DeviceError: the journal is missing or cannot be read.
     """
     order = "DESC" if newest else "ASC"
-    query = f"SELECT * FROM events WHERE seq > ? ORDER BY seq {order} LIMIT ?"
+    query = f"SELECT * FROM events WHERE seq > ? ORDER BY seq {order} LIMIT ?"  # noqa: S608 - one of two words
     with _reading(directory) as rows:
         found = [_entry(row) for row in rows(query, (after, limit))]
     return found[::-1] if newest else found

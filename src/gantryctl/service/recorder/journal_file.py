@@ -64,7 +64,7 @@ def chained(previous: str, seq: int, values: Sequence[Any]) -> str:
 
 
 _LOST: Final = {"kind": "service", "text": "an event was damaged on its way"}
-INSERT: Final = f"INSERT INTO events VALUES (?, {', '.join('?' * len(FIELDS))}, ?)"
+INSERT: Final = f"INSERT INTO events VALUES (?, {', '.join('?' * len(FIELDS))}, ?)"  # noqa: S608 - marks only
 
 
 def row_of(boot: int, source: int, number: int, record: bytes | None) -> tuple[Any, ...]:

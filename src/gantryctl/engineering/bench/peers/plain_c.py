@@ -14,7 +14,7 @@ def plain_c(seconds: int, folder: Path) -> Run:
     program = build(Path(__file__).with_name("rigid_loop.c"), folder / "rigid_loop")
 
     def run() -> Timed:
-        answer = subprocess.run(
+        answer = subprocess.run(  # noqa: S603 - the program built above, no shell
             [str(program), str(seconds), "5"], check=True, capture_output=True, text=True
         ).stdout.split()
         spent, *angles = map(float, answer)
