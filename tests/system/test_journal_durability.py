@@ -126,6 +126,9 @@ def kills(directory: Path, count: int) -> dict[str, object]:
         rows = read_journal(directory, limit=1_000_000)
         assert len(rows) >= acknowledged, "an acknowledged event is lost"
     process = subprocess.Popen(command, pass_fds=(memory.handle,))
+    # One more event: when it is kept, this process has begun, and knows what SIGTERM means.
+    written += 1
+    assert log.put("command", f"event {written} " + "x" * 200)
     while memory.events[2].done < written:
         time.sleep(0.01)
     process.terminate()

@@ -21,7 +21,7 @@ from gantryctl.service.memory.ring import Ring
 from gantryctl.service.protocol.messages import Identity
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.recorder.journal import Journal, JournalFault, read_journal, verify
-from gantryctl.service.recorder.journal_file import FIELDS, FILE
+from gantryctl.service.recorder.journal_file import FIELDS, FILE, connect
 from gantryctl.service.recorder.process import EventWriter
 from gantryctl.service.recorder.retention import MB, RetentionPolicy
 
@@ -142,7 +142,7 @@ def test_an_event_leaves_the_ring_only_when_it_is_kept(
         raise JournalFault("the disk does not take it")
 
     with monkeypatch.context() as broken:
-        broken.setattr(Journal, "append", fails)
+        broken.setattr(Journal, "append_all", fails)
         with pytest.raises(JournalFault):
             made.drain()
     assert len(memory.events[2]) == 1
@@ -222,3 +222,27 @@ def test_nobody_but_owner_and_group_sees_the_journal(tmp_path: Path, there: bool
     finally:
         os.umask(before)
     assert rights == dict.fromkeys(("journal.sqlite", "journal.sqlite-wal", "journal.sqlite-shm"), 0o640)
+
+
+def test_events_of_all_sources_are_kept_by_one_commit(tmp_path: Path) -> None:
+    commits: list[str] = []
+
+    def watched(path: Path) -> sqlite3.Connection:
+        made = connect(path)
+        made.set_trace_callback(lambda said: commits.append(said) if said == "COMMIT" else None)
+        return made
+
+    memory, _, _ = writer(tmp_path)
+    made = EventWriter(memory, tmp_path, lambda: PLENTY, connect=watched)
+    made.drain()
+    commits.clear()
+    for ring in memory.events:
+        assert EventLog(ring).put("command", "one")
+        assert EventLog(ring).put("command", "two")
+    assert made.drain()
+    assert commits == ["COMMIT"]
+    rows = [row.values for row in read_journal(tmp_path)]
+    assert [(row["source"], row["number"]) for row in rows] == [
+        (n, m) for n in range(len(memory.events)) for m in (1, 2)
+    ]
+    made.close()

@@ -40,6 +40,20 @@ class Entry(NamedTuple):
     hash: str
 
 
+class Batch(NamedTuple):
+    """Events of one source, in their order.
+
+    Attributes:
+        source: who wrote them.
+        first: number of the first one, counted by its source.
+        records: as `EventLog.put` made them; None for one that was damaged on the way.
+    """
+
+    source: int
+    first: int
+    records: Sequence[bytes | None]
+
+
 class Anchor(NamedTuple):
     """Number and hash of one event, to be kept out of reach of those who can write the journal."""
 
@@ -92,12 +106,14 @@ class Journal:
         self._seq, self._hash = self._db.execute("SELECT seq, hash FROM head").fetchone()
 
     def append(self, boot: int, source: int, first: int, records: Sequence[bytes | None]) -> None:
-        """Keep events: they are on the disk when this returns. Those that are there already are left out.
+        """Keep one batch, as `append_all`."""
+        self.append_all(boot, [Batch(source, first, records)])
+
+    def append_all(self, boot: int, batches: Sequence[Batch]) -> None:
+        """Keep events in one commit: they are on the disk when this returns. Those that are there already are left out.
 
         Args:
-            boot: number of this start of the service. source: who wrote them.
-            first: number of the first one, counted by its source.
-            records: as `EventLog.put` made them; None for one that was damaged on the way.
+            boot: number of this start of the service.
 
         Raises:
             JournalFault: nothing of it was kept.
@@ -106,13 +122,14 @@ class Journal:
         try:
             with self._db:  # commits, or rolls back
                 self._db.execute("BEGIN IMMEDIATE")
-                for number, record in enumerate(records, first):
-                    values = file.row_of(boot, source, number, record)
-                    known = "SELECT 1 FROM events WHERE boot = ? AND source = ? AND number = ?"
-                    if self._db.execute(known, (boot, source, number)).fetchone():
-                        continue
-                    seq, last = seq + 1, file.chained(last, seq + 1, values)
-                    self._db.execute(file.INSERT, (seq, *values, last))
+                for source, first, records in batches:
+                    for number, record in enumerate(records, first):
+                        values = file.row_of(boot, source, number, record)
+                        known = "SELECT 1 FROM events WHERE boot = ? AND source = ? AND number = ?"
+                        if self._db.execute(known, (boot, source, number)).fetchone():
+                            continue
+                        seq, last = seq + 1, file.chained(last, seq + 1, values)
+                        self._db.execute(file.INSERT, (seq, *values, last))
                 self._db.execute("UPDATE head SET seq = ?, hash = ?", (seq, last))
         except sqlite3.Error as fault:
             raise JournalFault(f"{self.path}: {fault}") from fault

@@ -24,13 +24,15 @@ from gantryctl.program.alarms.words import Words
 from gantryctl.service.memory.memory import JournalState, SharedMemory, Word
 from gantryctl.service.realtime import die_with_parent
 from gantryctl.service.recorder.frame_writer import FrameWriter
-from gantryctl.service.recorder.journal import Journal
+from gantryctl.service.recorder.journal import Batch, Journal
 from gantryctl.service.recorder.retention import ENOUGH, MB, RetentionPolicy, free_of
 from gantryctl.service.recorder.trace_writer import TraceWriter
 
 # A commit that takes longer shows as `slow`; events wait in their rings meanwhile.
 SLOW_S: Final = 1.0
 _BATCH: Final = 200
+# Pause between two looks for events: replies wait for their commit, and people for replies.
+_LOOK_S: Final = 0.002
 _PAUSE_S: Final = 0.010
 _RETRY_S: Final = 1.0
 _PRUNE_S: Final = 600.0
@@ -88,29 +90,28 @@ class EventWriter:
             self._open()
         assert self._journal is not None
         boot = self._memory.words[Word.BOOT] & (2**62 - 1)
-        busy = False
-        for source, ring in enumerate(self._memory.events):
-            records = ring.peek(_BATCH)
-            if not records:
-                continue
+        rings = self._memory.events
+        # One commit for all sources: a reply waits for one synchronisation of the disk, whoever else writes events.
+        batches = [Batch(n, ring.done + 1, ring.peek(_BATCH)) for n, ring in enumerate(rings) if len(ring)]
+        if batches:
             began_s = self.began_s = time.monotonic()
             try:
-                self._journal.append(boot, source, ring.done + 1, records)
+                self._journal.append_all(boot, batches)
             finally:
                 self.began_s = None
             self._slowest_s = max(self._slowest_s, time.monotonic() - began_s)
             # Decision 0011: an event leaves its ring when it is committed, so a killed recorder loses none, and the
             # numbers of the ring make every event exactly once.
-            ring.advance(len(records))
-            busy = True
-            if self._locked and any(r is not None and b'"kind":"journal"' in r for r in records):
-                self._locked = False
+            for source, _, records in batches:
+                rings[source].advance(len(records))
+                if self._locked and any(r is not None and b'"kind":"journal"' in r for r in records):
+                    self._locked = False
         self.failed = False
         while self.notes:
             self._note("service", self.notes.popleft())
         self._report_disk()
         self._prune()
-        return busy
+        return bool(batches)
 
     def _report_disk(self) -> None:
         """Write into the journal what the disk did to it, as soon as it takes events again."""
@@ -161,7 +162,7 @@ class EventWriter:
     def run(self, ended: threading.Event) -> None:
         """Write events until told to end and everything is written."""
         while True:
-            last_round, busy, pause_s = ended.is_set(), False, _PAUSE_S
+            last_round, busy, pause_s = ended.is_set(), False, _LOOK_S
             try:
                 busy = self.drain()
             except DeviceError as fault:
