@@ -156,15 +156,16 @@ class Service:
                 additional_headers={"Cookie": f"gantryctl_session={cookie}"},
                 sock=socket.create_connection((host, int(port)), PATIENCE_S, (source, 0)),
                 max_queue=queue,
-            )
+            ),
+            cookie,
         )
 
 
 class Page:
     """A connection that does what the page must do; a context manager."""
 
-    def __init__(self, connecting: AbstractContextManager[ClientConnection]) -> None:
-        self._connecting = connecting
+    def __init__(self, connecting: AbstractContextManager[ClientConnection], cookie: str = "") -> None:
+        self._connecting, self.cookie = connecting, cookie
         self.socket = connecting.__enter__()
         self.tags: dict[str, Any] = {}
         self.frame = self.seq = 0

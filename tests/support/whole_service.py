@@ -95,7 +95,7 @@ def with_page(machine: Machine, folder: Path, script: Callable[[PageInProcess], 
         hub = Hub(memory, Source.WEB)
         access = Access(Settings("127.0.0.1", 1, -1, None, None, (ORIGIN,), folder, folder), hub)
         access.users.add("anna", Role.SERVICE, "correct horse battery")
-        session = access.sessions.open(access.users.all()["anna"])
+        session = access.sessions.open(access.users.all()["anna"], "here")
         page = PageInProcess(Controller(machine, store, memory), memory)
         headers = [(b"cookie", f"{COOKIE}={session.token}".encode()), (b"origin", ORIGIN.encode())]
         scope = {

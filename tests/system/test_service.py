@@ -122,6 +122,29 @@ def test_two_operators_have_one_control_and_everyone_may_stop(service: Service) 
         assert viewer.refused("take", over=False) == "SEC-01"
 
 
+def test_control_is_given_back_by_its_holder_only(service: Service) -> None:
+    with service.page("operator") as holder, service.page("physicist") as other:
+        assert other.refused("give") == "SEC-07"  # it was done once, and journaled as done
+        holder.do("take", over=False)
+        other.until(lambda tags: tags["authority_user"] == "operator")
+        assert other.refused("give") == "SEC-07"
+        assert holder.look()["authority_user"] == "operator"
+        holder.do("give")
+        assert holder.refused("give") == "SEC-07"
+
+
+def test_a_login_ends_the_session_and_the_page_that_its_browser_had(service: Service) -> None:
+    with service.page("operator") as page:
+        page.do("take", over=False)
+        right = {"user": "viewer", "password": PASSWORD}
+        assert service.request("POST", "/api/v1/login", right, page.cookie)[0] == 200
+        with pytest.raises(ConnectionClosed) as closed:
+            page.until(lambda _: False)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 4401
+    assert service.request("GET", "/api/v1/session", cookie=page.cookie)[0] == 401
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [

@@ -94,7 +94,8 @@ class Access:
                 )
             return error(401, refusal(Code.SEC_01, reason=Words.WRONG_PASSWORD))
         self.locks.passed(*pair)
-        session = self.sessions.open(user)
+        self._end_session(request, f"logged out: {user.name} logs in from the same browser")
+        session = self.sessions.open(user, pair[1])
         who = Identity("", user.name, user.role, self.place(request))
         self.hub.events.put("login", "logged in", who, address=address)
         answer = JSONResponse(person(session))
@@ -112,14 +113,17 @@ class Access:
 
     def log_out(self, request: Request) -> Response:
         """End the session of a request."""
+        self._end_session(request, "logged out")
+        answer = Response(status_code=204)
+        answer.delete_cookie(COOKIE, path="/")
+        return answer
+
+    def _end_session(self, request: Request, text: str) -> None:
         session = self.session(request)
         if session is not None:
             self.sessions.close(session)
             who = Identity("", session.user, session.role, self.place(request))
-            self.hub.events.put("login", "logged out", who)
-        answer = Response(status_code=204)
-        answer.delete_cookie(COOKIE, path="/")
-        return answer
+            self.hub.events.put("login", text, who)
 
 
 def person(session: Session) -> dict[str, object]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -19,8 +19,9 @@ WHOLE_S: Final = 8 * 3600.0
 FAILURES: Final = 5
 LOCK_MAX_S: Final = 15 * 60.0
 _WRITTEN: Final = 5
-# Bounds of memory: logins and guesses from many addresses must not fill it.
-_SESSIONS: Final = 256
+SESSIONS_OF_USER: Final = 16
+"""Sessions of one user; one of the peer that has most of them makes room for the next."""
+# Bound of memory: guesses from many addresses must not fill it.
 _REMEMBERED: Final = 10_000
 
 
@@ -30,12 +31,14 @@ class Session:
 
     Attributes:
         key: the password's key at login: another password ends the session. used_s: last request of its user.
+        peer: who has logged in, as limits know it.
     """
 
     token: str
     user: str
     role: Role
     key: str
+    peer: str
     since_s: float
     used_s: float
 
@@ -46,17 +49,21 @@ class Sessions:
     def __init__(self, users: Users, now: Callable[[], float] = time.monotonic) -> None:
         self._users, self._now = users, now
         # Not on disk: a restart of the gateway ends them all, and no file can leak a token (decision 0011).
-        self._sessions: OrderedDict[str, Session] = OrderedDict()
+        self._sessions: dict[str, Session] = {}
         self._known: dict[str, User] = {}
         self._stamp: tuple[int, int] | None = None
 
-    def open(self, user: User) -> Session:
-        """A new session; the oldest one makes room when there are too many."""
+    def open(self, user: User, peer: str) -> Session:
+        """A new session; when the user has too many, one of the peer with most of them makes room."""
         now_s = self._now()
-        session = Session(secrets.token_hex(16), user.name, user.role, user.key, now_s, now_s)
+        own = [each for each in [*self._sessions.values()] if each.user == user.name and self.lives(each)]
+        if len(own) >= SESSIONS_OF_USER:
+            # Room is made where the flood is: logins from one peer end no session of another one, nor of other users.
+            count = Counter(each.peer for each in own)
+            count[peer] += 1
+            self.close(min(own, key=lambda each: (-count[each.peer], each.used_s)))
+        session = Session(secrets.token_hex(16), user.name, user.role, user.key, peer, now_s, now_s)
         self._sessions[session.token] = session
-        while len(self._sessions) > _SESSIONS:
-            self._sessions.popitem(last=False)
         return session
 
     def find(self, token: str | None) -> Session | None:

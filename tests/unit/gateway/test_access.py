@@ -100,7 +100,7 @@ def test_one_user_has_so_many_connections_and_others_have_theirs(access: Access)
 
     async def check() -> None:
         users = access.users.all()
-        anna, eve = (access.sessions.open(users[name]).token for name in ("anna", "eve"))
+        anna, eve = (access.sessions.open(users[name], "here").token for name in ("anna", "eve"))
         for _ in range(CONNECTIONS_OF_USER - 1):
             access.hub.connect("eve", Role.VIEWER, "loopback")
         assert await opened(access, eve) == "websocket.accept"

@@ -17,6 +17,7 @@ from gantryctl.gateway.settings import LOGINS_RESERVE, REQUESTS_RESERVE, Setting
 from gantryctl.gateway.static import Page
 from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.protocol.roles import Role
+from gantryctl.service.supervisor import users
 from gantryctl.service.supervisor.users import Users
 
 PASSWORD = "correct horse battery"
@@ -126,3 +127,39 @@ def test_strangers_of_an_address_take_nothing_from_whoever_is_logged_in_there(ap
 def test_from_elsewhere_files_of_the_page_are_limited_too(app: Any) -> None:
     found = [ask(app, "GET", "/test_app.py", "192.0.2.9")[0] for _ in range(round(4 * REQUESTS_RESERVE))]
     assert (found[0], found[-1]) == (200, 429)
+
+
+def test_a_flood_of_logins_logs_nobody_else_out(
+    app: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(users, "_N", 2)  # hundreds of passwords are checked here
+    Users(tmp_path).add("eve", Role.VIEWER, PASSWORD)
+
+    def log_in(name: str, address: str) -> str:
+        body = json.dumps({"user": name, "password": PASSWORD}).encode()
+        status, headers, _ = ask(app, "POST", f"{API}/login", address, body=body)
+        assert status == 200
+        return headers["set-cookie"].partition("=")[2].partition(";")[0]
+
+    anna, eve = log_in("anna", "127.0.0.1"), log_in("eve", "127.0.0.1")
+    # 260 sessions of all users together ended the oldest one once, whoever had it.
+    for n in range(260):
+        log_in("eve", f"192.0.2.{n // 20}")  # 5 logins a second of one peer, 20 at once
+    assert ask(app, "GET", f"{API}/session", cookie=anna)[0] == 200
+    assert ask(app, "GET", f"{API}/session", cookie=eve)[0] == 200
+
+
+def test_a_login_ends_the_session_that_its_browser_had(app: Any) -> None:
+    def log_in(cookie: str = "", password: str = PASSWORD) -> tuple[int, str]:
+        body = json.dumps({"user": "anna", "password": password}).encode()
+        status, headers, _ = ask(app, "POST", f"{API}/login", cookie=cookie, body=body)
+        return status, headers.get("set-cookie", "").partition("=")[2].partition(";")[0]
+
+    def works(cookie: str) -> bool:
+        return ask(app, "GET", f"{API}/session", cookie=cookie)[0] == 200
+
+    (_, first), (_, other) = log_in(), log_in()
+    assert log_in(first, "wrong password")[0] == 401
+    assert works(first)
+    _, second = log_in(first)
+    assert (works(first), works(second), works(other)) == (False, True, True)

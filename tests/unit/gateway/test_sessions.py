@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gantryctl.gateway.sessions import FAILURES, IDLE_S, WHOLE_S, LockOut, Sessions
+from gantryctl.gateway.sessions import FAILURES, IDLE_S, SESSIONS_OF_USER, WHOLE_S, LockOut, Sessions
 from gantryctl.service.protocol.limits import RateLimiter
 from gantryctl.service.protocol.roles import Role
 from gantryctl.service.supervisor.users import Users
@@ -28,7 +28,7 @@ def made(root: Path) -> tuple[Sessions, Users, Clock]:
 
 def test_a_session_ends_when_idle_when_old_and_when_closed(tmp_path: Path) -> None:
     sessions, users, clock = made(tmp_path)
-    session = sessions.open(users.all()["anna"])
+    session = sessions.open(users.all()["anna"], "here")
     assert sessions.find(session.token) is session
     clock.s += IDLE_S - 1.0
     sessions.use(session)
@@ -36,12 +36,12 @@ def test_a_session_ends_when_idle_when_old_and_when_closed(tmp_path: Path) -> No
     assert sessions.find(session.token) is session
     clock.s += 2.0
     assert sessions.find(session.token) is None
-    other = sessions.open(users.all()["anna"])
+    other = sessions.open(users.all()["anna"], "here")
     for _ in range(round(WHOLE_S / 600.0)):
         sessions.use(other)
         clock.s += 600.0
     assert sessions.find(other.token) is None
-    third = sessions.open(users.all()["anna"])
+    third = sessions.open(users.all()["anna"], "here")
     sessions.close(third)
     for token in (third.token, None, "", "0" * 32):
         assert sessions.find(token) is None
@@ -55,10 +55,37 @@ def test_another_password_another_role_or_no_user_end_the_session(tmp_path: Path
         lambda: users.remove("anna"),
     )
     for change in changes:
-        session = sessions.open(users.all()["anna"])
+        session = sessions.open(users.all()["anna"], "here")
         assert sessions.lives(session)
         change()
         assert not sessions.lives(session)
+
+
+def test_a_flood_of_logins_ends_only_sessions_of_its_own_user_and_peer(tmp_path: Path) -> None:
+    sessions, users, clock = made(tmp_path)
+    users.add("ben", Role.OPERATOR, PASSWORD)
+    both = users.all()
+    ben, console = sessions.open(both["ben"], "uid 1000"), sessions.open(both["anna"], "uid 1000")
+    flood = []
+    for n in range(1000):
+        clock.s += 0.01
+        flood.append(sessions.open(both["anna"], "192.0.2.7"))
+        assert sessions.lives(flood[-1])
+        assert sum(map(sessions.lives, [console, *flood[-SESSIONS_OF_USER:]])) == min(n + 2, SESSIONS_OF_USER)
+    assert sessions.lives(ben)
+    assert sessions.lives(console)
+    # Of its own, the one that was used last stays.
+    sessions.use(kept := flood[-SESSIONS_OF_USER + 1])
+    clock.s += 0.01
+    sessions.open(both["anna"], "192.0.2.7")
+    assert sessions.lives(kept)
+    # Of a crowd of peers with one session each, the one that was used longest ago goes.
+    for n in range(100):
+        clock.s += 0.01
+        sessions.open(both["anna"], f"192.0.2.{n}")
+        sessions.use(console)
+    assert sessions.lives(ben)
+    assert sessions.lives(console)
 
 
 def test_failures_double_the_wait_for_this_account_and_address_only() -> None:

@@ -116,7 +116,8 @@ def check_allowed(message: Message, who: Identity, now: Situation) -> None:
         raise MessageRefused(Code.SEC_01, reason=Words.ROLE_MAY_NOT(role=who.role, action=action))
     # Switching off and arming must not wait for control: the first is safe, the second needs it when executed.
     power_off = message.kind == "power" and not message.values["on"]
-    needs_control = RIGHTS[action].control and not power_off and message.kind != "arm"
+    bound = RIGHTS[action].control or message.kind == "give"
+    needs_control = bound and not power_off and message.kind != "arm"
     if needs_control and (now.holder is None or now.holder.client != who.client):
         reason = Words.HAS_CONTROL(user=now.holder.user) if now.holder else Words.TAKE_CONTROL_FIRST
         raise MessageRefused(Code.SEC_07, reason=reason)
