@@ -11,11 +11,11 @@ LOCK = uv pip compile --quiet $(UPGRADE) --generate-hashes --no-header --no-anno
 export PATH := $(CURDIR)/.venv/bin:$(PATH)
 
 .NOTPARALLEL:
-.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock wheel clean page page-check screenshots
+.PHONY: help demo setup core test test-slow pytest lint types layers test-core test-core-clang format lock licences dist clean page page-check screenshots
 help:
 	@echo "make demo       the accuracy test on the virtual gantry, with a report"
 	@echo "make test       lint, types, layers, the core's tests, the built page, the Python tests: what CI runs"
-	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  wheel  clean"
+	@echo "make test-slow  the long tests;  setup  core  pytest  lint  types  layers  test-core  test-core-clang  format  lock  licences  dist  clean"
 
 # --- environment: made again only when a lock file changes; the core, only when its sources change ---------------------
 .venv/run.stamp: requirements/run.txt requirements/build.txt
@@ -117,8 +117,16 @@ page-check: hmi/node_modules/.package-lock.json
 screenshots: setup
 	PYTHONPATH=tests .venv/bin/python tests/support/page_screenshots.py docs/hmi
 
-wheel: .venv/run.stamp
+# What is released: sdist, wheel, bill of materials, sums.
+dist: setup
+	rm -rf dist
+	.venv/bin/python -c "from scikit_build_core.build import build_sdist; build_sdist('dist')"
 	.venv/bin/python -m pip wheel --no-deps --no-build-isolation --wheel-dir dist .
+	.venv/bin/python tools/parts.py bill dist
+	cd dist && sha256sum gantryctl* > SHA256SUMS
+
+licences: setup hmi/node_modules/.package-lock.json
+	.venv/bin/python tools/parts.py licences
 
 clean:
 	rm -rf build dist .venv hmi/node_modules tests/opcua_client/node_modules demo_report .pytest_cache .mypy_cache .ruff_cache .import_linter_cache
