@@ -51,7 +51,8 @@ def test_a_timer_ends_in_the_scan_of_its_time_whatever_rounding_does(period_s: f
         timer(in_=True, pt_s=5.0, time_s=(start + scans - 1) * period_s)
         assert not timer.q
         timer(in_=True, pt_s=5.0, time_s=(start + scans) * period_s)
-        assert timer.q and timer.et_s == 5.0
+        assert timer.q
+        assert timer.et_s == 5.0
 
 
 @pytest.mark.parametrize("pt_s", [math.nan, math.inf, -1.0])
@@ -60,7 +61,9 @@ def test_a_timer_without_a_time_shows_an_error_and_never_switches_on_by_itself(p
     for scan in range(5):
         for timer in (on, pulse, off):
             timer(in_=scan > 0, pt_s=pt_s, time_s=float(scan))
-    assert on.error and pulse.error and off.error
+    assert on.error
+    assert pulse.error
+    assert off.error
     assert (on.q, pulse.q, off.q) == (False, False, True)
     off(in_=False, pt_s=pt_s, time_s=6.0)
     assert not off.q
@@ -79,7 +82,8 @@ def test_edges_are_where_the_signal_changes(levels: list[bool]) -> None:
     for level in levels:
         rising(clk=level)
         falling(clk=level)
-        assert rising.q == (level > before) and falling.q == (level < before)
+        assert rising.q == (level > before)
+        assert falling.q == (level < before)
         before = level
 
 
@@ -105,9 +109,11 @@ def test_the_counter_counts_edges_until_the_largest_int() -> None:
     counter = CTU()
     for level in drawn("#.##.#"):
         counter(cu=level, r=False, pv=3)
-    assert counter.cv == 3 and counter.q
+    assert counter.cv == 3
+    assert counter.q
     counter(cu=False, r=True, pv=3)
-    assert counter.cv == 0 and not counter.q
+    assert counter.cv == 0
+    assert not counter.q
     counter(cu=True, r=True, pv=3)
     counter(cu=True, r=False, pv=3)
     assert counter.cv == 0, "an edge under reset is lost, as the standard has it"
