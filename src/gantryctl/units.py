@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Final, Literal, TypeAlias
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, Literal, NamedTuple, TypeAlias
 
 RAD_PER_DEG: Final = math.pi / 180.0
 DEG_PER_RAD: Final = 180.0 / math.pi
@@ -28,6 +28,35 @@ def within_turn(angle: float, low: float, turn: float) -> float:
     """
     begin = low - turn * TURN_EDGE
     return begin + (angle - begin) % turn
+
+
+_TURN_BEGIN: Final = "turn_begin_deg"
+
+
+class Dial(NamedTuple):
+    """How people read angles of an axis; numbers for machines (JSON, tags, recordings) stay as they are.
+
+    Attributes:
+        begin_deg: where the turn begins that they are read in; None where they are read as they are.
+    """
+
+    begin_deg: float | None = None
+
+    def read_deg(self, angle_deg: float) -> float:
+        """An angle of the axis as people read it; never a difference of angles."""
+        return angle_deg if self.begin_deg is None else within_turn(angle_deg, self.begin_deg, 360.0)
+
+    def metadata(self) -> dict[str, float]:
+        """What a recording says about it; nothing where angles are read as they are."""
+        return {} if self.begin_deg is None else {_TURN_BEGIN: self.begin_deg}
+
+    @classmethod
+    def of_recording(cls, metadata: Mapping[str, Any]) -> Dial:
+        """The dial that a recording tells."""
+        return cls(metadata.get(_TURN_BEGIN))
+
+
+SIGNED: Final = Dial()
 
 
 def name_ending(name: str, suffixes: Iterable[str]) -> str:

@@ -233,7 +233,7 @@ RULES: Final[dict[type, Rules]] = {
         fixed="_alarms _battery _change_base _change_max _drift_keep _drift_max _stands_from _vel_max "
         "_change_any _change_per_torque "
         "_counts_per_rad _deviation_ms _error_scans _error_texts _errors_max _frozen_scans _frozen_speed _jump_base "
-        "_jump_per_speed _old_scans _period_s _ratio _shown",
+        "_jump_per_speed _old_scans _period_s _ratio read_rad",
         special={
             "_late_scan": _since("_late_scan"),
             "_bad_scans": lambda feedback, roots: tuple(

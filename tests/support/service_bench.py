@@ -59,7 +59,9 @@ class Bench:
             program,
             Inbox(self.commands, self.replies, self.events),
             Permit(self.axis, JournalHealth(self.words), self.events),
-            AlarmView(self.axis.alarms, self.axis.feedback, self.events).acknowledge,
+            AlarmView(
+                self.axis.alarms, self.axis.feedback, self.events, self.axis.settings.travel
+            ).acknowledge,
             first_levels(machine, machine.speed.setting_max_deg_s),
             epoch=EPOCH,
             now=lambda: self.time_s,

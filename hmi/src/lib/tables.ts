@@ -19,7 +19,7 @@ export interface AlarmRow {
   title: string;
   /** what was measured against which limit */
   measured: string;
-  /** what was measured, as values: the fields of the message of `code` */
+  /** what was measured, as values: the fields of the message of `code`, angles as people read them */
   values: Values;
   /** what gantryctl did about it */
   done: string;

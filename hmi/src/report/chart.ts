@@ -25,6 +25,14 @@ function number(value: number | null | undefined): string {
   return text.replaceAll('-', '−');
 }
 
+/** A number of one side as people read it: an angle of the axis within its turn. */
+function read(value: number | null | undefined, begin: number | null): string {
+  if (value == null || begin == null) return number(value);
+  // An axis that settles at 0 does not show 360.
+  const from = begin - 0.005;
+  return number(Number((from + ((((value - from) % 360) + 360) % 360)).toFixed(6)));
+}
+
 type Sample = readonly [x: number, y: number];
 
 /** Samples at rising places: a way back is drawn over the way there. */
@@ -132,11 +140,11 @@ export class Chart {
         cursor: { sync: { key: this.sync }, drag: { x: true, y: true, uni: 24 }, focus: { prox: 24 } },
         plugins: [marks(panel, () => this.cursors)],
         axes: [
-          { ...AXIS, label: signs(panel.x), labelSize: 16, labelFont: AXIS.font, size: 24 },
-          { ...AXIS, label: signs(panel.y), labelSize: 16, labelFont: AXIS.font, size: 54 },
+          { ...side(panel.x, panel.xBegin), size: 24 },
+          { ...side(panel.y, panel.yBegin), size: 54 },
         ],
         series: [
-          { label: signs(panel.x.replace(/,.*/, '')), value: (_, x) => `${number(x)} ${xUnit}` },
+          { label: signs(panel.x.replace(/,.*/, '')), value: (_, x) => `${read(x, panel.xBegin)} ${xUnit}` },
           ...lines.map((line) => ({
             label: line.name,
             stroke: line.colour,
@@ -144,7 +152,7 @@ export class Chart {
             width: 1.2 * line.width,
             spanGaps: true,
             points: { show: line.x.length <= 12 },
-            value: (_: uPlot, y: number | null) => `${number(y)} ${yUnit}`,
+            value: (_: uPlot, y: number | null) => `${read(y, panel.yBegin)} ${yUnit}`,
           })),
         ],
       },
@@ -177,12 +185,14 @@ export class Chart {
   }
 
   private read(): void {
-    const { x, y, lines } = this.panel;
+    const { x, y, lines, xBegin, yBegin } = this.panel;
     const [a, b] = this.cursors;
-    const rows = this.cursors.map((place, i) => [`${NAMES[i]}: ${number(place)} ${unit(x)}`, place] as const);
+    const rows = this.cursors.map(
+      (place, i) => [`${NAMES[i]}: ${read(place, xBegin)} ${unit(x)}`, place] as const,
+    );
     const told = rows.map(
       ([head, place]) =>
-        `${head}; ${lines.map((line) => `${line.name} ${number(valueAt(line, place))} ${unit(y)}`).join(', ')}`,
+        `${head}; ${lines.map((line) => `${line.name} ${read(valueAt(line, place), yBegin)} ${unit(y)}`).join(', ')}`,
     );
     if (a !== undefined && b !== undefined) {
       const apart = lines.map((line) => {
@@ -195,6 +205,12 @@ export class Chart {
       ...told.map((text) => Object.assign(document.createElement('div'), { textContent: text })),
     );
   }
+}
+
+/** One side of a diagram; only what stands beside a curve is read within a turn, the curve goes on. */
+function side(label: string, begin: number | null): uPlot.Axis {
+  const common = { ...AXIS, label: signs(label), labelSize: 16, labelFont: AXIS.font };
+  return begin == null ? common : { ...common, values: (_, ticks) => ticks.map((tick) => read(tick, begin)) };
 }
 
 /** The range of all samples reaches to the limits, as on paper; who zooms in sees what was asked for. */

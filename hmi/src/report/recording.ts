@@ -12,6 +12,9 @@ export interface Panel {
   title: string;
   x: string;
   y: string;
+  /** Where the turn begins that angles of the axis are read in on this side; null for any other number. */
+  xBegin: number | null;
+  yBegin: number | null;
   limits: number[];
   lines: Line[];
 }

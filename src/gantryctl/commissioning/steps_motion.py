@@ -296,7 +296,7 @@ def slow_turn(c: Context) -> StepResult:
     lines = [line(way, degrees[chosen], torque[chosen] / 1e3, POINTS) for way, chosen in both]
     fitted = model @ np.array((friction, sine, cosine, constant)) / 1e3
     lines += [line(f"{way}, fitted", degrees[chosen], fitted[chosen], POINTS) for way, chosen in both]
-    panel = Panel("angle, deg", "torque at the load, kN m", tuple(lines))
+    panel = Panel("angle, deg", "torque at the load, kN m", tuple(lines), x_dial=c.machine.axis.dial)
     c.watch.pictures.append(Picture("torque over the angle", (panel,)))
     return judged(True, "turn", proof + beside, to_do, **figures, **compared)
 

@@ -148,7 +148,8 @@ def _open(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMa
     # Plant and memory belong together: one without the other means a lost file, and the zero cannot be guessed.
     if kept is None:
         if retained is None:
-            standing = f"a new simulated machine, standing at {machine.axis.start_angle_deg:g} deg"
+            read_deg = machine.axis.read_deg(machine.axis.start_angle_deg)
+            standing = f"a new simulated machine, standing at {read_deg:g} deg"
             return new_machine(machine)._replace(notes=(standing,))
         raise StateError(
             f"{store.directory}: retained memory without a simulated plant; `gantryctl sim reset` makes a new machine"
@@ -164,7 +165,8 @@ def _open(machine: Machine, store: StateStore | None, read_only: bool) -> OpenMa
     # The state vector of another plant means nothing here; the angle is what a person expects to find again.
     angle = deg(state.get("pos_load", state.get("pos_ideal", 0.0)))
     moved = new_machine(machine, angle)
-    note = f"[plant] has changed since the last run: the new plant stands at the same {angle:.4f} deg, zeroed anew"
+    read_deg = machine.axis.read_deg(angle)
+    note = f"[plant] has changed since the last run: the new plant stands at the same {read_deg:.4f} deg, zeroed anew"
     return _opened(machine, moved.drive, retained_of_new_plant(retained, moved.retained), (*notes, note))
 
 
@@ -201,7 +203,7 @@ def new_machine(machine: Machine, angle_deg: float | None = None) -> OpenMachine
             encoder_serial=drive.identity().encoder_serial,
             zero_offset_counts=delivered_zero_counts(machine),
             zero_set_by="simulator",
-            zero_witness=f"new simulated machine, zeroed at {zeroed_deg:g} deg",
+            zero_witness=f"new simulated machine, zeroed at {machine.axis.read_deg(zeroed_deg):g} deg",
             rest_position_counts=int(drive.read().pos_act_counts),
         )
     return _opened(machine, drive, retained)

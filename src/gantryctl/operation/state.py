@@ -25,7 +25,7 @@ from gantryctl.operation.store import StateStore, now_text
 from gantryctl.program import Code
 from gantryctl.program.axis.turns import Turns
 from gantryctl.runtime import AlarmEntry, Retained
-from gantryctl.units import deg
+from gantryctl.units import Dial, deg
 from gantryctl.wiring.compensation import lead_deg
 
 # Retained memory is in SI units like the program; people read degrees.
@@ -181,7 +181,9 @@ def reset_machine(machine: Machine) -> str:
                 retained, error_stop="", last_result=f"reset of {retained.error_stop} by {who}"
             )
         if retained.doubted_by:
-            done.append(f"the encoder's angle of {reading.angle_deg:.3f} deg is accepted by {who}")
+            assert reading.angle_deg is not None
+            read_deg = machine.axis.read_deg(reading.angle_deg)
+            done.append(f"the encoder's angle of {read_deg:.3f} deg is accepted by {who}")
             retained = replace(retained, doubted_by="")
         if retained.brake_failed:
             done.append(f"{Code.BRK_08} acknowledged by {who}: {retained.brake_failed}")
@@ -233,6 +235,7 @@ class EncoderReport:
     reading: AbsoluteReading
     retained: Retained
     scale: EncoderScale
+    dial: Dial
 
     def as_dict(self) -> dict[str, Any]:
         """Plain values."""
@@ -257,7 +260,7 @@ class EncoderReport:
             ("zero offset", "not set" if zero is None else f"fine count {zero}"),
             ("zero set by", f"{kept.zero_set_by or '-'} {kept.zero_set_at}".strip()),
             ("witness", kept.zero_witness or "-"),
-            ("angle", "unknown" if r.angle_deg is None else f"{r.angle_deg:+.5f} deg"),
+            ("angle", "unknown" if r.angle_deg is None else f"{self.dial.read_deg(r.angle_deg):.5f} deg"),
             ("wrap margin", margins),
             ("stored rest position", "-" if rest is None else f"fine count {rest}"),
             ("moved while off", "-" if r.moved_deg is None else f"{r.moved_deg:+.5f} deg"),
@@ -268,7 +271,7 @@ class EncoderReport:
 def encoder_report(machine: Machine) -> EncoderReport:
     """Read the encoder and judge its reading."""
     with StateStore(machine) as store, read_only(machine, store) as opened:
-        return EncoderReport(opened.reading, opened.retained, opened.scale)
+        return EncoderReport(opened.reading, opened.retained, opened.scale, machine.axis.dial)
 
 
 def set_encoder_zero(machine: Machine, angle_deg: float, witness: str) -> str:

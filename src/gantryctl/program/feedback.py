@@ -80,6 +80,7 @@ class Feedback:
         counts: encoder count used this scan; a single bad reading is replaced by a prediction.
         vel_rad_s: the drive's speed at the gantry.
         pos_ring_rad: reading of a load-side encoder, unchecked; 0 without one.
+        read_rad: an angle as people read it, for sentences.
         state_old: the state is unknown because its telegram is missing, not because the drive shows another.
         unchanged_scans: scans without a new count while a speed is commanded.
         periods: scan periods since the scan before: 1, and more where scans were missed. Every count of scans that
@@ -87,22 +88,21 @@ class Feedback:
     """
 
     __slots__ = (
-        "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max",
-        "_change_per_torque", "_complains", "_counts_per_rad", "_deviation_ms", "_doubtful", "_drift",
-        "_drift_keep", "_drift_max", "_error_scans", "_error_texts", "_errors_max", "_frozen_scans",
-        "_frozen_speed", "_inputs_age", "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look",
-        "_old", "_old_scans", "_period_s", "_ratio", "_rest", "_shown", "_speed_age", "_spread", "_stands_from",
-        "_step", "_vel_before", "_vel_max", "_was_energised", "age", "brake_contact", "brake_open",
-        "counts", "encoder_alarm", "error_code", "in_doubt", "inputs", "motor_temp_c", "overload",
-        "periods", "pos_ring_rad", "state", "state_old", "torque_limited", "torque_nm", "unchanged_scans",
-        "vel_rad_s", "warning",
+        "_alarms", "_bad_scans", "_battery", "_change_any", "_change_base", "_change_max", "_change_per_torque",
+        "_complains", "_counts_per_rad", "_deviation_ms", "_doubtful", "_drift", "_drift_keep", "_drift_max",
+        "_error_scans", "_error_texts", "_errors_max", "_frozen_scans", "_frozen_speed", "_inputs_age",
+        "_jump_base", "_jump_per_speed", "_late_age", "_late_scan", "_look", "_old", "_old_scans", "_period_s",
+        "_ratio", "_rest", "_speed_age", "_spread", "_stands_from", "_step", "_vel_before", "_vel_max",
+        "_was_energised", "age", "brake_contact", "brake_open", "counts", "encoder_alarm", "error_code",
+        "in_doubt", "inputs", "motor_temp_c", "overload", "periods", "pos_ring_rad", "read_rad", "state",
+        "state_old", "torque_limited", "torque_nm", "unchanged_scans", "vel_rad_s", "warning",
     )  # fmt: skip
 
     def __init__(self, settings: AxisSettings, alarms: AlarmLog) -> None:
         law, monitors, period_s = settings.law, settings.monitors, settings.period_s
         self._alarms = alarms
         self._error_texts = settings.error_texts
-        self._shown = settings.travel.shown_rad
+        self.read_rad = settings.travel.read_rad
         self._period_s = period_s
         self._ratio = law.ratio
         self._counts_per_rad = law.counts_per_turn * law.ratio / (2.0 * math.pi)
@@ -244,14 +244,14 @@ class Feedback:
         self._alarms.raise_(code, Reaction.TORQUE_OFF, **values)
 
     def where(self, pos_rad: float) -> Said | Words:
-        """An angle for the text of an alarm, as far as it is known."""
-        return Words.AT(value=deg(self._shown(pos_rad))) if self.position_valid else Words.AT_UNKNOWN
+        """An angle for the text of an alarm, as people read it and as far as it is known."""
+        return Words.AT(value=deg(self.read_rad(pos_rad))) if self.position_valid else Words.AT_UNKNOWN
 
     def where_moving(self, pos_rad: float) -> Said | Words:
         """The same with the speed."""
         if not self.position_valid:
             return Words.AT_UNKNOWN
-        return Words.AT_SPEED(value=deg(self._shown(pos_rad)), speed=deg(self.vel_rad_s))
+        return Words.AT_SPEED(value=deg(self.read_rad(pos_rad)), speed=deg(self.vel_rad_s))
 
     @property
     def speed_known(self) -> bool:

@@ -109,7 +109,8 @@ class VirtualAxis:
         if not self._within_travel(plan):
             low, high = plan.extremes()
             reached = high if high > self._travel.stretch(self.pos_ref_rad).high_rad else low
-            return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=deg(reached)))
+            read_deg = deg(self._travel.read_rad(reached))
+            return refusal(Code.CTL_17, reason=Words.OUTSIDE_ON_THE_WAY(angle=read_deg))
         if take:
             self._target, self._speed, self.paused = target_rad, speed_rad_s, rests
             self._take(plan, scan)

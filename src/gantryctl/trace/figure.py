@@ -17,10 +17,11 @@ from gantryctl.trace.columns import TIME_COLUMN, in_degrees, unit_of
 from gantryctl.trace.files import Floats
 from gantryctl.trace.table import Trace
 from gantryctl.trace.thinning import drawn
-from gantryctl.units import deg
+from gantryctl.units import SIGNED, Dial, deg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 FORMATS: Final = (".png", ".svg")
@@ -63,6 +64,8 @@ class Panel(NamedTuple):
     title: str
     axis_label: str
     lines: Sequence[Line]
+    dial: Dial = SIGNED
+    """How angles of the axis are read; the curves go on over the end of the turn."""
 
 
 # Role in the column's name, label, colour and width; the set-point is a broad band behind what follows it.
@@ -70,11 +73,23 @@ _SIDES: Final = (("load", "load side", _ORANGE, 0.9), ("act", "motor side", _BLU
 _FOLLOWED: Final = (("ref", "set-point", "#c0c0c0", 4.0), *_SIDES)
 
 
+_ANGLES: Final = frozenset(f"pos_{role}_rad" for role, *_ in _FOLLOWED)
+
+
+def read_on(side: Axis, dial: Dial) -> None:
+    """Write the numbers of one side of a diagram as people read angles of the axis."""
+    if dial.begin_deg is None:
+        return
+    from matplotlib.ticker import FuncFormatter
+
+    side.set_major_formatter(FuncFormatter(lambda angle_deg, _: f"{dial.read_deg(angle_deg) + 0.0:.6g}"))
+
+
 def overview(trace: Trace) -> list[Panel]:
     """Diagrams of angle, speed, their errors and torque: of these, what the trace has."""
     torque = [Line("motor", trace["torque_act_nm"], _BLUE)] if "torque_act_nm" in trace else []
     panels = [
-        Panel("Angle", "angle in deg", _angles(trace)),
+        Panel("Angle", "angle in deg", _angles(trace), trace.dial),
         Panel("Following error (set-point minus angle)", "error in mdeg", _errors(trace, "pos_{}_rad", 1e3)),
         Panel("Speed", "speed in deg/s", _followed(trace, "vel_{}_rad_s")),
         Panel("Speed error (set-point minus speed)", "error in deg/s", _errors(trace, "vel_{}_rad_s", 1.0)),
@@ -142,7 +157,8 @@ def chosen(trace: Trace, columns: Sequence[str]) -> list[Panel]:
             for index, name in enumerate(names)
         ]
         title = lines[0].label if len(lines) == 1 else f"Columns in {unit}" if unit else "Numbers"
-        panels.append(Panel(title, unit or "number", lines))
+        dial = trace.dial if _ANGLES.issuperset(names) else SIGNED
+        panels.append(Panel(title, unit or "number", lines, dial))
     return panels
 
 
@@ -176,6 +192,7 @@ def _draw_panel(axes: Axes, time_s: Floats, panel: Panel) -> None:
     axes.set_title(panel.title)
     axes.set_ylabel(panel.axis_label)
     axes.margins(y=0.08)
+    read_on(axes.yaxis, panel.dial)
     low, high = axes.dataLim.intervaly
     # A constant is a line in the middle, not rounding on a scale of its own.
     if low == high:

@@ -21,6 +21,7 @@ from gantryctl.trace.files import (
     write_csv,
     write_parquet,
 )
+from gantryctl.units import Dial
 
 
 class TraceHash:
@@ -62,6 +63,11 @@ class Trace:
         self.columns = tuple(self._data)
         self.metadata = dict(metadata or {})
         self.complete = complete
+
+    @property
+    def dial(self) -> Dial:
+        """How people read its angles."""
+        return Dial.of_recording(self.metadata)
 
     @classmethod
     def from_rows(cls, columns: Sequence[str], rows: Floats, metadata: Metadata | None = None) -> Trace:

@@ -52,4 +52,27 @@ def test_a_move_is_typed_and_printed_as_the_display_has_it(
     assert "355.0" in shown.out or "354.9" in shown.out
     # A number for a machine is the angle of the axis.
     assert cli("status", "--config", file, "--json").json["angle_deg"] == pytest.approx(-5.0, abs=0.01)
+    assert "angle                 35" in cli("encoder", "show", "--config", file).out
+    assert cli("encoder", "show", "--config", file, "--json").json["angle_deg"] == pytest.approx(
+        -5.0, abs=0.01
+    )
     assert "target 900.00 deg is beyond" in cli("move", "900", "--config", file, "--no-trace").err
+
+
+def test_tables_of_a_chord_test_name_bases_as_they_are_read(tmp_path: Path) -> None:
+    """A base of -90 deg is typed as 270 and printed as 270; the table for machines keeps -90."""
+    file = tmp_path / "iec.toml"
+    file.write_text(to_toml(IEC), encoding="utf-8")
+    out = tmp_path / "report"
+    answer = cli(
+        "accuracy", "run", "--config", file, "--procedure", "E", "--base", "270", "--ensemble", "0",
+        "--no-speed-test", "--out", out,
+    )  # fmt: skip
+    assert answer.code in (0, 1), answer.err
+    assert "270 ccw" in answer.out
+    assert "rms by base: 270 deg" in answer.out
+    assert "-90" not in answer.out
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "<td>270 ccw</td>" in page
+    assert "−90" not in page
+    assert (out / "table.csv").read_text(encoding="utf-8").splitlines()[1].startswith("-90")

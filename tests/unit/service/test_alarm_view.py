@@ -21,8 +21,9 @@ class Seen:
     def __init__(self) -> None:
         self._ring = Ring(memoryview(bytearray(192 + 4 * 1024)), 1024)
         self.log = AlarmLog()
-        self.feedback = Feedback(settings(), self.log)
-        self.view = AlarmView(self.log, self.feedback, EventLog(self._ring))
+        chosen = settings()
+        self.feedback = Feedback(chosen, self.log)
+        self.view = AlarmView(self.log, self.feedback, EventLog(self._ring), chosen.travel)
 
     def journal(self) -> list[dict[str, Any]]:
         return [json.loads(record) for record in iter(self._ring.take, None)]

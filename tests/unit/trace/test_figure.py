@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from gantryctl.trace.figure import overview
+from gantryctl.trace.figure import chosen, draw, overview
 from gantryctl.trace.table import Trace
+from gantryctl.units import SIGNED, Dial
 
 COLUMNS = ("time_s", "pos_ref_rad", "pos_act_rad", "pos_load_rad", "vel_ref_rad_s", "vel_act_rad_s")
 
@@ -47,3 +48,19 @@ def test_angles_of_a_linear_axis_are_those_of_the_recording():
     trace = recording(ref, ref - 0.01)
     line = overview(trace)[0].lines[0]
     assert np.array_equal(line.values, np.degrees(1.0) * trace["pos_ref_rad"])
+
+
+def test_a_recording_says_how_people_read_its_angles():
+    """Only angles of the axis: an error is no angle of a turn."""
+    ref = np.linspace(-30.0, 30.0, 61)
+    signed = recording(ref, ref)
+    read = Trace.from_rows(COLUMNS, np.column_stack([signed[name] for name in COLUMNS]), Dial(0.0).metadata())
+    dials = {panel.title: panel.dial for panel in overview(read)}
+    assert dials.pop("Angle") == Dial(0.0)
+    assert set(dials.values()) == {SIGNED}
+    assert {panel.dial for panel in overview(signed)} == {SIGNED}
+    assert chosen(read, ["pos_act_rad"])[0].dial == Dial(0.0)
+    assert chosen(read, ["vel_act_rad_s"])[0].dial == SIGNED
+    angle = draw(read, overview(read), "").axes[0]
+    angle.figure.canvas.draw()
+    assert {label.get_text() for label in angle.get_yticklabels()} >= {"340", "0", "20"}

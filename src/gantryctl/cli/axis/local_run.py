@@ -73,6 +73,7 @@ def local_run(
                 "version": version("gantryctl"),
                 "seed": seed,
                 "period_s": machine.control.scan_period_ms * 1e-3,
+                **machine.axis.dial.metadata(),
             }
             # Without a recording the summary still needs the rows.
             if path is None:

@@ -129,7 +129,8 @@ def _serve(bus: can.BusABC, interface: str, kind: Personality, given: dict[str, 
         raise UsageError("--with-io: [can.io] node is 0, the machine has no such node")
     if given["with_encoder"] and machine.can.load_encoder.source != "node":
         raise UsageError('--with-encoder: [can.load_encoder] source is not "node"')
-    hardware = drive_hardware(machine, given["angle"])
+    angle = None if given["angle"] is None else machine.axis.meant_deg(given["angle"])
+    hardware = drive_hardware(machine, angle)
     link = FrameSender(bus)
     store = ParameterStore(given["store"])
     node = DriveNode(hardware, given["node_id"], link.send, kind=kind, store=store, stepped=given["stepped"])

@@ -35,6 +35,7 @@ from gantryctl.cli.options import (
     write_text,
 )
 from gantryctl.cli.report import head_of, report_options
+from gantryctl.units import SIGNED
 
 if TYPE_CHECKING:
     from gantryctl.engineering.accuracy.procedure.procedures import Procedure
@@ -139,7 +140,9 @@ def run_(
 
     def progress(index: int, target_deg: float) -> None:
         if not as_json:
-            click.echo(f"stop {index + 1} of {len(procedure.stops)}: {target_deg:+.1f} deg")
+            click.echo(
+                f"stop {index + 1} of {len(procedure.stops)}: {machine.axis.read_deg(target_deg):.1f} deg"
+            )
 
     report = accuracy_report(machine, job, made.version, made.date, progress)
     measured_by = MeasuredBy(report.source, SIMULATED_CERTIFICATE)
@@ -147,7 +150,7 @@ def run_(
 
 
 def _announce(machine: Machine, procedure: Procedure) -> str:
-    low, high = procedure.travel_deg
+    low, high = map(machine.axis.read_deg, procedure.travel_deg)
     return (
         f"{machine.name}: chord test {procedure.name}, {len(procedure.stops)} stops between {low:g} and {high:g} deg, "
         f"{machine.accuracy.dwell_s:g} s each, on the simulated axis in virtual time\n"
@@ -258,6 +261,7 @@ def report(
         origin=Origin.MEASURED,
         radius_m=radius_m,
         required=_required(machine, required_deg),
+        dial=SIGNED if machine is None else machine.axis.dial,
         of_reference=machine is not None and is_reference_machine(machine),
     )
     measured_by = MeasuredBy(measured_with or f"not named; readings from {measured.name}", certificate)
@@ -292,6 +296,7 @@ def stats(
     made = AccuracyReport(
         machine="", config_hash="", version="", seed=0, source=table.name, measured=errors,
         origin=Origin.MEASURED, radius_m=radius_m, required=_required(machine, required_deg),
+        dial=SIGNED if machine is None else machine.axis.dial,
         of_reference=machine is not None and is_reference_machine(machine),
     )  # fmt: skip
     if as_json:

@@ -117,6 +117,7 @@ def _measured(
     from gantryctl.errors import UsageError
 
     machine = machine_under_test(config_file, "--measure")
+    angle_deg = machine.axis.meant_deg(angle_deg)
     if not machine.axis.pos_min_deg < angle_deg < machine.axis.pos_max_deg:
         raise UsageError(
             f"--at {angle_deg:g}: must lie within travel, "
@@ -128,9 +129,10 @@ def _measured(
     if not machine.on_bus:
         return [measure_simulated(machine, how) for how in chosen]
     largest_nm = max(how.torque_nm for how in chosen)
+    begin, end = map(machine.axis.read_deg, (min(starts), 2.0 * angle_deg - min(starts)))
     moves = (
-        f"moves to {min(starts):.1f} deg, stands and turns slowly to {2.0 * angle_deg - min(starts):.1f} deg for 8 "
-        f"minutes, with a test signal of +-{largest_nm:.1f} N m on its speed command"
+        f"moves to {begin:.1f} deg, stands and turns slowly to {end:.1f} deg for 8 minutes, with a test signal of "
+        f"+-{largest_nm:.1f} N m on its speed command"
     )
     with bus_experiment(machine, moves, yes=yes, controlled_as=quiet_machine(machine)) as run:
         return [measure_on(machine, run, how) for how in chosen]

@@ -136,7 +136,7 @@ def _on_bus(
 
     for machine in (paper, improved):
         check_quick_stop(machine)
-    low, high = chord_test(improved).travel_deg
+    low, high = map(improved.axis.read_deg, chord_test(improved).travel_deg)
     moves = f"moves between {low:g} and {high:g} deg for 10 minutes with each of the two machine files"
     found = compare_on_bus(
         paper,

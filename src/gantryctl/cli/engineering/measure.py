@@ -143,7 +143,7 @@ def _session(path: Path, machine: Machine, given: dict[str, Any]) -> ChordSessio
 
 def _announce(machine: Machine, session: ChordSession) -> str:
     procedure = session.procedure
-    low, high = procedure.travel_deg
+    low, high = map(machine.axis.read_deg, procedure.travel_deg)
     done = f"; {len(session.readings)} readings are there" if session.readings else ""
     return (
         f"{machine.machine.name} ({machine.drive.kind}): chord test {procedure.name}, {len(procedure.stops)} stops "

@@ -124,5 +124,8 @@ def _picture(report: AccuracyReport, beside: Beside) -> Picture:
             for name, table in ((report.origin.value, report.measured), beside)
             for way in table.directions
         ]
-        panels.append(Panel(f"displacement from {base:g} deg, deg", "chord error, 0.001 deg", tuple(lines)))
+        read_deg = report.dial.read_deg(base)
+        panels.append(
+            Panel(f"displacement from {read_deg:g} deg, deg", "chord error, 0.001 deg", tuple(lines))
+        )
     return Picture("chord errors", tuple(panels))

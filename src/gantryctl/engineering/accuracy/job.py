@@ -93,6 +93,7 @@ def accuracy_report(
         measured=seen.table,
         origin=origin_of(machine),
         required=required_angle(machine),
+        dial=machine.axis.dial,
         of_reference=is_reference_machine(machine),
         measures_load=seen.measures_load,
         procedure=job.procedure,

@@ -189,6 +189,7 @@ def _evaluate(machine: Machine, speeds: _Speeds, move: tuple[float, float], spee
         speed_deg_s=speed_deg_s,
         direction=direction,
         travel_deg=move,
+        dial=machine.axis.dial,
         reached_deg_s=abs(float(np.mean(motor[at_speed]))),
         motor_error_deg_s=float(np.max(np.abs(motor - ref))),
         load_error_deg_s=None if load is None else float(np.max(np.abs(load - ref))),

@@ -295,9 +295,10 @@ def _told(case: FaultCase, result: FaultResult, alarms: list[Alarm], offset_deg:
     for alarm in alarms:
         for said in alarm.steps:
             if isinstance(said, Said) and said.words is Words.MOVED_TO:
+                # Within the turn that people read: whole turns are no difference.
                 told_deg = float(str(said.values["position"]))
                 at_rest_deg = _true_at_rest(result, offset_deg)
-                if not abs(told_deg - at_rest_deg) <= TOLD_DEG:
+                if not abs(math.remainder(told_deg - at_rest_deg, 360.0)) <= TOLD_DEG:
                     wrong.append(f"{alarm.code} tells {told_deg:.3f} deg at rest, true {at_rest_deg:.3f}")
     return wrong
 

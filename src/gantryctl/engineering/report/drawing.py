@@ -11,6 +11,7 @@ import numpy as np
 from gantryctl.engineering.report.figures import GREEN, GREY, RED
 from gantryctl.engineering.report.pictures import Panel, Picture
 from gantryctl.engineering.report.svg import BLUE, ORANGE, legend_below, new_figure, styled
+from gantryctl.trace.figure import read_on
 from gantryctl.trace.thinning import drawn
 
 if TYPE_CHECKING:
@@ -97,6 +98,8 @@ def _draw_panel(ax: Axes, panel: Panel, points: int) -> None:
     if ends and min(ends) < max(ends):
         ax.set_xlim(min(ends), max(ends))
     _open(ax)
+    for side, dial in ((ax.xaxis, panel.x_dial), (ax.yaxis, panel.y_dial)):
+        read_on(side, dial)
     ax.set_xlabel(_signs(panel.x_label))
     ax.set_ylabel(_signs(panel.y_label))
     if panel.title:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gantryctl.trace.thinning import drawn
+from gantryctl.units import SIGNED, Dial
 
 # Two for each pixel of a panel across the page: a screen shows no more, and ten curves stay below 400 kB.
 POINTS: Final = 2000
@@ -33,6 +34,8 @@ class Panel:
         limits: levels that are drawn as limits.
         title: above the panel, "" for none.
         followed: the first curve is a set-point, which the others follow.
+        x_dial, y_dial: how angles of the axis are read on this side. The curves go on over the end of the turn; only
+            what stands beside them begins anew.
     """
 
     x_label: str
@@ -41,6 +44,8 @@ class Panel:
     limits: tuple[float, ...] = ()
     title: str = ""
     followed: bool = False
+    x_dial: Dial = SIGNED
+    y_dial: Dial = SIGNED
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,8 @@ def _panel(panel: Panel) -> dict[str, Any]:
         "title": panel.title,
         "x": panel.x_label,
         "y": panel.y_label,
+        "xBegin": panel.x_dial.begin_deg,
+        "yBegin": panel.y_dial.begin_deg,
         "limits": panel.limits,
         "lines": [
             {"name": curve.name, **look._asdict(), "x": curve.x, "y": curve.y}

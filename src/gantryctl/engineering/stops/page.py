@@ -15,10 +15,9 @@ from gantryctl.engineering.stops.measured import MeasuredStops
 from gantryctl.engineering.stops.run import StopClass, StopRow, log_stop
 from gantryctl.engineering.stops.text import stops_note, stops_text, watch_lines
 from gantryctl.machine import Machine
+from gantryctl.machine.places import heaviest_deg
 from gantryctl.units import deg
 
-# Where the eccentric moment is largest.
-_AT_DEG: Final = 90.0
 # The load has swung out of the picture's sight; a brake stop is logged for longer.
 _SHOWN_S: Final = 4.0
 
@@ -76,8 +75,9 @@ def render_stops(
 
 def _picture(machine: Machine, speed_deg_s: float) -> Picture:
     speeds, loads, torques = [], [], []
+    at_deg = heaviest_deg(machine)[0]
     for stop_class in StopClass:
-        log = log_stop(machine, stop_class, speed_deg_s, _AT_DEG)
+        log = log_stop(machine, stop_class, speed_deg_s, at_deg)
         shown = log.time_s <= _SHOWN_S
         time_s, name = log.time_s[shown], stop_class.value
         speeds.append(line(name, time_s, np.degrees(log["vel_motor_rad_s"][shown]) / machine.axis.ratio))
@@ -85,8 +85,8 @@ def _picture(machine: Machine, speed_deg_s: float) -> Picture:
         torques.append(line(name, time_s, log["torque_mesh_nm"][shown] / machine.axis.ring_ratio / 1e3))
     rating = machine.reducer.torque_momentary_nm / 1e3
     return Picture(
-        f"Stops from {speed_deg_s:g} deg/s at {_AT_DEG:g} deg, simulated; time from the command on. "
-        "Dashed red: momentary rating of the reducer.",
+        f"Stops from {speed_deg_s:g} deg/s at {machine.axis.read_deg(at_deg):g} deg, simulated; time from the command "
+        "on. Dashed red: momentary rating of the reducer.",
         (
             Panel("time, s", "motor side, deg/s", tuple(speeds)),
             Panel("time, s", "load side, deg/s", tuple(loads)),

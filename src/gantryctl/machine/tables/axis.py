@@ -8,7 +8,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 from pydantic import Field
 
 from gantryctl.machine.tables.fields import Table, beside, choice, number, pairs, required_number, text, texts
-from gantryctl.units import within_turn
+from gantryctl.units import SIGNED, Dial, within_turn
 
 # Declared once for the machine file and for the requirement sheet that it may come from (`engineering.sizing`).
 AxisKind: TypeAlias = Literal["linear", "modulo"]
@@ -138,11 +138,16 @@ class AxisTable(Table):
         """An angle as people read it: of a modulo axis, within the turn from `pos_min_deg`."""
         return within_turn(angle_deg, self.pos_min_deg, 360.0) if self.modulo else angle_deg
 
+    @property
+    def dial(self) -> Dial:
+        """How people read angles of the axis."""
+        if self.modulo:
+            return Dial(self.pos_min_deg)
+        return Dial(0.0) if self.display == "0..360" else SIGNED
+
     def read_deg(self, angle_deg: float) -> float:
-        """An angle as people read it; numbers for machines (JSON, tags, recordings) stay as they are."""
-        if self.modulo or self.display == "-180..180":
-            return self.shown_deg(angle_deg)
-        return within_turn(angle_deg, 0.0, 360.0)
+        """An angle as people read it."""
+        return self.dial.read_deg(angle_deg)
 
     def meant_deg(self, typed_deg: float) -> float:
         """Angle of the axis that a person means who types what the display shows."""

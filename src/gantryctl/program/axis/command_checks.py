@@ -143,7 +143,7 @@ def check_way(
 ) -> Refusal | None:
     """Refuse a target outside the travel, and motion towards an open limit switch."""
     return check_target(here_rad, target_rad, travel) or _inward_only(
-        here_rad,
+        travel.read_rad(here_rad),
         target_rad > here_rad + _NO_WAY_RAD and not interlocks.plus_open,
         target_rad < here_rad - _NO_WAY_RAD and not interlocks.minus_open,
     )
@@ -157,7 +157,7 @@ def check_direction(here_rad: float, vel_rad_s: float, travel: TravelSettings) -
     if at_end and sector is not None:
         target_rad = sector[0] if vel_rad_s > 0.0 else sector[1]
         return _no_go(here_rad, target_rad, high if vel_rad_s > 0.0 else low, sector, travel)
-    return _inward_only(here_rad, vel_rad_s > 0.0 and at_end, vel_rad_s < 0.0 and at_end)
+    return _inward_only(travel.read_rad(here_rad), vel_rad_s > 0.0 and at_end, vel_rad_s < 0.0 and at_end)
 
 
 def check_speed(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
@@ -185,10 +185,10 @@ def check_overdue(speed_rad_s: float, speed: SpeedSettings) -> Refusal | None:
     return refusal(Code.BRK_12, measured=deg(speed_rad_s), limit=deg(limit_rad_s))
 
 
-def _inward_only(here_rad: float, plus_shut: bool, minus_shut: bool) -> Refusal | None:
+def _inward_only(read_rad: float, plus_shut: bool, minus_shut: bool) -> Refusal | None:
     if not (plus_shut or minus_shut):
         return None
-    return refusal(Code.LIM_05, measured=deg(here_rad), side=Words.REVERSE if plus_shut else Words.FORWARD)
+    return refusal(Code.LIM_05, measured=deg(read_rad), side=Words.REVERSE if plus_shut else Words.FORWARD)
 
 
 def _wrong_speed(speed_rad_s: float, allowed: Said) -> Refusal:

@@ -311,7 +311,8 @@ class MotionCommands:
         command.status = CommandStatus.DONE
         self.current = None
         if command.endless:
-            command.refusal = self._alarms.note(Code.LIM_01, measured=deg(self._virtual.pos_ref_rad))
+            end_rad = self._settings.travel.read_rad(self._virtual.pos_ref_rad)
+            command.refusal = self._alarms.note(Code.LIM_01, measured=deg(end_rad))
 
     def _begin(self, command: MotionCommand, refused: Refusal | None) -> MotionCommand:
         target_rad, speed_rad_s, parked = command.target_rad, command.speed_rad_s, self._power.parked

@@ -233,15 +233,15 @@ class Monitors:
         low, high = self._over_travel_minus, self._over_travel_plus
         above = pos_rad > high or stop_rad > high
         beyond, sector = high if above else low, self._sector_beyond(pos_rad, above)
+        read = self._travel.read_rad
+        at, stop, limit = (deg(read(angle)) for angle in (pos_rad, stop_rad, beyond))
         if sector is not None:
-            show = self._travel.read_rad
-            begin, end = (deg(show(edge)) for edge in sector)
-            at, stop = deg(show(pos_rad)), deg(show(stop_rad))
+            begin, end = (deg(read(edge)) for edge in sector)
             self._alarms.raise_(Code.LIM_06, measured=at, position=stop, begin=begin, end=end)
         elif not low <= pos_rad <= high:
-            self._alarms.raise_(Code.LIM_02, measured=deg(pos_rad), limit=deg(beyond))
+            self._alarms.raise_(Code.LIM_02, measured=at, limit=limit)
         else:
-            self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=deg(stop_rad), limit=deg(beyond))
+            self._alarms.raise_(Code.CTL_10, measured=deg(vel), position=stop, limit=limit)
 
     def _sector_beyond(self, pos_rad: float, above: bool) -> Sector | None:
         """The no-go sector that bounds this side, unless the end of travel is nearer."""

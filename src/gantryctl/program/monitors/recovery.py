@@ -72,7 +72,7 @@ class StopRecord:
             # An old reading says nothing either; it may have come again.
             self._angle_known = self._angle_known and feedback.position_valid
             self.finished = True
-            self.alarm.steps = self._steps()
+            self.alarm.steps = self._steps(feedback)
         elif self._overdue((scan - self.alarm.scan) * self._period_s):
             self.alarm.steps = _UNCONFIRMED
 
@@ -84,7 +84,7 @@ class StopRecord:
             return time_s > _QUICK_STOP_S
         return time_s > (_TORQUE_OFF_S if self._torque_scan < 0 else _BRAKE_STOP_S)
 
-    def _steps(self) -> tuple[Words | Said, ...]:
+    def _steps(self, feedback: Feedback) -> tuple[Words | Said, ...]:
         alarm = self.alarm
         hold = Words.TORQUE_KEPT in alarm.steps
         # A state and a contact that say "off" and "closed" of an axis that turns on have confirmed nothing.
@@ -115,7 +115,7 @@ class StopRecord:
             parts.append(Words.STILL_TURNING(speed=abs(deg(self._turning_rad_s))))
         moved = deg(self._rest_pos_rad - alarm.pos_rad)
         parts.append(
-            Words.MOVED_TO(way=abs(moved), position=deg(self._rest_pos_rad))
+            Words.MOVED_TO(way=abs(moved), position=deg(feedback.read_rad(self._rest_pos_rad)))
             if self._angle_known
             else Words.ANGLE_UNKNOWN
         )

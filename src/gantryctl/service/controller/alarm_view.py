@@ -11,6 +11,7 @@ from gantryctl.program import Alarm, AlarmLog, Code
 from gantryctl.program.alarms.log import messages_to_wire, to_wire
 from gantryctl.program.alarms.words import Said, Words
 from gantryctl.program.feedback import Feedback
+from gantryctl.program.settings import TravelSettings
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.snapshot import rounded
 from gantryctl.service.protocol.messages import Identity, MessageRefused
@@ -37,8 +38,8 @@ class AlarmView:
         changed: something is to be shown anew.
     """
 
-    def __init__(self, log: AlarmLog, feedback: Feedback, events: EventLog) -> None:
-        self._log, self._feedback, self._events = log, feedback, events
+    def __init__(self, log: AlarmLog, feedback: Feedback, events: EventLog, travel: TravelSettings) -> None:
+        self._log, self._feedback, self._events, self._travel = log, feedback, events, travel
         self._rows: deque[_Row] = deque(maxlen=KEPT)
         self._last: Alarm | None = None
         self._done: dict[Code, tuple[Words | Said, ...]] = {}
@@ -58,7 +59,8 @@ class AlarmView:
         for alarm in reversed(fresh):
             self._number += 1
             # Looked at after every scan: what the feedback says now is what it said when the alarm came.
-            pos_deg = rounded(deg(alarm.pos_rad)) if self._feedback.position_valid else None
+            known, shown_rad = self._feedback.position_valid, self._travel.shown_rad(alarm.pos_rad)
+            pos_deg = rounded(deg(shown_rad)) if known else None
             self._rows.append(_Row(self._number, alarm, pos_deg))
             at = {"time_s": alarm.time_s, "pos_deg": pos_deg}
             self._events.put("alarm", alarm.text, None, code=str(alarm.code), **at)

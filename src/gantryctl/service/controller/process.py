@@ -80,7 +80,9 @@ class Controller:
             for ring in memory.commands:
                 ring.clear()
             self.events = EventLog(memory.events[Source.CONTROLLER])
-            self.alarms = AlarmView(self.axis.alarms, self.axis.feedback, self.events)
+            self.alarms = AlarmView(
+                self.axis.alarms, self.axis.feedback, self.events, self.axis.settings.travel
+            )
             self.brake = BrakeWatch(machine, self.axis, self.events, retained)
             self.permit = Permit(self.axis, JournalHealth(memory.words), self.events, opened.reasons)
             self.operator = ServiceOperator(
@@ -120,6 +122,7 @@ class Controller:
             "config_hash": short_hash(self.machine),
             "version": version("gantryctl"),
             "period_s": self.engine.period_s,
+            **self.machine.axis.dial.metadata(),
         }
         publish_json(self.memory.columns, {"columns": list(self._recorder.columns), "metadata": metadata})
         publisher = Publisher(
@@ -239,7 +242,7 @@ class Controller:
         feedback, drive = self.axis.feedback, self.engine.image.drive
         where = ""
         if clean:
-            at = f"{math.degrees(self.axis.pos_act_rad):.3f} deg"
+            at = f"{math.degrees(feedback.read_rad(self.axis.pos_act_rad)):.3f} deg"
             where = f" at {at}" if feedback.position_valid else ", the angle is not known"
         seen = drive.age_scans == 0 and drive.state is not DriveState.UNKNOWN
         if not seen or drive.state in ENERGISED or drive.brake_open:
@@ -254,7 +257,8 @@ class Controller:
             # A number that the run before did not know itself, or did not vouch for, is not told after it either.
             known = before["pos_act_deg"] is not None and before["position_valid"]
             where = Words.AT_SPEED if known and before["vel_act_deg_s"] is not None else Words.AT_UNKNOWN
-            left = where(value=before["pos_act_deg"], speed=before["vel_act_deg_s"])
+            read_deg = self.machine.axis.read_deg(before["pos_act_deg"]) if known else None
+            left = where(value=read_deg, speed=before["vel_act_deg_s"])
             self.events.put("alarm", refusal(Code.SYS_05, age_s=age_ms * 1e-3, where=left).line)
             # The recorder still has the last frames of the controller before.
             freeze(self._store.traces, Code.SYS_05)

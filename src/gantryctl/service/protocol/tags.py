@@ -239,7 +239,7 @@ ALARM_ROW: Final = {
     "severity": "INFO, WARNING, REFUSED or STOP",
     "title": "two or three words",
     "measured": "what was measured against which limit",
-    "values": "what was measured, as values: the fields of the message of `code`",
+    "values": "what was measured, as values: the fields of the message of `code`, angles as people read them",
     "done": "what gantryctl did about it",
     "steps": "the same as words and values",
     "to_do": "what to do",

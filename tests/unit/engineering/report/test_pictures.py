@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,10 +18,11 @@ from gantryctl.engineering.analysis.models.mechanics import PlantKind
 from gantryctl.engineering.analysis.study import study
 from gantryctl.engineering.report.drawing import draw_picture
 from gantryctl.engineering.report.pictures import Panel, Picture, line
+from gantryctl.engineering.report.recording import recorded
 from gantryctl.engineering.stops import stop_table
 from gantryctl.engineering.stops.page import render_stops
 from gantryctl.machine import Machine, default_machine, load_machine
-from gantryctl.units import DEG_S_PER_R_MIN
+from gantryctl.units import DEG_S_PER_R_MIN, Dial
 from support.command_line import cli, done
 from support.figure_faults import faults_of, watched
 from support.reports import CAMPAIGN, HEAD
@@ -148,3 +150,27 @@ def test_a_planted_fault_is_found(change: Callable[[Axes], object], fault: str) 
     figure.axes[1].set_title("beside")
     change(figure.axes[0])
     assert any(fault in found for found in faults_of(figure)), faults_of(figure)
+
+
+def test_angles_beside_a_curve_are_read_within_their_turn_and_the_curve_goes_on() -> None:
+    """From -30 to 60 deg on a 0..360 display: 330, 340 ... 0, 20 beside one curve without a jump."""
+    angle = np.linspace(-30.0, 60.0, 50)
+    panel = Panel(
+        "angle, deg", "angle, deg", (line("a", angle, 2.0 * angle),), x_dial=Dial(0.0), y_dial=Dial(0.0)
+    )
+    figure = draw_picture(Picture("", (panel,)))
+    figure.canvas.draw()
+    (ax,) = figure.axes
+    for side in (ax.xaxis, ax.yaxis):
+        ticks = {
+            float(label.get_text()): at
+            for at, label in zip(side.get_ticklocs(), side.get_ticklabels(), strict=True)
+        }
+        assert all(0.0 <= read < 360.0 for read in ticks)
+        assert all((read - at) % 360.0 == pytest.approx(0.0) for read, at in ticks.items())
+        assert min(ticks.values()) < 0.0
+    (curve,) = ax.get_lines()
+    assert np.max(np.abs(np.diff(curve.get_ydata()))) < 10.0
+    text = recorded(Picture("", (panel,)), "read").recording
+    (told,) = json.loads(text)["panels"]
+    assert (told["xBegin"], told["yBegin"]) == (0.0, 0.0)

@@ -50,6 +50,7 @@ def session_report(
         settings=_settings(session),
         notes=notes,
         required=required_angle(machine),
+        dial=machine.axis.dial,
         of_reference=is_reference_machine(machine),
         simulated=_table(procedure, np.degrees(run_procedure([machine], procedure).load_rad[0])),
         uncertainty=chord_uncertainty(procedure, angles_deg, session.uncertainties_deg()),

@@ -79,14 +79,14 @@ def stretch_to_test_deg(machine: Machine) -> tuple[float, float]:
 def chord_plan(
     machine: Machine, bases_deg: Sequence[float] = (), displacements_deg: Sequence[float] = ()
 ) -> ChordPlan:
-    """The plan of a chord test: what is given here, else by the machine file, else from the travel."""
+    """The plan of a chord test: what a person gives here, else by the machine file, else from the travel."""
     given, (low, high) = machine.accuracy, stretch_to_test_deg(machine)
     travel, middle = high - low, 0.5 * (low + high)
     step = min(STEP_DEG, _STEP_PART * travel)
     bases = tuple(middle + part * travel for part in (_BASE_PART, 0.0, -_BASE_PART))
     steps = tuple(step * k for k in range(1, STEPS + 1))
     return ChordPlan(
-        tuple(bases_deg) or given.bases_deg or bases,
+        tuple(map(machine.axis.meant_deg, bases_deg)) or given.bases_deg or bases,
         tuple(displacements_deg) or given.displacements_deg or steps,
         2.0 * step,
     )

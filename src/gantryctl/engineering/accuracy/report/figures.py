@@ -22,6 +22,7 @@ from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.report.figures import GREY, INK, RED
 from gantryctl.engineering.report.pictures import Panel, Picture, line
 from gantryctl.engineering.report.svg import BLUE, ORANGE, legend_below, new_figure, styled
+from gantryctl.units import Dial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +35,7 @@ MARKERS = {Direction.CCW: "o", Direction.CW: "s"}
 
 
 @styled
-def chord_errors(table: ErrorTable, beside: Beside | None) -> Figure:
+def chord_errors(table: ErrorTable, beside: Beside | None, dial: Dial) -> Figure:
     """Chord errors by base, both directions, those of another table beside them. One panel per base."""
     figure, axes = _panels(len(table.bases_deg), height=2.7)
     for ax, base in zip(axes, table.bases_deg, strict=True):
@@ -43,7 +44,7 @@ def chord_errors(table: ErrorTable, beside: Beside | None) -> Figure:
         if beside is not None:
             for direction in table.directions:
                 _other_errors(ax, beside, base, direction)
-        ax.set_title(f"base {base:g}°".replace("-", "−"))
+        ax.set_title(f"base {dial.read_deg(base):g}°".replace("-", "−"))
         ax.set_xlabel("displacement, °")
         ax.set_xticks(table.displacements_deg)
         ax.axhline(0.0, color=INK, lw=0.7)

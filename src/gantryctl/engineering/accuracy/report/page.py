@@ -28,6 +28,7 @@ from gantryctl.engineering.report.head import Head, Judged, Required, Verdict, j
 from gantryctl.engineering.report.page import Section, render_page, render_sections, signed
 from gantryctl.engineering.report.recording import ShownFigure, recorded, still
 from gantryctl.engineering.report.text import TextTable, or_dash
+from gantryctl.units import Dial
 
 TEMPLATE: Final = Path(__file__).parent / "templates" / "accuracy.html.j2"
 SWITCH_NAMES: Final = {
@@ -83,7 +84,7 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
         "tiles": _tiles(report),
         "asked": _asked(report),
         "tables": [
-            (title, _table_view(table, report.beside))
+            (title, _table_view(table, report.beside, report.dial))
             for title, table in (("without instrument noise", report.true), ("as measured", report.measured))
             if table is not None and not (title == "as measured" and report.measured == report.true)
         ],
@@ -102,7 +103,12 @@ def _view(report: AccuracyReport) -> dict[str, Any]:
             if distribution is not None
         ],
         "bases": [
-            (signed(f"{base:g}°"), rms, *report.statistics.range_deg[base], paper_rms.get(base))
+            (
+                signed(f"{report.dial.read_deg(base):g}°"),
+                rms,
+                *report.statistics.range_deg[base],
+                paper_rms.get(base),
+            )
             for base, rms in report.statistics.rms_deg.items()
         ],
         "figures": _figures(report),
@@ -159,8 +165,8 @@ def render_speed_test(runs: Sequence[SpeedRun], head: Head) -> str:
         {
             "asked\ndeg/s": f"{run.speed_deg_s:g}",
             "way": run.direction.value,
-            "from\ndeg": signed(f"{run.travel_deg[0]:.1f}"),
-            "to\ndeg": signed(f"{run.travel_deg[1]:.1f}"),
+            "from\ndeg": signed(f"{run.read_deg[0]:.1f}"),
+            "to\ndeg": signed(f"{run.read_deg[1]:.1f}"),
             "reached\ndeg/s": f"{run.reached_deg_s:.3f}",
             "error, motor side\ndeg/s": f"{run.motor_error_deg_s:.4f}",
             "error, load side\ndeg/s": or_dash(run.load_error_deg_s, ".4f"),
@@ -183,7 +189,7 @@ def render_speed_test(runs: Sequence[SpeedRun], head: Head) -> str:
 
 
 def _way(run: SpeedRun) -> str:
-    way = signed(f"{run.travel_deg[0]:.1f}° to {run.travel_deg[1]:.1f}°")
+    way = signed(f"{run.read_deg[0]:.1f}° to {run.read_deg[1]:.1f}°")
     return f"{run.speed_deg_s:g}°/s {run.direction.value}, {way}"
 
 
@@ -242,7 +248,7 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
         rows.append(("Required", f"{report.required.limit:g}°, by {report.required.origin}"))
     procedure = report.procedure
     if procedure is not None:
-        bases = signed(", ".join(f"{base:g}°" for base in procedure.bases_deg))
+        bases = signed(", ".join(f"{report.dial.read_deg(base):g}°" for base in procedure.bases_deg))
         steps = ", ".join(f"{d:g}°" for d in procedure.displacements_deg)
         rows += [
             ("Chord procedure", f"{procedure.name}; chords from the {_CHORD_NAMES[procedure.chord.value]}"),
@@ -265,7 +271,7 @@ def _asked(report: AccuracyReport) -> list[tuple[str, str]]:
 _CHORD_NAMES: Final = {"base": "base", "adjacent": "stop before (single steps)"}
 
 
-def _table_view(table: ErrorTable, beside: Beside | None) -> dict[str, Any]:
+def _table_view(table: ErrorTable, beside: Beside | None, dial: Dial) -> dict[str, Any]:
     """Rows of one table beside another's where base, direction and displacements are the same."""
     other = beside.table if beside and table.displacements_deg == beside.table.displacements_deg else None
     others: dict[tuple[float, Direction], list[float]] = {}
@@ -275,7 +281,7 @@ def _table_view(table: ErrorTable, beside: Beside | None) -> dict[str, Any]:
     shown = table.mean_of_runs()
     rows = [
         {
-            "name": signed(f"{row.base_deg:g} {row.direction.value}"),
+            "name": signed(f"{dial.read_deg(row.base_deg):g} {row.direction.value}"),
             "errors": errors[1:],
             "others": others.get(row[:2], [])[1:],
             "first_of_base": index == 0 or shown.rows[index - 1].base_deg != row.base_deg,
@@ -323,7 +329,7 @@ def _figures(report: AccuracyReport) -> dict[str, ShownFigure]:
     free = "" if report.true is None else ", without instrument noise"
     made = {
         "errors": still(
-            figures.chord_errors(report.table, report.beside),
+            figures.chord_errors(report.table, report.beside, report.dial),
             "errors",
             f"{'Figure 6 of the paper: chord' if report.of_reference else 'Chord'} error by displacement from each base"
             f"{free}; positive = moved too far. Filled: {report.origin.value}."

@@ -26,6 +26,7 @@ from gantryctl.engineering.accuracy.verdict import AccuracyVerdict, Conformity, 
 from gantryctl.engineering.analysis.models.profiles import shortest_trapezoid_reaching, trapezoid_peak_speed
 from gantryctl.engineering.report.origin import Origin
 from gantryctl.machine import Requirement
+from gantryctl.units import SIGNED, Dial
 
 FloatArray = NDArray[np.float64]
 
@@ -85,6 +86,7 @@ class SpeedRun:
         origin: whether both sides are measured, or simulated. load_by: what shows the load side.
         motor_judged: False where the control moves the motor off the set-point on purpose, for the load's sake.
         curves: for the figure; None to leave it out.
+        dial: how people read `travel_deg`.
     """
 
     speed_deg_s: float
@@ -99,6 +101,13 @@ class SpeedRun:
     load_by: LoadSpeedBy = LoadSpeedBy.MODEL
     motor_judged: bool = True
     curves: SpeedCurves | None = field(default=None, repr=False)
+    dial: Dial = SIGNED
+
+    @property
+    def read_deg(self) -> tuple[float, float]:
+        """From, to, as people read them."""
+        start, end = self.travel_deg
+        return self.dial.read_deg(start), self.dial.read_deg(end)
 
     @property
     def reached(self) -> bool:
@@ -165,6 +174,7 @@ class AccuracyReport:
         of_reference: the machine is the reference machine: the paper's figures stand beside its own.
         simulated: the same test on the model of a measured machine, true angles.
         uncertainty: of the measured table, from the uncertainties of its readings.
+        dial: how people read the bases, which are angles of the axis.
     """
 
     machine: str
@@ -197,6 +207,7 @@ class AccuracyReport:
     of_reference: bool = False
     simulated: ErrorTable | None = None
     uncertainty: ChordUncertainty | None = None
+    dial: Dial = SIGNED
 
     @property
     def table(self) -> ErrorTable:

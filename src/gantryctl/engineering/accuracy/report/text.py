@@ -11,6 +11,7 @@ from gantryctl.engineering.accuracy.report.report import AccuracyReport, Beside,
 from gantryctl.engineering.accuracy.statistics import TableStatistics, statistics
 from gantryctl.engineering.accuracy.table import Direction, ErrorTable
 from gantryctl.engineering.accuracy.uncertainty import COVERAGE_K
+from gantryctl.units import SIGNED, Dial
 
 # Another table fits beside: twice four columns of errors.
 WIDTH = 100
@@ -47,7 +48,9 @@ def iso_text(attribute: str, figures: IsoFigures) -> str:
     return angle_text(value).strip() if attribute == "mean_reversal_deg" else f"{value:.4f}"
 
 
-def text_table(table: ErrorTable, beside: Beside | None = None, title: str = "here") -> str:
+def text_table(
+    table: ErrorTable, beside: Beside | None = None, title: str = "here", dial: Dial = SIGNED
+) -> str:
     """The errors and their statistics, with another table beside them if there is one, deg.
 
     Repeated series are shown as the mean of their runs; the statistics are those of all rows. Rows of
@@ -66,7 +69,7 @@ def text_table(table: ErrorTable, beside: Beside | None = None, title: str = "he
     lines = [f"{'error, deg':<12}{title:<{len(head)}}" + (f"   {name}" if reference else "")]
     lines.append(f"{'base, way':<12}{head}" + (f"   {head}" if reference else ""))
     for row, errors in zip(shown.rows, shown.errors_deg.tolist(), strict=True):
-        way = f"{row.base_deg:g} {row.direction.value}"
+        way = f"{dial.read_deg(row.base_deg):g} {row.direction.value}"
         lines.append(f"{way:<12}{_angles(errors)}{_beside(others.get(row[:2]))}")
     if len(table.rows) > 1:
         lines += [
@@ -79,7 +82,7 @@ def text_table(table: ErrorTable, beside: Beside | None = None, title: str = "he
 def text_report(report: AccuracyReport) -> str:
     """The whole result in words and tables."""
     blocks = [
-        text_table(report.table, report.beside, _table_title(report)),
+        text_table(report.table, report.beside, _table_title(report), report.dial),
         _headline(report),
         _iso_lines(report),
         speed_lines(report.speed),
@@ -123,7 +126,9 @@ def _headline(report: AccuracyReport) -> str:
         lines.append(f"A of the instrument's uncertainty alone: {distribution_text(known.floor)}")
     if figures.a_by_direction_deg is not None:
         lines.append(f"with the directions kept apart, 3s: {figures.a_by_direction_deg:.4f} deg")
-    rms = ", ".join(f"{base:g} deg {value:.4f}" for base, value in figures.rms_deg.items())
+    rms = ", ".join(
+        f"{report.dial.read_deg(base):g} deg {value:.4f}" for base, value in figures.rms_deg.items()
+    )
     lines.append(f"rms by base: {rms}")
     if report.ensemble is not None:
         gears = report.ensemble

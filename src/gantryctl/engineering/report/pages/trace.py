@@ -61,7 +61,7 @@ def _picture(shown: ShownTrace, beside: ShownTrace | None) -> Picture:
                 line(f"{each.label} ({beside.name})", _since(beside), each.values)
                 for each in others[panel.title].lines
             ]
-        panels.append(Panel("time, s", _label(panel), tuple(lines), title=panel.title))
+        panels.append(Panel("time, s", _label(panel), tuple(lines), title=panel.title, y_dial=panel.dial))
     return Picture(
         "Drawn with the smallest and the largest sample of every stretch.", tuple(panels), columns=1
     )

@@ -187,8 +187,8 @@ def test_the_operator_stops_it_and_it_goes_on(tmp_path: Path) -> None:
         assert test.go_on().complete
     # Back over the base, so that 2 deg is reached from the same side; then what was left.
     assert said == [
-        "stop 1 of 3: +0.0 deg", "stop 2 of 3: +2.0 deg", "reads +2 deg again: has the instrument moved?",
-        "stop 3 of 3: +0.0 deg",
+        "stop 1 of 3: 0.0 deg", "stop 2 of 3: 2.0 deg", "reads 2 deg again: has the instrument moved?",
+        "stop 3 of 3: 0.0 deg",
     ]  # fmt: skip
 
 
