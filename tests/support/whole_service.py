@@ -68,6 +68,8 @@ class PageInProcess:
             if round(engine.time_s / SLICE_S) % 20 == 0:
                 self._put("alive")
             engine.run_until(lambda _: self.controller._after_scan(self._publisher), SLICE_S)
+            for ring in self.memory.events:  # a recorder that keeps everything at once
+                ring.clear()
             await asyncio.sleep(0.003)  # the hub's tasks look every 2 ms while a reply is expected
 
     async def ask(self, kind: str, **values: object) -> dict[str, Any]:

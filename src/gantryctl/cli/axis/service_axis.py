@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -121,7 +122,7 @@ class ServiceAxis:
         if self._connection:
             return
         # Control on a connection of its own: the service ends those that do not read, as while a person thinks.
-        self._connection = ServiceLink(directory_of(self.machine))
+        self._connection = ServiceLink(directory_of(self.machine), partial(click.echo, err=True))
         self.tags = self._link.tags
         self._check_service(self.tags)
         self._link.ask("take", over=True)

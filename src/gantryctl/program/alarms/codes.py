@@ -170,6 +170,7 @@ class Code(StrEnum):
     SEC_12 = "SEC-12"
     JRN_01 = "JRN-01"
     JRN_02 = "JRN-02"
+    JRN_03 = "JRN-03"
     JRN_05 = "JRN-05"
 
 

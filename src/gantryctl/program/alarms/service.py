@@ -170,6 +170,16 @@ SERVICE: Final = (
         Text("日志不可写", "{reason}", "磁盘缓慢、已满或故障。正在进行的运动继续；不启动新的运动。",
              "查看 `journal_state` 和磁盘。"),
     ),
+    # Of a reply whose `ok` is true: only the reply waits for the disk, what was asked for is done (decision 0020).
+    Definition(
+        Code.JRN_03, _WARN, _W,
+        Text("Done, not kept", "done, but not kept: {reason}",
+             "The disk is slow, full or failed, or the recorder hangs. A loss of supply now loses the event.",
+             "Look at `journal_state` and at the disk; the event is kept when `journal_committed` has its number."),
+        Text("已执行，未保存", "已执行，但未保存：{reason}",
+             "磁盘缓慢、已满或故障，或记录进程挂起。此时断电会丢失该事件。",
+             "查看 `journal_state` 和磁盘；`journal_committed` 达到该编号时事件已保存。"),
+    ),
     # Fault catalogue F15: moved aside, never repaired: its chain is evidence.
     Definition(
         Code.JRN_05, _WARN, _REF,

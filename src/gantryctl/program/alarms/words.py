@@ -594,6 +594,14 @@ class Words(Enum):
         "the disk took {time_s:.1f} s to keep events, limit {limit:g} s",
         "磁盘保存事件用了 {time_s} 秒，限值 {limit} 秒",
     )
+    EVENT_WAITS = (
+        "event {number} is not on the disk after {limit:g} s, it waits in memory",
+        "事件 {number} 在 {limit} 秒后仍未写入磁盘，在内存中等待",
+    )
+    EVENT_LOST = (
+        "its event found no place to wait for the recorder",
+        "其事件没有位置等待记录进程",
+    )
 
     # Refusals of the service: roles, messages, control, leases, arming.
     ROLE_MAY_NOT = "the role {role} may not do this ({action})", "角色 {role} 无权执行（{action}）"

@@ -13,10 +13,11 @@ import secrets
 import time
 from collections import deque
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from gantryctl.program.alarms.codes import Code
 from gantryctl.program.alarms.words import Words
+from gantryctl.service.clients.commit_wait import CommitWait
 from gantryctl.service.memory.events import EventLog
 from gantryctl.service.memory.memory import SharedMemory, Source, Word
 from gantryctl.service.memory.snapshot import Snapshot
@@ -27,6 +28,13 @@ from gantryctl.service.protocol.roles import Role, may, rights_of
 # The controller answers within a scan or two of 1 ms: replies are fetched as quickly while one is expected.
 _QUICK_S: Final = 0.002
 _OUT_MAX: Final = 200
+
+
+class _Asked(NamedTuple):
+    """A command without a reply: when the controller counts as silent, and whether the reply waits for the disk."""
+
+    due_s: float
+    kept_first: bool
 
 
 class Flooded(Exception):
@@ -49,7 +57,7 @@ class Client:
         self.displaced = False
         self._hub = hub
         self._replies: deque[str] = deque()
-        self._asked: dict[int, float] = {}
+        self._asked: dict[int, _Asked] = {}
         self._sent_frame = self._sent_slow = -1
         self._all = limits.RateLimiter(limits.FLOOD_PER_S)
         self._commands = limits.RateLimiter(limits.COMMANDS_PER_S)
@@ -86,8 +94,13 @@ class Client:
             return
         if message.kind not in SILENT:
             self.used_s = time.monotonic()
-            self._asked[seq] = self.used_s + limits.ANSWER_S
+            self._asked[seq] = _Asked(self.used_s + limits.ANSWER_S, messages.is_kept_first(message))
             self._hub.expect()
+
+    def waits_for_disk(self, reply: dict[str, Any]) -> bool:
+        """Whether a reply of the controller is to wait for its event; from now on the controller owes nothing."""
+        asked = self._asked.pop(reply["seq"], None)
+        return asked is not None and asked.kept_first and reply["ok"]
 
     def answer(self, reply: dict[str, Any]) -> None:
         """Queue a reply."""
@@ -98,7 +111,7 @@ class Client:
 
     def overdue(self, now_s: float) -> None:
         """Answer in place of a silent controller."""
-        for seq in [seq for seq, due_s in self._asked.items() if now_s > due_s]:
+        for seq in [seq for seq, asked in self._asked.items() if now_s > asked.due_s]:
             self.answer(messages.reply_to(seq, MessageRefused(Code.SYS_11, reason=Words.NO_ANSWER)))
 
     @property
@@ -133,6 +146,7 @@ class Hub:
         self._commands, self._replies = memory.commands[source], memory.replies[source]
         self.events = EventLog(memory.events[source])
         self._snapshot = Snapshot(memory)
+        self._commits = CommitWait(memory.events[Source.CONTROLLER])
         self._clients: dict[str, Client] = {}
         self.tick = self.slow_version = 0
         self._fast: dict[str, Any] = {}
@@ -268,9 +282,15 @@ class Hub:
                 with contextlib.suppress(ValueError):
                     name, reply = json.loads(record)
                     client = self._clients.get(name)
-                    if client is not None:
+                    if client is not None and client.waits_for_disk(reply):
+                        self._commits.add(name, reply)
+                    elif client is not None:
                         client.answer(reply)
-            if any(client.waiting for client in self._clients.values()):
+            for name, reply in self._commits.take():
+                client = self._clients.get(name)
+                if client is not None:
+                    client.answer(reply)
+            if len(self._commits) or any(client.waiting for client in self._clients.values()):
                 await asyncio.sleep(_QUICK_S)
                 continue
             self._expected.clear()

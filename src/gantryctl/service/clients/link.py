@@ -6,6 +6,7 @@ import json
 import secrets
 import socket
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,6 +24,7 @@ class ServiceLink:
 
     Args:
         directory: the machine's state directory.
+        warn: takes a warning that comes with an answer, one line.
 
     Attributes:
         tags: the newest values of all tags.
@@ -32,7 +34,8 @@ class ServiceLink:
         DeviceError: no service runs, or it does not answer.
     """
 
-    def __init__(self, directory: Path) -> None:
+    def __init__(self, directory: Path, warn: Callable[[str], None] = lambda _: None) -> None:
+        self._warn = warn
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.settimeout(_TIMEOUT_S)
         self._data = b""
@@ -86,6 +89,8 @@ class ServiceLink:
         reply = self._replies.pop(seq)
         if not reply["ok"]:
             raise CommandRefused(f"{reply['code']} · {reply['text']}")
+        if reply["code"]:
+            self._warn(f"{reply['code']} · {reply['text']}")
         self.tags["epoch"] = reply["epoch"]
         return reply
 

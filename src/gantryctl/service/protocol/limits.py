@@ -33,6 +33,9 @@ ARMED_S: Final = 10.0
 # A controller that takes longer to reply counts as silent.
 ANSWER_S: Final = 1.0
 
+# A reply waits no longer for the commit of its event; on a quiet disk it waits a few milliseconds.
+KEEP_S: Final = 1.0
+
 # Of one connection; stop, quick stop and release each have as many of their own.
 COMMANDS_PER_S: Final = 20.0
 # Signs of life of each kind; surplus ones are dropped. A held key renews 33 times a second.

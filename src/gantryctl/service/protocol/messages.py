@@ -257,6 +257,12 @@ FREE: Final = frozenset({"alive", "renew", "release", "stop", "quick_stop"})
 # No reply when all is well, and no event in the journal.
 SILENT: Final = frozenset({"alive", "renew"})
 
+# What goes on without a held key, or changes what outlasts the moment: the reply waits until the event is on the disk
+# (decision 0020). What stops the axis, what a held key does and what only prepares is answered at once.
+KEPT_FIRST: Final = frozenset(
+    {"power", "increment", "move", "move_by", "reset", "acknowledge", "set", "brake_test"}
+)
+
 _ACTIONS: Final = {
     "take": Action.AUTHORITY, "give": Action.AUTHORITY, "alive": Action.VIEW, "power": Action.POWER,
     "mode": Action.MODE, "jog": Action.JOG, "renew": Action.JOG, "release": Action.VIEW,
@@ -275,6 +281,11 @@ def action_of(message: Message) -> Action:
     if message.kind == "take" and message.values["over"]:
         return Action.TAKE_OVER
     return _ACTIONS[message.kind]
+
+
+def is_kept_first(message: Message) -> bool:
+    """Whether the reply to a command that was carried out waits for the commit of its event: power off never does."""
+    return message.kind in KEPT_FIRST and message.values.get("on") is not False
 
 
 def parse(text: str | bytes) -> Message:

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 from gantryctl.program.alarms.service import SERVICE
 from gantryctl.service.protocol import limits
-from gantryctl.service.protocol.messages import COMMON, MESSAGES
+from gantryctl.service.protocol.messages import COMMON, KEPT_FIRST, MESSAGES, SILENT
 from gantryctl.service.protocol.roles import RIGHTS, Role
 from gantryctl.service.protocol.tags import ALARM_ROW, TAGS, Tag
 
@@ -29,6 +29,7 @@ _NUMBERS: Final = {
     "silence_s": round(limits.SILENCE_S),
     "held_s": round(limits.HELD_S),
     "armed_s": round(limits.ARMED_S),
+    "keep_s": f"{limits.KEEP_S:g}",
 }
 
 
@@ -62,11 +63,22 @@ def _meaning(tag: Tag) -> str:
 def _messages() -> str:
     definitions = MESSAGES.json_schema()["$defs"].values()
     rows = (
-        (f"`{keys['type']['const']}`", _keys(keys, each["required"]), " ".join(each["description"].split()))
+        (
+            f"`{keys['type']['const']}`",
+            _keys(keys, each["required"]),
+            _waits(keys["type"]["const"]),
+            " ".join(each["description"].split()),
+        )
         for each in definitions
         for keys in [each["properties"]]
     )
-    return _table(("type", "more keys", "does"), sorted(rows))
+    return _table(("type", "more keys", "kept first", "does"), sorted(rows))
+
+
+def _waits(kind: str) -> str:
+    if kind in SILENT:
+        return "no reply"
+    return "on: yes, off: -" if kind == "power" else _YES[kind in KEPT_FIRST]
 
 
 def _keys(properties: dict[str, Any], required: list[str]) -> str:
