@@ -55,7 +55,9 @@ class Service:
 
     def __init__(self, root: Path, *options: str, disk_mb: int = 0) -> None:
         self.root, self.directory = root, root / "hust_gantry"
-        command = [sys.executable, "-m", "gantryctl", "serve", "--listen", "127.0.0.1:0", *options]
+        # -P, as for the script `gantryctl`: the folder of this process holds no modules of it.
+        serve = ["-P", "-m", "gantryctl", "serve", "--listen", "127.0.0.1:0"]
+        command = [sys.executable, *serve, *options]
         state = root
         if disk_mb:
             state = root / "disk"

@@ -51,9 +51,9 @@ def run_service(
         raise UsageError(
             f'--bus-log {bus_log}: [drive] kind = "{machine.drive.kind}" has no bus; use "canopen"'
         )
-    root = state_root()
+    root = state_root().resolve()
     listener = None if page is None else _listener(page, root)
-    store = StateStore(machine)
+    store = StateStore(machine, root)
     # Before anything is started, and all of them: a person sees every fault in one go.
     checks = self_test(machine, store, root, keeping.checked())
     for check in checks:
@@ -112,8 +112,8 @@ def opcua_command(address: str, root: Path, directory: Path) -> list[str]:
     settings = {
         "host": host,
         "port": port,
-        "root": str(root.resolve()),
-        "directory": str(directory.resolve()),
+        "root": str(root),
+        "directory": str(directory),
     }
     return ["gantryctl.gateway.opcua", json.dumps(settings)]
 
@@ -206,8 +206,8 @@ def gateway_command(page: Listen, listener: socket.socket, root: Path, directory
         "certificate": str(page.certificate.resolve()) if page.certificate else None,
         "key": str(page.key.resolve()) if page.key else None,
         "names": list(page.names),
-        "root": str(root.resolve()),
-        "directory": str(directory.resolve()),
+        "root": str(root),
+        "directory": str(directory),
     }
     # One JSON argument: the gateway is a process of its own.
     return ["gantryctl.gateway", json.dumps(settings)]

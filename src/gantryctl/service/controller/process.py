@@ -270,14 +270,15 @@ class Controller:
 
 def main(arguments: list[str]) -> int:
     """Entry point of the process."""
-    handle, config, wanted, options = int(arguments[0]), Path(arguments[1]), arguments[2], arguments[3:]
+    handle, config, wanted = int(arguments[0]), Path(arguments[1]), arguments[2]
+    root, options = Path(arguments[3]), arguments[4:]
     die_with_parent()
     memory = SharedMemory(handle)
     machine = load_machine(config)
     if config_hash(machine) != wanted:
         raise ConfigError([f"{config}: has changed since the service was started; start the service again"])
     # The store locks the state directory: two controllers of one machine are impossible.
-    with StateStore(machine) as store, logged_links(RingFrames(memory.frames)):
+    with StateStore(machine, root) as store, logged_links(RingFrames(memory.frames)):
         controller = Controller(machine, store, memory, second_person=SECOND_PERSON in options)
         for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
             signal.signal(number, lambda *_: controller.end())

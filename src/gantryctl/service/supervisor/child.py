@@ -73,6 +73,8 @@ class Child:
             self.process = await asyncio.create_subprocess_exec(
                 *self._command,
                 pass_fds=self._handles,
+                # No folder of a user: it could not be unmounted, and no relative path leads there.
+                cwd="/",
                 # A session of its own: Ctrl-C reaches the supervisor only, which ends the axis first.
                 start_new_session=True,
             )

@@ -51,7 +51,7 @@ class Options(NamedTuple):
 
 
 class Supervisor:
-    """The service of one machine.
+    """The service of one machine. All paths are absolute: the other processes stand in another folder.
 
     Args:
         config: the machine file that the controller loads. directory: the machine's state directory.
@@ -77,9 +77,11 @@ class Supervisor:
         self.memory.words[Word.CONTROLLER_CLEAN] = 1
         self.memory.words[Word.LEASE_MS] = round(machine.monitors.lease_ms)
         handle = self.memory.handle
-        run = [sys.executable, "-m"]
+        # -P: a file `json.py` in the folder where somebody starts the service is no module of it.
+        run = [sys.executable, "-P", "-m"]
         # Modules by these names: they show in the list of processes.
         controller = [*run, "gantryctl.service.controller", str(handle), str(config), config_hash(machine)]
+        controller.append(str(options.users.root))
         if options.second_person:
             controller.append("--second-person")
         self.controller = Child("controller", controller, [handle], critical=True)

@@ -49,12 +49,12 @@ class User(NamedTuple):
 class Users:
     """The users of a state root; read from the file with every question.
 
-    Args:
-        root: directory of the file.
+    Attributes:
+        root: directory of the file. path: the file.
     """
 
     def __init__(self, root: Path) -> None:
-        self.path = root / FILE
+        self.root, self.path = root, root / FILE
 
     def all(self) -> dict[str, User]:
         """Read all users by name.
