@@ -37,9 +37,12 @@ def certificate() -> None:
 def controller_of(service: Service) -> str:
     """What the page says about the controller, or why it says nothing."""
     trusting = ssl.create_default_context(cafile="cert.pem")
-    with suppress(OSError), urllib.request.urlopen(
-        f"https://{service.address}/api/v1/health", context=trusting, timeout=PATIENCE_S
-    ) as answer:
+    with (
+        suppress(OSError),
+        urllib.request.urlopen(
+            f"https://{service.address}/api/v1/health", context=trusting, timeout=PATIENCE_S
+        ) as answer,
+    ):
         return str(json.load(answer)["controller"])
     return "no answer"
 
@@ -66,7 +69,16 @@ def test_no_module_of_the_folder_is_imported_and_its_paths_lead_where_they_shoul
     root = Path("state")
     root.mkdir()
     add_users(root)
-    options = ["--config", "machine.toml", "--tls-cert", "cert.pem", "--tls-key", "key.pem", "--name", "localhost"]
+    options = [
+        "--config",
+        "machine.toml",
+        "--tls-cert",
+        "cert.pem",
+        "--tls-key",
+        "key.pem",
+        "--name",
+        "localhost",
+    ]
     with Service(root, *options) as service:
         until(service, "controller started")
         names = ("controller", "recorder", "gateway")
@@ -77,4 +89,10 @@ def test_no_module_of_the_folder_is_imported_and_its_paths_lead_where_they_shoul
             os.kill(process, signal.SIGKILL)
         until(service, "SYS-05")
     assert not (tmp_path / "imported").exists()
-    assert {path.name for path in tmp_path.iterdir()} == {*PLANTED, "cert.pem", "key.pem", "machine.toml", "state"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *PLANTED,
+        "cert.pem",
+        "key.pem",
+        "machine.toml",
+        "state",
+    }

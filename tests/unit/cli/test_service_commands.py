@@ -93,6 +93,30 @@ def test_serve_refuses_other_machines_while_there_are_no_users(root: Path) -> No
     assert "there are no users" in refused("serve", "--listen", "0.0.0.0:0", *files)
 
 
+def test_serve_refuses_every_secret_that_others_can_read_in_one_go(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    typing(monkeypatch, PASSWORD + "\n")
+    done("user", "add", "anna", "--role", "operator")
+    folder = root / default_machine().name / "opcua"
+    folder.mkdir(parents=True)
+    exposed = [root / "users.json", folder / "key.pem"]
+    exposed[1].write_text("secret")
+    for file in exposed:
+        file.chmod(0o644)
+    answer = cli("serve", "--no-page")
+    assert answer.code == 3
+    assert "does not start" in answer.err
+    for file in exposed:
+        assert f"{file}: mode 0644, other users can read or change it: chmod 06" in answer.err
+    # The file of users is private again with the next change.
+    typing(monkeypatch, PASSWORD + "!\n")
+    done("user", "passwd", "anna")
+    answer = cli("serve", "--no-page")
+    assert "users.json" not in answer.err
+    assert "key.pem: mode 0644" in answer.err
+
+
 @pytest.mark.parametrize(
     "command", [("status", "--service"), ("move", "1", "--service", "--yes"), ("attach",)]
 )
@@ -116,5 +140,6 @@ def test_a_certificate_that_has_expired_is_refused(tmp_path: Path) -> None:
     key, now = tmp_path / "key.pem", datetime.now(UTC)
     old = certificate(tmp_path / "old.pem", now - timedelta(days=9), now - timedelta(days=1), key)
     listen = ["serve", "--listen", "127.0.0.1:0", "--tls-key", key, "--tls-cert"]
+    key.chmod(0o600)
     assert f"old.pem: expired on {now - timedelta(days=1):%Y-%m-%d}" in refused(*listen, old)
     assert "is no certificate" in refused(*listen, key)

@@ -18,6 +18,7 @@ from gantryctl.machine import Machine, default_machine_path, short_hash
 from gantryctl.operation.store import StateStore, state_root
 from gantryctl.service.recorder.retention import RetentionPolicy
 from gantryctl.service.supervisor.certificates import refuse_expired
+from gantryctl.service.supervisor.private_files import private_files
 from gantryctl.service.supervisor.process import Options, Supervisor
 from gantryctl.service.supervisor.selftest import self_test
 from gantryctl.service.supervisor.users import Users
@@ -55,7 +56,9 @@ def run_service(
     listener = None if page is None else _listener(page, root)
     store = StateStore(machine, root)
     # Before anything is started, and all of them: a person sees every fault in one go.
-    checks = self_test(machine, store, root, keeping.checked())
+    tls_key = None if page is None or page.key is None else page.key.resolve()
+    secrets = private_files(root, store.directory, tls_key)
+    checks = self_test(machine, store, root, keeping.checked(), secrets)
     for check in checks:
         if not check.ok:
             click.echo(f"warning: {check.name}: {check.text}", err=True)

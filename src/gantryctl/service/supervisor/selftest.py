@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -17,6 +17,7 @@ from gantryctl.service.memory.memory import SharedMemory
 from gantryctl.service.recorder.journal import verify
 from gantryctl.service.recorder.journal_file import FILE
 from gantryctl.service.recorder.retention import MB, RetentionPolicy, free_of
+from gantryctl.service.supervisor.private_files import exposed
 from gantryctl.service.supervisor.users import Users
 
 _NEWEST: Final = 100_000
@@ -31,8 +32,10 @@ class Check(NamedTuple):
     vital: bool
 
 
-def self_test(machine: Machine, store: StateStore, root: Path, policy: RetentionPolicy) -> list[Check]:
-    """Run all checks, also after a failed one."""
+def self_test(
+    machine: Machine, store: StateStore, root: Path, policy: RetentionPolicy, secrets: Sequence[Path]
+) -> list[Check]:
+    """Run all checks, also after a failed one; `secrets` are the files that nobody else may read."""
     checks: dict[str, Callable[[], tuple[bool, str]]] = {
         "shared memory": _memory,
         "clock": _clock,
@@ -40,6 +43,7 @@ def self_test(machine: Machine, store: StateStore, root: Path, policy: Retention
         "disk": partial(_disk, store.directory, policy),
         "journal": partial(_journal, store.directory),
         "users": partial(_users, root),
+        "secrets": partial(_secrets, secrets),
     }
     found = []
     for name, check in checks.items():
@@ -97,3 +101,9 @@ def _journal(directory: Path) -> tuple[bool, str]:
 def _users(root: Path) -> tuple[bool, str]:
     count = len(Users(root).all())
     return True, f"{count} users" if count else "no users yet: nobody can log in"
+
+
+def _secrets(files: Sequence[Path]) -> tuple[bool, str]:
+    """Check that no other user of this machine can read or change a secret."""
+    found = [text for text in map(exposed, files) if text]
+    return not found, "; ".join(found) or "nobody else can read them"
